@@ -1,0 +1,1 @@
+"""Behaviour models: who drives how."""

@@ -1,0 +1,1 @@
+"""From maps and recordings to roads, SUMO nets and seed scenes."""

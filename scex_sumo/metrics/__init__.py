@@ -1,0 +1,1 @@
+"""Criticality metrics: nanoscopic values per pair, microscopic values per child."""

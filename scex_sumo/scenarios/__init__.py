@@ -1,0 +1,1 @@
+"""Example seeds of our own making, and synthetic seeds populated by SUMO."""

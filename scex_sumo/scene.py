@@ -1,0 +1,209 @@
+"""The data that flows between the parts: states, seed scene, history, plan.
+
+Units throughout: metres, radians, seconds. Positions are vehicle centres in the map's own coordinates;
+``heading`` is 0 along +x and grows counter-clockwise; ``speed`` is in m/s along the heading.
+Axes are named C (child), V (vehicle), T (step), H (planned step), n (vehicles that plan in one call).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+STEP_S = 0.1
+HISTORY_STEPS = 10  # steps back; a history holds one state more, the present one
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class States:
+    """Poses and speeds, four arrays of one shape.
+
+    Attributes:
+        x: centre, m.
+        y: centre, m.
+        heading: rad, 0 = +x, counter-clockwise.
+        speed: m/s along the heading.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    heading: FloatArray
+    speed: FloatArray
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape shared by the four arrays."""
+        return self.x.shape
+
+    def __getitem__(self, key: Any) -> States:
+        return States(x=self.x[key], y=self.y[key], heading=self.heading[key], speed=self.speed[key])
+
+    @classmethod
+    def empty(cls, shape: tuple[int, ...]) -> States:
+        """Uninitialised states of a shape."""
+        return cls(x=np.empty(shape), y=np.empty(shape), heading=np.empty(shape), speed=np.empty(shape))
+
+    @classmethod
+    def concatenate(cls, parts: list[States], axis: int) -> States:
+        """Join states along an existing axis."""
+        return cls(
+            x=np.concatenate([p.x for p in parts], axis),
+            y=np.concatenate([p.y for p in parts], axis),
+            heading=np.concatenate([p.heading for p in parts], axis),
+            speed=np.concatenate([p.speed for p in parts], axis),
+        )
+
+    @classmethod
+    def stack(cls, parts: list[States], axis: int) -> States:
+        """Join states along a new axis."""
+        return cls(
+            x=np.stack([p.x for p in parts], axis),
+            y=np.stack([p.y for p in parts], axis),
+            heading=np.stack([p.heading for p in parts], axis),
+            speed=np.stack([p.speed for p in parts], axis),
+        )
+
+    def assign(self, key: Any, other: States) -> None:
+        """Write ``other`` into the arrays in place at ``key``."""
+        self.x[key] = other.x
+        self.y[key] = other.y
+        self.heading[key] = other.heading
+        self.speed[key] = other.speed
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Obstacles:
+    """Pedestrians and cyclists of the seed scene: replayed, seen by drivers, not measured.
+
+    Attributes:
+        ids: (O,) names as recorded.
+        types: (O,) as recorded, lower case, e.g. ``pedestrian/bicycle``.
+        length: (O,) m.
+        width: (O,) m.
+        states: (O, 11 + F); index 10 is the moment of the seed scene. Where the recording ends, the last
+            motion is continued at constant velocity.
+        present: (O, 11 + F) False where the participant was not on the scene.
+    """
+
+    ids: tuple[str, ...]
+    types: tuple[str, ...]
+    length: FloatArray
+    width: FloatArray
+    states: States
+    present: BoolArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SeedScene:
+    """One moment of traffic: every vehicle's pose, speed and size, and its last second.
+
+    Attributes:
+        name: short, fit for a file name, e.g. ``k733_2020-09-15_000_t60.0``.
+        location: name of the map or site.
+        time_s: the moment, in the recording's own clock.
+        track_ids: (V,) as recorded.
+        types: (V,) ``car``, ``truck``, ... lower case.
+        length: (V,) m.
+        width: (V,) m.
+        history: (V, 11) oldest first; the last column is the moment itself.
+        recorded_steps: (V,) how many of the 10 previous steps were recorded; the others are a
+            constant-velocity backcast.
+        future: (V, F) what really happened from the next step on, or None where nothing was recorded.
+        future_valid: (V, F) False after a vehicle has left the recording.
+        obstacles: other participants, or None.
+        notes: what a reader repaired, padded or left out, one short sentence each.
+        source: where it came from, for ``run.json``.
+    """
+
+    name: str
+    location: str
+    time_s: float
+    track_ids: IntArray
+    types: tuple[str, ...]
+    length: FloatArray
+    width: FloatArray
+    history: States
+    recorded_steps: IntArray
+    future: States | None = None
+    future_valid: BoolArray | None = None
+    obstacles: Obstacles | None = None
+    notes: tuple[str, ...] = ()
+    source: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def vehicles(self) -> int:
+        """Number of vehicles V."""
+        return len(self.track_ids)
+
+    @property
+    def now(self) -> States:
+        """(V,) the moment itself."""
+        return self.history[:, -1]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SceneHistory:
+    """What behaviour models see: all vehicles of a batch of children, now and 10 steps back.
+
+    Attributes:
+        seed: the seed scene; sizes, types and everything that does not depend on the child.
+        states: (C, V, 11) read back from SUMO, oldest first, newest last.
+        children: (C,) numbers of the children in this batch.
+        step: steps since the seed scene (0 = first plan).
+        route_draw: (C, V) in [0, 1), fixed for a vehicle of a child; models with random routes use it.
+        obstacle_states: (O,) now; None without obstacles.
+        obstacle_present: (O,) now; None without obstacles.
+    """
+
+    seed: SeedScene
+    states: States
+    children: IntArray
+    step: int
+    route_draw: FloatArray
+    obstacle_states: States | None = None
+    obstacle_present: BoolArray | None = None
+
+    @property
+    def now(self) -> States:
+        """(C, V) present states."""
+        return self.states[:, :, -1]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Who:
+    """Which vehicles plan in one call: index arrays into (C, V).
+
+    Attributes:
+        child: (n,) index into the batch (not the child's number).
+        vehicle: (n,) index into the seed scene's vehicles.
+    """
+
+    child: IntArray
+    vehicle: IntArray
+
+    def __len__(self) -> int:
+        return len(self.child)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """Intended future states of n vehicles; column 0 is the next step (0.1 s ahead).
+
+    Attributes:
+        x: (n, H >= 30) centre, m.
+        y: (n, H) centre, m.
+        heading: (n, H) rad.
+        speed: (n, H) m/s.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    heading: FloatArray
+    speed: FloatArray

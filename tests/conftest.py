@@ -1,0 +1,25 @@
+"""Shared fixtures."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+def shared_data() -> Path | None:
+    """Folder of the real maps and recordings, or None where it is absent."""
+    folder = Path(os.environ.get("SCEX_DATA", REPOSITORY.parent / "shared" / "data"))
+    return folder if folder.is_dir() else None
+
+
+@pytest.fixture(scope="session")
+def data() -> Path:
+    """The real maps and recordings; skips the test where they are absent."""
+    folder = shared_data()
+    if folder is None:
+        pytest.skip("real maps and recordings are not here; set SCEX_DATA to their folder")
+    return folder
