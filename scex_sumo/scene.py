@@ -8,10 +8,13 @@ Axes are named C (child), V (vehicle), T (step), H (planned step), n (vehicles t
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from scex_sumo.road import Road
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
@@ -120,6 +123,7 @@ class SeedScene:
         obstacles: other participants, or None.
         notes: what a reader repaired, padded or left out, one short sentence each.
         source: where it came from, for ``run.json``.
+        road: the map, where the scene was read together with one.
     """
 
     name: str
@@ -136,6 +140,7 @@ class SeedScene:
     obstacles: Obstacles | None = None
     notes: tuple[str, ...] = ()
     source: dict[str, Any] = field(default_factory=dict)
+    road: Road | None = None
 
     @property
     def vehicles(self) -> int:
