@@ -64,6 +64,7 @@ class Regulation:
         priority: lanes that have the right of way.
         stop_lines: (S, 2) polylines.
         lights: ids of the traffic light linestrings.
+        signs: types of the signs it refers to, as written, e.g. ``de205``, ``usR1-1``.
     """
 
     element_id: int
@@ -73,6 +74,7 @@ class Regulation:
     priority: tuple[int, ...] = ()
     stop_lines: tuple[FloatArray, ...] = ()
     lights: tuple[int, ...] = ()
+    signs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,0 +1,120 @@
+"""Where a map's coordinates begin: the latitude and longitude that its plane is projected with."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from scex_sumo.converters.map_file import MapFile, read_map_file
+from scex_sumo.errors import MapError, UsageError
+
+Origin = tuple[float, float]
+META_DATA = "meta_data.csv"
+NEAR_ZERO_DEG = 0.5  # 55 km: INTERACTION maps lie about 1 km off 0,0, no real road does
+
+
+def find_origin(
+    map_path: str | Path,
+    *,
+    tracks_path: str | Path | None = None,
+    origin: Origin | None = None,
+    own_corner: bool = False,
+) -> Origin:
+    """Latitude and longitude, in degrees, that the map is to be projected with.
+
+    The first that is known: ``origin``; ``originLat, originLon`` of the ``meta_data.csv`` beside the tracks
+    or beside the map (or in ``recorded_trackfiles/NAME`` next to the map's folder, as TAF-BW has it);
+    0, 0 for a map drawn around 0, 0, as INTERACTION's are.
+
+    Args:
+        map_path: the map.
+        tracks_path: the recording that shall lie on it.
+        origin: given by the user.
+        own_corner: for a map that no tracks need to match: fall back on its south-west corner instead of
+            an error.
+
+    Raises:
+        MapError: the origin is not known, or a ``meta_data.csv`` gives one that is none.
+    """
+    if origin is not None:
+        return origin
+    map_path = Path(map_path)
+    for path in _meta_data_paths(map_path, Path(tracks_path) if tracks_path is not None else None):
+        found = _read_meta_data(path)
+        if found is not None:
+            return found
+    return map_origin(read_map_file(map_path), own_corner=own_corner)
+
+
+def map_origin(map_file: MapFile, *, own_corner: bool) -> Origin:
+    """Origin by the map's own coordinates: 0, 0 where it lies there, else its south-west corner.
+
+    Raises:
+        MapError: the map lies elsewhere and ``own_corner`` is False, or it has no nodes.
+    """
+    if not map_file.nodes:
+        raise MapError(f"{map_file.path}: no nodes, so no map; name a Lanelet2 .osm file")
+    lat = [node.lat for node in map_file.nodes.values()]
+    lon = [node.lon for node in map_file.nodes.values()]
+    if max(map(abs, lat)) < NEAR_ZERO_DEG and max(map(abs, lon)) < NEAR_ZERO_DEG:
+        return 0.0, 0.0
+    if own_corner:
+        return min(lat), min(lon)
+    raise MapError(
+        f"{map_file.path}: the origin of its coordinates is not known (it lies near {lat[0]:.4f},{lon[0]:.4f} "
+        f"and no {META_DATA} gives originLat, originLon); give --origin LAT,LON"
+    )
+
+
+def parse_origin(text: str) -> Origin:
+    """Read ``--origin``: latitude and longitude in degrees, e.g. ``49.0053,8.4374``.
+
+    Raises:
+        UsageError: not two numbers, or not a place on Earth.
+    """
+    parts = text.split(",")
+    try:
+        lat, lon = (float(part) for part in parts)
+    except ValueError:
+        raise UsageError(
+            f"--origin: LAT,LON in degrees expected, e.g. 49.0053,8.4374; got {text!r}"
+        ) from None
+    if not _on_earth(lat, lon):
+        raise UsageError(f"--origin: latitude within ±90 and longitude within ±180 expected; got {text!r}")
+    return lat, lon
+
+
+def _on_earth(lat: float, lon: float) -> bool:
+    return math.isfinite(lat) and math.isfinite(lon) and abs(lat) <= 90 and abs(lon) <= 180
+
+
+def _meta_data_paths(map_path: Path, tracks_path: Path | None) -> Iterator[Path]:
+    if tracks_path is not None:
+        folder = tracks_path if tracks_path.is_dir() else tracks_path.parent
+        yield folder / META_DATA
+    yield map_path.parent / META_DATA
+    yield map_path.parent / map_path.stem / META_DATA
+    yield map_path.parent.parent / "recorded_trackfiles" / map_path.stem / META_DATA
+
+
+def _read_meta_data(path: Path) -> Origin | None:
+    """Origin of a recording's meta data, or None where the file or its columns are absent."""
+    if not path.is_file():
+        return None
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            row = next(csv.DictReader(file), None)
+    except (OSError, UnicodeError, csv.Error) as error:
+        raise MapError(f"{path}: cannot be read ({error}); give --origin LAT,LON") from None
+    if row is None or not row.get("originLat") or not row.get("originLon"):
+        return None
+    try:
+        lat, lon = float(row["originLat"]), float(row["originLon"])
+    except ValueError:
+        lat, lon = math.nan, math.nan
+    if not _on_earth(lat, lon):
+        got = f"{row['originLat']},{row['originLon']}"
+        raise MapError(f"{path}: originLat, originLon is no place on Earth: {got}; give --origin LAT,LON")
+    return lat, lon
