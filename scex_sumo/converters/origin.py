@@ -63,8 +63,8 @@ def map_origin(map_file: MapFile, *, own_corner: bool) -> Origin:
     if own_corner:
         return min(lat), min(lon)
     raise MapError(
-        f"{map_file.path}: the origin of its coordinates is not known (it lies near {lat[0]:.4f},{lon[0]:.4f} "
-        f"and no {META_DATA} gives originLat, originLon); give --origin LAT,LON"
+        f"{map_file.path}: the origin of its coordinates is not known (near {lat[0]:.4f},{lon[0]:.4f}, "
+        f"no {META_DATA} with originLat, originLon); give --origin LAT,LON"
     )
 
 
