@@ -90,7 +90,7 @@ def roll_out(
     *,
     steps: int,
     replan: int,
-    on_step: Callable[[], None] | None = None,
+    on_step: Callable[[int], None] | None = None,
 ) -> Rollout:
     """Let a batch of children run from the seed scene.
 
@@ -103,13 +103,13 @@ def roll_out(
         cast: who drives whom.
         steps: number of steps of 0.1 s.
         replan: steps that a plan is followed before the next.
-        on_step: called after each step, e.g. to advance a progress bar.
+        on_step: called after each step with the number of children, e.g. to advance a progress bar.
 
     Raises:
         ScexError: a model returned a plan that is too short or not finite.
     """
     count, vehicles = cast.assignment.shape
-    window = _first_window(seed, count)
+    window = seed.history.repeat(count)
     override = cast.overridden[cast.assignment]
     groups = [
         Who(child=c, vehicle=v)
@@ -138,7 +138,7 @@ def roll_out(
         simulated.assign((slice(None), step), read)
         window = States.concatenate([window[:, :, 1:], read[:, :, None]], axis=2)
         if on_step is not None:
-            on_step()
+            on_step(count)
     return Rollout(children=cast.children, states=simulated, plan_x=plan_x, plan_y=plan_y, replan=replan)
 
 
@@ -150,17 +150,6 @@ def obstacles_at(seed: SeedScene, step: int) -> tuple[States, BoolArray]:
     assert seed.obstacles is not None
     column = min(HISTORY_STEPS + step, seed.obstacles.states.shape[1] - 1)
     return seed.obstacles.states[:, column], seed.obstacles.present[:, column]
-
-
-def _first_window(seed: SeedScene, count: int) -> States:
-    history = seed.history
-
-    def repeat(values: FloatArray) -> FloatArray:
-        return np.repeat(values[None], count, axis=0)
-
-    return States(
-        x=repeat(history.x), y=repeat(history.y), heading=repeat(history.heading), speed=repeat(history.speed)
-    )
 
 
 def _history(seed: SeedScene, window: States, cast: Cast, step: int) -> SceneHistory:

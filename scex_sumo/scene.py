@@ -7,6 +7,7 @@ Axes are named C (child), V (vehicle), T (step), H (planned step), n (vehicles t
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -45,8 +46,25 @@ class States:
         """Shape shared by the four arrays."""
         return self.x.shape
 
+    def map(self, function: Callable[[FloatArray], FloatArray]) -> States:
+        """The same function applied to each of the four arrays."""
+        return States(
+            x=function(self.x),
+            y=function(self.y),
+            heading=function(self.heading),
+            speed=function(self.speed),
+        )
+
     def __getitem__(self, key: Any) -> States:
-        return States(x=self.x[key], y=self.y[key], heading=self.heading[key], speed=self.speed[key])
+        return self.map(lambda values: values[key])
+
+    def repeat(self, count: int) -> States:
+        """The same states ``count`` times, along a new first axis."""
+        return self.map(lambda values: np.repeat(values[None], count, axis=0))
+
+    def swapaxes(self, first: int, second: int) -> States:
+        """The same states with two axes exchanged."""
+        return self.map(lambda values: values.swapaxes(first, second))
 
     @classmethod
     def empty(cls, shape: tuple[int, ...]) -> States:
@@ -54,23 +72,22 @@ class States:
         return cls(x=np.empty(shape), y=np.empty(shape), heading=np.empty(shape), speed=np.empty(shape))
 
     @classmethod
-    def concatenate(cls, parts: list[States], axis: int) -> States:
+    def concatenate(cls, parts: Sequence[States], axis: int) -> States:
         """Join states along an existing axis."""
-        return cls(
-            x=np.concatenate([p.x for p in parts], axis),
-            y=np.concatenate([p.y for p in parts], axis),
-            heading=np.concatenate([p.heading for p in parts], axis),
-            speed=np.concatenate([p.speed for p in parts], axis),
-        )
+        return cls._join(parts, lambda arrays: np.concatenate(arrays, axis))
 
     @classmethod
-    def stack(cls, parts: list[States], axis: int) -> States:
+    def stack(cls, parts: Sequence[States], axis: int) -> States:
         """Join states along a new axis."""
+        return cls._join(parts, lambda arrays: np.stack(arrays, axis))
+
+    @classmethod
+    def _join(cls, parts: Sequence[States], join: Callable[[list[FloatArray]], FloatArray]) -> States:
         return cls(
-            x=np.stack([p.x for p in parts], axis),
-            y=np.stack([p.y for p in parts], axis),
-            heading=np.stack([p.heading for p in parts], axis),
-            speed=np.stack([p.speed for p in parts], axis),
+            x=join([p.x for p in parts]),
+            y=join([p.y for p in parts]),
+            heading=join([p.heading for p in parts]),
+            speed=join([p.speed for p in parts]),
         )
 
     def assign(self, key: Any, other: States) -> None:
