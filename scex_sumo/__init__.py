@@ -1,3 +1,68 @@
-"""Hundreds of futures of one moment of traffic, and how critical it can become."""
+"""Hundreds of futures of one moment of traffic, and how critical it can become.
+
+The public names are loaded when they are first used, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from scex_sumo.behaviors.base import Behavior as Behavior
+    from scex_sumo.behaviors.registry import behavior as behavior
+    from scex_sumo.behaviors.registry import parse_models as parse_models
+    from scex_sumo.converters.lanelet import read_road as read_road
+    from scex_sumo.converters.sumo_net import SumoNet as SumoNet
+    from scex_sumo.converters.sumo_net import convert as convert
+    from scex_sumo.errors import ScexError as ScexError
+    from scex_sumo.extrapolation import extrapolate as extrapolate
+    from scex_sumo.road import Lane as Lane
+    from scex_sumo.road import Road as Road
+    from scex_sumo.run import Run as Run
+    from scex_sumo.run import open_run as open_run
+    from scex_sumo.scenarios import example_path as example_path
+    from scex_sumo.scene import Plan as Plan
+    from scex_sumo.scene import SceneHistory as SceneHistory
+    from scex_sumo.scene import SeedScene as SeedScene
+    from scex_sumo.scene import States as States
+    from scex_sumo.scene import Who as Who
+    from scex_sumo.seeds import read_seed as read_seed
+    from scex_sumo.seeds import synthetic_seed as synthetic_seed
+
+_HOMES = {
+    "Behavior": "scex_sumo.behaviors.base",
+    "Lane": "scex_sumo.road",
+    "Plan": "scex_sumo.scene",
+    "Road": "scex_sumo.road",
+    "Run": "scex_sumo.run",
+    "SceneHistory": "scex_sumo.scene",
+    "ScexError": "scex_sumo.errors",
+    "SeedScene": "scex_sumo.scene",
+    "States": "scex_sumo.scene",
+    "SumoNet": "scex_sumo.converters.sumo_net",
+    "Who": "scex_sumo.scene",
+    "behavior": "scex_sumo.behaviors.registry",
+    "convert": "scex_sumo.converters.sumo_net",
+    "example_path": "scex_sumo.scenarios",
+    "extrapolate": "scex_sumo.extrapolation",
+    "open_run": "scex_sumo.run",
+    "parse_models": "scex_sumo.behaviors.registry",
+    "read_road": "scex_sumo.converters.lanelet",
+    "read_seed": "scex_sumo.seeds",
+    "synthetic_seed": "scex_sumo.seeds",
+}
+
+__all__ = [*sorted(_HOMES), "__version__"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'scex_sumo' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

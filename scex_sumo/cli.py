@@ -1,0 +1,201 @@
+"""The command line: reads options, calls the library, prints. No logic."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scex_sumo.errors import ScexError, UsageError
+
+app = typer.Typer(
+    name="scex-sumo",
+    help="Hundreds of futures of one moment of traffic, and how critical it can become.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+MapPath = Annotated[Path, typer.Argument(metavar="MAP.osm", help="Lanelet2 map.")]
+Origin = Annotated[
+    str | None,
+    typer.Option(metavar="LAT,LON", help="Origin of the map's coordinates; else from meta_data.csv."),
+]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from scex_sumo import __version__
+
+        print(f"scex-sumo {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False,
+) -> None:
+    pass
+
+
+@app.command(
+    epilog="Example: scex-sumo run k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733",
+)
+def run(
+    map_path: MapPath,
+    tracks: Annotated[
+        Path | None, typer.Option(metavar="CSV", help="Recorded tracks; else looked for beside the map.")
+    ] = None,
+    case: Annotated[str | None, typer.Option(metavar="ID", help="Case of a file with case_id.")] = None,
+    time: Annotated[
+        float | None, typer.Option(metavar="S", help="Moment in seconds of the recording.")
+    ] = None,
+    synthetic: Annotated[
+        int | None, typer.Option(metavar="N", help="Populate the map with N vehicles by SUMO instead.")
+    ] = None,
+    origin: Origin = None,
+    children: Annotated[str, typer.Option(metavar="N|all", help="Number of child scenarios.")] = "385",
+    steps: Annotated[int, typer.Option(help="Steps of 0.1 s per child.")] = 30,
+    replan: Annotated[int, typer.Option(help="Steps that a plan is followed.")] = 5,
+    models: Annotated[
+        str | None,
+        typer.Option(metavar="MODEL[@WEIGHT],...", help="Models to draw from; see 'scex-sumo models'."),
+    ] = None,
+    assign: Annotated[
+        list[str] | None, typer.Option(metavar="TRACK=MODEL", help="A vehicle's model; repeatable.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
+    workers: Annotated[int, typer.Option(help="Processes.")] = 1,
+    batch: Annotated[int | None, typer.Option(help="Children side by side in one SUMO; else chosen.")] = None,
+    gui: Annotated[bool, typer.Option("--gui", help="Show the run live in sumo-gui.")] = False,
+    plots: Annotated[bool, typer.Option(help="Draw the densities.")] = True,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")] = False,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", help="Result folder.")] = None,
+) -> None:
+    """Let one moment of traffic run on many times, and measure every child scenario."""
+    from scex_sumo.commands.run import RunRequest, run_command
+
+    run_command(
+        RunRequest(
+            map_path=map_path,
+            tracks=tracks,
+            case=case,
+            time_s=time,
+            synthetic=synthetic,
+            origin=origin,
+            children=children,
+            steps=steps,
+            replan=replan,
+            models=models,
+            assign=tuple(assign or ()),
+            seed=seed,
+            workers=workers,
+            batch=batch,
+            gui=gui,
+            plots=plots,
+            overwrite=overwrite,
+            out=out,
+        )
+    )
+
+
+@app.command(epilog="Example: scex-sumo convert DR_DEU_Roundabout_OF.osm -o roundabout.net.xml")
+def convert(
+    map_path: Annotated[Path | None, typer.Argument(metavar="MAP.osm", help="Lanelet2 map.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="NET.net.xml", help="SUMO net to write.")
+    ] = None,
+    origin: Origin = None,
+    signals: Annotated[
+        Path | None,
+        typer.Option(metavar="CSV", help="Recorded signal phases (SPaT csv; its kml beside it)."),
+    ] = None,
+    check: Annotated[
+        Path | None, typer.Option(metavar="NET", help="Judge this net against --map instead of converting.")
+    ] = None,
+    check_map: Annotated[
+        Path | None, typer.Option("--map", metavar="MAP.osm", help="Map that --check compares with.")
+    ] = None,
+    json_report: Annotated[
+        bool, typer.Option("--json-report", help="Print the fidelity figures as JSON.")
+    ] = False,
+) -> None:
+    """Convert a Lanelet2 map to a SUMO net, or judge a net against its map."""
+    from scex_sumo.commands.convert import check_command, convert_command
+
+    if check is not None:
+        source = check_map or map_path
+        if source is None:
+            raise UsageError("--check: needs the map too, with --map MAP.osm")
+        check_command(check, source, origin=origin, as_json=json_report)
+    elif map_path is None:
+        raise UsageError("convert: needs MAP.osm, or --check NET --map MAP.osm")
+    else:
+        convert_command(map_path, out, origin=origin, signals=signals, as_json=json_report)
+
+
+@app.command(epilog="Example: scex-sumo view out/k733 --critical wttc")
+def view(
+    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Result folder.")],
+    child: Annotated[int | None, typer.Option(metavar="N", help="Show this child.")] = None,
+    grid: Annotated[int | None, typer.Option(metavar="N", help="Show N children side by side.")] = None,
+    critical: Annotated[
+        str | None, typer.Option(metavar="METRIC", help="Show the child most critical by this metric.")
+    ] = None,
+    write_only: Annotated[
+        bool, typer.Option("--write-only", help="Write the files, print the path, open nothing.")
+    ] = False,
+) -> None:
+    """Open child scenarios in sumo-gui."""
+    from scex_sumo.commands.view import view_command
+
+    view_command(folder, child=child, grid=grid, critical=critical, write_only=write_only)
+
+
+@app.command(epilog="Example: scex-sumo export out/k733 --child 7 --to fcd -o child7.fcd.xml")
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Result folder.")],
+    child: Annotated[int, typer.Option(metavar="N", help="The child scenario.")],
+    to: Annotated[str, typer.Option(metavar="interaction|fcd", help="Format.")] = "interaction",
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="File to write.")] = None,
+) -> None:
+    """Write one child scenario in another tool's format."""
+    from scex_sumo.commands.view import export_command
+
+    export_command(folder, child=child, to=to, out=out)
+
+
+@app.command(epilog="Example: scex-sumo models")
+def models() -> None:
+    """List the behaviour models and their parameters."""
+    from scex_sumo.commands.models import models_command
+
+    models_command()
+
+
+def main() -> None:
+    """Entry point: errors become one line and an exit status."""
+    try:
+        app(sys.argv[1:] or ["--help"], standalone_mode=False)
+    except ScexError as error:
+        _fail(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
+    except typer.Abort:
+        _fail("interrupted", 130)
+    except KeyboardInterrupt:
+        _fail("interrupted", 130)
+    except BrokenPipeError:
+        sys.stderr.close()
+        raise SystemExit(1) from None
+    except Exception as error:
+        shown = getattr(error, "format_message", None)
+        if shown is None:
+            raise
+        _fail(f"error: {shown()}", 2)
+
+
+def _fail(message: str, status: int) -> None:
+    print(message, file=sys.stderr)
+    raise SystemExit(status)

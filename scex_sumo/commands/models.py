@@ -1,0 +1,18 @@
+"""``scex-sumo models``: what can drive."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.table import Table
+
+
+def models_command() -> None:
+    """Print the behaviour models, their parameters and defaults."""
+    from scex_sumo.behaviors.registry import known_models
+
+    table = Table(show_lines=False, box=None, pad_edge=False)
+    for column in ("model", "parameters", "what it does"):
+        table.add_column(column, overflow="fold", no_wrap=column == "model")
+    for model in known_models():
+        table.add_row(model.name, ", ".join(model.parameters), model.summary)
+    Console().print(table)

@@ -1,0 +1,138 @@
+"""``scex-sumo run``: from a map and a moment to a result folder."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from scex_sumo.commands.console import progress_bar, warn
+from scex_sumo.converters.origin import parse_origin
+from scex_sumo.errors import TrackError, UsageError
+from scex_sumo.scene import SeedScene
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRequest:
+    """The options of ``scex-sumo run`` as given; see its help."""
+
+    map_path: Path
+    tracks: Path | None
+    case: str | None
+    time_s: float | None
+    synthetic: int | None
+    origin: str | None
+    children: str
+    steps: int
+    replan: int
+    models: str | None
+    assign: tuple[str, ...]
+    seed: int
+    workers: int
+    batch: int | None
+    gui: bool
+    plots: bool
+    overwrite: bool
+    out: Path | None
+
+
+def run_command(request: RunRequest) -> None:
+    """Run, print the summary, say where the result is."""
+    from rich.console import Console
+
+    from scex_sumo.behaviors.registry import DEFAULT_MODELS
+    from scex_sumo.extrapolation import DEFAULT_BATCH, extrapolate
+    from scex_sumo.routes import off_road
+    from scex_sumo.summary import summary_table
+
+    assign = parse_assign(request.assign)
+    scene = _seed_scene(request)
+    warn([*(scene.road.notes if scene.road else ()), *scene.notes])
+    assert scene.road is not None
+    _warn_off_road(scene, off_road(scene.road, scene))
+    out = request.out if request.out is not None else Path("out") / scene.name
+    with progress_bar(f"{scene.name}") as tick:
+        try:
+            run = extrapolate(
+                scene,
+                models=request.models if request.models is not None else DEFAULT_MODELS,
+                children=request.children,
+                assign=assign,
+                steps=request.steps,
+                replan=request.replan,
+                seed=request.seed,
+                workers=request.workers,
+                batch=request.batch if request.batch is not None else DEFAULT_BATCH,
+                out=out,
+                overwrite=request.overwrite,
+                gui=request.gui,
+                command=["scex-sumo", *sys.argv[1:]],
+                progress=tick,
+            )
+        except KeyboardInterrupt:
+            print(
+                f"interrupted; finished children are kept in {out}, the same command goes on", file=sys.stderr
+            )
+            raise SystemExit(130) from None
+    Console(width=None if sys.stdout.isatty() else 110).print(summary_table(run))
+    if request.plots:
+        from scex_sumo.plots import draw_run
+
+        draw_run(run, scene)
+    print(f"result: {out}")
+    print(f"look:   scex-sumo view {out} --critical wttc")
+
+
+def parse_assign(entries: tuple[str, ...]) -> dict[int, str]:
+    """``TRACK=MODEL`` entries as a mapping.
+
+    Raises:
+        UsageError: an entry is not of that form.
+    """
+    result = {}
+    for entry in entries:
+        track, equals, model = entry.partition("=")
+        if not equals or not model or not track.strip().lstrip("-").isdigit():
+            raise UsageError(f"--assign {entry}: needs TRACK=MODEL, e.g. --assign 17=emergency_brake")
+        result[int(track)] = model
+    return result
+
+
+def _seed_scene(request: RunRequest) -> SeedScene:
+    from scex_sumo.seeds import read_seed, synthetic_seed
+
+    origin = parse_origin(request.origin) if request.origin is not None else None
+    if request.synthetic is None:
+        return read_seed(
+            request.map_path,
+            tracks=request.tracks,
+            case=request.case,
+            time=request.time_s,
+            origin=origin,
+        )
+    given = [
+        n
+        for n, v in (("--tracks", request.tracks), ("--case", request.case), ("--time", request.time_s))
+        if v is not None
+    ]
+    if given:
+        raise UsageError(f"--synthetic: makes its own tracks; leave out {', '.join(given)}")
+    return synthetic_seed(request.map_path, vehicles=request.synthetic, seed=request.seed, origin=origin)
+
+
+def _warn_off_road(scene: SeedScene, off: list[int]) -> None:
+    """Some vehicles beside the mapped lanes go straight on; all of them mean that the map does not fit.
+
+    Raises:
+        TrackError: no vehicle is on a mapped lane.
+    """
+    if not off:
+        return
+    shown = ", ".join(str(scene.track_ids[v]) for v in off[:8]) + (", ..." if len(off) > 8 else "")
+    if len(off) == scene.vehicles:
+        origin = scene.road.origin if scene.road else (0.0, 0.0)
+        raise TrackError(
+            f"{scene.name}: none of the {scene.vehicles} vehicles is on a mapped lane; most likely the map's origin "
+            f"is not the recording's (used: {origin[0]:g},{origin[1]:g}); give it with --origin LAT,LON"
+        )
+    warn([f"{len(off)} of {scene.vehicles} vehicles are off the mapped lanes and go straight on: {shown}"])

@@ -1,0 +1,153 @@
+"""The part of a run that a worker does: batches of children, one world per process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.sumo_driver import SumoDriver
+from scex_sumo.converters.sumo_net import SumoNet
+from scex_sumo.errors import ScexError
+from scex_sumo.measure import measure_rollout
+from scex_sumo.results import Part, save_part
+from scex_sumo.road import Road
+from scex_sumo.rollout import Cast, roll_out
+from scex_sumo.sampling import child_generator, route_draws
+from scex_sumo.scene import IntArray, SeedScene
+from scex_sumo.world import TILE_SLOTS, SumoDriven, World
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Job:
+    """Everything that a worker needs to run any child of a run.
+
+    Attributes:
+        scene: the seed scene, with its road.
+        net: the road as a SUMO net.
+        models: the behaviour models, by index.
+        names: what the user calls them.
+        colors: (M,) RGB of each model in sumo-gui, 0 to 255.
+        assignment: (C, V) index into ``models``, for all children of the run.
+        seed: the run's seed.
+        steps: steps per child.
+        replan: steps between plans.
+        folder: the result folder.
+        gui: show the run live in sumo-gui.
+    """
+
+    scene: SeedScene
+    net: SumoNet
+    models: tuple[Behavior, ...]
+    names: tuple[str, ...]
+    colors: tuple[tuple[int, int, int], ...]
+    assignment: IntArray
+    seed: int
+    steps: int
+    replan: int
+    folder: Path
+    gui: bool = False
+
+    @property
+    def road(self) -> Road:
+        """The map of the seed scene."""
+        assert self.scene.road is not None
+        return self.scene.road
+
+
+def batches_of(children: Sequence[int], size: int) -> list[IntArray]:
+    """Cut children into batches of at most ``size`` whose tile slots do not collide."""
+    batches: list[list[int]] = []
+    taken: set[int] = set()
+    for child in children:
+        slot = child % TILE_SLOTS
+        if not batches or len(batches[-1]) >= size or slot in taken:
+            batches.append([])
+            taken = set()
+        batches[-1].append(child)
+        taken.add(slot)
+    return [np.asarray(batch, dtype=np.int64) for batch in batches]
+
+
+def run_batches(
+    job: Job,
+    batches: Sequence[IntArray],
+    *,
+    on_step: Callable[[int], None] | None = None,
+) -> int:
+    """Run batches of children in one world and keep their parts in the result folder.
+
+    Args:
+        job: the run.
+        batches: numbers of the children of each batch.
+        on_step: called after each step with the number of children that made it.
+
+    Returns:
+        How many children ran.
+    """
+    slots = sorted({int(c) % TILE_SLOTS for batch in batches for c in batch})
+    with World(job.net, job.scene, slots=slots, gui=job.gui) as world:
+        for batch in batches:
+            part = run_batch(job, world, batch, on_step=on_step)
+            save_part(job.folder, part)
+    return sum(len(batch) for batch in batches)
+
+
+def run_batch(
+    job: Job, world: World, children: IntArray, *, on_step: Callable[[int], None] | None = None
+) -> Part:
+    """Run some children side by side and measure them."""
+    cast = _cast(job, children)
+    start = job.scene.now.repeat(len(children))
+    world.begin(start, children % TILE_SLOTS, _driven_by_sumo(job, cast))
+    _paint(job, world, cast)
+    rollout = roll_out(world, job.road, job.scene, cast, steps=job.steps, replan=job.replan, on_step=on_step)
+    values = measure_rollout(job.scene, rollout)
+    return Part(children=children, states=rollout.states, values=values.values, defined=values.defined)
+
+
+def _cast(job: Job, children: IntArray) -> Cast:
+    overridden = np.array([not isinstance(m, SumoDriver) for m in job.models])
+    return Cast(
+        children=children,
+        assignment=job.assignment[children],
+        models=job.models,
+        names=job.names,
+        overridden=overridden,
+        route_draw=route_draws(children, job.scene.vehicles, seed=job.seed),
+        generators=[child_generator(job.seed, int(c)) for c in children],
+    )
+
+
+def _driven_by_sumo(job: Job, cast: Cast) -> list[SumoDriven]:
+    """Vehicles that SUMO's own models drive, each with a route found for it."""
+    driven = []
+    for index, model in enumerate(job.models):
+        if not isinstance(model, SumoDriver):
+            continue
+        child, vehicle = np.nonzero(cast.assignment == index)
+        routes = model.routes(job.scene, job.road, vehicle, cast.route_draw[child, vehicle])
+        for c, v, lanes in zip(child.tolist(), vehicle.tolist(), routes, strict=True):
+            edges = job.net.lanes.edges(lanes)
+            if not edges:
+                raise ScexError(
+                    f"{job.names[index]}: vehicle {job.scene.track_ids[v]} is not on a mapped lane, "
+                    "so SUMO cannot drive it; give it another model with --assign"
+                )
+            driven.append(
+                SumoDriven(
+                    child=c, vehicle=v, model=model.model, parameters=model.parameters, edges=tuple(edges)
+                )
+            )
+    return driven
+
+
+def _paint(job: Job, world: World, cast: Cast) -> None:
+    if not job.gui:
+        return
+    for child, models in enumerate(cast.assignment):
+        for vehicle, model in enumerate(models):
+            world.color(child, vehicle, job.colors[model])

@@ -1,0 +1,52 @@
+"""From what was simulated or recorded to metric values: the metrics layer's view of a run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
+from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
+from scex_sumo.rollout import Rollout
+from scex_sumo.scene import STEP_S, BoolArray, SeedScene, States
+
+
+def measure_rollout(scene: SeedScene, rollout: Rollout) -> ScenarioValues:
+    """Metric values of a batch of child scenarios, (C, 12); paths are those of the current plans."""
+    count, steps, _ = rollout.states.shape
+    tracks = _tracks(scene, scene.history.repeat(count), rollout.states, None)
+    made_at = np.arange(0, steps, rollout.replan, dtype=np.int64)
+    planned = PlannedPaths.from_replans(rollout.plan_x, rollout.plan_y, made_at, steps)
+    return evaluate(tracks, planned)
+
+
+def measure_recorded(scene: SeedScene, steps: int) -> ScenarioValues | None:
+    """The same for what really happened, (1, 12); None where no future was recorded.
+
+    Vehicles count as long as they were recorded; paths are those driven from each step on, to the end of
+    the recording that the seed scene holds.
+    """
+    if scene.future is None or scene.future_valid is None or scene.future.shape[1] == 0:
+        return None
+    known = min(steps, scene.future.shape[1])
+    tracks = _tracks(
+        scene,
+        scene.history.repeat(1),
+        scene.future[:, :known].repeat(1).swapaxes(1, 2),
+        scene.future_valid[None, :, :known].swapaxes(1, 2),
+    )
+    return evaluate(tracks, PlannedPaths.from_tracks(tracks))
+
+
+def _tracks(scene: SeedScene, history: States, after: States, present: BoolArray | None) -> SceneTracks:
+    past = history.swapaxes(1, 2)
+    if present is not None:
+        present = np.concatenate([np.ones(past.shape, dtype=bool), present], axis=1)
+    return SceneTracks(
+        states=States.concatenate([past, after], axis=1),
+        length=scene.length,
+        width=scene.width,
+        present=present,
+        step_s=STEP_S,
+        first=past.shape[1],
+        types=scene.types,
+    )

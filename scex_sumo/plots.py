@@ -1,0 +1,243 @@
+"""Pictures of a run: densities, cumulative densities, the scene with its futures; alone imports matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from scex_sumo.results import LOGGED_HISTORY
+from scex_sumo.road import Road
+from scex_sumo.run import Run, side_of
+from scex_sumo.scene import FloatArray, SeedScene
+
+# Name and unit of each metric, as axis label; the column ttc holds the inverse.
+LABELS = {
+    "distance": "distance [m]",
+    "tq": "traffic quality [–]",
+    "gap_time": "gap time [s]",
+    "pttc": "PTTC [s]",
+    "wttc": "WTTC [s]",
+    "ttc": "1 / TTC [1/s]",
+}
+_CURVE, _CRITICAL, _RECORDED = "#1f4e79", "#c0392b", "#222222"
+_STYLE: dict[Any, Any] = {
+    "font.size": 8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.hashsalt": "scex-sumo",  # the same picture has the same bytes
+    "figure.dpi": 100,
+}
+
+
+def draw_run(run: Run, scene: SeedScene) -> list[Path]:
+    """Write all pictures of a run into its result folder; returns their paths."""
+    folder = run.folder
+    files = draw_densities(run, folder / "densities") + draw_cumulative(run, folder / "cumulative")
+    if scene.road is not None:
+        title = (
+            f"{scene.name}: {run.children} futures of {scene.vehicles} vehicles, {run.info['steps'] / 10:g} s"
+        )
+        files.append(draw_scene(scene.road, scene, futures_of(run, scene), folder / "scene.png", title=title))
+    return files
+
+
+def futures_of(run: Run, scene: SeedScene) -> list[FloatArray]:
+    """Simulated centres of each vehicle: V arrays (C, 1 + T, 2), the seed scene first, m."""
+    tracks = run.tracks
+    frames = LOGGED_HISTORY + run.info["steps"]
+    shape = (run.children, scene.vehicles, frames)
+    points = np.stack([np.asarray(tracks[c]).reshape(shape) for c in ("x", "y")], axis=-1)
+    return [points[:, vehicle, LOGGED_HISTORY - 1 :] for vehicle in range(scene.vehicles)]
+
+
+def draw_densities(run: Run, stem: Path) -> list[Path]:
+    """Write the density of each of the 12 metric columns as SVG and PNG, one panel each.
+
+    Args:
+        run: a finished run.
+        stem: path without ending.
+    """
+    return _save(_panels(run, "density", _density_panel), stem)
+
+
+def draw_cumulative(run: Run, stem: Path) -> list[Path]:
+    """Write the cumulative density of each column with its 95 % band as SVG and PNG."""
+    return _save(_panels(run, "cumulative density", _cumulative_panel), stem)
+
+
+def _panels(run: Run, what: str, draw: Callable[[Run, str, Axes], None]) -> Figure:
+    with plt.rc_context(_STYLE):
+        columns = run.columns
+        figure, grid = plt.subplots(3, 4, figsize=(11.5, 7.2), layout="constrained")
+        for axes, column in zip(grid.flat, columns, strict=True):
+            base = column.removesuffix("_mean")
+            extremum = "min" if side_of(column) == "left" else "max"
+            axes.set_xlabel(LABELS[base])
+            axes.set_title(
+                f"{base}: {'mean of scenes' if column.endswith('_mean') else extremum}", loc="left"
+            )
+            if len(run.samples(column)) == 0:
+                axes.text(0.5, 0.5, "defined in no child", ha="center", va="center", transform=axes.transAxes)
+                axes.set_yticks([])
+                continue
+            draw(run, column, axes)
+            defined = len(run.samples(column))
+            if defined < run.children:
+                axes.text(
+                    1.0,
+                    1.02,
+                    f"{defined}/{run.children} defined",
+                    ha="right",
+                    transform=axes.transAxes,
+                    color="#666666",
+                    fontsize=7,
+                )
+        for axes in grid[:, 0]:
+            axes.set_ylabel(what)
+        scene = run.info["seed_scene"]
+        figure.suptitle(
+            f"{scene['name']}   {scene['vehicles']} vehicles, {run.children} child scenarios",
+            x=0.01,
+            ha="left",
+            fontsize=10,
+        )
+        handles, labels = _legend(run)
+        if handles:
+            figure.legend(handles, labels, loc="upper right", ncols=len(handles), frameon=False)
+    return figure
+
+
+def _legend(run: Run) -> tuple[list[Line2D], list[str]]:
+    handles = [Line2D([], [], color=_CRITICAL, linewidth=1)]
+    labels = ["threshold, critical side shaded"]
+    if run.recorded is not None:
+        handles.append(Line2D([], [], color=_RECORDED, linewidth=1.2, linestyle="--"))
+        labels.append("recorded future")
+    return handles, labels
+
+
+def _density_panel(run: Run, column: str, axes: Axes) -> None:
+    curve = run.density(column)
+    axes.fill_between(curve.x, curve.pdf, color=_CURVE, alpha=0.18, linewidth=0)
+    axes.plot(curve.x, curve.pdf, color=_CURVE, linewidth=1.2)
+    axes.set_ylim(bottom=0)
+    _mark(run, column, axes, curve.x)
+
+
+def _cumulative_panel(run: Run, column: str, axes: Axes) -> None:
+    curve = run.density(column)
+    low, high = curve.band
+    axes.fill_between(curve.x, low, high, color=_CURVE, alpha=0.18, linewidth=0)
+    axes.plot(curve.x, curve.cdf, color=_CURVE, linewidth=1.2)
+    axes.set_ylim(0, 1)
+    _mark(run, column, axes, curve.x)
+
+
+def _mark(run: Run, column: str, axes: Axes, x: FloatArray) -> None:
+    """Threshold and recorded value as vertical lines; the view stays on the density."""
+    left, right = float(x[0]), float(x[-1])
+    value = run.recorded_value(column)
+    if value is not None and np.isfinite(value):
+        left, right = min(left, value - 0.1), max(right, value + 0.1)
+    threshold = run.thresholds.get(column)
+    if threshold is not None:
+        margin = 0.25 * (right - left)
+        if left - margin <= threshold <= right + margin:
+            left, right = min(left, threshold - 0.1), max(right, threshold + 0.1)
+            axes.axvline(threshold, color=_CRITICAL, linewidth=1)
+        critical = (left, threshold) if side_of(column) == "left" else (threshold, right)
+        if critical[0] < critical[1]:
+            axes.axvspan(
+                max(critical[0], left), min(critical[1], right), color=_CRITICAL, alpha=0.07, linewidth=0
+            )
+        share = run.p_critical(column)
+        axes.text(
+            0.98,
+            0.95,
+            f"P = {share.value:.1%}",
+            ha="right",
+            va="top",
+            transform=axes.transAxes,
+            color=_CRITICAL,
+        )
+    if value is not None and np.isfinite(value):
+        axes.axvline(value, color=_RECORDED, linewidth=1.2, linestyle="--")
+    axes.set_xlim(left, right)
+
+
+def draw_scene(
+    road: Road, seed: SeedScene, futures: Sequence[FloatArray], path: Path, *, title: str = ""
+) -> Path:
+    """Draw a seed scene with the paths of its children.
+
+    Args:
+        road: the map.
+        seed: the vehicles.
+        futures: (C, T, 2) centres of each vehicle in all children, one array per vehicle.
+        path: PNG or SVG file.
+        title: above the picture.
+    """
+    with plt.rc_context(_STYLE):
+        figure, axes = plt.subplots(figsize=(9, 7), layout="constrained")
+        draw_road(axes, road)
+        palette = plt.get_cmap("turbo")
+        for vehicle, lines in enumerate(futures):
+            color = palette((vehicle + 0.5) / max(seed.vehicles, 1))
+            axes.add_collection(
+                LineCollection(list(lines), colors=[color], linewidths=0.7, alpha=0.12, zorder=3)
+            )
+        boxes = vehicle_boxes(seed)
+        axes.add_collection(
+            PolyCollection(list(boxes), facecolors="#222222", edgecolors="white", linewidths=0.6, zorder=5)
+        )
+        centre = np.array([seed.now.x, seed.now.y]).T
+        reach = np.concatenate([centre, *[lines.reshape(-1, 2) for lines in futures]]) if futures else centre
+        low, high = reach.min(axis=0) - 8, reach.max(axis=0) + 8
+        axes.set(
+            xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]"
+        )
+        axes.set_title(title, loc="left")
+        figure.savefig(path, dpi=150)
+        plt.close(figure)
+    return path
+
+
+def draw_road(axes: Axes, road: Road) -> None:
+    """Asphalt of the vehicle lanes, and the lines on it."""
+    lanes = [
+        np.concatenate([lane.left_bound, lane.right_bound[::-1]]) for lane in road.vehicle_lanes.values()
+    ]
+    axes.add_collection(PolyCollection(lanes, facecolors="#d9d9d9", edgecolors="none", zorder=1))
+    bounds = [b for lane in road.vehicle_lanes.values() for b in (lane.left_bound, lane.right_bound)]
+    axes.add_collection(LineCollection(bounds, colors="white", linewidths=0.6, zorder=2))
+
+
+def vehicle_boxes(seed: SeedScene) -> FloatArray:
+    """(V, 4, 2) corners of the vehicles at the moment of the seed scene, m."""
+    now = seed.now
+    along = np.stack([np.cos(now.heading), np.sin(now.heading)], axis=-1) * seed.length[:, None] / 2
+    across = np.stack([-np.sin(now.heading), np.cos(now.heading)], axis=-1) * seed.width[:, None] / 2
+    centre = np.stack([now.x, now.y], axis=-1)
+    return np.stack(
+        [centre + along + across, centre + along - across, centre - along - across, centre - along + across],
+        axis=1,
+    )
+
+
+def _save(figure: Figure, stem: Path) -> list[Path]:
+    files = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
+    figure.savefig(files[0], metadata={"Date": None})
+    figure.savefig(files[1], dpi=150)
+    plt.close(figure)
+    return files

@@ -1,0 +1,153 @@
+"""A finished run, read from its result folder."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scex_sumo.density import THRESHOLDS as DEFAULT_THRESHOLDS
+from scex_sumo.density import Density, Interval, density, p_critical
+from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.scene import FloatArray
+
+
+class Run:
+    """Result of a run: tables and statistics, read when asked for.
+
+    Attributes:
+        folder: the result folder.
+        info: what ``run.json`` says.
+    """
+
+    def __init__(self, folder: Path, temporary: tempfile.TemporaryDirectory[str] | None = None) -> None:
+        self.folder = folder
+        self._temporary = temporary  # keeps a folder that nobody asked for until the run is forgotten
+        self.info = _read_info(folder)
+
+    @cached_property
+    def metrics(self) -> pa.Table:
+        """One row per child: ``child`` and the 12 metric columns, null where undefined."""
+        return self._table("metrics.parquet")
+
+    @cached_property
+    def recorded(self) -> pa.Table | None:
+        """The same 12 columns for what really happened, one row; None where nothing was recorded."""
+        return self._table("recorded.parquet") if (self.folder / "recorded.parquet").exists() else None
+
+    @cached_property
+    def assignments(self) -> pa.Table:
+        """``child``, ``track_id``, ``model``: who drove whom."""
+        return self._table("assignments.parquet")
+
+    @cached_property
+    def tracks(self) -> pa.Table:
+        """States of all children in INTERACTION columns; ``case_id`` is the child."""
+        return self._table("tracks.parquet")
+
+    @property
+    def columns(self) -> list[str]:
+        """The 12 metric columns."""
+        return [name for name in self.metrics.column_names if name != "child"]
+
+    @property
+    def children(self) -> int:
+        """Number of children."""
+        return int(self.metrics.num_rows)
+
+    @property
+    def thresholds(self) -> dict[str, float]:
+        """Threshold of each metric that has one."""
+        return dict(self.info["thresholds"])
+
+    def samples(self, column: str) -> FloatArray:
+        """(n,) the values of a metric in the children where it is defined."""
+        if column not in self.columns:
+            raise UsageError(f"unknown metric {column!r}; known: {', '.join(self.columns)}")
+        values = self.metrics[column].drop_null().to_numpy(zero_copy_only=False)
+        return np.asarray(values, dtype=np.float64)
+
+    def density(self, column: str, *, bandwidth: float = 0.1) -> Density:
+        """Kernel density and cumulative density of a metric with its 95 % band."""
+        return density(self.samples(column), bandwidth=bandwidth)
+
+    def p_critical(self, column: str, *, threshold: float | None = None) -> Interval:
+        """Share of the children with a critical value of a metric, with its 95 % interval.
+
+        Args:
+            column: one of the 12 columns.
+            threshold: None takes the run's.
+
+        Raises:
+            UsageError: no threshold is given and the run has none for this metric.
+        """
+        limit = self.thresholds.get(column) if threshold is None else threshold
+        if limit is None:
+            raise UsageError(
+                f"{column}: has no threshold; those that have: {', '.join(self.thresholds)}; "
+                "give one as threshold="
+            )
+        return p_critical(self.samples(column), limit, side=side_of(column))
+
+    def recorded_value(self, column: str) -> float | None:
+        """What a metric was in the recorded future, or None."""
+        if self.recorded is None:
+            return None
+        value = self.recorded[column][0].as_py()
+        return None if value is None else float(value)
+
+    def most_critical(self, column: str) -> int:
+        """The child with the most critical value of a metric.
+
+        Raises:
+            ResultError: the metric is defined in no child.
+        """
+        values = self.metrics[column].to_numpy(zero_copy_only=False)
+        if np.isnan(values).all():
+            raise ResultError(f"{self.folder}: {column} is defined in none of {self.children} children")
+        index = np.nanargmin(values) if side_of(column) == "left" else np.nanargmax(values)
+        return int(self.metrics["child"][int(index)].as_py())
+
+    def _table(self, name: str) -> pa.Table:
+        try:
+            return pq.read_table(self.folder / name)
+        except (OSError, pa.ArrowException) as error:
+            raise ResultError(f"{self.folder / name}: cannot be read: {error}") from None
+
+
+def open_run(folder: str | Path) -> Run:
+    """Open a result folder.
+
+    Raises:
+        ResultError: no finished result is there.
+    """
+    return Run(Path(folder))
+
+
+def side_of(column: str) -> str:
+    """On which side of its threshold a metric is critical: ``left`` or ``right``."""
+    return "right" if column.removesuffix("_mean") in ("tq", "ttc") else "left"
+
+
+def default_thresholds() -> dict[str, float]:
+    """The paper's thresholds, by column."""
+    return dict(DEFAULT_THRESHOLDS)
+
+
+def _read_info(folder: Path) -> dict[str, Any]:
+    file = folder / "run.json"
+    if not file.is_file():
+        if (folder / "incomplete.json").is_file():
+            raise ResultError(f"{folder}: the run was interrupted; the same command resumes it")
+        found = "no such folder" if not folder.exists() else "no run.json in it"
+        raise ResultError(f"{folder}: {found}; give the folder that 'scex-sumo run -o' wrote")
+    try:
+        return dict(json.loads(file.read_text()))
+    except ValueError as error:
+        raise ResultError(f"{file}: not JSON: {error}; run again") from None

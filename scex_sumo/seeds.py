@@ -1,0 +1,83 @@
+"""Seed scenes together with their map: recorded ones read, synthetic ones populated by SUMO."""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from pathlib import Path
+
+from scex_sumo.scene import SeedScene
+
+
+def read_seed(
+    map_path: str | Path,
+    *,
+    tracks: str | Path | None = None,
+    case: str | None = None,
+    time: float | None = None,
+    origin: tuple[float, float] | None = None,
+) -> SeedScene:
+    """Read one moment of a recording, with its map.
+
+    Args:
+        map_path: a Lanelet2 map.
+        tracks: a track file in INTERACTION format; None looks where the dataset's folder layout has it.
+        case: the case of a file with ``case_id``; None takes the first usable one.
+        time: the moment in seconds of the recording; None takes the first with a full history.
+        origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
+
+    Returns:
+        The seed scene, its ``road`` set.
+
+    Raises:
+        MapError: the map cannot be read.
+        TrackError: the tracks cannot be read, or hold no such moment.
+    """
+    from scex_sumo.converters.lanelet import read_road
+    from scex_sumo.converters.origin import find_origin
+    from scex_sumo.converters.tracks import find_tracks
+    from scex_sumo.converters.tracks import read_seed as read_recorded
+
+    map_path = Path(map_path)
+    if not map_path.exists():
+        read_road(map_path)  # says what is wrong with the map before the tracks are looked for
+    track_path = Path(tracks) if tracks is not None else find_tracks(map_path)
+    road = read_road(map_path, origin=find_origin(map_path, tracks_path=track_path, origin=origin))
+    scene = read_recorded(map_path, tracks=track_path, case=case, time_s=time)
+    return dataclasses.replace(scene, road=road)
+
+
+def synthetic_seed(
+    map_path: str | Path,
+    *,
+    vehicles: int,
+    seed: int = 0,
+    origin: tuple[float, float] | None = None,
+) -> SeedScene:
+    """Populate a map by SUMO's own demand and car-following, and take one moment of it.
+
+    Args:
+        map_path: a Lanelet2 map.
+        vehicles: how many vehicles the seed scene has.
+        seed: the same seed gives the same scene.
+        origin: latitude and longitude of the map's coordinates; None looks beside the map.
+
+    Returns:
+        The seed scene with a history and a future from the same SUMO run, its ``road`` set.
+
+    Raises:
+        MapError: the map cannot be read.
+        SimulationError: the map cannot hold so many vehicles.
+    """
+    from scex_sumo.converters.lanelet import read_road
+    from scex_sumo.converters.origin import find_origin
+    from scex_sumo.converters.sumo_net import convert
+    from scex_sumo.scenarios.synthetic import synthetic_seed as populate
+
+    map_path = Path(map_path)
+    road = read_road(map_path, origin=find_origin(map_path, origin=origin) if map_path.exists() else origin)
+    with tempfile.TemporaryDirectory(prefix="scex-sumo-") as folder:
+        net = convert(road, Path(folder) / f"{road.name}.net.xml")
+        name = f"{road.name}_synthetic{vehicles}_s{seed}"
+        scene = populate(road, net, vehicles=vehicles, seed=seed, name=name)
+    return dataclasses.replace(scene, road=road)

@@ -1,0 +1,61 @@
+"""What the terminal says of a run."""
+
+from __future__ import annotations
+
+from rich.table import Table
+
+from scex_sumo.run import Run, side_of
+from scex_sumo.scene import FloatArray
+
+# Shown per metric: its name and unit; the column ttc holds the inverse.
+_ROWS = {
+    "distance": "distance [m]",
+    "tq": "traffic quality",
+    "gap_time": "gap time [s]",
+    "pttc": "PTTC [s]",
+    "wttc": "WTTC [s]",
+    "ttc": "1/TTC [1/s]",
+}
+
+
+def summary_table(run: Run) -> Table:
+    """Per metric: recorded value, median of the children, share of critical children, defined children."""
+    import numpy as np
+
+    scene = run.info["seed_scene"]
+    table = Table(
+        title=f"{scene['name']}: {scene['vehicles']} vehicles, {run.children} child scenarios",
+        title_justify="left",
+        caption="worst value of each child; interval: 95 %, Wilson",
+        caption_justify="left",
+    )
+    table.add_column("metric")
+    for name in ("recorded", "median", "critical if", "P(critical)", "95 % interval", "defined"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for column, label in _ROWS.items():
+        samples = run.samples(column)
+        recorded = run.recorded_value(column)
+        threshold = run.thresholds.get(column)
+        table.add_row(
+            label,
+            _number(recorded),
+            _number(float(np.median(samples)) if len(samples) else None),
+            *_critical(run, column, threshold, samples),
+            f"{len(samples)}/{run.children}",
+        )
+    return table
+
+
+def _critical(run: Run, column: str, threshold: float | None, samples: FloatArray) -> tuple[str, str, str]:
+    if threshold is None:
+        return "–", "–", "–"
+    sign = "<" if side_of(column) == "left" else ">"
+    limit = f"{sign} {threshold:.3g}"
+    if len(samples) == 0:
+        return limit, "–", "–"
+    share = run.p_critical(column)
+    return limit, f"{share.value:.1%}", f"{share.low:.1%} – {share.high:.1%}"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"
