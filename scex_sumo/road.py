@@ -32,6 +32,8 @@ class Lane:
         adjacent_left: neighbour on the left in the same direction, changing allowed or not.
         adjacent_right: neighbour on the right in the same direction, changing allowed or not.
         conflicts: vehicle lanes whose area overlaps this one's (Lanelet2's conflicting).
+        reverse_of: the lanelet whose opposite direction this lane is, where cars drive a lanelet both ways;
+            then ``lane_id`` is no id of the map. None for all other lanes.
     """
 
     lane_id: int
@@ -50,6 +52,7 @@ class Lane:
     adjacent_left: int | None = None
     adjacent_right: int | None = None
     conflicts: tuple[int, ...] = ()
+    reverse_of: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

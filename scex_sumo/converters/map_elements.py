@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from scex_sumo.converters.map_file import MapFile, Relation
+from scex_sumo.converters.map_file import MapFile, Relation, Tags
 from scex_sumo.road import Area, Lane, Marking, Regulation
 from scex_sumo.scene import FloatArray
 
@@ -15,9 +15,10 @@ Points: TypeAlias = dict[int, FloatArray]
 
 # Ways that are no line on the ground.
 _NO_MARKING = {"", "virtual", "traffic_sign", "traffic_light"}
-_STOP_SIGNS = {"stop", "stop_sign", "de206", "usr1-1", "r1-1"}
-_YIELD_SIGNS = {"yield", "yield_sign", "give_way", "de205", "usr1-2", "r1-2"}
 _REGULATIONS = {"right_of_way", "all_way_stop", "traffic_light"}
+_SIGN_ELEMENTS = {"traffic_sign", "stop_sign", "yield_sign", "stop", "yield", "give_way"}
+_STOP_SIGNS = {"stop", "stopsign", "de206", "usr1-1", "r1-1"}
+_YIELD_SIGNS = {"yield", "yieldsign", "giveway", "de205", "usr1-2", "r1-2"}
 
 
 def regulations(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> tuple[Regulation, ...]:
@@ -29,16 +30,15 @@ def regulations(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> 
         lines: (P, 2) points of every way, m.
     """
     users: dict[int, list[int]] = {}
-    for lane_id in lanes:
+    for lane_id in (i for i in lanes if i in map_file.relations):
         for ref in map_file.relations[lane_id].refs("regulatory_element", "relation"):
             users.setdefault(ref, []).append(lane_id)
     found = []
     for element_id, element in map_file.of_type("regulatory_element").items():
-        signs = _signs(element, map_file)
-        kind = _kind(element, signs)
+        kind = _kind(element, _signs(element, map_file))
         if kind is not None:
-            lanes_of = users.get(element_id, [])
-            found.append(_regulation(element_id, element, kind, signs, lanes_of, lanes, lines, map_file))
+            named = users.get(element_id, [])
+            found.append(_regulation(element_id, element, kind, named, lanes, lines, map_file))
     return tuple(found)
 
 
@@ -46,18 +46,24 @@ def _regulation(
     element_id: int,
     element: Relation,
     kind: str,
-    signs: tuple[str, ...],
     users: list[int],
     lanes: Mapping[int, Lane],
     lines: Points,
     map_file: MapFile,
 ) -> Regulation:
+    """One regulation; signs and lines are told apart by their type, for maps that swap their roles."""
     yielding = [i for i in element.refs("yield", "relation") if i in lanes]
-    if kind in ("stop", "yield"):
-        yielding = yielding or users
-    if kind == "all_way_stop":
-        yielding = sorted({*yielding, *users})
-    stop_lines = element.refs("ref_line", "way") + element.refs("stop_line", "way")
+    if kind in ("stop", "yield", "all_way_stop"):
+        yielding += [i for i in users if i not in yielding]
+    ways = _ways(element, ("refers", "ref_line", "stop_line"), map_file)
+    told = {"traffic_sign", "traffic_light"}
+    stop_lines = [
+        i
+        for i, (role, tags) in ways.items()
+        if tags.get("type") not in told and (role != "refers" or "traffic_sign" in _types(ways, "ref_line"))
+    ]
+    lights = [i for i, (_, tags) in ways.items() if tags.get("type") == "traffic_light"]
+    lights = lights or [i for i, (role, _) in ways.items() if role == "refers"]
     return Regulation(
         element_id=element_id,
         kind=kind,
@@ -65,15 +71,28 @@ def _regulation(
         yielding=tuple(yielding),
         priority=tuple(i for i in element.refs("right_of_way", "relation") if i in lanes),
         stop_lines=tuple(lines[i] for i in stop_lines if i in lines and len(lines[i]) > 1),
-        lights=element.refs("refers", "way") if kind == "traffic_light" else (),
-        signs=signs,
+        lights=tuple(lights) if kind == "traffic_light" else (),
+        signs=_signs(element, map_file),
     )
 
 
+_TaggedWays: TypeAlias = dict[int, tuple[str, Tags]]
+
+
+def _ways(element: Relation, roles: tuple[str, ...], map_file: MapFile) -> _TaggedWays:
+    """Role and tags of an element's ways, by id, in the file's order."""
+    members = [m for m in element.members if m.kind == "way" and m.role in roles and m.ref in map_file.ways]
+    return {m.ref: (m.role, map_file.ways[m.ref].tags) for m in members}
+
+
+def _types(ways: _TaggedWays, role: str) -> set[str]:
+    return {tags.get("type", "") for r, tags in ways.values() if r == role}
+
+
 def _signs(element: Relation, map_file: MapFile) -> tuple[str, ...]:
-    """Types of the signs that an element refers to, as written, and its own ``sign_type``."""
-    ways = [map_file.ways[i].tags for i in element.refs("refers", "way") if i in map_file.ways]
-    signs = [tags.get("subtype", "") for tags in ways if tags.get("type") == "traffic_sign"]
+    """Types of the signs that an element names, as written: its own ``sign_type``, its ways' subtypes."""
+    ways = _ways(element, ("refers", "ref_line"), map_file).values()
+    signs = [tags.get("subtype", "") for _, tags in ways if tags.get("type") == "traffic_sign"]
     return tuple(sign for sign in [element.tags.get("sign_type", ""), *signs] if sign)
 
 
@@ -82,9 +101,9 @@ def _kind(element: Relation, signs: Iterable[str]) -> str | None:
     subtype = element.tags.get("subtype", "")
     if subtype in _REGULATIONS:
         return subtype
-    if subtype not in ("traffic_sign", "stop_sign", "yield_sign", "stop", "yield"):
+    if subtype not in _SIGN_ELEMENTS:
         return None
-    words = {sign.lower() for sign in (*signs, subtype)}
+    words = {sign.lower().replace("_", "") for sign in (*signs, subtype)}
     if words & _STOP_SIGNS:
         return "stop"
     return "yield" if words & _YIELD_SIGNS else None

@@ -7,15 +7,20 @@ broken in it, is found here with the standard library alone.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
 
 from scex_sumo.errors import MapError
 
 Tags = Mapping[str, str]
-ParsedElement = tuple[str, int, ElementTree.Element]
+_ID = re.compile(r"-?[0-9]{1,18}")  # what fits Lanelet2's 64 bit ids
+_EARTH = {"lat": 90.0, "lon": 180.0}
+_Element = TypeVar("_Element")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -65,7 +70,7 @@ class MapFile:
         nodes: by id.
         ways: by id.
         relations: by id.
-        notes: what could not be read, one short sentence each.
+        notes: what could not be read, one short sentence each; empty where Lanelet2 reads the file alike.
     """
 
     path: Path
@@ -80,9 +85,9 @@ class MapFile:
         return dict(sorted(found.items()))
 
 
-def list_ids(ids: Iterable[int], limit: int = 5) -> str:
+def list_ids(ids: Iterable[int | str], limit: int = 5) -> str:
     """Write ids for a message: the first few, then how many more there are."""
-    ordered = sorted(set(ids))
+    ordered = sorted(set(ids), key=lambda i: (isinstance(i, str), i))
     shown = ", ".join(str(i) for i in ordered[:limit])
     rest = len(ordered) - limit
     return f"{shown} and {rest} more" if rest > 0 else shown
@@ -91,6 +96,9 @@ def list_ids(ids: Iterable[int], limit: int = 5) -> str:
 def read_map_file(path: str | Path) -> MapFile:
     """Read a map file's elements; what is marked as deleted is left out, as Lanelet2 does.
 
+    Of elements with one id the first is kept. Elements without an id or with coordinates that are no place
+    on Earth are left out; both is noted.
+
     Args:
         path: an ``.osm`` file.
 
@@ -98,27 +106,59 @@ def read_map_file(path: str | Path) -> MapFile:
         MapError: the file is missing, is no file, is not XML, or is not an OSM file.
     """
     path = Path(path)
-    root = _parse(path)
     nodes: dict[int, Node] = {}
     ways: dict[int, Way] = {}
     relations: dict[int, Relation] = {}
     unreadable: list[str] = []
-    for element in root:
-        if element.tag not in ("node", "way", "relation") or element.get("action") == "delete":
+    twice: list[str] = []
+    for element in _parse(path):
+        if element.get("action") == "delete":
             continue
+        name = f"{element.tag} {element.get('id', '')[:24] or 'without an id'}"
         try:
-            element_id = int(element.attrib["id"])
             if element.tag == "node":
-                nodes[element_id] = _node(element)
+                new = _put(nodes, _id(element, "id"), _node(element))
             elif element.tag == "way":
-                refs = tuple(int(nd.attrib["ref"]) for nd in element.iter("nd"))
-                ways[element_id] = Way(nodes=refs, tags=_tags(element))
+                new = _put(ways, _id(element, "id"), Way(nodes=_way_nodes(element), tags=_tags(element)))
+            elif element.tag == "relation":
+                relation = Relation(members=_members(element), tags=_tags(element))
+                new = _put(relations, _id(element, "id"), relation)
             else:
-                relations[element_id] = Relation(members=_members(element), tags=_tags(element))
-        except (KeyError, ValueError):
-            unreadable.append(f"{element.tag} {element.get('id', 'without an id')}")
-    notes = (f"unreadable: {', '.join(unreadable[:5])}",) if unreadable else ()
-    return MapFile(path=path, nodes=nodes, ways=ways, relations=relations, notes=notes)
+                continue
+        except ValueError:
+            unreadable.append(name)
+            continue
+        if not new:
+            twice.append(name)
+    notes = []
+    if unreadable:
+        notes.append(f"left out, no usable id or coordinates: {list_ids(unreadable)}")
+    if twice:
+        notes.append(f"ids used twice, the first element kept: {list_ids(twice)}")
+    return MapFile(path=path, nodes=nodes, ways=ways, relations=relations, notes=tuple(notes))
+
+
+def write_map_file(map_file: MapFile, path: Path) -> None:
+    """Write a map in a form that Lanelet2 reads as it stands here, ascending ids."""
+    lines = ["<?xml version='1.0' encoding='UTF-8'?>", "<osm version='0.6' generator='scex-sumo'>"]
+    for i, node in sorted(map_file.nodes.items()):
+        lines.append(f"<node id='{i}' lat='{node.lat!r}' lon='{node.lon!r}'>")
+        lines.append(f"<tag k='ele' v='{node.ele!r}'/></node>")
+    for i, way in sorted(map_file.ways.items()):
+        lines.append(f"<way id='{i}'>")
+        lines += [f"<nd ref='{node}'/>" for node in way.nodes]
+        lines += [*_tag_lines(way.tags), "</way>"]
+    for i, relation in sorted(map_file.relations.items()):
+        lines.append(f"<relation id='{i}'>")
+        lines += [
+            f"<member type='{m.kind}' ref='{m.ref}' role={quoteattr(m.role)}/>" for m in relation.members
+        ]
+        lines += [*_tag_lines(relation.tags), "</relation>"]
+    path.write_text("\n".join([*lines, "</osm>\n"]), encoding="utf-8")
+
+
+def _tag_lines(tags: Tags) -> list[str]:
+    return [f"<tag k={quoteattr(key)} v={quoteattr(value)}/>" for key, value in tags.items()]
 
 
 def _parse(path: Path) -> ElementTree.Element:
@@ -130,27 +170,49 @@ def _parse(path: Path) -> ElementTree.Element:
         root = ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
         raise MapError(f"{path}: not XML ({error}); name a Lanelet2 .osm file") from None
-    except (OSError, UnicodeError, ValueError, LookupError) as error:
-        raise MapError(f"{path}: cannot be read ({error})") from None
+    except (OSError, ValueError, LookupError) as error:
+        raise MapError(f"{path}: cannot be read ({error}); name a Lanelet2 .osm file") from None
     if root.tag != "osm":
-        raise MapError(f"{path}: no Lanelet2 map: the file's root is <{root.tag}>, not <osm>")
+        raise MapError(f"{path}: no Lanelet2 map: its root is <{root.tag}>, not <osm>; name an .osm file")
     return root
 
 
+def _put(elements: dict[int, _Element], element_id: int, element: _Element) -> bool:
+    """Add an element unless its id is taken."""
+    return elements.setdefault(element_id, element) is element
+
+
+def _id(element: ElementTree.Element, attribute: str) -> int:
+    text = element.get(attribute, "").strip()
+    if not _ID.fullmatch(text) or int(text) == 0:  # Lanelet2 takes 0 for "no id yet"
+        raise ValueError(text)
+    return int(text)
+
+
 def _tags(element: ElementTree.Element) -> Tags:
-    return {tag.attrib["k"]: tag.attrib["v"] for tag in element.iter("tag")}
+    return {tag.get("k", ""): tag.get("v", "") for tag in element.findall("tag")}
 
 
 def _node(element: ElementTree.Element) -> Node:
-    ele = next((tag.get("v", "0") for tag in element.iter("tag") if tag.get("k") == "ele"), "0")
-    node = Node(lat=float(element.attrib["lat"]), lon=float(element.attrib["lon"]), ele=float(ele))
-    if not (math.isfinite(node.lat) and math.isfinite(node.lon) and math.isfinite(node.ele)):
-        raise ValueError("not finite")
-    return node
+    place = {key: float(element.get(key, "")) for key in _EARTH}
+    if not all(abs(place[key]) <= limit for key, limit in _EARTH.items()):  # nan fails too
+        raise ValueError("no place on Earth")
+    try:
+        ele = float(next((tag.get("v", "") for tag in element.findall("tag") if tag.get("k") == "ele"), "0"))
+    except ValueError:
+        ele = 0.0
+    return Node(**place, ele=ele if math.isfinite(ele) else 0.0)
+
+
+def _way_nodes(element: ElementTree.Element) -> tuple[int, ...]:
+    return tuple(_id(nd, "ref") for nd in element.findall("nd"))
 
 
 def _members(element: ElementTree.Element) -> tuple[Member, ...]:
+    members = element.findall("member")
+    kinds = ("node", "way", "relation")
     return tuple(
-        Member(kind=m.attrib["type"], ref=int(m.attrib["ref"]), role=m.get("role", ""))
-        for m in element.iter("member")
+        Member(kind=m.get("type", ""), ref=_id(m, "ref"), role=m.get("role", ""))
+        for m in members
+        if m.get("type") in kinds
     )

@@ -8,20 +8,20 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from scex_sumo.converters.map_file import MapFile, read_map_file
+from scex_sumo.converters.map_repair import STRAY_M, Place, distance_m, middle
 from scex_sumo.errors import MapError, UsageError
 
-Origin = tuple[float, float]
 META_DATA = "meta_data.csv"
-NEAR_ZERO_DEG = 0.5  # 55 km: INTERACTION maps lie about 1 km off 0,0, no real road does
+NEAR_ZERO_M = 50_000.0  # INTERACTION maps lie about 1 km off 0,0 at sea; no real road does
 
 
 def find_origin(
     map_path: str | Path,
     *,
     tracks_path: str | Path | None = None,
-    origin: Origin | None = None,
+    origin: Place | None = None,
     own_corner: bool = False,
-) -> Origin:
+) -> Place:
     """Latitude and longitude, in degrees, that the map is to be projected with.
 
     The first that is known: ``origin``; ``originLat, originLon`` of the ``meta_data.csv`` beside the tracks
@@ -38,37 +38,39 @@ def find_origin(
     Raises:
         MapError: the origin is not known, or a ``meta_data.csv`` gives one that is none.
     """
-    if origin is not None:
-        return origin
-    map_path = Path(map_path)
-    for path in _meta_data_paths(map_path, Path(tracks_path) if tracks_path is not None else None):
-        found = _read_meta_data(path)
-        if found is not None:
-            return found
-    return map_origin(read_map_file(map_path), own_corner=own_corner)
+    known = origin or recorded_origin(map_path, tracks_path=tracks_path)
+    return known or map_origin(read_map_file(map_path), own_corner=own_corner)
 
 
-def map_origin(map_file: MapFile, *, own_corner: bool) -> Origin:
-    """Origin by the map's own coordinates: 0, 0 where it lies there, else its south-west corner.
+def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = None) -> Place | None:
+    """Place by a ``meta_data.csv`` near the tracks or the map, or None where there is none.
+
+    Raises:
+        MapError: a ``meta_data.csv`` gives an origin that is none.
+    """
+    paths = _meta_data_paths(Path(map_path), Path(tracks_path) if tracks_path is not None else None)
+    return next((found for path in paths if (found := _read_meta_data(path)) is not None), None)
+
+
+def map_origin(map_file: MapFile, *, own_corner: bool) -> Place:
+    """Place by the map's own coordinates: 0, 0 where it lies there, else its south-west corner.
 
     Raises:
         MapError: the map lies elsewhere and ``own_corner`` is False, or it has no nodes.
     """
-    if not map_file.nodes:
-        raise MapError(f"{map_file.path}: no nodes, so no map; name a Lanelet2 .osm file")
-    lat = [node.lat for node in map_file.nodes.values()]
-    lon = [node.lon for node in map_file.nodes.values()]
-    if max(map(abs, lat)) < NEAR_ZERO_DEG and max(map(abs, lon)) < NEAR_ZERO_DEG:
+    centre = middle(map_file)
+    if distance_m(centre, (0.0, 0.0)) < NEAR_ZERO_M:
         return 0.0, 0.0
     if own_corner:
-        return min(lat), min(lon)
+        near = [n for n in map_file.nodes.values() if distance_m((n.lat, n.lon), centre) <= STRAY_M]
+        return min(n.lat for n in near), min(n.lon for n in near)
     raise MapError(
-        f"{map_file.path}: the origin of its coordinates is not known (near {lat[0]:.4f},{lon[0]:.4f}, "
+        f"{map_file.path}: the origin of its coordinates is not known (near {centre[0]:.4f},{centre[1]:.4f}, "
         f"no {META_DATA} with originLat, originLon); give --origin LAT,LON"
     )
 
 
-def parse_origin(text: str) -> Origin:
+def parse_origin(text: str) -> Place:
     """Read ``--origin``: latitude and longitude in degrees, e.g. ``49.0053,8.4374``.
 
     Raises:
@@ -99,8 +101,8 @@ def _meta_data_paths(map_path: Path, tracks_path: Path | None) -> Iterator[Path]
     yield map_path.parent.parent / "recorded_trackfiles" / map_path.stem / META_DATA
 
 
-def _read_meta_data(path: Path) -> Origin | None:
-    """Origin of a recording's meta data, or None where the file or its columns are absent."""
+def _read_meta_data(path: Path) -> Place | None:
+    """Place of a recording's meta data, or None where the file or its columns are absent."""
     if not path.is_file():
         return None
     try:
