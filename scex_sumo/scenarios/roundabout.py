@@ -6,6 +6,7 @@ each way. The outer ring lane begins at A's right entry and ends in C's right ex
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,7 +98,7 @@ def _far(drawing: MapDrawing, curve: Curve, entries: int, exits: int, fork: bool
     """Sections beyond the taper, where both directions share the line between them; outermost last."""
     lanes: list[Lanelet] = []
     ends = [TAPER_M, FORK_M, ARM_M] if fork else [TAPER_M, ARM_M]
-    for begin, end in zip(ends[:-1], ends[1:], strict=True):
+    for begin, end in itertools.pairwise(ends):
         offsets = [LANE_M * k for k in range(entries, -exits - 1, -1)]
         edge = VIRTUAL if fork and begin == TAPER_M else CURB
         marks = [edge, *[DASHED] * (entries + exits - 1), CURB]
@@ -170,7 +171,7 @@ def _ring(drawing: MapDrawing, a: _Arm, b: _Arm, c: _Arm, d: _Arm) -> tuple[list
         a.heading + _merge_angle(a, a.entries, both) + 2 * np.pi,
     ]
     inner, outer = [], []
-    for i, (begin, end) in enumerate(zip(cuts[:-1], cuts[1:], strict=True)):
+    for i, (begin, end) in enumerate(itertools.pairwise(cuts)):
         whole = arc(CENTRE, RING_MIDDLE_M, begin, end)
         edge = DASHED if i % 2 else CURB  # dashed where an arm's traffic crosses it
         if i < 3:
