@@ -15,6 +15,7 @@ import numpy as np
 
 from scex_sumo import __version__
 from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, build, parse_models
+from scex_sumo.colors import model_colors
 from scex_sumo.converters.sumo_net import convert
 from scex_sumo.converters.tracks import write_tracks
 from scex_sumo.errors import UsageError
@@ -30,6 +31,7 @@ from scex_sumo.world import TILE_SLOTS
 DEFAULT_CHILDREN = 385  # the paper's sample size: a 95 % interval of +-5 % around a share of one half
 DEFAULT_STEPS = 30
 DEFAULT_REPLAN = 5
+DEFAULT_BATCH = TILE_SLOTS
 MAX_REPLAN = 30  # models plan at least 30 steps
 
 Models = str | Sequence[str | ModelSpec]
@@ -45,7 +47,7 @@ def extrapolate(
     replan: int = DEFAULT_REPLAN,
     seed: int = 0,
     workers: int = 1,
-    batch: int = TILE_SLOTS,
+    batch: int = DEFAULT_BATCH,
     out: str | Path | None = None,
     overwrite: bool = False,
     gui: bool = False,
@@ -111,6 +113,7 @@ def extrapolate(
         net=net,
         models=tuple(build(s) for s in specs),
         names=tuple(str(s) for s in specs),
+        colors=model_colors([str(s) for s in specs]),
         assignment=assignment,
         seed=seed,
         steps=steps,

@@ -1,4 +1,4 @@
-"""Pictures of a run: densities, cumulative densities, the scene with its futures; alone imports matplotlib."""
+"""Pictures of a run: densities, cumulative densities, the scene with its futures. Only here: matplotlib."""
 
 from __future__ import annotations
 

@@ -140,6 +140,34 @@ def default_thresholds() -> dict[str, float]:
     return dict(DEFAULT_THRESHOLDS)
 
 
+def densities_table(metrics: pa.Table) -> pa.Table:
+    """Density and cumulative density with its 95 % band of each column: metric, x, pdf, cdf, low, high.
+
+    Args:
+        metrics: as :attr:`Run.metrics`.
+    """
+    parts = []
+    for column in metrics.column_names[1:]:
+        samples = np.asarray(metrics[column].drop_null(), dtype=np.float64)
+        if len(samples) == 0:
+            continue
+        curve = density(samples)
+        low, high = curve.band
+        parts.append(
+            pa.table(
+                {
+                    "metric": pa.repeat(pa.scalar(column), len(curve.x)),
+                    "x": curve.x,
+                    "pdf": curve.pdf,
+                    "cdf": curve.cdf,
+                    "low": low,
+                    "high": high,
+                }
+            )
+        )
+    return pa.concat_tables(parts)
+
+
 def _read_info(folder: Path) -> dict[str, Any]:
     file = folder / "run.json"
     if not file.is_file():

@@ -9,7 +9,7 @@ from pathlib import Path
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.converters.origin import parse_origin
 from scex_sumo.errors import TrackError, UsageError
-from scex_sumo.scene import SeedScene
+from scex_sumo.scene import IntArray, SeedScene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,19 +120,19 @@ def _seed_scene(request: RunRequest) -> SeedScene:
     return synthetic_seed(request.map_path, vehicles=request.synthetic, seed=request.seed, origin=origin)
 
 
-def _warn_off_road(scene: SeedScene, off: list[int]) -> None:
+def _warn_off_road(scene: SeedScene, off: IntArray) -> None:
     """Some vehicles beside the mapped lanes go straight on; all of them mean that the map does not fit.
 
     Raises:
         TrackError: no vehicle is on a mapped lane.
     """
-    if not off:
+    if len(off) == 0:
         return
     shown = ", ".join(str(scene.track_ids[v]) for v in off[:8]) + (", ..." if len(off) > 8 else "")
     if len(off) == scene.vehicles:
         origin = scene.road.origin if scene.road else (0.0, 0.0)
         raise TrackError(
-            f"{scene.name}: none of the {scene.vehicles} vehicles is on a mapped lane; most likely the map's origin "
-            f"is not the recording's (used: {origin[0]:g},{origin[1]:g}); give it with --origin LAT,LON"
+            f"{scene.name}: none of its {scene.vehicles} vehicles is on a mapped lane; most likely the map's "
+            f"origin is not the recording's (used: {origin[0]:g},{origin[1]:g}); give --origin LAT,LON"
         )
     warn([f"{len(off)} of {scene.vehicles} vehicles are off the mapped lanes and go straight on: {shown}"])

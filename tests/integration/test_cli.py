@@ -1,0 +1,245 @@
+"""The command line as a user meets it: results, and one line for everything that is wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+import scex_sumo
+from scex_sumo.metrics.evaluate import COLUMNS
+
+ROUNDABOUT = scex_sumo.example_path("roundabout")
+MAP_HEAD = '<?xml version="1.0"?>\n<osm version="0.6">\n'
+
+
+def scex(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run the command line in a process of its own, as libsumo runs one simulation per process."""
+    command = [sys.executable, "-m", "scex_sumo", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=120, check=False)
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small run of an example seed."""
+    out = tmp_path_factory.mktemp("run") / "out"
+    done = scex("run", ROUNDABOUT, "--children", 12, "--no-plots", "-o", out)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+def refused(*arguments: object, status: int = 1) -> str:
+    """The one line that a refused command prints."""
+    done = scex(*arguments)
+    assert done.returncode == status, (done.stdout, done.stderr)
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith("error: ")
+    return lines[0]
+
+
+def test_a_run_leaves_the_result_that_the_readme_promises(result: Path) -> None:
+    info = json.loads((result / "run.json").read_text())
+    assert info["children"] == 12
+    assert info["steps"] == 30
+    metrics = pq.read_table(result / "metrics.parquet")
+    assert metrics.column_names == ["child", *COLUMNS]
+    assert metrics["child"].to_pylist() == list(range(12))
+    tracks = pq.read_table(result / "tracks.parquet")
+    assert tracks.num_rows == 12 * info["seed_scene"]["vehicles"] * 40
+    assert pq.read_table(result / "assignments.parquet").num_rows == 12 * info["seed_scene"]["vehicles"]
+    assert pq.read_table(result / "recorded.parquet").num_rows == 1
+    assert set(pq.read_table(result / "densities.parquet")["metric"].to_pylist()) <= set(COLUMNS)
+    assert (result / "seed.csv").read_text().startswith("case_id,track_id,frame_id")
+    assert not (result / "incomplete.json").exists()
+
+
+def test_the_summary_names_every_metric(tmp_path: Path) -> None:
+    done = scex("run", ROUNDABOUT, "--children", 3, "--no-plots", "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    for word in ("distance", "traffic quality", "gap time", "PTTC", "WTTC", "1/TTC", "/3"):
+        assert word in done.stdout
+
+
+def test_the_same_seed_gives_the_same_bytes_whatever_the_batches_and_workers(
+    result: Path, tmp_path: Path
+) -> None:
+    for options in (["--batch", "5"], ["--workers", "2", "--batch", "4"]):
+        out = tmp_path / options[0].strip("-")
+        done = scex("run", ROUNDABOUT, "--children", 12, "--no-plots", "-o", out, *options)
+        assert done.returncode == 0, done.stderr
+        for name in ("tracks.parquet", "metrics.parquet", "assignments.parquet", "densities.parquet"):
+            assert (out / name).read_bytes() == (result / name).read_bytes(), (options, name)
+
+
+def test_fewer_children_are_the_first_of_more(result: Path, tmp_path: Path) -> None:
+    done = scex("run", ROUNDABOUT, "--children", 5, "--no-plots", "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    few = pq.read_table(tmp_path / "out" / "metrics.parquet")
+    assert few.equals(pq.read_table(result / "metrics.parquet").slice(0, 5))
+
+
+def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    script = (
+        "import scex_sumo, sys\n"
+        "def stop(done, total):\n"
+        "    if done >= 6 * 30 + 5: raise KeyboardInterrupt\n"
+        f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
+        f"scex_sumo.extrapolate(seed, children=12, batch=4, out={str(out)!r}, progress=stop)\n"
+    )
+    stopped = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert "KeyboardInterrupt" in stopped.stderr
+    assert (out / "incomplete.json").exists()
+    assert not (out / "run.json").exists()
+    assert "interrupted" in refused("view", out, "--child", 0)
+    done = scex("run", ROUNDABOUT, "--children", 12, "--no-plots", "-o", out)
+    assert done.returncode == 0, done.stderr
+    assert (out / "tracks.parquet").read_bytes() == (result / "tracks.parquet").read_bytes()
+
+
+def test_every_combination_is_run_on_request(tmp_path: Path) -> None:
+    vehicles = scex_sumo.read_seed(ROUNDABOUT).track_ids.tolist()
+    fixed = [f"--assign={track}=constant_velocity" for track in vehicles[3:]]
+    models = "constant_velocity,emergency_brake"
+    done = scex(
+        "run",
+        ROUNDABOUT,
+        "--children",
+        "all",
+        "--models",
+        models,
+        *fixed,
+        "--no-plots",
+        "-o",
+        tmp_path / "out",
+    )
+    assert done.returncode == 0, done.stderr
+    assert pq.read_table(tmp_path / "out" / "metrics.parquet").num_rows == 8
+
+
+def test_export_writes_an_interaction_case_and_fcd(result: Path, tmp_path: Path) -> None:
+    for to, name in (("interaction", "child.csv"), ("fcd", "child.fcd.xml")):
+        done = scex("export", result, "--child", 3, "--to", to, "-o", tmp_path / name)
+        assert done.returncode == 0, done.stderr
+    seed = scex_sumo.read_seed(ROUNDABOUT, tracks=tmp_path / "child.csv")
+    assert seed.vehicles == scex_sumo.read_seed(ROUNDABOUT).vehicles
+    assert (tmp_path / "child.fcd.xml").read_text().count("<timestep ") == 40
+
+
+def test_missing_files_are_named(tmp_path: Path) -> None:
+    assert "nowhere.osm" in refused("run", tmp_path / "nowhere.osm")
+    assert "nowhere.csv" in refused("run", ROUNDABOUT, "--tracks", tmp_path / "nowhere.csv")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("not a map at all", "XML"),
+        (MAP_HEAD + "</osm>", "lanelet"),
+        ("<net></net>", "lanelet"),
+        ("", "XML"),
+    ],
+)
+def test_what_is_no_map_is_said(tmp_path: Path, content: str, words: str) -> None:
+    path = tmp_path / "map.osm"
+    path.write_text(content)
+    assert words.lower() in refused("run", path, "--synthetic", 3).lower()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--models", "granny"], "unknown behavior 'granny'; known: "),
+        (["--models", "standard_driver@many"], "many"),
+        (["--models", "standard_driver:courage=9"], "courage"),
+        (["--children", "0"], "--children"),
+        (["--children", "some"], "--children"),
+        (["--children", "all"], "combinations"),
+        (["--replan", "31"], "--replan"),
+        (["--steps", "0"], "--steps"),
+        (["--assign", "17"], "TRACK=MODEL"),
+        (["--assign", "99999=replay"], "99999"),
+        (["--synthetic", "3", "--case", "1"], "--case"),
+        (["--origin", "here"], "here"),
+        (["--workers", "0"], "--workers"),
+        (["--batch", "0"], "--batch"),
+        (["--seed", "-1"], "--seed"),
+    ],
+)
+def test_options_that_make_no_sense_are_usage_errors(tmp_path: Path, options: list[str], words: str) -> None:
+    line = refused("run", ROUNDABOUT, "-o", tmp_path / "out", *options, status=2)
+    assert words in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_moment_outside_the_recording_is_refused_with_its_span() -> None:
+    assert "9999" in refused("run", ROUNDABOUT, "--time", 9999)
+
+
+def test_an_unwritable_result_folder_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    assert "cannot write" in refused("run", ROUNDABOUT, "--children", 1, "-o", tmp_path / "file" / "out")
+
+
+def test_tracks_far_from_the_map_name_the_origin_as_likely_cause(tmp_path: Path) -> None:
+    rows = ROUNDABOUT.with_suffix(".csv").read_text().splitlines()
+    names = rows[0].split(",")
+    x = names.index("x")
+    moved = [rows[0]]
+    for row in rows[1:]:
+        cells = row.split(",")
+        cells[x] = str(float(cells[x]) + 5000) if cells[x] else ""
+        moved.append(",".join(cells))
+    (tmp_path / "far.csv").write_text("\n".join(moved))
+    assert "origin" in refused("run", ROUNDABOUT, "--tracks", tmp_path / "far.csv", "-o", tmp_path / "out")
+
+
+def test_another_runs_result_is_kept(result: Path) -> None:
+    line = refused("run", ROUNDABOUT, "--children", 2, "-o", result)
+    assert "another run" in line
+    assert json.loads((result / "run.json").read_text())["children"] == 12
+
+
+def test_help_answers_for_every_command() -> None:
+    for command in ([], ["run"], ["convert"], ["view"], ["export"], ["models"]):
+        done = scex(*command, "--help")
+        assert done.returncode == 0
+        assert "Usage" in done.stdout
+        assert not command or "Example: scex-sumo" in done.stdout
+
+
+def test_models_lists_every_rule_based_model() -> None:
+    done = scex("models")
+    assert done.returncode == 0
+    for name in ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake", "sumo:"):
+        assert name in done.stdout
+
+
+def test_the_package_imports_nothing_heavy() -> None:
+    code = (
+        "import sys, scex_sumo.cli\n"
+        "names = {'numpy', 'torch', 'libsumo', 'lanelet2', 'matplotlib', 'scipy', 'pyarrow'}\n"
+        "heavy = names & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ})
+
+
+def test_a_run_with_rule_based_models_does_not_import_torch(tmp_path: Path) -> None:
+    code = (
+        "import sys, scex_sumo\n"
+        f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
+        "run = scex_sumo.extrapolate(seed, children=2)\n"
+        "assert run.children == 2 and run.p_critical('wttc').low >= 0\n"
+        "assert 'torch' not in sys.modules\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
