@@ -1,0 +1,161 @@
+"""The Intelligent Driver Model along a path: standard, risky and calibrated driver."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from scex_sumo.behaviors.leaders import find_leaders
+from scex_sumo.behaviors.motion import REAR_AXLE_SHARE, drive
+from scex_sumo.behaviors.parameters import check_path, check_positive
+from scex_sumo.behaviors.paths import DS_M, PathChoice, SeedPaths, given_path, seed_paths
+from scex_sumo.behaviors.projection import project
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, FloatArray, IntArray, Plan, SceneHistory, Who
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdmProfile:
+    """Driver profile of the Intelligent Driver Model (Treiber et al. 2000).
+
+    Attributes:
+        comfort_deceleration: ``b`` in m/s², positive.
+        time_headway: ``T`` in s.
+        minimum_gap: ``s0`` in m, bumper to bumper.
+        max_acceleration: ``a_max`` in m/s².
+        max_deceleration: physical limit of braking in m/s²; the formula alone has none.
+        speed: desired speed ``v0`` in m/s; 0 takes the speed limit of the lane.
+        speed_factor: factor on the speed limit.
+        clearance: another one is a leader when its centre is this near to the path, m.
+        radius: perception radius, m.
+        curve_acceleration: comfortable lateral acceleration in curves, m/s²; 0 does not slow down for them.
+        curve_deceleration: braking before a curve, m/s².
+        path: which path to take: index from left to right (clamped to the last; -1 is the rightmost),
+            ``random`` (a fixed draw per child and vehicle), lane ids, or points.
+    """
+
+    comfort_deceleration: float
+    time_headway: float
+    minimum_gap: float
+    max_acceleration: float
+    max_deceleration: float = 9.0
+    speed: float = 0.0
+    speed_factor: float = 1.0
+    clearance: float = 5.0
+    radius: float = 100.0
+    curve_acceleration: float = 0.0
+    curve_deceleration: float = 1.0
+    path: PathChoice = "random"
+
+    def __post_init__(self) -> None:
+        check_positive(
+            self,
+            "comfort_deceleration",
+            "max_acceleration",
+            "max_deceleration",
+            "speed_factor",
+            "radius",
+            "curve_deceleration",
+        )
+        check_positive(
+            self,
+            "time_headway",
+            "minimum_gap",
+            "speed",
+            "clearance",
+            "curve_acceleration",
+            zero=True,
+        )
+        check_path(self.path)
+
+
+def idm_acceleration(
+    profile: IdmProfile,
+    speed: FloatArray,
+    desired_speed: FloatArray,
+    gap: FloatArray,
+    leader_speed: FloatArray,
+) -> FloatArray:
+    """Acceleration of the Intelligent Driver Model.
+
+    a = a_max·(1 - (v/v0)⁴ - (s*/s)²), s* = s0 + max(0, v·T + v·Δv / (2·√(a_max·b))), not below
+    -max_deceleration. A gap below 0.1 m counts as 0.1 m. Below v0 = 0.1 m/s the driver does not accelerate.
+
+    Args:
+        profile: the driver.
+        speed: (n,) v, m/s.
+        desired_speed: (n,) v0, m/s.
+        gap: (n,) s, bumper to bumper, m; inf without a leader.
+        leader_speed: (n,) m/s along the path; Δv is own minus leader's.
+
+    Returns:
+        (n,) m/s².
+
+    Source: Treiber, Hennecke, Helbing 2000; the lower bound on s* from Treiber and Kesting 2013.
+    """
+    a_max = profile.max_acceleration
+    free = 1 - (speed / np.maximum(desired_speed, 0.1)) ** 4
+    free = np.where(desired_speed < 0.1, np.minimum(free, 0.0), free)
+    braking = speed * (speed - leader_speed) / (2 * np.sqrt(a_max * profile.comfort_deceleration))
+    wanted = profile.minimum_gap + np.maximum(speed * profile.time_headway + braking, 0.0)
+    result: FloatArray = a_max * (free - (wanted / np.maximum(gap, 0.1)) ** 2)
+    return np.maximum(result, -profile.max_deceleration)
+
+
+class IdmDriver:
+    """Follows its path at the desired speed and keeps its distance to the leader on it.
+
+    The leader is found once per plan and expected to keep its speed along the path.
+    """
+
+    def __init__(self, profile: IdmProfile) -> None:
+        self.profile = profile
+
+    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+        """Plan 3 s; see `Behavior.plan`. Draws nothing."""
+        profile = self.profile
+        paths = seed_paths(history.seed, road, given_path(profile.path))
+        row = paths.choose(profile.path, who.vehicle, history.route_draw[who.child, who.vehicle])
+        own = history.now[who.child, who.vehicle]
+        s_centre, _, _ = project(paths, row, own.x, own.y)
+        leaders = find_leaders(
+            history, who, paths, row, s_centre, clearance=profile.clearance, radius=profile.radius
+        )
+        wished = desired_speeds(
+            paths, profile.speed, profile.speed_factor, profile.curve_acceleration, profile.curve_deceleration
+        )
+        base = row * paths.samples
+        front = REAR_AXLE_SHARE * history.seed.length[who.vehicle]
+
+        def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
+            # The lane under the centre counts, the table is followed by the rear axle.
+            index: IntArray = np.clip((s + front) * (1 / DS_M), 0, paths.samples - 1).astype(np.int64)
+            gap = leaders.gap + leaders.speed * (step * STEP_S) - travelled
+            return idm_acceleration(profile, v, wished[base + index], gap, leaders.speed)
+
+        return drive(history, who, paths, row, accelerate)
+
+
+@lru_cache(maxsize=32)
+def desired_speeds(
+    paths: SeedPaths, speed: float, factor: float, curve_acceleration: float, curve_deceleration: float
+) -> FloatArray:
+    """(P * N,) desired speed along all paths, m/s.
+
+    The speed limit (or a given speed), and no more than lets the driver brake at `curve_deceleration` to
+    √(curve_acceleration / curvature) at every curve ahead.
+    """
+    wished = np.full_like(paths.speed_limit, speed) if speed > 0 else factor * paths.speed_limit
+    # A vehicle off the mapped lanes keeps its own speed, whatever the driver wishes.
+    off = np.repeat(~paths.on_road, paths.count)
+    wished = np.where(off[:, None], paths.speed_limit, wished)
+    if curve_acceleration > 0:
+        curve = np.sqrt(curve_acceleration / np.maximum(paths.curve_curvature, 1e-6))
+        # v² may fall by 2·b·ds per sample: a running minimum of v² + 2·b·s from the far end.
+        slope = 2 * curve_deceleration * DS_M * np.arange(paths.samples)
+        reachable = np.minimum.accumulate((np.minimum(wished, curve) ** 2 + slope)[:, ::-1], axis=1)[:, ::-1]
+        wished = np.minimum(wished, np.sqrt(np.maximum(reachable - slope, 0.0)))
+    return wished.ravel()

@@ -1,0 +1,149 @@
+"""How a car moves along its path: a kinematic bicycle that joins the path and keeps to it.
+
+The reference point of the bicycle is the rear axle, `REAR_AXLE_SHARE` of the vehicle's length behind its
+centre. Each step is an arc of constant curvature, so that the heading follows the motion of the rear axle
+exactly.
+
+Steering is a state feedback on offset d, heading error e and curvature error k in arc length with nested
+limits: the heading error aims at -ω/3·d, the curvature error at ω·(aim - e), and moves there at rate 3ω.
+Without limits the offset decays like (A + Bs + Cs²)·exp(-ωs), so it does not oscillate. ω = 1/max(3 m,
+v·0.67 s). The state follows from the pose and the last step's motion alone, so a plan made halfway through
+another continues it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.paths import SeedPaths
+from scex_sumo.behaviors.projection import project, sample
+from scex_sumo.lines import wrap
+from scex_sumo.scene import STEP_S, FloatArray, IntArray, Plan, SceneHistory, States, Who
+
+REAR_AXLE_SHARE = 0.3  # of the length, behind the centre; a 4.5 m car has it 1.35 m behind
+CURVATURE_LIMIT = 0.2  # 1/m, a turning radius of 5 m
+JOIN_TIME_S = 0.67
+JOIN_LENGTH_M = 3.0
+JOIN_ANGLE_RAD = 0.5
+JOIN_ACCELERATION = 3.2  # m/s² lateral, on top of what the path asks for
+JOIN_JERK = 8.0  # m/s³ lateral
+STEERING_RATE = 0.3  # 1/(m·s): 45 degrees/s at the wheels of a 2.7 m wheelbase
+
+# (step, speed, arc length on the path from the start of the plan, arc length on the table) -> m/s²
+Accelerate: TypeAlias = Callable[[int, FloatArray, FloatArray, FloatArray], FloatArray]
+
+
+def rear_axle(states: States, length: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Positions of rear axles, m."""
+    back = REAR_AXLE_SHARE * length
+    return states.x - back * np.cos(states.heading), states.y - back * np.sin(states.heading)
+
+
+def present_curvature(history: SceneHistory, who: Who) -> tuple[FloatArray, FloatArray]:
+    """Curvature that vehicles drive at the moment, from how they turned.
+
+    From the last step, or the last half second where the history was recorded rather than driven by us,
+    since recorded headings are noisy.
+
+    Returns:
+        (n,) 1/m, limited to 4 m/s² and `CURVATURE_LIMIT`; (n,) rear axle's way in that time, m.
+    """
+    steps = 1 if history.step > 0 else 5
+    length = history.seed.length[who.vehicle]
+    now = history.states[who.child, who.vehicle, -1]
+    before = history.states[who.child, who.vehicle, -1 - steps]
+    x, y = rear_axle(now, length)
+    px, py = rear_axle(before, length)
+    chord = np.sqrt((x - px) ** 2 + (y - py) ** 2)
+    turned = wrap(now.heading - before.heading)
+    way = chord * (1 + turned**2 / 24)  # arc over a chord
+    bound = np.minimum(CURVATURE_LIMIT, 4.0 / np.maximum(now.speed, 1.0) ** 2)
+    curvature = np.where(way > 0.02, turned / np.maximum(way, 0.02), 0.0)
+    return np.clip(curvature, -bound, bound), way
+
+
+def drive(
+    history: SceneHistory,
+    who: Who,
+    paths: SeedPaths,
+    row: IntArray,
+    accelerate: Accelerate,
+    *,
+    start: States | None = None,
+    steps: int = PLAN_STEPS,
+) -> Plan:
+    """Drive vehicles along their paths.
+
+    Args:
+        history: the present.
+        who: the n vehicles.
+        paths: paths of the seed scene.
+        row: (n,) path of each.
+        accelerate: gives (n,) accelerations for a step; a vehicle whose speed would fall below zero stops
+            within the step and stays.
+        start: (n,) states to start from, the present ones by default.
+        steps: H.
+
+    Returns:
+        (n, H).
+    """
+    length = history.seed.length[who.vehicle]
+    begin = history.now[who.child, who.vehicle] if start is None else start
+    x, y = rear_axle(begin, length)
+    s, _, path_heading = project(paths, row, x, y)
+    heading = path_heading + wrap(begin.heading - path_heading)
+    v = np.maximum(begin.speed, 0.0)
+    curvature, way = present_curvature(history, who)
+    bend = curvature - sample(paths, row, s - way / 2)[5]
+    bend = np.where(way > 0.02, bend, 0.0)
+    s0, out = s, np.empty((4, steps, len(who)))
+    for step in range(steps):
+        a = accelerate(step, v, s - s0, s)
+        following = v + a * STEP_S
+        moved = np.where(
+            following >= 0, (v + following) * (STEP_S / 2), v**2 / np.maximum(-2 * a, 1e-9)
+        )  # fmt: skip
+        px, py, cos, sin, path_heading, _ = sample(paths, row, s)
+        dx, dy = x - px, y - py
+        s = s + (cos * dx + sin * dy)
+        offset = cos * dy - sin * dx
+        curvature = sample(paths, row, s + moved / 2)[5]
+        bend = _steer(bend, offset, heading - path_heading, v, moved)
+        turn = np.clip(curvature + bend, -CURVATURE_LIMIT, CURVATURE_LIMIT)
+        bend = turn - curvature
+        angle = turn * moved
+        middle = heading + angle / 2
+        # sin(z)/z of the half angle, which is below 0.5: the chord of the arc.
+        z2 = (angle / 2) ** 2
+        chord = moved * (1 - z2 / 6 * (1 - z2 / 20))
+        x, y = x + chord * np.cos(middle), y + chord * np.sin(middle)
+        heading = heading + angle
+        s, v = s + moved, np.maximum(following, 0.0)
+        out[0, step], out[1, step], out[2, step], out[3, step] = x, y, heading, v
+    return _centres(out, length)
+
+
+def _steer(
+    bend: FloatArray, offset: FloatArray, error: FloatArray, v: FloatArray, moved: FloatArray
+) -> FloatArray:
+    """New curvature error against the path after one step."""
+    omega = 1 / np.maximum(JOIN_LENGTH_M, JOIN_TIME_S * v)
+    square = np.maximum(v * v, 1.0)
+    most = np.minimum(0.75 * CURVATURE_LIMIT, JOIN_ACCELERATION / square)
+    aim = -np.clip(omega / 3 * offset, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
+    wanted = np.clip(omega * (aim - error), -most, most)
+    rate = np.minimum(STEERING_RATE, JOIN_JERK / square) * STEP_S
+    change = (3 * omega * moved) * (wanted - bend)
+    return bend + np.clip(change, -rate, rate)
+
+
+def _centres(out: FloatArray, length: FloatArray) -> Plan:
+    x, y, heading, speed = np.ascontiguousarray(out.transpose(0, 2, 1))
+    ahead = (REAR_AXLE_SHARE * length)[:, None]
+    return Plan(
+        x=x + ahead * np.cos(heading), y=y + ahead * np.sin(heading), heading=wrap(heading), speed=speed
+    )

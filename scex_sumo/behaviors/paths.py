@@ -1,0 +1,240 @@
+"""The paths of a seed scene as tables: everything that models need of the map, computed once per seed.
+
+A path belongs to a vehicle of the seed scene and follows from its pose at that moment; it stays the same
+through a child. Paths of all vehicles lie in one table, so that a step of a whole batch is one look-up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from scex_sumo.behaviors.smoothing import drivable, resample
+from scex_sumo.errors import UsageError
+from scex_sumo.lines import arc_lengths, nearest
+from scex_sumo.road import Road
+from scex_sumo.routes import candidate_paths, centreline
+from scex_sumo.scene import BoolArray, FloatArray, IntArray, SeedScene
+
+DS_M = 0.5
+BEHIND_M = 20.0  # path behind the centre: room for the rear axle and the vehicles behind
+AHEAD_S = 8.0  # 3 s of a child, 3 s of a plan, and some acceleration
+COARSE = 8  # one point in so many for the first step of a projection
+COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
+PathChoice: TypeAlias = int | Literal["random"] | tuple[int, ...] | tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SeedPaths:
+    """All candidate paths of all vehicles of a seed scene.
+
+    Attributes:
+        first: (V,) row of the vehicle's first path; its paths are consecutive, left to right.
+        count: (V,) number of its paths, at least 1.
+        draw_edges: (P,) upper edge in [0, 1] of the path's share of `SceneHistory.route_draw`.
+        lanes: (P) lane ids of each path; empty for a vehicle off the mapped lanes.
+        on_road: (V,) False for vehicles off the mapped lanes, whose path is a straight line.
+        table: (P * N, 12) one row per sample: value of each of `COLUMNS`, then its change to the next one.
+        samples: N, samples per path, `DS_M` apart.
+        speed_limit: (P, N) m/s; where no lane is, the vehicle's own speed.
+        coarse: (P, 3, M) every `COARSE`-th sample as -2x, -2y, x² + y², relative to `centre`.
+        centre: (2,) m.
+    """
+
+    first: IntArray
+    count: IntArray
+    draw_edges: FloatArray
+    lanes: tuple[tuple[int, ...], ...]
+    on_road: BoolArray
+    table: FloatArray
+    samples: int
+    speed_limit: FloatArray
+    coarse: FloatArray
+    centre: FloatArray
+
+    def choose(self, path: PathChoice, vehicle: IntArray, draw: FloatArray) -> IntArray:
+        """Path rows for vehicles.
+
+        Args:
+            path: index from left to right, clamped to the vehicle's last path (-1 is the rightmost);
+                ``random`` picks by `draw`; anything else means that there is but one path.
+            vehicle: (n,) index into the seed scene.
+            draw: (n,) in [0, 1).
+        """
+        first: IntArray = self.first[vehicle]
+        count: IntArray = self.count[vehicle]
+        if path == "random":
+            passed = np.zeros(len(vehicle), dtype=np.int64)
+            for k in range(int(self.count.max()) - 1):
+                row = first + np.minimum(k, count - 1)
+                passed += (k < count - 1) & (draw >= self.draw_edges[row])
+            return np.asarray(first + passed)
+        if isinstance(path, int):
+            index = path if path >= 0 else count + path
+            return np.asarray(first + np.clip(index, 0, count - 1))
+        return first
+
+    @cached_property
+    def curve_curvature(self) -> FloatArray:
+        """(P, N) |curvature| averaged over 3 m, 1/m: what a driver slows down for."""
+        k = np.abs(self.table.reshape(len(self.lanes), self.samples, -1)[:, :, 5])
+        reach = int(1.5 / DS_M)
+        padded = np.pad(k, ((0, 0), (reach, reach)), mode="edge")
+        width = 2 * reach + 1
+        total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
+        mean: FloatArray = (total[:, width:] - total[:, :-width]) / width
+        return mean
+
+
+@lru_cache(maxsize=16)
+def seed_paths(
+    seed: SeedScene, road: Road, given: tuple[int, ...] | tuple[tuple[float, float], ...] | None = None
+) -> SeedPaths:
+    """Candidate paths of a seed scene, smoothed and tabulated; remembered for the last seeds.
+
+    Args:
+        seed: the seed scene.
+        road: the map.
+        given: lane ids or points of the one path that all vehicles shall take, instead of their own.
+    """
+    now = seed.now
+    ahead = max(120.0, AHEAD_S * float(now.speed.max(initial=0.0)) + 40.0)
+    lines: list[FloatArray] = []
+    owners: list[IntArray | None] = []
+    lanes: list[tuple[int, ...]] = []
+    count: list[int] = []
+    edges: list[FloatArray] = []
+    on_road: list[bool] = []
+    candidates = candidate_paths(road, seed) if given is None else None
+    for v in range(seed.vehicles):
+        pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
+        if candidates is None:
+            assert given is not None
+            mine = [_given(road, given, pose, ahead)]
+            shares = np.ones(1)
+        else:
+            mine = [
+                (*centreline(road, path.lanes, path.s, BEHIND_M, ahead), path.lanes) for path in candidates[v]
+            ]
+            shares = np.array([path.probability for path in candidates[v]])
+        on_road.append(bool(mine))
+        if not mine:
+            mine, shares = [(_straight(pose, ahead), None, ())], np.ones(1)
+        count.append(len(mine))
+        edges.append(np.cumsum(shares) / shares.sum())
+        for points, owner, ids in mine:
+            lines.append(points)
+            owners.append(owner)
+            lanes.append(ids)
+    counts = np.array(count, dtype=np.int64)
+    own_speed = np.repeat(now.speed, counts)
+    return _tabulate(road, lines, owners, own_speed, ahead, counts, edges, lanes, np.array(on_road))
+
+
+def _straight(pose: tuple[float, float, float], ahead: float) -> FloatArray:
+    x, y, heading = pose
+    s = np.array([-BEHIND_M, ahead])
+    return np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)])
+
+
+def _given(
+    road: Road,
+    given: tuple[int, ...] | tuple[tuple[float, float], ...],
+    pose: tuple[float, float, float],
+    ahead: float,
+) -> tuple[FloatArray, IntArray | None, tuple[int, ...]]:
+    """The line of a path that the caller gave, cut at the vehicle."""
+    if isinstance(given[0], tuple):
+        points = np.array(given, dtype=np.float64)
+        owner: IntArray | None = None
+        ids: tuple[int, ...] = ()
+    else:
+        ids = tuple(i for i in given if isinstance(i, int))
+        unknown = [i for i in ids if i not in road.vehicle_lanes]
+        if unknown:
+            raise UsageError(f"path: lane {unknown[0]} is no vehicle lane of {road.name}; check the lane ids")
+        points, owner = centreline(road, ids, 0.0, BEHIND_M, ahead + 400.0)
+    s = nearest(points, pose[0], pose[1])
+    arc = arc_lengths(points)
+    inside = (arc > s - BEHIND_M) & (arc < s + ahead)
+    ends = resample(points, 2, BEHIND_M + ahead, s - BEHIND_M)
+    cut = np.vstack([ends[:1], points[inside], ends[1:]])
+    if owner is not None:
+        owner = np.concatenate([owner[inside][:1], owner[inside], owner[inside][-1:]])
+    return cut, owner, ids
+
+
+def _tabulate(
+    road: Road,
+    lines: list[FloatArray],
+    owners: list[IntArray | None],
+    own_speed: FloatArray,
+    ahead: float,
+    count: IntArray,
+    edges: list[FloatArray],
+    lanes: list[tuple[int, ...]],
+    on_road: BoolArray,
+) -> SeedPaths:
+    n = int((BEHIND_M + ahead) / DS_M) + 1
+    raw = np.stack([resample(line, n, DS_M) for line in lines])
+    width, limit = np.full(raw.shape[:2], 3.5), np.repeat(own_speed[:, None], n, axis=1)
+    for k, owner in enumerate(owners):
+        if owner is not None:
+            ids, inverse = np.unique(owner, return_inverse=True)
+            arc = arc_lengths(lines[k])
+            at = np.clip(np.searchsorted(arc, DS_M * np.arange(n), side="right") - 1, 0, len(owner) - 1)
+            width[k] = np.array([road.lanes[int(i)].width_m for i in ids])[inverse][at]
+            limit[k] = np.array([road.lanes[int(i)].speed_limit_mps for i in ids])[inverse][at]
+    smooth = drivable(raw, np.maximum(width, 1.0) / 2, DS_M)
+    even = np.stack([resample(line, n, DS_M) for line in smooth])
+    heading = _sample_headings(even)
+    curvature = np.gradient(heading, DS_M, axis=1)
+    columns = np.stack([even[..., 0], even[..., 1], np.cos(heading), np.sin(heading), heading, curvature], -1)
+    slope = np.diff(columns, axis=1, append=columns[:, -1:])
+    # The last step goes on straight: positions past the end are extrapolated from it.
+    slope[:, -1, :2] = DS_M * columns[:, -1, 2:4]
+    centre = even.reshape(-1, 2).mean(axis=0)
+    some = even[:, ::COARSE] - centre
+    return SeedPaths(
+        first=np.cumsum(count) - count,
+        count=count,
+        draw_edges=np.concatenate(edges),
+        lanes=tuple(lanes),
+        on_road=on_road,
+        table=np.concatenate([columns, slope], -1).reshape(-1, 2 * len(COLUMNS)),
+        samples=n,
+        speed_limit=limit,
+        coarse=np.stack([-2 * some[..., 0], -2 * some[..., 1], (some**2).sum(-1)], 1),
+        centre=centre,
+    )
+
+
+def _sample_headings(points: FloatArray) -> FloatArray:
+    """(P, N) headings along paths, without jumps of 2 pi."""
+    step = np.gradient(points, axis=1)
+    heading: FloatArray = np.unwrap(np.arctan2(step[..., 1], step[..., 0]), axis=1)
+    return heading
+
+
+def planned_lanes(
+    seed: SeedScene, road: Road, path: PathChoice, vehicle: IntArray, draw: FloatArray
+) -> list[tuple[int, ...]]:
+    """(n) lane ids of the path that each vehicle takes; empty for one off the mapped lanes.
+
+    Args:
+        seed: the seed scene.
+        road: the map.
+        path: the choice, as in `SeedPaths.choose`.
+        vehicle: (n,) index into the seed scene.
+        draw: (n,) in [0, 1).
+    """
+    paths = seed_paths(seed, road, given_path(path))
+    return [paths.lanes[row] for row in paths.choose(path, vehicle, draw).tolist()]
+
+
+def given_path(path: PathChoice) -> tuple[int, ...] | tuple[tuple[float, float], ...] | None:
+    """The path itself where the caller gave one, else None."""
+    return None if isinstance(path, int | str) else path

@@ -1,0 +1,47 @@
+"""The one table of every model's defaults.
+
+``standard_driver`` and ``risky_driver`` are the two profiles of the scene extrapolation paper (Zipfl,
+Schütt, Zöllner 2024); it does not state a_max, ours is 1.5 m/s² for the standard and 3.0 m/s² for the risky
+driver. ``calibrated_driver`` follows its own lane only and slows down for curves, as people do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from scex_sumo.behaviors.constant_velocity import ConstantVelocityProfile
+from scex_sumo.behaviors.emergency_brake import EmergencyBrakeProfile
+from scex_sumo.behaviors.idm import IdmProfile
+from scex_sumo.behaviors.replay import ReplayProfile
+
+DEFAULTS: Mapping[str, Any] = MappingProxyType(
+    {
+        "standard_driver": IdmProfile(
+            comfort_deceleration=2.0,
+            time_headway=1.5,
+            minimum_gap=2.0,
+            max_acceleration=1.5,
+            clearance=5.0,
+        ),
+        "risky_driver": IdmProfile(
+            comfort_deceleration=4.0,
+            time_headway=0.5,
+            minimum_gap=1.0,
+            max_acceleration=3.0,
+            clearance=5.0,
+        ),
+        "calibrated_driver": IdmProfile(
+            comfort_deceleration=2.0,
+            time_headway=1.2,
+            minimum_gap=2.0,
+            max_acceleration=1.5,
+            clearance=1.5,
+            curve_acceleration=2.5,
+        ),
+        "constant_velocity": ConstantVelocityProfile(),
+        "emergency_brake": EmergencyBrakeProfile(deceleration=5.0),
+        "replay": ReplayProfile(),
+    }
+)

@@ -1,0 +1,66 @@
+"""Projecting points onto paths, many at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scex_sumo.behaviors.paths import COARSE, DS_M, SeedPaths
+from scex_sumo.scene import FloatArray, IntArray
+
+
+def sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
+    """Path properties at arc lengths.
+
+    Args:
+        paths: the paths.
+        row: (n,) path rows.
+        s: (n,) m from the start of the table.
+
+    Returns:
+        (6, n) the `COLUMNS`, linear between samples; straight on past both ends.
+    """
+    position = s * (1 / DS_M)
+    index = np.clip(position, 0, paths.samples - 1).astype(np.int64)
+    values = paths.table[row * paths.samples + index]
+    inner: FloatArray = (values[:, :6] + values[:, 6:] * (position - index)[:, None]).T
+    return inner
+
+
+def refine(
+    paths: SeedPaths, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, steps: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Move a first guess to the foot point.
+
+    Returns:
+        (n,) arc length, (n,) signed distance (left positive), (n,) heading of the path there, unwrapped.
+    """
+    for _ in range(steps):
+        px, py, cos, sin, heading, curvature = sample(paths, row, s)
+        dx, dy = x - px, y - py
+        ahead = cos * dx + sin * dy
+        offset = cos * dy - sin * dx
+        # Newton on the distance; the bound keeps it on this branch where the path bends around the point.
+        step = ahead / np.maximum(1 - curvature * offset, 0.3)
+        s = s + np.clip(step, -COARSE * DS_M, COARSE * DS_M)
+    px, py, cos, sin, heading, _ = sample(paths, row, s)
+    return s, cos * (y - py) - sin * (x - px), heading
+
+
+def project(
+    paths: SeedPaths, row: IntArray, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Foot points of points on their paths.
+
+    Args:
+        paths: the paths.
+        row: (n,) path rows.
+        x: (n,) m.
+        y: (n,) m.
+
+    Returns:
+        As `refine`.
+    """
+    coarse = paths.coarse[row]
+    dx, dy = (x - paths.centre[0])[:, None], (y - paths.centre[1])[:, None]
+    nearest = np.argmin(coarse[:, 0] * dx + coarse[:, 1] * dy + coarse[:, 2], axis=1)
+    return refine(paths, row, nearest * (COARSE * DS_M), x, y, 4)

@@ -1,0 +1,294 @@
+"""Behaviour models by name: parsing what the user asks for, building it, registering further ones."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import inspect
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.constant_velocity import ConstantVelocity
+from scex_sumo.behaviors.emergency_brake import EmergencyBrake
+from scex_sumo.behaviors.idm import IdmDriver
+from scex_sumo.behaviors.profiles import DEFAULTS
+from scex_sumo.behaviors.replay import Replay
+from scex_sumo.behaviors.single import SingleVehicle, SingleVehicleBehavior
+from scex_sumo.behaviors.sumo_driver import SumoDriver
+from scex_sumo.errors import MissingExtraError, UsageError
+from scex_sumo.vehicle_types import SUMO_MODELS, check_driver
+
+DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
+ENTRY_POINTS = "scex_sumo.behaviors"
+SUMO = "sumo"
+
+# Names that are taken, with their parameters, for models that this version does not contain.
+_ANNOUNCED: Mapping[str, tuple[str, ...]] = {"graph_predictor": (), "graph_image_predictor": ("attention",)}
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelSpec:
+    """A behaviour model as asked for.
+
+    Attributes:
+        name: e.g. ``standard_driver`` or ``sumo:EIDM``.
+        parameters: values that differ from the defaults; text where they come from the command line.
+        weight: how often it is drawn, relative to the others.
+    """
+
+    name: str
+    parameters: dict[str, Any] = field(default_factory=dict)
+    weight: float = 1.0
+
+    def __str__(self) -> str:
+        """Name and parameters as on the command line, without the weight."""
+        return ":".join([self.name, *(f"{key}={value}" for key, value in self.parameters.items())])
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelInfo:
+    """What ``scex-sumo models`` prints about a model: parameters are ``name=default``."""
+
+    name: str
+    parameters: tuple[str, ...]
+    summary: str
+
+
+_MODELS: Mapping[str, tuple[Callable[[Any], Behavior], str]] = {
+    "standard_driver": (IdmDriver, "Intelligent Driver Model, the paper's standard profile"),
+    "risky_driver": (IdmDriver, "Intelligent Driver Model, the paper's risky profile: close and fast"),
+    "calibrated_driver": (
+        IdmDriver,
+        "Intelligent Driver Model as people drive, slow in curves, own lane only",
+    ),
+    "constant_velocity": (ConstantVelocity, "keeps its speed along its path, whatever is in the way"),
+    "emergency_brake": (EmergencyBrake, "brakes to a standstill along its path"),
+    "replay": (Replay, "repeats the recorded future, then constant velocity along its path"),
+}
+_registered: dict[str, Callable[..., Any]] = {}
+
+
+def behavior(name: str) -> Callable[[T], T]:
+    """Register a behaviour model under a name: ``@behavior("my_driver")`` on a class.
+
+    The class has ``plan`` (see `Behavior`) or ``plan_one`` (see `SingleVehicleBehavior`); keyword arguments
+    of its constructor are the model's parameters.
+
+    Raises:
+        UsageError: the name is taken or cannot be written on a command line.
+    """
+
+    def register(constructor: T) -> T:
+        if name in _MODELS or name in _ANNOUNCED or name == SUMO:
+            raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
+        if not name or any(c in name for c in ",:@= \t\n"):
+            raise UsageError(f"behavior {name!r}: a name has none of , : @ = and no spaces")
+        if not callable(constructor):
+            raise UsageError(f"behavior {name!r}: register a class or a function that makes a model")
+        _registered[name] = constructor
+        return constructor
+
+    return register
+
+
+def known_names() -> list[str]:
+    """Names that `build` can build, ``sumo:<model>`` among them."""
+    further = sorted({*_registered, *_entry_points()})
+    return [*_MODELS, *(f"{SUMO}:{model}" for model in SUMO_MODELS), *further]
+
+
+def known_models() -> list[ModelInfo]:
+    """All models with parameters, defaults and a sentence each."""
+    infos = [
+        ModelInfo(name=name, parameters=_shown(dataclasses.asdict(DEFAULTS[name])), summary=summary)
+        for name, (_, summary) in _MODELS.items()
+    ]
+    for model in SUMO_MODELS:
+        summary = f"SUMO's own {model}; parameters are SUMO's vehicle type attributes, e.g. tau"
+        infos.append(ModelInfo(name=f"{SUMO}:{model}", parameters=("path=random",), summary=summary))
+    for name in sorted({*_registered, *_entry_points()}):
+        constructor = _user_model(name)
+        words = (inspect.getdoc(constructor) or "").strip().splitlines()
+        parameters = {k: p.default for k, p in _keywords(constructor).items()}
+        infos.append(
+            ModelInfo(name=name, parameters=_shown(parameters), summary=words[0] if words else "registered")
+        )
+    return infos
+
+
+def parse_models(text: str) -> list[ModelSpec]:
+    """Read ``name[:parameter=value]...[@weight]``, several separated by commas.
+
+    Raises:
+        UsageError: unknown model or parameter, a weight or value that makes no sense, a model twice.
+    """
+    specs = [_parse_one(part.strip()) for part in text.split(",") if part.strip()]
+    if not specs:
+        raise UsageError(f"no model in {text!r}; known: {', '.join(known_names())}")
+    labels = [str(spec) for spec in specs]
+    twice = next((label for i, label in enumerate(labels) if label in labels[:i]), None)
+    if twice is not None:
+        raise UsageError(f"model {twice} is given twice; give it once with a weight, e.g. {twice}@2")
+    if not any(spec.weight > 0 for spec in specs):
+        raise UsageError(f"all weights in {text!r} are 0; give at least one model a positive weight")
+    return specs
+
+
+def _parse_one(text: str) -> ModelSpec:
+    body, at, weight = text.rpartition("@") if "@" in text else (text, "", "1")
+    name, *rest = body.split(":")
+    if name == SUMO:
+        if not rest or "=" in rest[0]:
+            raise UsageError(f"{text}: name the SUMO model, one of {', '.join(SUMO_MODELS)}, as in sumo:EIDM")
+        name = f"{SUMO}:{rest.pop(0)}"
+    parameters = {}
+    for item in rest:
+        key, equals, value = item.partition("=")
+        if not equals or not key or not value:
+            raise UsageError(f"{text}: {item!r} is not parameter=value")
+        if key in parameters:
+            raise UsageError(f"{text}: parameter {key} is given twice")
+        parameters[key] = value
+    spec = ModelSpec(name=name, parameters=parameters, weight=_weight(text, weight) if at else 1.0)
+    _check(spec)
+    return spec
+
+
+def _weight(text: str, weight: str) -> float:
+    try:
+        value = float(weight)
+    except ValueError:
+        raise UsageError(f"{text}: weight {weight!r} is not a number; write e.g. @2 or @0.5") from None
+    if not math.isfinite(value) or value < 0:
+        raise UsageError(f"{text}: weight {weight} must be a finite number of at least 0")
+    return value
+
+
+def _check(spec: ModelSpec) -> None:
+    """Raise a `UsageError` for an unknown name, parameter or value."""
+    if spec.name in _ANNOUNCED:
+        _known_parameter(spec, _ANNOUNCED[spec.name])
+    elif spec.name.startswith(f"{SUMO}:"):
+        given = {k: str(v) for k, v in spec.parameters.items() if k != "path"}
+        check_driver(spec.name.partition(":")[2], given)
+    elif spec.name in _MODELS:
+        _profile(spec)
+    elif spec.name in _registered or spec.name in _entry_points():
+        _user_arguments(spec, _user_model(spec.name))
+    else:
+        raise UsageError(f"unknown behavior {spec.name!r}; known: {', '.join(known_names())}")
+
+
+def build(spec: ModelSpec) -> Behavior:
+    """Make the model that a spec asks for.
+
+    Raises:
+        UsageError: see `parse_models`.
+        MissingExtraError: a learned driver, which this version does not contain.
+    """
+    _check(spec)
+    if spec.name in _ANNOUNCED:
+        raise MissingExtraError(
+            f"{spec.name}: needs the learned drivers, not part of this version; "
+            f"known: {', '.join(known_names())}"
+        )
+    if spec.name.startswith(f"{SUMO}:"):
+        given = {k: str(v) for k, v in spec.parameters.items() if k != "path"}
+        path = _converted(spec, "path", "random", spec.parameters.get("path", "random"))
+        return SumoDriver(spec.name.partition(":")[2], given, path=path)
+    if spec.name in _MODELS:
+        return _MODELS[spec.name][0](_profile(spec))
+    constructor = _user_model(spec.name)
+    model = constructor(**_user_arguments(spec, constructor))
+    if isinstance(model, Behavior):
+        return model
+    if isinstance(model, SingleVehicleBehavior):
+        return SingleVehicle(model)
+    raise UsageError(f"{spec.name}: {type(model).__name__} has neither plan nor plan_one; see Behavior")
+
+
+def _profile(spec: ModelSpec) -> Any:
+    """Parameters of a built-in model: its defaults with the given values."""
+    defaults = DEFAULTS[spec.name]
+    known = {f.name: getattr(defaults, f.name) for f in dataclasses.fields(defaults)}
+    _known_parameter(spec, tuple(known))
+    values = {key: _converted(spec, key, known[key], value) for key, value in spec.parameters.items()}
+    try:
+        return dataclasses.replace(defaults, **values)
+    except UsageError as error:
+        raise UsageError(f"{spec.name}: {error}") from None
+
+
+def _known_parameter(spec: ModelSpec, known: tuple[str, ...]) -> None:
+    for key in spec.parameters:
+        if key not in known:
+            choices = ", ".join(known) if known else "it has none"
+            raise UsageError(f"{spec.name}: unknown parameter {key!r}; known: {choices}")
+
+
+def _converted(spec: ModelSpec, key: str, default: Any, value: Any) -> Any:
+    """A value from the command line as the type of its default; other values stay as they are."""
+    if not isinstance(value, str):
+        return value
+    if key == "path":
+        return value if value == "random" else _number(spec, key, value, int, "an index or random")
+    if isinstance(default, bool):
+        if value.lower() not in ("true", "false", "0", "1"):
+            raise UsageError(f"{spec.name}: {key}={value} is neither true nor false")
+        return value.lower() in ("true", "1")
+    if isinstance(default, int):
+        return _number(spec, key, value, int, "a whole number")
+    if isinstance(default, float):
+        return _number(spec, key, value, float, "a number")
+    return value
+
+
+def _number(spec: ModelSpec, key: str, value: str, kind: Callable[[str], Any], wanted: str) -> Any:
+    try:
+        return kind(value)
+    except ValueError:
+        raise UsageError(f"{spec.name}: {key}={value} is not {wanted}") from None
+
+
+def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:
+    return {point.name: point for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
+
+
+def _user_model(name: str) -> Callable[..., Any]:
+    if name in _registered:
+        return _registered[name]
+    point = _entry_points()[name]
+    try:
+        loaded: Callable[..., Any] = point.load()
+    except Exception as error:  # anything can go wrong in another package's import
+        raise UsageError(f"{name}: entry point {point.value} cannot be loaded: {error}") from error
+    return loaded
+
+
+def _keywords(constructor: Callable[..., Any]) -> dict[str, inspect.Parameter]:
+    """Parameters of a constructor that can be given by name."""
+    try:
+        found = inspect.signature(constructor).parameters
+    except (TypeError, ValueError):
+        return {}
+    by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    return {key: p for key, p in found.items() if p.kind in by_name}
+
+
+def _user_arguments(spec: ModelSpec, constructor: Callable[..., Any]) -> dict[str, Any]:
+    known = _keywords(constructor)
+    _known_parameter(spec, tuple(known))
+    missing = [k for k, p in known.items() if p.default is p.empty and k not in spec.parameters]
+    if missing:
+        raise UsageError(f"{spec.name}: parameter {missing[0]} has no default; give it as {missing[0]}=value")
+    return {key: _converted(spec, key, known[key].default, value) for key, value in spec.parameters.items()}
+
+
+def _shown(parameters: Mapping[str, Any]) -> tuple[str, ...]:
+    empty = inspect.Parameter.empty
+    return tuple(key if value is empty else f"{key}={value}" for key, value in parameters.items())

@@ -1,0 +1,255 @@
+"""Where vehicles can go: routes over lanes, and the centrelines under them.
+
+Nothing here depends on a behaviour model: a route is a sequence of lane ids, a candidate path a route with
+the centreline under it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from scex_sumo.lines import along, blend_over, headings, join, length_of, wrap
+from scex_sumo.matching import Matches, match, off_road
+from scex_sumo.road import Lane, Road
+from scex_sumo.scene import FloatArray, IntArray, SeedScene
+
+__all__ = [
+    "CandidatePath",
+    "Matches",
+    "candidate_paths",
+    "centreline",
+    "extended",
+    "match",
+    "off_road",
+    "onward",
+    "routes",
+]
+
+CHANGE_LENGTH_M = 40.0  # lane change at the end of a lane
+MAX_ROUTES = 32
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CandidatePath:
+    """One way a vehicle can go.
+
+    Attributes:
+        lanes: lane ids; the vehicle is on the first. Two that follow each other are successors, or
+            neighbours where a lane ends and a lane change is the only way on.
+        s: arc length of the vehicle's foot point on the first lane, m.
+        probability: of this path among the vehicle's: match probability, shared equally at every fork.
+        angle: direction from the vehicle to the end of the path in the vehicle's frame, rad, left positive.
+    """
+
+    lanes: tuple[int, ...]
+    s: float
+    probability: float
+    angle: float
+
+
+def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[int, ...], ...]:
+    """All lane sequences from a place on the road over a distance.
+
+    Follows successors; where a lane has none but a lane change is allowed, it goes on on the neighbour
+    (left first). No lane comes twice. Ends at the horizon or at the end of the mapped road.
+
+    Args:
+        road: the map.
+        lane_id: lane to start on.
+        s: arc length on that lane, m.
+        horizon_m: distance to cover, m.
+
+    Returns:
+        At most `MAX_ROUTES` routes in the order of a depth-first search over ascending lane ids.
+    """
+    lanes = road.vehicle_lanes
+    found: list[tuple[int, ...]] = []
+    stack: list[tuple[tuple[int, ...], float]] = [((lane_id,), _length(lanes[lane_id]) - s)]
+    while stack and len(found) < MAX_ROUTES:
+        route, covered = stack.pop()
+        following, gain = onward(lanes, route)
+        if covered >= horizon_m or not following:
+            found.append(route)
+            continue
+        for lane in reversed(following):
+            stack.append(((*route, lane), covered + (_length(lanes[lane]) if gain else 0.0)))
+    return tuple(found)
+
+
+def onward(lanes: dict[int, Lane], route: tuple[int, ...]) -> tuple[list[int], bool]:
+    """Lanes that can follow a route, and whether they lie ahead (False: beside, by a lane change)."""
+    last = lanes[route[-1]]
+    ahead = sorted(i for i in last.successors if i in lanes and i not in route)
+    if ahead or last.successors:
+        return ahead, True
+    beside = [i for i in (last.left, last.right) if i is not None and i in lanes and i not in route]
+    # A neighbour that ends as well leads nowhere; one change after the other is not tried.
+    return [i for i in beside if lanes[i].successors][:1], False
+
+
+def _length(lane: Lane) -> float:
+    return length_of(lane.centreline)
+
+
+def candidate_paths(
+    road: Road, seed: SeedScene, *, horizon_m: float = 80.0, horizon_s: float = 6.0
+) -> tuple[tuple[CandidatePath, ...], ...]:
+    """Paths that each vehicle of a seed scene can take, from its pose at that moment.
+
+    The horizon is `horizon_m` or `horizon_s` at the vehicle's speed, whichever is longer. Paths are
+    ordered from left to right: by falling angle from the vehicle to the path's end, then by lane ids.
+
+    Args:
+        road: the map.
+        seed: the seed scene.
+        horizon_m: least length of a path, m.
+        horizon_s: least duration of a path at constant speed, s.
+
+    Returns:
+        (V,) paths of each vehicle; none for a vehicle off the mapped lanes.
+    """
+    now = seed.now
+    found = match(road, now.x, now.y, now.heading)
+    result: list[tuple[CandidatePath, ...]] = []
+    for v in range(seed.vehicles):
+        mine = np.flatnonzero(found.vehicle == v)
+        pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
+        horizon = max(horizon_m, horizon_s * float(now.speed[v]))
+        starts = _starts(road, found, mine)
+        total = sum(p for _, _, p in starts)
+        paths = [
+            path for lane, s, p in starts for path in _paths_from(road, lane, s, p / total, horizon, pose)
+        ]
+        result.append(tuple(sorted(paths, key=lambda path: (-round(path.angle, 9), path.lanes))))
+    return tuple(result)
+
+
+def _starts(road: Road, found: Matches, mine: IntArray) -> list[tuple[int, float, float]]:
+    """(lane, s, probability) of the lanes a vehicle's routes start on, best first.
+
+    The best match, and others at least 0.3 times as probable, unless they are ahead of or behind a lane
+    taken already: their routes are the same ones cut differently.
+    """
+    kept: list[tuple[int, float, float]] = []
+    for i in mine:
+        lane, p = int(found.lane_id[i]), float(found.probability[i])
+        if kept and p < 0.3 * kept[0][2]:
+            break
+        linked = {*road.lanes[lane].successors, *road.lanes[lane].predecessors}
+        if not any(other in linked for other, _, _ in kept):
+            kept.append((lane, float(found.s[i]), p))
+    return kept
+
+
+def _paths_from(
+    road: Road, lane: int, s: float, probability: float, horizon: float, pose: tuple[float, float, float]
+) -> list[CandidatePath]:
+    ways = routes(road, lane, s, horizon)
+    x, y, heading = pose
+    paths = []
+    for way in ways:
+        share = probability
+        for i in range(1, len(way)):  # alternatives at each fork, counted among the routes found
+            share /= len({other[i] for other in ways if other[:i] == way[:i] and len(other) > i})
+        points, _ = centreline(road, way, s, 0.0, horizon)
+        dx, dy = points[-1] - (x, y)
+        angle = float(wrap(np.arctan2(dy, dx) - heading))
+        paths.append(CandidatePath(lanes=way, s=s, probability=share, angle=angle))
+    return paths
+
+
+def extended(road: Road, lanes: tuple[int, ...], length_m: float) -> tuple[int, ...]:
+    """A route continued, by the smallest turn at every fork, to a length or to the end of the road."""
+    known = road.vehicle_lanes
+    covered = sum(_length(known[i]) for i in lanes)
+    while covered < length_m:
+        following, gain = onward(known, lanes)
+        if not following:
+            break
+        turns = [(abs(_turn(known[lanes[-1]], known[i])) if gain else 0.0, i) for i in following]
+        chosen = min(turns)[1]
+        lanes = (*lanes, chosen)
+        covered += _length(known[chosen]) if gain else 0.0
+    return lanes
+
+
+def _turn(lane: Lane, other: Lane) -> float:
+    """Change of direction from the end of a lane to 10 m down the other, rad."""
+    there = along(other.centreline, np.array([0.0, min(10.0, length_of(other.centreline))]))
+    towards = np.arctan2(*(there[1] - there[0])[::-1])
+    return float(wrap(towards - headings(lane.centreline)[-1]))
+
+
+def centreline(
+    road: Road, lanes: tuple[int, ...], s: float, behind_m: float, ahead_m: float
+) -> tuple[FloatArray, IntArray]:
+    """Centreline of a route around a place on its first lane, straight on at both ends of the road.
+
+    Before the first lane it follows the predecessors with the smallest turn.
+
+    Args:
+        road: the map.
+        lanes: the route.
+        s: the place, arc length on the first lane, m.
+        behind_m: length before the place, m.
+        ahead_m: length after the place, m.
+
+    Returns:
+        (P, 2) points, exactly `behind_m` before the place to `ahead_m` after it along the line, and (P,)
+        the lane id under each.
+    """
+    known = road.vehicle_lanes
+    before: list[int] = []
+    missing = behind_m - s
+    while missing > 0:
+        at = known[before[0] if before else lanes[0]]
+        options = [i for i in at.predecessors if i in known and i not in before and i not in lanes]
+        if not options:
+            break
+        before.insert(0, min((abs(_turn(known[i], at)), i) for i in options)[1])
+        missing -= _length(known[before[0]])
+    sequence = (*before, *extended(road, lanes, s + ahead_m))
+    pieces, owners = _pieces(known, sequence)
+    points, owner = join(pieces, owners)
+    start = sum(_length(known[i]) for i in before) + s - behind_m
+    return _cut(points, owner, start, behind_m + ahead_m)
+
+
+def _pieces(known: dict[int, Lane], sequence: tuple[int, ...]) -> tuple[list[FloatArray], list[int]]:
+    """Centrelines of a sequence of lanes; a change to a neighbour is blended over the end of the lane."""
+    pieces: list[FloatArray] = []
+    rest = known[sequence[0]].centreline
+    for a, b in pairwise(sequence):
+        if b in known[a].successors:
+            pieces.append(rest)
+            rest = known[b].centreline
+        else:
+            piece, rest = blend_over(rest, known[b].centreline, CHANGE_LENGTH_M)
+            pieces.append(piece)
+    return [*pieces, rest], list(sequence)
+
+
+def _cut(points: FloatArray, owner: IntArray, start: float, length: float) -> tuple[FloatArray, IntArray]:
+    """The part of a line from an arc length on, continued straight where the line is too short."""
+    total = length_of(points)
+    heads = headings(points)
+    if start < 0:
+        back = points[0] + start * np.array([np.cos(heads[0]), np.sin(heads[0])])
+        points, owner = np.vstack([back, points]), np.concatenate([owner[:1], owner])
+        total, start = total - start, 0.0
+    if start + length > total:
+        step = start + length - total
+        front = points[-1] + step * np.array([np.cos(heads[-1]), np.sin(heads[-1])])
+        points, owner = np.vstack([points, front]), np.concatenate([owner, owner[-1:]])
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    inside = (arc > start) & (arc < start + length)
+    ends = np.array([start, start + length])
+    edge = along(points, ends)
+    at = np.clip(np.searchsorted(arc, ends, side="right") - 1, 0, len(points) - 1)
+    return (
+        np.vstack([edge[:1], points[inside], edge[1:]]),
+        np.concatenate([owner[at[:1]], owner[inside], owner[at[1:]]]),
+    )

@@ -1,0 +1,168 @@
+"""Small roads drawn by hand, and seed scenes on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from scex_sumo.behaviors.base import Behavior
+from scex_sumo.road import Lane, Road
+from scex_sumo.scene import Obstacles, Plan, SceneHistory, SeedScene, States, Who
+
+
+def lane(
+    lane_id: int,
+    points: Sequence[tuple[float, float]] | np.ndarray,
+    *,
+    successors: tuple[int, ...] = (),
+    predecessors: tuple[int, ...] = (),
+    width: float = 3.5,
+    limit: float = 15.0,
+    kind: str = "vehicle",
+    left: int | None = None,
+    right: int | None = None,
+) -> Lane:
+    centreline = np.array(points, dtype=float)
+    return Lane(
+        lane_id=lane_id,
+        centreline=centreline,
+        left_bound=centreline,
+        right_bound=centreline,
+        width_m=width,
+        speed_limit_mps=limit,
+        kind=kind,
+        successors=successors,
+        predecessors=predecessors,
+        left=left,
+        right=right,
+    )
+
+
+def road(*lanes: Lane) -> Road:
+    return Road(name="drawn", lanes={one.lane_id: one for one in lanes})
+
+
+def straight(length: float = 600.0, limit: float = 15.0) -> Road:
+    """One lane along +x from x = 0."""
+    return road(lane(1, [(0.0, 0.0), (length, 0.0)], limit=limit))
+
+
+def arc(
+    radius: float,
+    angle: float,
+    start: tuple[float, float] = (0.0, 0.0),
+    heading: float = 0.0,
+    step: float = 1.0,
+) -> np.ndarray:
+    """Points of an arc that starts along a heading; a positive angle turns left."""
+    n = max(2, int(radius * abs(angle) / step) + 1)
+    side = np.sign(angle)
+    turn = np.linspace(0.0, abs(angle), n)
+    ahead, left = radius * np.sin(turn), side * radius * (1 - np.cos(turn))
+    cos, sin = np.cos(heading), np.sin(heading)
+    return np.column_stack([start[0] + cos * ahead - sin * left, start[1] + sin * ahead + cos * left])
+
+
+def fork() -> Road:
+    """Lane 1 along +x to x = 50, then left (11, up), straight on (12), right (13, down); all end 60 m later."""
+    up, down = arc(15.0, np.pi / 2, (50.0, 0.0)), arc(15.0, -np.pi / 2, (50.0, 0.0))
+    return road(
+        lane(1, [(0.0, 0.0), (50.0, 0.0)], successors=(11, 12, 13)),
+        lane(11, [*map(tuple, up), (65.0, 60.0)], predecessors=(1,)),
+        lane(12, [(50.0, 0.0), (110.0, 0.0)], predecessors=(1,)),
+        lane(13, [*map(tuple, down), (65.0, -60.0)], predecessors=(1,)),
+    )
+
+
+Vehicle = tuple[float, float, float, float]  # x, y, heading, speed
+
+
+def seed(
+    *vehicles: Vehicle, length: float = 4.5, width: float = 1.8, obstacles: Obstacles | None = None
+) -> SeedScene:
+    """A seed scene of vehicles that have driven straight at constant speed for a second."""
+    x, y, heading, speed = (np.array(column, dtype=float) for column in zip(*vehicles, strict=True))
+    back = 0.1 * np.arange(10, -1, -1)
+    n = len(vehicles)
+    history = States(
+        x=x[:, None] - np.cos(heading)[:, None] * speed[:, None] * back,
+        y=y[:, None] - np.sin(heading)[:, None] * speed[:, None] * back,
+        heading=np.repeat(heading[:, None], 11, axis=1),
+        speed=np.repeat(speed[:, None], 11, axis=1),
+    )
+    return SeedScene(
+        name="drawn",
+        location="drawn",
+        time_s=0.0,
+        track_ids=np.arange(1, n + 1),
+        types=("car",) * n,
+        length=np.full(n, length),
+        width=np.full(n, width),
+        history=history,
+        recorded_steps=np.full(n, 10),
+        obstacles=obstacles,
+    )
+
+
+def present(scene: SeedScene, children: int = 1, draw: np.ndarray | None = None) -> SceneHistory:
+    """The history of several children at the moment of the seed scene."""
+    obstacles = scene.obstacles
+    return SceneHistory(
+        seed=scene,
+        states=States.stack([scene.history] * children, axis=0),
+        children=np.arange(children),
+        step=0,
+        route_draw=np.zeros((children, scene.vehicles)) if draw is None else draw,
+        obstacle_states=None if obstacles is None else obstacles.states[:, 10],
+        obstacle_present=None if obstacles is None else obstacles.present[:, 10],
+    )
+
+
+def every(history: SceneHistory) -> Who:
+    c, v = np.indices(history.now.shape).reshape(2, -1)
+    return Who(child=c, vehicle=v)
+
+
+def generators(history: SceneHistory) -> list[np.random.Generator]:
+    return [np.random.default_rng(int(c)) for c in history.children]
+
+
+def plan(model: Behavior, where: Road, history: SceneHistory, who: Who | None = None) -> Plan:
+    return model.plan(history, where, every(history) if who is None else who, generators(history))
+
+
+def closed_loop(
+    model: Behavior, where: Road, scene: SeedScene, *, steps: int, replan: int, children: int = 1
+) -> States:
+    """Drive all vehicles of a scene by one model, exactly as planned: (C, V, steps)."""
+    history = present(scene, children)
+    driven = []
+    for step in range(steps):
+        if step % replan == 0:
+            now = SceneHistory(
+                seed=scene,
+                states=history.states,
+                children=history.children,
+                step=step,
+                route_draw=history.route_draw,
+            )
+            made = plan(model, where, now)
+        state = States(
+            **{
+                key: getattr(made, key)[:, step % replan].reshape(history.now.shape)
+                for key in ("x", "y", "heading", "speed")
+            }
+        )
+        driven.append(state)
+        history = SceneHistory(
+            seed=scene,
+            states=States.stack([*(history.states[:, :, i] for i in range(1, 11)), state], axis=2),
+            children=history.children,
+            step=step,
+            route_draw=history.route_draw,
+        )
+    return States.stack(driven, axis=2)
+
+
+Make = Callable[..., Behavior]
