@@ -1,0 +1,232 @@
+"""Where polylines cross, for many pairs of them at once.
+
+Each polyline carries a pyramid of bounding boxes (segments, blocks of segments, blocks of blocks, ...). Pairs
+are refined from the top; only the few segments whose boxes meet are intersected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.scene import BoolArray, FloatArray, IntArray
+
+BLOCK = 6
+# Sine of the angle below which two segments count as parallel: rounding of map coordinates (1e-10 m at 1000
+# km) over segments of about a metre must not make a lane's own line cross itself.
+PARALLEL = 1e-9
+TOUCH = 1e-9  # end points that touch within this share of a segment's length do cross
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Hits:
+    """Crossing points of segments: which of the tested, and where on either.
+
+    Attributes:
+        which: (X,) index into the tested pairs.
+        first: (X,) share of the first segment up to the crossing point, 0 to 1.
+        second: (X,) share of the second segment.
+    """
+
+    which: IntArray
+    first: FloatArray
+    second: FloatArray
+
+
+def intersect(
+    px: FloatArray,
+    py: FloatArray,
+    rx: FloatArray,
+    ry: FloatArray,
+    qx: FloatArray,
+    qy: FloatArray,
+    sx: FloatArray,
+    sy: FloatArray,
+) -> Hits:
+    """Crossing points of segments p + u r and q + w s; touching counts, parallel segments never cross.
+
+    Args:
+        px: (N,) start of the first segments, m; ``py`` likewise.
+        py: (N,).
+        rx: (N,) from start to end of the first segments, m; ``ry`` likewise.
+        ry: (N,).
+        qx: (N,) start of the second segments, m; ``qy`` likewise.
+        qy: (N,).
+        sx: (N,) from start to end of the second segments, m; ``sy`` likewise.
+        sy: (N,).
+    """
+    area = rx * sy - ry * sx
+    gx, gy = qx - px, qy - py
+    sign = np.sign(area)
+    u, w, size = (gx * sy - gy * sx) * sign, (gx * ry - gy * rx) * sign, np.abs(area)
+    slack = size * TOUCH
+    limit = size + slack
+    inside = (u >= -slack) & (u <= limit) & (w >= -slack) & (w <= limit) & (size > 0)
+    hit = np.flatnonzero(inside)
+    if hit.size == 0:
+        return Hits(which=hit, first=np.empty(0), second=np.empty(0))
+    size = size[hit]
+    lengths = np.hypot(rx[hit], ry[hit]) * np.hypot(sx[hit], sy[hit])
+    crossing = size > PARALLEL * lengths
+    hit, size = hit[crossing], size[crossing]
+    return Hits(which=hit, first=np.clip(u[hit] / size, 0, 1), second=np.clip(w[hit] / size, 0, 1))
+
+
+def boxes_meet(first: FloatArray, second: FloatArray) -> BoolArray:
+    """Whether octagons overlap: (4, 2, ...) lowest and highest x, y, x + y, x - y of each."""
+    meet: BoolArray = first[0, 0] <= second[0, 1]
+    for axis in range(4):
+        if axis:
+            meet = meet & (first[axis, 0] <= second[axis, 1])
+        meet &= second[axis, 0] <= first[axis, 1]
+    return meet
+
+
+def octagon(x: FloatArray, y: FloatArray) -> FloatArray:
+    """(4, N...) coordinates along the four directions of an octagon: x, y, x + y, x - y."""
+    return np.stack([x, y, x + y, x - y])
+
+
+def segment_boxes(x: FloatArray, y: FloatArray, end_x: FloatArray, end_y: FloatArray) -> FloatArray:
+    """(4, 2, N...) octagons around segments, a hair wider than they are, so that touching is not lost."""
+    start, end = octagon(x, y), octagon(end_x, end_y)
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    margin = TOUCH * (1 + high - low)
+    return np.stack([low - margin, high + margin], axis=1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Polylines:
+    """N polylines of H nodes with their box pyramids.
+
+    Attributes:
+        x: (N, H) m.
+        y: (N, H) m.
+        arc: (N, H) length from the first node, m.
+        start: (2, N, M) start of each segment, M a multiple of the block size; the surplus has no length.
+        delta: (2, N, M) from start to end, m.
+        boxes: level by level, segments first: (4, 2, N, M / block^level) octagons; the top has one each.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    arc: FloatArray
+    start: FloatArray
+    delta: FloatArray
+    boxes: tuple[FloatArray, ...]
+
+    @classmethod
+    def build(cls, x: FloatArray, y: FloatArray) -> Polylines:
+        """Prepare (N, H) nodes, all finite."""
+        nodes = np.stack([x, y])
+        count = nodes.shape[2] - 1
+        levels = 1
+        while BLOCK**levels < count:
+            levels += 1
+        padded = BLOCK * -(-max(count, 1) // BLOCK)
+        full = np.concatenate([nodes, np.repeat(nodes[:, :, -1:], padded - count, axis=2)], axis=2)
+        start, delta = full[:, :, :-1], np.diff(full, axis=2)
+        boxes = [segment_boxes(full[0, :, :-1], full[1, :, :-1], full[0, :, 1:], full[1, :, 1:])]
+        for _ in range(levels):
+            boxes.append(_merge(boxes[-1]))
+        arc = np.zeros(x.shape)
+        np.cumsum(np.hypot(delta[0], delta[1])[:, :count], axis=1, out=arc[:, 1:])
+        return cls(x=x, y=y, arc=arc, start=start, delta=delta, boxes=tuple(boxes))
+
+    def arc_at(self, line: IntArray, segment: IntArray, share: FloatArray) -> FloatArray:
+        """(N,) length from the first node to a share of a segment, m."""
+        at = (line, segment)
+        arc: FloatArray = self.arc[at] + share * np.hypot(self.delta[0][at], self.delta[1][at])
+        return arc
+
+
+def _merge(boxes: FloatArray) -> FloatArray:
+    """Boxes of blocks of boxes; a last, smaller block is filled up with its last box."""
+    count = boxes.shape[3]
+    padded = BLOCK * -(-count // BLOCK)
+    boxes = np.concatenate([boxes, np.repeat(boxes[..., -1:], padded - count, axis=3)], axis=3)
+    blocks = boxes.reshape(*boxes.shape[:3], padded // BLOCK, BLOCK)
+    return np.stack([blocks[:, 0].min(axis=-1), blocks[:, 1].max(axis=-1)], axis=1)
+
+
+def _children(block: IntArray, count: int) -> tuple[IntArray, BoolArray]:
+    """(N, BLOCK) members of each block on the level below, and whether they exist."""
+    member = block[:, None] * BLOCK + np.arange(BLOCK)
+    return np.minimum(member, count - 1), member < count
+
+
+def polyline_crossings(
+    lines: Polylines, first: IntArray, second: IntArray
+) -> tuple[Hits, IntArray, IntArray]:
+    """All crossing points of pairs of polylines.
+
+    Args:
+        lines: the polylines.
+        first: (N,) index of one polyline of each pair.
+        second: (N,) index of the other.
+
+    Returns:
+        Crossing points (``which`` points into the pairs) and the number of the segment on either line.
+    """
+    which = np.arange(len(first))
+    block_1 = block_2 = np.zeros(len(first), dtype=np.int64)
+    for boxes in reversed(lines.boxes):
+        if boxes is not lines.boxes[-1]:
+            (block_1, real_1), (block_2, real_2) = (_children(b, boxes.shape[3]) for b in (block_1, block_2))
+            one = boxes[:, :, first[which][:, None], block_1][..., :, None]
+            two = boxes[:, :, second[which][:, None], block_2][..., None, :]
+            meet = boxes_meet(one, two) & real_1[:, :, None] & real_2[:, None, :]
+            pair, own, other = np.nonzero(meet)
+            which, block_1, block_2 = which[pair], block_1[pair, own], block_2[pair, other]
+        else:
+            meet = boxes_meet(boxes[:, :, first, 0], boxes[:, :, second, 0])
+            keep = np.flatnonzero(meet)
+            which, block_1, block_2 = which[keep], block_1[keep], block_2[keep]
+    at_1, at_2 = (first[which], block_1), (second[which], block_2)
+    hits = intersect(
+        *(lines.start[axis][at_1] for axis in (0, 1)),
+        *(lines.delta[axis][at_1] for axis in (0, 1)),
+        *(lines.start[axis][at_2] for axis in (0, 1)),
+        *(lines.delta[axis][at_2] for axis in (0, 1)),
+    )
+    found = hits.which
+    hits = Hits(which=which[found], first=hits.first, second=hits.second)
+    return hits, block_1[found], block_2[found]
+
+
+def segment_crossings(
+    x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, lines: Polylines, line: IntArray
+) -> tuple[Hits, IntArray]:
+    """All crossing points of N segments with one polyline each.
+
+    Args:
+        x: (N,) start of the segments, m; ``y`` likewise.
+        y: (N,).
+        dx: (N,) from start to end, m; ``dy`` likewise.
+        dy: (N,).
+        lines: the polylines.
+        line: (N,) index of each segment's polyline.
+
+    Returns:
+        Crossing points (``which`` points into the segments) and the number of the polyline's segment.
+    """
+    own = segment_boxes(x, y, x + dx, y + dy)
+    which = np.flatnonzero(boxes_meet(own, lines.boxes[-1][:, :, line, 0]))
+    block = np.zeros(which.size, dtype=np.int64)
+    for boxes in reversed(lines.boxes[:-1]):
+        members, real = _children(block, boxes.shape[3])
+        meet = boxes_meet(own[:, :, which, None], boxes[:, :, line[which][:, None], members]) & real
+        row, member = np.nonzero(meet)
+        which, block = which[row], members[row, member]
+    at = (line[which], block)
+    hits = intersect(
+        x[which],
+        y[which],
+        dx[which],
+        dy[which],
+        *(lines.start[a][at] for a in (0, 1)),
+        *(lines.delta[a][at] for a in (0, 1)),
+    )
+    found = hits.which
+    return Hits(which=which[found], first=hits.first, second=hits.second), block[found]

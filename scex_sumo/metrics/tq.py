@@ -1,0 +1,118 @@
+"""Inverse universal traffic quality (TQ): how far from smooth flow a scene is, how close its vehicles are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scex_sumo.metrics.base import Samples
+from scex_sumo.metrics.rectangles import rectangle_distance
+from scex_sumo.metrics.scenes import Scenes
+from scex_sumo.scene import BoolArray, FloatArray, IntArray
+
+DISTANCE_SCALE_M = 5.0
+SMALLEST_MEAN_SPEED = 1e-5
+WINDOW_S = 2.0
+REFERENCE_ACCELERATION = 1.5
+REFERENCE_SPEED = 13.89
+
+
+def smallest_rectangle_distance(scenes: Scenes) -> FloatArray:
+    """(C, T) smallest distance between the rectangles of any two vehicles, m; inf for fewer than two.
+
+    Only pairs that can be the nearest are evaluated: the circles around and within the rectangles bound their
+    distance from both sides.
+    """
+    first, second = scenes.pairs
+    outer = np.hypot(scenes.length, scenes.width) / 2
+    inner = np.minimum(scenes.length, scenes.width) / 2
+    centres = np.where(scenes.both_present, scenes.distance, np.inf)
+    least = centres - (outer[first] + outer[second])
+    most = np.maximum(centres - (inner[first] + inner[second]), 0.0)
+    bound: FloatArray = most.min(axis=0, initial=np.inf)
+    # A margin for rounding, so that the nearest pair is never lost.
+    pair, child, step = np.nonzero((least <= bound + 1e-6) & np.isfinite(centres))
+    if pair.size == 0:
+        return bound
+    one, two = first[pair], second[pair]
+
+    def size(array: FloatArray, vehicle: IntArray) -> FloatArray:
+        per_child: FloatArray = array[vehicle, child if array.shape[1] > 1 else 0, 0]
+        return per_child
+
+    gap = rectangle_distance(
+        dx=scenes.dx[pair, child, step],
+        dy=scenes.dy[pair, child, step],
+        cos_1=scenes.cos[one, child, step],
+        sin_1=scenes.sin[one, child, step],
+        cos_2=scenes.cos[two, child, step],
+        sin_2=scenes.sin[two, child, step],
+        length_1=size(scenes.length, one),
+        width_1=size(scenes.width, one),
+        length_2=size(scenes.length, two),
+        width_2=size(scenes.width, two),
+    )
+    nearest = np.full(scenes.shape, np.inf)
+    np.minimum.at(nearest, (child, step), gap)
+    return nearest
+
+
+def _variation(speed: FloatArray, member: BoolArray) -> FloatArray:
+    """Population standard deviation over mean of the members' speeds, along the first axis.
+
+    Returns:
+        0 without members or where the mean is below 1e-5 m/s.
+    """
+    count = member.sum(axis=0)
+    mean = np.where(member, speed, 0.0).sum(axis=0) / np.maximum(count, 1)
+    # Deviations from the mean, not a difference of squares: equal speeds must give exactly 0.
+    deviation = np.where(member, speed - mean, 0.0)
+    variance = (deviation * deviation).sum(axis=0) / np.maximum(count, 1)
+    flows = mean >= SMALLEST_MEAN_SPEED
+    variation: FloatArray = np.divide(np.sqrt(variance), mean, out=np.zeros_like(mean), where=flows)
+    return variation
+
+
+def individual(scenes: Scenes) -> FloatArray:
+    """(V, C, T) mean acceleration and mean speed of the last 2 s, relative to their reference values.
+
+    The window holds the samples from t - 2 s to t, 21 of them at 0.1 s, or what there is of a track.
+    """
+    tracks = scenes.tracks
+    present = np.ones(tracks.states.shape, dtype=bool) if tracks.present is None else tracks.present
+    samples = round(WINDOW_S / tracks.step_s) + 1
+    sums = []
+    for array in (scenes.all_acceleration, tracks.states.speed, None):
+        total = np.zeros((present.shape[0], present.shape[1] + 1, present.shape[2]))
+        np.cumsum(present if array is None else np.where(present, array, 0.0), axis=1, out=total[:, 1:])
+        last = np.arange(tracks.first + 1, present.shape[1] + 1)
+        sums.append(total[:, last] - total[:, np.maximum(last - samples, 0)])
+    acceleration, speed, count = sums
+    count = np.maximum(count, 1)
+    load = 0.5 * (np.abs(acceleration) / count / REFERENCE_ACCELERATION + speed / count / REFERENCE_SPEED)
+    return np.ascontiguousarray(load.transpose(2, 0, 1))
+
+
+def tq(scenes: Scenes) -> Samples:
+    """TQ of all vehicles, dimensionless; undefined in scenes of fewer than two vehicles.
+
+    Returns:
+        (V, C, T). Larger is more critical.
+
+    Source: Schütt et al. 2023, Zipfl et al. 2022.
+    """
+    present, speed, vehicles = scenes.present, scenes.speed, scenes.vehicles
+    macro = _variation(speed, present)
+    count = present.sum(axis=0)
+    radius = (0.36 * speed) ** 2 + scenes.length + speed
+    first, second = scenes.pairs
+    micro, nano = np.zeros_like(speed), np.zeros_like(speed)
+    near = np.zeros((vehicles, *scenes.shape), dtype=bool)
+    for vehicle in range(vehicles):
+        near[vehicle] = False
+        for pairs, others in ((first == vehicle, second), (second == vehicle, first)):
+            near[others[pairs]] = scenes.both_present[pairs] & (scenes.distance[pairs] <= radius[vehicle])
+        micro[vehicle] = near.sum(axis=0) / np.maximum(count, 1)
+        nano[vehicle] = _variation(speed, near)
+    closeness = np.exp(-smallest_rectangle_distance(scenes) / DISTANCE_SCALE_M)
+    value = closeness * np.sqrt(macro**2 + micro**2 + nano**2 + individual(scenes) ** 2)
+    return Samples(value=value, defined=present & (count >= 2), row=np.arange(vehicles), other=None)

@@ -1,0 +1,35 @@
+"""Time to collision of car-following pairs (TTC)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scex_sumo.metrics.base import Samples
+from scex_sumo.metrics.scenes import Scenes
+from scex_sumo.scene import FloatArray
+
+
+def time_to_collision(*, gap: FloatArray, closing_speed: FloatArray) -> FloatArray:
+    """Time until the follower has used up the gap at present speeds.
+
+    Args:
+        gap: (F,) m, at least 0.
+        closing_speed: (F,) follower minus leader, m/s.
+
+    Returns:
+        (F,) s; inf where the gap opens or stays.
+
+    Source: Tamke et al. 2011.
+    """
+    closing = closing_speed > 0
+    time = np.full(np.broadcast(gap, closing_speed).shape, np.inf)
+    with np.errstate(over="ignore"):  # a vanishing closing speed is an infinite time
+        np.divide(gap, closing_speed, out=time, where=closing)
+    return time
+
+
+def ttc(scenes: Scenes) -> Samples:
+    """TTC of all car-following pairs, s; undefined for the other pairs."""
+    pairs = scenes.following
+    time = time_to_collision(gap=pairs.gap, closing_speed=pairs.follower_speed - pairs.leader_speed)
+    return scenes.scattered(pairs.where, time)

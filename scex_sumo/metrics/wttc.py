@@ -1,0 +1,195 @@
+"""Worst time to collision: both vehicles may accelerate in any direction (WTTC).
+
+Each vehicle can be anywhere on a disc around its centre that moves on at the present velocity and grows by
+half the largest acceleration times t²; the vehicle itself is the disc through its corners. WTTC is the first
+time at which two discs touch.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scex_sumo.metrics.base import Samples
+from scex_sumo.metrics.scenes import Scenes
+from scex_sumo.scene import BoolArray, FloatArray, IntArray
+
+MAX_ITERATIONS = 100  # a double root converges by one bit per iteration; anything else within about ten
+TOLERANCE = 4e-16
+
+
+def worst_time_to_collision(
+    *,
+    dx: FloatArray,
+    dy: FloatArray,
+    dvx: FloatArray,
+    dvy: FloatArray,
+    radius: FloatArray,
+    acceleration: FloatArray,
+) -> FloatArray:
+    """Smallest t >= 0 with ||dp + dv t|| = radius + acceleration t² / 2; 0 on overlap.
+
+    Args:
+        dx: (N,) second centre minus first, m.
+        dy: (N,) m.
+        dvx: (N,) second velocity minus first, m/s.
+        dvy: (N,) m/s.
+        radius: (N,) sum of the radii of both vehicles, m.
+        acceleration: (N,) sum of the largest accelerations of both, m/s².
+
+    Returns:
+        (N,) s; inf only where the acceleration is 0 and the vehicles never touch.
+
+    Source: Wachenfeld et al. 2016.
+    """
+    p2, v2, pv = dx * dx + dy * dy, dvx * dvx + dvy * dvy, dx * dvx + dy * dvy
+    centres = np.sqrt(p2)
+    gap = centres - radius
+    time = np.zeros(gap.shape)
+    apart = gap > 0
+    moving = apart & (acceleration == 0)
+    if moving.any():
+        part = tuple(a[moving] for a in (gap, centres, radius, v2, pv))
+        time[moving] = _without_acceleration(*part)
+        apart &= ~moving
+    if apart.all():
+        return _first_root(gap, centres, radius, v2, pv, acceleration)
+    part = tuple(a[apart] for a in (gap, centres, radius, v2, pv, acceleration))
+    time[apart] = _first_root(*part)
+    return time
+
+
+def _without_acceleration(
+    gap: FloatArray, centres: FloatArray, radius: FloatArray, v2: FloatArray, pv: FloatArray
+) -> FloatArray:
+    """First contact of two discs in straight motion."""
+    c = gap * (centres + radius)
+    discriminant = pv * pv - v2 * c
+    meets = (pv < 0) & (discriminant >= 0)
+    time = np.full(gap.shape, np.inf)
+    time[meets] = c[meets] / (np.sqrt(discriminant[meets]) - pv[meets])
+    return time
+
+
+def _first_root(
+    gap: FloatArray,
+    centres: FloatArray,
+    radius: FloatArray,
+    v2: FloatArray,
+    pv: FloatArray,
+    acceleration: FloatArray,
+) -> FloatArray:
+    """First root of q(t) = (R + A t²/2)² - ||dp + dv t||² for discs that are apart, A > 0.
+
+    q starts negative and has no cubic term: it is concave up to an inflection and convex after it. The
+    triangle inequality gives bounds: no root before the head-on time, one before the time for vehicles that
+    flee. On the concave part Newton's iteration from the left is monotone and cannot step over the first
+    root; if it finds none there, exactly one root follows on the convex part, and Newton from the right is
+    monotone.
+    """
+    a4, a2 = 0.25 * acceleration * acceleration, acceleration * radius - v2
+    a1, a0 = -2 * pv, -gap * (centres + radius)
+    speed = np.sqrt(v2)
+    reach = speed + np.sqrt(v2 + 2 * acceleration * gap)
+    time: FloatArray = 2 * gap / reach
+    high = reach / acceleration
+    inflection = np.sqrt(np.maximum(-a2, 0) / (6 * a4))
+    concave = np.flatnonzero(time < inflection)
+    found = np.zeros(time.shape, dtype=bool)
+    if concave.size:
+        root, is_root = _newton_concave(*(a[concave] for a in (a4, a2, a1, a0, time, inflection)))
+        time[concave] = root
+        found[concave] = is_root
+    if not found.any():
+        return _newton_convex(a4, a2, a1, a0, time, high)
+    rest = np.flatnonzero(~found)
+    time[rest] = _newton_convex(*(a[rest] for a in (a4, a2, a1, a0, time, high)))
+    return time
+
+
+def _newton_concave(
+    a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, time: FloatArray, inflection: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """First root before the inflection and whether there is one; the inflection where there is none."""
+    time = time.copy()
+    found = np.zeros(time.shape, dtype=bool)
+    active = np.arange(time.size)
+    for _ in range(MAX_ITERATIONS):
+        t, b4, b2, b1 = time[active], a4[active], a2[active], a1[active]
+        t2 = t * t
+        q = ((b4 * t2 + b2) * t + b1) * t + a0[active]
+        slope = (4 * b4 * t2 + 2 * b2) * t + b1
+        # At or past its maximum the concave part has no root ahead.
+        rising = slope > 0
+        after = np.where(rising, t - q / np.where(rising, slope, 1.0), np.inf)
+        none = (after > inflection[active]) & (q < 0)
+        # From the left every exact step goes forward; one that does not is rounding, at the root.
+        done = ~none & ((q >= 0) | (after - t <= TOLERANCE * t))
+        time[active] = np.where(none, inflection[active], np.where(done & ~rising, t, after))
+        found[active[done]] = True
+        active = active[~(none | done)]
+        if active.size == 0:
+            break
+    found[active] = True  # a double root, to the precision that it has
+    return time, found
+
+
+def _newton_convex(
+    a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """The only root between ``low``, where q is negative and from where it is convex, and ``high``."""
+    # One step from the left lands on the right of the root, mostly much closer than the bound.
+    q, slope = _polynomial(a4, a2, a1, a0, low)
+    rising = slope > 0
+    time = np.minimum(high, low - q / np.where(rising, slope, 1.0), out=high.copy(), where=rising)
+    time = np.maximum(time, low)
+    active: IntArray | None = None
+    for iteration in range(MAX_ITERATIONS):
+        t = time if active is None else time[active]
+        q, slope = _polynomial(a4, a2, a1, a0, t)
+        step = q / slope
+        after = t - step
+        if active is None:
+            time = after
+        else:
+            time[active] = after
+        if iteration < 2:
+            continue
+        going = np.flatnonzero(step > TOLERANCE * t)
+        if going.size == 0:
+            break
+        active = going if active is None else active[going]
+        a4, a2, a1, a0 = a4[going], a2[going], a1[going], a0[going]
+    return time
+
+
+def _polynomial(
+    a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, t: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """q(t) = a4 t⁴ + a2 t² + a1 t + a0 and its slope."""
+    square = t * t
+    high = a4 * square
+    value = ((high + a2) * t + a1) * t + a0
+    slope = (4 * high + 2 * a2) * t + a1
+    return value, slope
+
+
+def wttc(scenes: Scenes) -> Samples:
+    """WTTC of all pairs, s.
+
+    Returns:
+        (P, C, T) of unordered pairs. Smaller is more critical.
+    """
+    first, second = scenes.pairs
+    radius = np.hypot(scenes.length / 2, scenes.width / 2)
+    limit = scenes.parameters.accelerations(scenes.tracks.types, scenes.vehicles)
+    vx, vy = scenes.speed * scenes.cos, scenes.speed * scenes.sin
+    shape = scenes.dx.shape
+    time = worst_time_to_collision(
+        dx=scenes.dx.reshape(-1),
+        dy=scenes.dy.reshape(-1),
+        dvx=(vx[second] - vx[first]).reshape(-1),
+        dvy=(vy[second] - vy[first]).reshape(-1),
+        radius=np.broadcast_to(radius[first] + radius[second], shape).reshape(-1),
+        acceleration=np.broadcast_to((limit[first] + limit[second])[:, None, None], shape).reshape(-1),
+    )
+    return scenes.unordered(time.reshape(shape))
