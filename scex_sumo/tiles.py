@@ -1,0 +1,219 @@
+"""Copies of a SUMO net side by side: one tile for each child scenario of a batch.
+
+A tile is the net with every id prefixed and every coordinate moved by whole metres, so that decimals stay
+exact and the offset of a slot depends on nothing but the slot: whatever else is simulated beside it, a child
+meets the same numbers in its slot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
+
+from scex_sumo.errors import SimulationError
+
+TILE_SLOTS = 64
+"""Number of tile slots; child i always lives in slot ``i % TILE_SLOTS``."""
+
+TILE_COLUMNS = 8
+TILE_MARGIN_M = 1000.0  # a vehicle at 50 m/s needs 20 s from the edge of one map to the next
+
+# Attributes that hold ids, per element; "via" and the rest are absent or empty where they do not apply.
+_IDS: dict[str, tuple[str, ...]] = {
+    "edge": ("id", "from", "to", "bidi", "crossingEdges"),
+    "lane": ("id",),
+    "neigh": ("lane",),
+    "junction": ("id", "incLanes", "intLanes"),
+    "connection": ("from", "to", "via", "tl"),
+    "tlLogic": ("id",),
+    "roundabout": ("nodes", "edges"),
+    "poly": ("id",),
+    "poi": ("id",),
+}
+_SHAPES = ("shape", "outlineShape")
+_ONCE = frozenset({"location", "type"})  # the same for all tiles
+_PLAIN = frozenset({"request", "phase", "param", "stopOffset"})  # neither ids nor coordinates
+
+_PREFIX = "\x01"  # stands for the prefix in a template; no character of XML 1.0
+
+
+def tile_prefix(slot: int) -> str:
+    """What ids of a tile start with, e.g. ``t12_``."""
+    return f"t{slot}_"
+
+
+def tile_id(slot: int, name: str) -> str:
+    """An id in a tile; SUMO's internal edges and lanes keep their leading colon."""
+    return f":{tile_prefix(slot)}{name[1:]}" if name.startswith(":") else tile_prefix(slot) + name
+
+
+@dataclass(frozen=True, kw_only=True)
+class TileLayout:
+    """Where tiles lie: slot 0 on the map's own coordinates, the others to its east and north.
+
+    Attributes:
+        pitch_x: whole metres from a tile to its eastern neighbour.
+        pitch_y: whole metres from a tile to its northern neighbour.
+        columns: tiles in a row.
+    """
+
+    pitch_x: int
+    pitch_y: int
+    columns: int = TILE_COLUMNS
+
+    def offset(self, slot: int) -> tuple[int, int]:
+        """Whole metres by which a slot's copy is moved."""
+        row, column = divmod(slot, self.columns)
+        return column * self.pitch_x, row * self.pitch_y
+
+
+class TileTemplate:
+    """A net or additional file, taken apart once so that copies cost little more than writing them."""
+
+    def __init__(self, path: Path) -> None:
+        """Read the file.
+
+        Args:
+            path: SUMO net, or additional file with ``poly`` and ``poi`` elements.
+
+        Raises:
+            SimulationError: the file cannot be read, or holds an element that cannot be copied.
+        """
+        try:
+            root = ElementTree.parse(path).getroot()
+        except (OSError, ElementTree.ParseError) as error:
+            raise SimulationError(f"{path}: cannot be read as a SUMO file: {error}") from error
+        self._path = path
+        self._root = root.tag
+        # The schema's location comes with a namespace and is of no use to a generated file.
+        self._head = "".join(f" {k}={quoteattr(v)}" for k, v in root.attrib.items() if "}" not in k)
+        self._once: list[str] = []
+        self._edges = [e.get("id", "") for e in root.iter("edge") if "function" not in e.attrib]
+        self._lanes = sum(1 for _ in root.iter("lane"))
+        self._literals: list[str] = [""]  # text before each x, then the text after the last y
+        self._x: list[str] = []
+        self._between: list[str] = []  # what stands between an x and its y
+        self._y: list[str] = []
+        for element in root:
+            if element.tag in _ONCE:
+                self._once.append(ElementTree.tostring(element, encoding="unicode").strip())
+            else:
+                self._take(element)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Smallest x, y and largest x, y of all coordinates, m.
+
+        Raises:
+            SimulationError: the file holds no coordinates.
+        """
+        if not self._x:
+            raise SimulationError(f"{self._path}: holds no lanes; convert the map again")
+        xs, ys = [float(x) for x in self._x], [float(y) for y in self._y]
+        return min(xs), min(ys), max(xs), max(ys)
+
+    @property
+    def first_edge(self) -> str:
+        """Id of an edge that vehicles may be routed on.
+
+        Raises:
+            SimulationError: the file holds no edges.
+        """
+        if not self._edges:
+            raise SimulationError(f"{self._path}: holds no edges; convert the map again")
+        return self._edges[0]
+
+    @property
+    def lanes(self) -> int:
+        """Number of SUMO's lanes, internal ones included."""
+        return self._lanes
+
+    def layout(self, *, margin_m: float = TILE_MARGIN_M, columns: int = TILE_COLUMNS) -> TileLayout:
+        """Tiles that keep at least ``margin_m`` between their maps."""
+        left, bottom, right, top = self.bounds
+        return TileLayout(
+            pitch_x=math.ceil((right - left + margin_m) / 100) * 100,
+            pitch_y=math.ceil((top - bottom + margin_m) / 100) * 100,
+            columns=columns,
+        )
+
+    def write(self, path: Path, slots: Sequence[int], layout: TileLayout) -> None:
+        """Write the copies of some slots.
+
+        Args:
+            path: file to write.
+            slots: the slots wanted, in any order.
+            layout: where slots lie.
+        """
+        offsets = [layout.offset(slot) for slot in slots]
+        columns = {dx: [_moved(x, dx) for x in self._x] for dx in {o[0] for o in offsets}}
+        rows = {dy: [_moved(y, dy) for y in self._y] for dy in {o[1] for o in offsets}}
+        n = len(self._x)
+        parts = [""] * (4 * n + 1)
+        parts[0::4] = self._literals
+        parts[2::4] = self._between
+        with path.open("w", encoding="utf-8") as file:
+            file.write(f'<?xml version="1.0" encoding="UTF-8"?>\n<{self._root}{self._head}>\n')
+            file.writelines(f"{text}\n" for text in self._once)
+            for slot, (dx, dy) in zip(slots, offsets, strict=True):
+                parts[1::4] = columns[dx]
+                parts[3::4] = rows[dy]
+                file.write("".join(parts).replace(_PREFIX, tile_prefix(slot)))
+            file.write(f"</{self._root}>\n")
+
+    def _take(self, element: ElementTree.Element) -> None:
+        tag = element.tag
+        if tag not in _IDS and tag not in _PLAIN:
+            raise SimulationError(f"{self._path}: element <{tag}> cannot be copied to tiles; remove it")
+        ids = _IDS.get(tag, ())
+        self._text(f"<{tag}")
+        for key, value in element.attrib.items():
+            if key in _SHAPES:
+                self._text(f' {key}="')
+                self._shape(value)
+                self._text('"')
+            elif key == "x" and "y" in element.attrib:
+                self._point(' x="', value, '" y="', element.attrib["y"])
+                self._text('"')
+            elif key == "y" and "x" in element.attrib:
+                continue
+            elif key in ids:
+                self._text(f" {key}={quoteattr(' '.join(_mark(name) for name in value.split()))}")
+            else:
+                self._text(f" {key}={quoteattr(value)}")
+        if len(element) == 0:
+            self._text("/>\n")
+            return
+        self._text(">\n")
+        for child in element:
+            self._take(child)
+        self._text(f"</{tag}>\n")
+
+    def _text(self, text: str) -> None:
+        self._literals[-1] += text
+
+    def _point(self, before: str, x: str, between: str, y: str) -> None:
+        self._text(before)
+        self._x.append(x)
+        self._between.append(between)
+        self._y.append(y)
+        self._literals.append("")
+
+    def _shape(self, value: str) -> None:
+        for i, point in enumerate(value.split()):
+            x, y, *height = point.split(",")
+            self._point(" " if i else "", x, ",", y)
+            self._text("".join(f",{z}" for z in height))
+
+
+def _mark(name: str) -> str:
+    return f":{_PREFIX}{name[1:]}" if name.startswith(":") else _PREFIX + name
+
+
+def _moved(number: str, metres: int) -> str:
+    return number if metres == 0 else str(Decimal(number) + metres)

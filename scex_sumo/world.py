@@ -1,0 +1,424 @@
+"""The world: libsumo (or sumo-gui), tiles, vehicles moved to their planned states, and what SUMO then holds.
+
+The only module that imports libsumo or traci, and only when a world opens. libsumo runs one simulation per
+process; a world opens its tiles once and is reused for all batches. Every batch begins at time 0 with new
+vehicles: nothing is left of one that could colour the next, not even the time (EIDM drivers depend on it).
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scex_sumo.errors import SimulationError
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, BoolArray, FloatArray, IntArray, SeedScene, States
+from scex_sumo.sumo_frame import from_sumo, to_sumo
+from scex_sumo.tiles import TILE_COLUMNS, TILE_MARGIN_M, TILE_SLOTS, TileTemplate, tile_id
+from scex_sumo.vehicle_types import TypeBook
+
+if TYPE_CHECKING:
+    from scex_sumo.converters.sumo_net import SumoNet
+
+__all__ = ["TILE_SLOTS", "SumoDriven", "World"]
+
+# moveToXY's keepRoute: 2 = any place on or off the road, 4 = whatever lanes permit; 1 = stay on the route.
+_ANYWHERE = 2 + 4
+_ON_ROUTE = 1 + 2
+# Distance at which SUMO takes a vehicle to be on a lane, m: 5 to 25 times faster than the default of 100 m.
+_MATCH_M = 5.0
+_NO_LANE = -1
+# No driver of SUMO's gains more speed than this in one step, m/s.
+_MAX_GAIN_MPS = 1.0
+# Tiles of a world shown in sumo-gui stand close together, to be seen at a glance.
+_GUI_MARGIN_M = 30.0
+_ANY_ROUTE = "anywhere"  # vehicles that are moved need a route to exist, and never follow it
+
+_OPTIONS = (
+    *("--step-length", str(STEP_S), "--seed", "0", "--xml-validation", "never"),
+    *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true"),
+    # SUMO must not take away, stop or push what is where it was put.
+    *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
+    *("--default.speeddev", "0"),
+    # SUMO's drivers change lanes in this many seconds instead of jumping sideways.
+    *("--lanechange.duration", "3"),
+)
+
+_world_open = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SumoDriven:
+    """A vehicle that one of SUMO's own car-following models drives.
+
+    Attributes:
+        child: index in the batch.
+        vehicle: index in the seed scene.
+        model: SUMO's name of the model, e.g. ``EIDM``.
+        parameters: attributes of SUMO's vehicle types, e.g. ``{"tau": "1.2"}``.
+        edges: route in SUMO's edges, starting with the edge that the vehicle is on.
+    """
+
+    child: int
+    vehicle: int
+    model: str
+    parameters: Mapping[str, str]
+    edges: tuple[str, ...]
+
+
+@dataclass(kw_only=True, eq=False)
+class _Batch:
+    """The running batch.
+
+    Attributes:
+        slots: tile slot of each child.
+        ids: SUMO's ids of the vehicles, child by child.
+        offset: (2, C, 1) x and y of the tiles, m.
+        overridden: (C, V) False where SUMO drives.
+        speed: (C, V) the speed last set, where overridden.
+        route_ends: last edge of the route of SUMO-driven vehicles, by index into ``ids``.
+        straight_on: front x, y, heading, speed of vehicles beyond the end of their route.
+        obstacles: ids of the pedestrians and cyclists present.
+    """
+
+    slots: list[int]
+    ids: list[str]
+    offset: FloatArray
+    overridden: BoolArray
+    speed: FloatArray
+    route_ends: dict[int, str] = field(default_factory=dict)
+    straight_on: dict[int, tuple[float, float, float, float]] = field(default_factory=dict)
+    obstacles: set[str] = field(default_factory=set)
+
+
+class World:
+    """SUMO's simulation of a batch of children, one in each tile; a context manager, one per process."""
+
+    def __init__(
+        self,
+        net: SumoNet,
+        seed: SeedScene,
+        *,
+        slots: Sequence[int],
+        gui: bool = False,
+        folder: Path | None = None,
+        delay_ms: int = 100,
+    ) -> None:
+        """Build the tiles; SUMO itself starts with the first batch.
+
+        Args:
+            net: the converted road.
+            seed: the seed scene, for sizes, types and names.
+            slots: the tile slots that batches will use, each below ``TILE_SLOTS``.
+            gui: show the simulation in sumo-gui. Its tiles stand closer together, so that the last bits of
+                positions may differ from a run without.
+            folder: where tile nets go; a temporary folder by default.
+            delay_ms: pause of sumo-gui after each step.
+
+        Raises:
+            SimulationError: the net cannot be read.
+        """
+        self._seed = seed
+        self._slots = sorted({int(slot) for slot in slots})
+        self._gui = gui
+        self._delay_ms = delay_ms
+        self._temporary = tempfile.TemporaryDirectory(prefix="scex-world-")
+        self._folder = Path(self._temporary.name) if folder is None else folder
+        self._length = np.asarray(seed.length, dtype=np.float64)
+        self._types = TypeBook(seed)
+        self._sumo: Any = None
+        self._errors: tuple[type[Exception], ...] = ()
+        self._running: _Batch | None = None
+        self._speeds: list[tuple[str, float, float]] = []  # to be set after the next step
+        self._routes = 0
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._template = TileTemplate(net.path)
+        self._layout = self._template.layout(
+            margin_m=_GUI_MARGIN_M if gui else TILE_MARGIN_M,
+            columns=math.ceil(math.sqrt(max(self._slots) + 1)) if gui else TILE_COLUMNS,
+        )
+
+    def __enter__(self) -> World:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the simulation; may be called again."""
+        self._stop()
+        self._temporary.cleanup()
+
+    def begin(self, start: States, slots: IntArray, driven: Sequence[SumoDriven] = ()) -> None:
+        """Put everybody at the start of a batch; ``read`` then equals ``start``.
+
+        Args:
+            start: (C, V) states of the seed scene.
+            slots: (C,) tile slot of each child, all different.
+            driven: the vehicles that SUMO drives; all others must be moved before each step.
+
+        Raises:
+            SimulationError: a slot without a tile, a route that the net does not hold, or a refusal by SUMO.
+            UsageError: an unknown SUMO model or parameter.
+        """
+        wanted = [int(slot) for slot in slots]
+        if missing := sorted(set(wanted) - set(self._slots)):
+            raise SimulationError(f"no tile for slots {missing}; this world has tiles for {self._slots}")
+        for d in driven:
+            self._types.enter(d.model, d.parameters)
+        self._ready()
+        overridden = np.ones(start.shape, dtype=bool)
+        for d in driven:
+            overridden[d.child, d.vehicle] = False
+        self._running = _Batch(
+            slots=wanted,
+            ids=[tile_id(slot, str(track)) for slot in wanted for track in self._seed.track_ids],
+            offset=np.array([self._layout.offset(slot) for slot in wanted], dtype=np.float64).T[..., None],
+            overridden=overridden,
+            speed=start.speed.copy(),
+        )
+        with self._refusals(f"set up a batch of {len(wanted)} children"):
+            self._add_vehicles(self._running, driven)
+            self._place(start, np.ones(start.shape, dtype=bool), np.zeros(start.shape))
+        if others := self._seed.obstacles:
+            self.move_obstacles(others.states[:, HISTORY_STEPS], others.present[:, HISTORY_STEPS])
+        self._advance(self._running)
+        with self._refusals("hand vehicles over to its drivers"):
+            self._hand_over(self._running, driven)
+        self._frame(self._running)
+
+    def move(self, states: States, mask: BoolArray) -> None:
+        """Say where vehicles are after the next step.
+
+        Args:
+            states: (C, V), used where ``mask`` is True.
+            mask: (C, V) exactly the vehicles that SUMO does not drive.
+
+        SUMO knows no negative speeds: a vehicle that reverses is where it should be, and reads 0 m/s.
+
+        Raises:
+            SimulationError: a vehicle is moved that SUMO drives, or one is left out that it does not.
+        """
+        batch = self._batch
+        if not np.array_equal(mask, batch.overridden):
+            raise SimulationError(
+                f"{int((mask & ~batch.overridden).sum())} vehicles moved that SUMO drives, "
+                f"{int((~mask & batch.overridden).sum())} not moved that it does not drive"
+            )
+        with self._refusals("move vehicles"):
+            self._place(states, mask, (states.speed - batch.speed) / STEP_S)
+        np.copyto(batch.speed, states.speed, where=mask)
+
+    def move_obstacles(self, states: States, present: BoolArray) -> None:
+        """Say where pedestrians and cyclists are after the next step, wherever SUMO's drivers see them.
+
+        Their speed is left to SUMO's own estimate, the motion along the lane: somebody who crosses a lane
+        stands still for whoever drives along it.
+
+        Args:
+            states: (O,) one for each obstacle of the seed scene.
+            present: (O,) False takes an obstacle out of the world.
+        """
+        batch, others = self._batch, self._seed.obstacles
+        if others is None:
+            return
+        front_x, front_y, angle = to_sumo(states, others.length)
+        mixed = np.ones(len(batch.slots), dtype=bool) if self._gui else ~batch.overridden.all(axis=1)
+        with self._refusals("move pedestrians and cyclists"):
+            for child in np.flatnonzero(mixed):
+                slot, (dx, dy) = batch.slots[child], batch.offset[:, child, 0]
+                for o, name in enumerate(others.ids):
+                    key = tile_id(slot, f"other{name}")
+                    if present[o]:
+                        if key not in batch.obstacles:
+                            self._add(key, tile_id(slot, _ANY_ROUTE), self._types.obstacle(o))
+                            batch.obstacles.add(key)
+                        self._put(key, float(front_x[o] + dx), float(front_y[o] + dy), float(angle[o]))
+                    elif key in batch.obstacles:
+                        self._sumo.vehicle.remove(key)
+                        batch.obstacles.remove(key)
+
+    def step(self) -> None:
+        """Advance by 0.1 s.
+
+        Raises:
+            SimulationError: SUMO lost a vehicle, or stopped.
+        """
+        batch = self._batch
+        with self._refusals("move vehicles on beyond the end of their route"):
+            self._go_straight_on(batch)
+        self._advance(batch)
+        with self._refusals("follow routes"):
+            self._watch_route_ends(batch)
+
+    def read(self) -> States:
+        """What SUMO holds now: (C, V) centres, headings in (-pi, pi], speeds."""
+        batch, vehicle = self._batch, self._sumo.vehicle
+        shape = batch.overridden.shape
+        with self._refusals("read vehicles"):
+            front = np.array([vehicle.getPosition(key) for key in batch.ids]).reshape(*shape, 2)
+            angle = np.array([vehicle.getAngle(key) for key in batch.ids]).reshape(shape)
+            speed = np.array([vehicle.getSpeed(key) for key in batch.ids]).reshape(shape)
+        x, y = front[..., 0] - batch.offset[0], front[..., 1] - batch.offset[1]
+        return from_sumo(x, y, angle, speed, self._length)
+
+    def color(self, child: int, vehicle: int, rgb: tuple[int, int, int]) -> None:
+        """Colour a vehicle of the batch in sumo-gui; without it nobody looks, and nothing happens."""
+        if self._gui:
+            key = self._batch.ids[child * self._seed.vehicles + vehicle]
+            with self._refusals("colour a vehicle"):
+                self._sumo.vehicle.setColor(key, (*rgb, 255))
+
+    @property
+    def _batch(self) -> _Batch:
+        if self._running is None:
+            raise SimulationError("no batch is running in this world; begin one first")
+        return self._running
+
+    def _place(self, states: States, mask: BoolArray, acceleration: FloatArray) -> None:
+        """Queue poses for the next step, and speeds for the moment after it."""
+        batch = self._batch
+        front_x, front_y, angle = to_sumo(states, self._length)
+        rules = np.where(batch.overridden, _ANYWHERE, _ON_ROUTE)
+        ids = [batch.ids[i] for i in np.flatnonzero(mask)]
+        x, y = front_x + batch.offset[0], front_y + batch.offset[1]
+        poses = [values[mask].tolist() for values in (x, y, angle, rules)]
+        move = self._sumo.vehicle.moveToXY
+        for key, to_x, to_y, degrees, rule in zip(ids, *poses, strict=True):
+            move(key, "", _NO_LANE, to_x, to_y, degrees, rule, _MATCH_M)
+        self._speeds.extend(zip(ids, states.speed[mask].tolist(), acceleration[mask].tolist(), strict=True))
+
+    def _put(self, key: str, x: float, y: float, angle: float) -> None:
+        self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, _ANYWHERE, _MATCH_M)
+
+    def _add(self, key: str, route: str, kind: str) -> None:
+        self._sumo.vehicle.add(key, route, kind)
+
+    def _advance(self, batch: _Batch) -> None:
+        """One step of SUMO, a count of the vehicles, and the right speeds for those that were moved.
+
+        SUMO takes the motion along the lane for the speed, which is wrong wherever a vehicle is not parallel
+        to it. What is set here is what SUMO goes on with, and what its drivers see of a vehicle.
+        """
+        expected = len(batch.ids) + len(batch.obstacles)
+        with self._refusals("advance"):
+            self._sumo.simulationStep()
+            if self._sumo.vehicle.getIDCount() != expected:
+                lost = sorted({*batch.ids, *batch.obstacles} - set(self._sumo.vehicle.getIDList()))
+                raise SimulationError(
+                    f"SUMO lost {len(lost)} of {expected} vehicles ({', '.join(lost[:3])}, ...); "
+                    "please report this with the seed scene"
+                )
+            set_speed = self._sumo.vehicle.setPreviousSpeed
+            for key, speed, acceleration in self._speeds:
+                set_speed(key, speed, acceleration)
+        self._speeds.clear()
+
+    def _hand_over(self, batch: _Batch, driven: Sequence[SumoDriven]) -> None:
+        """SUMO drives on its lanes only: a vehicle that stands beside them goes straight on instead."""
+        for d in driven:
+            index = d.child * self._seed.vehicles + d.vehicle
+            if self._sumo.vehicle.getLaneID(batch.ids[index]):
+                batch.route_ends[index] = tile_id(batch.slots[d.child], d.edges[-1])
+            else:
+                self._leave_road(batch, index)
+
+    def _watch_route_ends(self, batch: _Batch) -> None:
+        """Take over vehicles that SUMO would take off the road at the next step: their route ends there."""
+        vehicle = self._sumo.vehicle
+        for index, edge in list(batch.route_ends.items()):
+            key = batch.ids[index]
+            left = vehicle.getDrivingDistance(key, edge, self._sumo.lane.getLength(f"{edge}_0"))
+            if 0 <= left <= (vehicle.getSpeed(key) + _MAX_GAIN_MPS) * STEP_S:
+                del batch.route_ends[index]
+                self._leave_road(batch, index)
+
+    def _leave_road(self, batch: _Batch, index: int) -> None:
+        vehicle, key = self._sumo.vehicle, batch.ids[index]
+        x, y = vehicle.getPosition(key)
+        heading = math.radians(90.0 - vehicle.getAngle(key))
+        batch.straight_on[index] = (x, y, heading, vehicle.getSpeed(key))
+
+    def _go_straight_on(self, batch: _Batch) -> None:
+        for index, (x, y, heading, speed) in batch.straight_on.items():
+            x, y = x + speed * STEP_S * math.cos(heading), y + speed * STEP_S * math.sin(heading)
+            batch.straight_on[index] = (x, y, heading, speed)
+            self._put(batch.ids[index], x, y, math.degrees(math.pi / 2 - heading) % 360.0)
+            self._speeds.append((batch.ids[index], speed, 0.0))
+
+    def _add_vehicles(self, batch: _Batch, driven: Sequence[SumoDriven]) -> None:
+        vehicles = self._seed.vehicles
+        by_sumo = {d.child * vehicles + d.vehicle: d for d in driven}
+        mixed = {d.child for d in driven}
+        for index, key in enumerate(batch.ids):
+            child, v = divmod(index, vehicles)
+            slot = batch.slots[child]
+            if d := by_sumo.get(index):
+                self._routes += 1
+                route = f"route{self._routes}"
+                self._sumo.route.add(route, [tile_id(slot, edge) for edge in d.edges])
+                self._add(key, route, self._types.driven(v, d.model, d.parameters))
+            else:
+                self._add(key, tile_id(slot, _ANY_ROUTE), self._types.overridden(v))
+                if child in mixed:
+                    # Or SUMO makes others give way to lane changes that this vehicle will never make.
+                    self._sumo.vehicle.setLaneChangeMode(key, 0)
+
+    def _ready(self) -> None:
+        """An empty simulation at time 0 that knows all vehicle types wanted."""
+        self._running = None
+        self._speeds.clear()
+        if self._sumo is not None and self._types.complete and not self._types.random:
+            with self._refusals("return to the start"):
+                self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
+            return
+        self._stop()
+        # SUMO numbers its lanes and gives each a random generator: with all tiles always there, and as many
+        # generators as lanes, a random driver meets the same numbers in its slot in whatever company.
+        self._slots = list(range(TILE_SLOTS)) if self._types.random else self._slots
+        generators = str(self._template.lanes * TILE_SLOTS) if self._types.random else "1"
+        self._template.write(self._folder / "tiles.net.xml", self._slots, self._layout)
+        self._types.write(self._folder / "types.add.xml")
+        self._start(["--thread-rngs", generators])
+
+    def _start(self, options: list[str]) -> None:
+        global _world_open
+        if _world_open:
+            raise SimulationError("SUMO runs one simulation per process and one is open; close that world")
+        self._sumo = importlib.import_module("traci" if self._gui else "libsumo")
+        self._errors = (self._sumo.TraCIException, self._sumo.exceptions.FatalTraCIError)
+        files = ["-n", str(self._folder / "tiles.net.xml"), "-a", str(self._folder / "types.add.xml")]
+        with self._refusals("start"):
+            self._sumo.start(["sumo", *files, *_OPTIONS, *options])
+            _world_open = True
+            for slot in self._slots:
+                self._sumo.route.add(tile_id(slot, _ANY_ROUTE), [tile_id(slot, self._template.first_edge)])
+            self._sumo.simulation.saveState(str(self._folder / "empty.xml"))
+
+    def _stop(self) -> None:
+        global _world_open
+        if _world_open and self._sumo is not None:
+            with suppress(*self._errors):
+                self._sumo.close()
+            _world_open = False
+        self._sumo, self._running = None, None
+
+    def _frame(self, batch: _Batch) -> None:
+        pass
+
+    @contextmanager
+    def _refusals(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except self._errors as error:
+            raise SimulationError(f"SUMO refused to {what}: {error}") from error

@@ -1,0 +1,165 @@
+"""The world holds exactly what it was told, for every vehicle, wherever it is."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from scex_sumo.errors import SimulationError
+from scex_sumo.scene import FloatArray, SeedScene, States
+from scex_sumo.world import TILE_SLOTS, World
+
+
+def scene(x: FloatArray, y: FloatArray, heading: FloatArray, speed: FloatArray) -> SeedScene:
+    """Cars 4.5 m x 1.8 m, and a lorry first, that have stood still until now."""
+    n = len(x)
+
+    def past(values: FloatArray) -> FloatArray:
+        return np.repeat(np.asarray(values, dtype=float)[:, None], 11, axis=1)
+
+    return SeedScene(
+        name="test",
+        location="test",
+        time_s=0.0,
+        track_ids=np.arange(10, 10 + n),
+        types=("truck", *("car",) * (n - 1)),
+        length=np.array([9.3, *[4.5] * (n - 1)]),
+        width=np.array([2.5, *[1.8] * (n - 1)]),
+        history=States(x=past(x), y=past(y), heading=past(heading), speed=past(speed)),
+        recorded_steps=np.full(n, 10),
+    )
+
+
+def trips(t: float, phase: FloatArray) -> States:
+    """Where 11 vehicles are after t seconds, in children that differ by a phase (C,)."""
+    n = len(phase)
+    s = States.empty((n, 11))
+    for v in range(4):  # circles around the junction, over all its arms, with and against the traffic
+        radius, turn = 6.0 + 25.0 * v, (-1.0) ** v * 9.0 / (6.0 + 25.0 * v)
+        angle = phase + v + turn * t
+        s.x[:, v], s.y[:, v] = 1000 + radius * np.cos(angle), 1000 + radius * np.sin(angle)
+        s.heading[:, v] = angle + np.copysign(np.pi / 2, turn)
+        s.speed[:, v] = radius * abs(turn)
+    along = phase + 12.0 * t
+    s.x[:, 4], s.y[:, 4] = 880 + along, 980 + 20 * np.sin(along / 30)  # weaves along and across the lanes
+    s.heading[:, 4], s.speed[:, 4] = np.arctan(20 / 30 * np.cos(along / 30)), 12.0
+    s.x[:, 5:7], s.y[:, 5:7], s.heading[:, 5:7], s.speed[:, 5:7] = 960.0, 995.2, 0.0, 0.0  # one on the other
+    s.x[:, 7], s.y[:, 7] = 1100 + 3 * t, 1125 + phase  # 100 m from the nearest lane
+    s.heading[:, 7], s.speed[:, 7] = 0.0, 3.0
+    s.x[:, 8], s.y[:, 8], s.heading[:, 8], s.speed[:, 8] = 1100 + 40 * t, 1018.0, 0.0, 40.0  # off the map
+    s.x[:, 9], s.y[:, 9], s.heading[:, 9], s.speed[:, 9] = 1080 - 14 * t, 1000.0, -3.0, 14.0  # ghost driver
+    s.x[:, 10], s.y[:, 10], s.heading[:, 10], s.speed[:, 10] = 1000.0, 1001.0, phase + 2 * t, 5.0  # spins
+    return s
+
+
+def difference(a: States, b: States) -> float:
+    """Largest difference in m, rad or m/s."""
+    turn = np.angle(np.exp(1j * (a.heading - b.heading)))
+    return max(np.abs(d).max() for d in (a.x - b.x, a.y - b.y, turn, a.speed - b.speed))
+
+
+@pytest.fixture
+def seed() -> SeedScene:
+    first = trips(0.0, np.zeros(1))[0]
+    return scene(first.x, first.y, first.heading, first.speed)
+
+
+def test_what_is_read_is_what_was_planned_for_1e5_vehicle_steps_and_nobody_is_lost(
+    crossing: SimpleNamespace, seed: SeedScene
+) -> None:
+    phase = np.linspace(0.0, 6.0, TILE_SLOTS)
+    slots, everybody = np.arange(TILE_SLOTS), np.ones((TILE_SLOTS, 11), dtype=bool)
+    steps = 143  # 64 children x 11 vehicles x 143 steps = 100 672
+    worst = 0.0
+    with World(crossing, seed, slots=slots) as world:
+        world.begin(trips(0.0, phase), slots)
+        worst = difference(world.read(), trips(0.0, phase))
+        for step in range(1, steps + 1):
+            plan = trips(0.1 * step, phase)
+            world.move(plan, everybody)
+            world.step()
+            worst = max(worst, difference(world.read(), plan))
+    # Coordinates reach 1e4 m in the last tile: 1e-9 m is a few hundred units in the last place.
+    assert worst < 1e-9
+
+
+def test_headings_are_read_in_the_half_open_circle(crossing: SimpleNamespace, seed: SeedScene) -> None:
+    start = trips(0.0, np.zeros(1))
+    start.heading[:] = np.linspace(-9.0, 9.0, 11)
+    with World(crossing, seed, slots=[0]) as world:
+        world.begin(start, np.array([0]))
+        read = world.read().heading
+    assert np.all(read > -np.pi) and np.all(read <= np.pi)
+
+
+def roll(world: World, slots: list[int], phase: FloatArray) -> States:
+    """Ten steps of some children."""
+    world.begin(trips(0.0, phase), np.array(slots))
+    everybody, read = np.ones((len(slots), 11), dtype=bool), []
+    for step in range(1, 11):
+        world.move(trips(0.1 * step, phase), everybody)
+        world.step()
+        read.append(world.read())
+    return States.stack(read, axis=0)
+
+
+def test_a_child_reads_the_same_bytes_in_its_slot_whatever_runs_beside_or_before_it(
+    crossing: SimpleNamespace, seed: SeedScene
+) -> None:
+    with World(crossing, seed, slots=range(TILE_SLOTS)) as world:
+        roll(world, [0, 1, 2], np.array([4.0, 5.0, 6.0]))
+        among = roll(world, [62, 37, 5], np.array([1.0, 2.0, 3.0]))[:, 1]
+    with World(crossing, seed, slots=[37]) as world:
+        alone = roll(world, [37], np.array([2.0]))[:, 0]
+    for key in ("x", "y", "heading", "speed"):
+        assert getattr(among, key).tobytes() == getattr(alone, key).tobytes()
+
+
+def test_a_vehicle_that_nobody_moves_is_an_error_with_counts(
+    crossing: SimpleNamespace, seed: SeedScene
+) -> None:
+    start = trips(0.0, np.zeros(2))
+    mask = np.ones((2, 11), dtype=bool)
+    mask[0, 3:5] = False
+    with World(crossing, seed, slots=[0, 1]) as world:
+        world.begin(start, np.array([0, 1]))
+        with pytest.raises(SimulationError, match="2 not moved"):
+            world.move(start, mask)
+
+
+def test_a_vehicle_that_vanishes_is_named(crossing: SimpleNamespace, seed: SeedScene) -> None:
+    start = trips(0.0, np.zeros(2))
+    with World(crossing, seed, slots=[0, 1]) as world:
+        world.begin(start, np.array([0, 1]))
+        world.move(start, np.ones((2, 11), dtype=bool))
+        import libsumo
+
+        libsumo.vehicle.remove("t1_13")
+        with pytest.raises(SimulationError, match=r"lost 1 of 22 vehicles \(t1_13"):
+            world.step()
+
+
+def test_a_slot_without_a_tile_is_an_error(crossing: SimpleNamespace, seed: SeedScene) -> None:
+    with World(crossing, seed, slots=[0, 3]) as world, pytest.raises(SimulationError, match=r"slots \[2\]"):
+        world.begin(trips(0.0, np.zeros(2)), np.array([2, 3]))
+
+
+def test_a_second_world_in_the_process_is_refused_until_the_first_is_closed(
+    crossing: SimpleNamespace, seed: SeedScene
+) -> None:
+    start = trips(0.0, np.zeros(1))
+    with World(crossing, seed, slots=[0]) as first:
+        first.begin(start, np.array([0]))
+        with World(crossing, seed, slots=[0]) as second, pytest.raises(SimulationError, match="one is open"):
+            second.begin(start, np.array([0]))
+        assert difference(first.read(), start) < 1e-9
+    with World(crossing, seed, slots=[0]) as third:
+        third.begin(start, np.array([0]))
+        assert difference(third.read(), start) < 1e-9
+
+
+def test_nothing_can_be_read_before_a_batch_begins(crossing: SimpleNamespace, seed: SeedScene) -> None:
+    with World(crossing, seed, slots=[0]) as world, pytest.raises(SimulationError, match="begin one first"):
+        world.read()
