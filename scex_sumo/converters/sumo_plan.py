@@ -1,0 +1,285 @@
+"""The SUMO net as plain data: edges, nodes and connections with names and shapes, ready to be written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from shapely import MultiPoint, Polygon, unary_union
+
+from scex_sumo.converters.sumo_conflicts import Conflict
+from scex_sumo.converters.sumo_rules import Link, approach, links_by_node, set_foes, set_right_of_way
+from scex_sumo.converters.sumo_shapes import at, cut, heading, join, length, mean_width, project, turn
+from scex_sumo.converters.sumo_topology import Cut, Path, Piece, Topology
+from scex_sumo.road import Road
+from scex_sumo.scene import FloatArray
+
+JOINT_M = 0.05  # where road follows road, the connection takes this much of both: SUMO wants lengths > 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SumoLane:
+    """One lane of an edge or of an internal edge.
+
+    Attributes:
+        name: SUMO's lane id.
+        shape: (P, 2) m.
+        length: nominal length, the same for all lanes of an edge, m.
+        width: m.
+        speed: m/s.
+        lanelets: the lanelets it runs over, in driving order.
+        change_left: whether a vehicle may change to the left.
+        change_right: whether a vehicle may change to the right.
+    """
+
+    name: str
+    shape: FloatArray
+    length: float
+    width: float
+    speed: float
+    lanelets: tuple[int, ...]
+    change_left: bool = False
+    change_right: bool = False
+    allow: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Edge:
+    """A road edge with its lanes, rightmost first, and the nodes at its ends."""
+
+    name: str
+    start: str
+    end: str
+    lanes: tuple[SumoLane, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Connection:
+    """A link, its internal lane and its end points (edge names and lane indices)."""
+
+    link: Link
+    internal: SumoLane
+    from_edge: str
+    from_lane: int
+    to_edge: str
+    to_lane: int
+
+
+@dataclass(kw_only=True, eq=False)
+class Node:
+    """A SUMO junction: its incoming lanes and its connections, in the order of link indices."""
+
+    name: str
+    incoming: list[str] = field(default_factory=list)
+    connections: list[Connection] = field(default_factory=list)
+    shape: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+
+
+class NetPlan:
+    """Names and shapes for a topology.
+
+    Attributes:
+        edges: road edges.
+        nodes: junctions by name.
+    """
+
+    def __init__(self, road: Road, topology: Topology, found: Sequence[Conflict]) -> None:
+        self._road = road
+        self._topology = topology
+        self._lanes = topology.lanes
+        self.nodes: dict[str, Node] = {}
+        self.edges = tuple(self._edges())
+        self._connect(found)
+        for cut_, name in self._cuts_by_node().items():
+            self.nodes[name].shape = self._outline(cut_, self.nodes[name])
+
+    def places(self) -> Iterator[tuple[str, list[tuple[int, float]]]]:
+        """Each SUMO lane with the lanelets under it and the arc lengths at which it begins on them, m."""
+        topology = self._topology
+        for r, row in enumerate(topology.rows):
+            for k, inside in enumerate(row.inside):
+                if not inside:
+                    for at_, lanelet in enumerate(row.lanes):
+                        yield self._lane_name((r, k, at_)), [(lanelet, row.span(k, at_)[0])]
+        for node in self.nodes.values():
+            for c in node.connections:
+                path, starts = c.link.path, []
+                for piece in path.inside or (path.start, path.end):
+                    start, end = topology.rows[piece[0]].span(piece[1], piece[2])
+                    joint = not path.inside and piece == path.start
+                    # A joint covers the very end of the lanelet before and the very start of the one after.
+                    starts.append((topology.lane_id(piece), end if joint else start - 1e-6))
+                yield c.internal.name, list(dict(starts).items())
+
+    def _node_name(self, node: Cut) -> str:
+        row, k = node
+        ring = self._topology.rows[row]
+        return f"j{min(ring.lanes)}" + (f"#{k}" if k else "")
+
+    def _cuts_by_node(self) -> dict[Cut, str]:
+        topology = self._topology
+        cuts = {topology.node(r, k) for r, row in enumerate(topology.rows) for k in range(row.pieces + 1)}
+        return {cut_: self._node_name(cut_) for cut_ in sorted(cuts) if self._node_name(cut_) in self.nodes}
+
+    def _edge_name(self, row: int, piece: int) -> str:
+        ring = self._topology.rows[row]
+        roads = [k for k, inside in enumerate(ring.inside) if not inside]
+        return f"l{ring.lanes[0]}" + (f"#{roads.index(piece)}" if len(roads) > 1 else "")
+
+    def _edges(self) -> Iterator[Edge]:
+        for r, row in enumerate(self._topology.rows):
+            for k, inside in enumerate(row.inside):
+                if inside:
+                    continue
+                name = self._edge_name(r, k)
+                start, end = (self._node_name(self._topology.node(r, c)) for c in (k, k + 1))
+                shapes = [self._road_shape((r, k, at_)) for at_ in range(len(row.lanes))]
+                nominal = float(np.mean([length(shape) for shape in shapes]))
+                lanes = tuple(
+                    self._road_lane(f"{name}_{at_}", (r, k, at_), shape, nominal)
+                    for at_, shape in enumerate(shapes)
+                )
+                yield Edge(name=name, start=start, end=end, lanes=lanes)
+                self.nodes.setdefault(start, Node(name=start))
+                self.nodes.setdefault(end, Node(name=end)).incoming += [lane.name for lane in lanes]
+
+    def _road_lane(self, name: str, piece: Piece, shape: FloatArray, nominal: float) -> SumoLane:
+        row = self._topology.rows[piece[0]]
+        lane = self._lanes[row.lanes[piece[2]]]
+        left = row.lanes[piece[2] + 1] if piece[2] + 1 < len(row.lanes) else None
+        right = row.lanes[piece[2] - 1] if piece[2] else None
+        return SumoLane(
+            name=name,
+            shape=shape,
+            length=nominal,
+            width=self._width([piece]),
+            speed=lane.speed_limit_mps,
+            lanelets=(lane.lane_id,),
+            change_left=left is not None and lane.left == left,
+            change_right=right is not None and lane.right == right,
+        )
+
+    def _trims(self, piece: Piece) -> tuple[float, float]:
+        """Arc lengths between which a road piece is an edge; connections take the rest."""
+        row, lane = self._topology.rows[piece[0]], self._lanes[self._topology.lane_id(piece)]
+        start, end = row.span(piece[1], piece[2])
+        joint = min(JOINT_M, (end - start) / 4)
+        known = self._topology.where
+        first = piece[1] == 0 and any(i in known for i in lane.predecessors)
+        last = piece[1] + 1 == row.pieces and any(i in known for i in lane.successors)
+        return start + joint * first, end - joint * last
+
+    def _road_shape(self, piece: Piece) -> FloatArray:
+        return cut(self._lanes[self._topology.lane_id(piece)].centreline, *self._trims(piece))
+
+    def _inner_shape(self, path: Path) -> FloatArray:
+        """The end of the road before, the junction pieces, the beginning of the road after."""
+        topology, parts = self._topology, []
+        for piece in path.pieces:
+            start, end = topology.rows[piece[0]].span(piece[1], piece[2])
+            if piece == path.start:
+                start = self._trims(piece)[1]
+            if piece == path.end:
+                end = self._trims(piece)[0]
+            if end - start > 1e-9:
+                parts.append(cut(self._lanes[topology.lane_id(piece)].centreline, start, end))
+        return join(parts)
+
+    def _width(self, pieces: Sequence[Piece]) -> float:
+        """Mean distance of the bounds along pieces, weighted by length, m."""
+        widths, sizes = [], []
+        for piece in pieces:
+            row = self._topology.rows[piece[0]]
+            lane = self._lanes[row.lanes[piece[2]]]
+            start, end = row.span(piece[1], piece[2])
+            line = cut(lane.centreline, start, end)
+            widths.append(mean_width(lane.left_bound, lane.right_bound, line))
+            sizes.append(max(end - start, 1e-3))
+        return max(float(np.average(widths, weights=sizes)), 0.5)
+
+    def _connect(self, found: Sequence[Conflict]) -> None:
+        for cut_, paths in links_by_node(self._topology).items():
+            node = self.nodes[self._node_name(cut_)]
+            order = {name: k for k, name in enumerate(node.incoming)}
+            shapes = {path: self._inner_shape(path) for path in paths}
+            paths = sorted(paths, key=lambda p: (order[self._lane_name(p.start)], self._lane_name(p.end)))
+            links = [self._link(path, shapes[path]) for path in paths]
+            merging = set_foes(links, self._topology, found)
+            set_right_of_way(links, merging, self._road.regulations)
+            for k, link in enumerate(links):
+                node.connections.append(self._connection(node.name, k, link, shapes[link.path]))
+
+    def _link(self, path: Path, shape: FloatArray) -> Link:
+        start = self._road_shape(path.start)
+        bend = _bend(shape)
+        return Link(path=path, entry=heading(start, end=True), bend=bend, on=approach(self._topology, path))
+
+    def _lane_name(self, piece: Piece) -> str:
+        return f"{self._edge_name(*piece[:2])}_{piece[2]}"
+
+    def _connection(self, node: str, index: int, link: Link, shape: FloatArray) -> Connection:
+        path = link.path
+        over = path.inside or (path.start, path.end)
+        ids = [self._topology.lane_id(piece) for piece in over]
+        internal = SumoLane(
+            name=f":{node}_{index}_0",
+            shape=shape,
+            length=length(shape),
+            width=self._width(over),
+            speed=min(self._lanes[i].speed_limit_mps for i in (ids if path.inside else ids[1:])),
+            lanelets=tuple(dict.fromkeys(ids)),
+        )
+        return Connection(
+            link=link,
+            internal=internal,
+            from_edge=self._edge_name(*path.start[:2]),
+            from_lane=path.start[2],
+            to_edge=self._edge_name(*path.end[:2]),
+            to_lane=path.end[2],
+        )
+
+    def _outline(self, node: Cut, plan: Node) -> FloatArray:
+        """Union of the lanelets within a node; where there are none, the border between its edges."""
+        inside = {piece for c in plan.connections for piece in c.link.path.inside}
+        areas = [self._area(piece) for piece in sorted(inside)]
+        if areas:
+            union = unary_union([area.buffer(0.01) for area in areas])
+            hull = union if union.geom_type == "Polygon" else union.convex_hull
+            return np.asarray(hull.simplify(0.05).exterior.coords)[:-1]
+        return self._border(plan)
+
+    def _area(self, piece: Piece) -> Polygon:
+        row = self._topology.rows[piece[0]]
+        lane = self._lanes[row.lanes[piece[2]]]
+        ends = at(lane.centreline, np.array(row.span(piece[1], piece[2])))
+        sides = [_between(bound, ends) for bound in (lane.left_bound, lane.right_bound)]
+        return Polygon(np.vstack([sides[0], sides[1][::-1]])).buffer(0)
+
+    def _border(self, plan: Node) -> FloatArray:
+        """Corners of the lanes that end or begin at a node without an inside."""
+        points: list[FloatArray] = []
+        for edge in self.edges:
+            for lane in edge.lanes:
+                for name, end in ((edge.start, False), (edge.end, True)):
+                    if name == plan.name:
+                        angle = heading(lane.shape, end=end)
+                        across = np.array([-np.sin(angle), np.cos(angle)]) * lane.width / 2
+                        tip = lane.shape[-1 if end else 0]
+                        points += [tip + across, tip - across]
+        hull = MultiPoint(np.array(points)).convex_hull
+        coords = hull.exterior.coords[:-1] if hull.geom_type == "Polygon" else hull.coords
+        return np.asarray(coords)
+
+
+def _bend(shape: FloatArray) -> float:
+    """Signed change of heading along a polyline, summed over its points, rad."""
+    steps = np.diff(shape, axis=0)
+    angles = np.arctan2(steps[:, 1], steps[:, 0])
+    return float(sum(turn(a, b) for a, b in zip(angles[:-1], angles[1:], strict=True)))
+
+
+def _between(bound: FloatArray, ends: FloatArray) -> FloatArray:
+    """Part of a bound beside a stretch of the centreline, given the stretch's two end points."""
+    start, end = project(ends, bound)[0]
+    return cut(bound, start, end) if end - start > 1e-3 else np.vstack([at(bound, start), at(bound, end)])
