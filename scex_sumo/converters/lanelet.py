@@ -132,8 +132,8 @@ def _load(
         lanelet_map, errors = _parse(replace(map_file, relations=kept), origin, True)
         vertices = [v for v in _vertices(lanelet_map, rules, map_file) if v.usable]
     if not vertices:
-        found = "; ".join(notes) or "none is complete"
-        raise MapError(f"{map_file.path}: no usable lanelet ({found}); mend the map in an editor, e.g. JOSM")
+        why = "; ".join(note for note in notes if note.startswith("lanelets left out"))
+        raise MapError(f"{map_file.path}: no usable lanelet ({why}); mend the map in an editor, e.g. JOSM")
     notes.extend(errors)
     return lanelet_map, vertices
 
@@ -275,4 +275,5 @@ def _relations(
 
 
 def _on_one_level(lanelet: _Lanelet, other: _Lanelet) -> bool:
-    return bool(geometry.overlaps3d(lanelet, other, CLEARANCE_M))
+    # Lanelet2 measures heights along the first: ask both ways.
+    return any(geometry.overlaps3d(a, b, CLEARANCE_M) for a, b in ((lanelet, other), (other, lanelet)))
