@@ -41,7 +41,10 @@ def conflicts(road: Road) -> list[Conflict]:
         if _neighbours(lanes[i], lanes[j]) or j in lanes[i].successors or i in lanes[j].successors:
             continue
         found += _stretches(lanes[i], lanes[j])
-    return _kin(lanes, found)
+    # Lanes that fork at the map's border have no common approach where a junction could begin: they stay
+    # road, and whoever puts vehicles there must look at both.
+    border = {i for i, lane in lanes.items() if not lane.predecessors}
+    return [c for c in _kin(lanes, found) if not (c.kind == "diverge" and border.issuperset(c.lanes))]
 
 
 def _kin(lanes: dict[int, Lane], found: list[Conflict]) -> list[Conflict]:

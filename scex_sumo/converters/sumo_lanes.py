@@ -58,7 +58,7 @@ class LaneTable:
             if edges != last:  # the same edges again: a lane change
                 route += edges
             last = edges or last
-        for first, place in ((True, 0), (False, -1)):
+        for first in (True, False):
             beyond = self._beyond(lanelet_ids, route, first=first)
             if beyond is not None:
                 route.insert(0 if first else len(route), beyond)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from scex_sumo.converters.sumo_conflicts import conflicts
@@ -23,6 +24,8 @@ from scex_sumo.converters.sumo_topology import Topology
 from scex_sumo.converters.sumo_write import net_text
 from scex_sumo.errors import MapError
 from scex_sumo.road import Road
+
+__all__ = ["LaneTable", "SumoNet", "convert"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,12 +45,13 @@ class SumoNet:
     notes: tuple[str, ...] = ()
 
 
-def convert(road: Road, net_path: Path) -> SumoNet:
+def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoNet:
     """Write a road as a SUMO net, with its lane table NET.lanes.csv and drawing NET.add.xml beside it.
 
     Args:
         road: the map.
         net_path: where to write; usually ends in ``.net.xml``.
+        signals: recorded signal phases (SPaT) as CSV; the intersection's KML is looked for beside it.
 
     Raises:
         MapError: the road has no vehicle lanes.
@@ -61,9 +65,14 @@ def convert(road: Road, net_path: Path) -> SumoNet:
     plan = NetPlan(road, Topology(rows, lanes, found), found)
     net_path.write_text(net_text(plan), encoding="utf-8")
     table = _table(plan)
-    table.write(net_path.with_name(net_path.name.removesuffix(".net.xml") + ".lanes.csv"))
+    table.write(beside(net_path, ".lanes.csv"))
     notes = tuple(f"the lane change from lanelet {a} to {b} has no place in a SUMO edge" for a, b in lost)
     return SumoNet(path=net_path, extras=None, lanes=table, notes=notes)
+
+
+def beside(net_path: Path, suffix: str) -> Path:
+    """The file that belongs to NET.net.xml with another ending: NET + suffix."""
+    return net_path.with_name(net_path.name.removesuffix(".xml").removesuffix(".net") + suffix)
 
 
 def _table(plan: NetPlan) -> LaneTable:
@@ -78,7 +87,7 @@ def _table(plan: NetPlan) -> LaneTable:
             after.setdefault(key, set()).update(keys[:k])
     for lanelet in sorted(along):
         keys = [(lanelet, lane) for _, lane in sorted(along[lanelet])]
-        for before, key in zip(keys, keys[1:], strict=False):
+        for before, key in pairwise(keys):
             after[key].add(before)
     ends = {
         c.internal.name: (c.from_edge, c.to_edge) for node in plan.nodes.values() for c in node.connections

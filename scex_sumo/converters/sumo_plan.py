@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from shapely import MultiPoint, Polygon, unary_union
@@ -276,7 +277,7 @@ def _bend(shape: FloatArray) -> float:
     """Signed change of heading along a polyline, summed over its points, rad."""
     steps = np.diff(shape, axis=0)
     angles = np.arctan2(steps[:, 1], steps[:, 0])
-    return float(sum(turn(a, b) for a, b in zip(angles[:-1], angles[1:], strict=True)))
+    return float(sum(turn(a, b) for a, b in pairwise(angles)))
 
 
 def _between(bound: FloatArray, ends: FloatArray) -> FloatArray:

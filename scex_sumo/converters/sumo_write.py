@@ -52,7 +52,8 @@ def _lane(lane: SumoLane, index: int, *, bans: bool) -> str:
         change += "" if lane.change_right else f' changeRight="{NOBODY}"'
     return (
         f'        <lane id="{lane.name}" index="{index}"{allow}{change} speed="{lane.speed:.4f}"'
-        f' length="{max(lane.length, 0.1):.{DECIMALS}f}" width="{lane.width:.2f}" shape="{text(lane.shape)}"/>'
+        f' length="{max(lane.length, 0.1):.{DECIMALS}f}" width="{lane.width:.2f}"'
+        f' shape="{text(lane.shape)}"/>'
     )
 
 
