@@ -1,21 +1,21 @@
-"""A motorway merge: three lanes in a gentle reverse curve, an on-ramp, and an acceleration lane of 230 m.
+"""A motorway merge: three lanes in a gentle reverse curve, an on-ramp, and an acceleration lane of 280 m.
 
 The line between the acceleration lane and the right lane is solid for 40 m, then may be crossed from the
-acceleration lane only, then from both sides; at its end the lane tapers into the right lane and gives way.
+acceleration lane only, then from both sides; where the lane ends, a line leads across it.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.scenarios.curves import Curve, Pose, clothoids
+from scex_sumo.scenarios.curves import Curve, Pose, clothoids, smooth_step
 from scex_sumo.scenarios.drawing import DASHED, SOLID, Lanelet, MapDrawing, Mark
 
 LANE_M = 3.75
 START = Pose(x=700.0, y=1015.0, heading=-0.12)
 SHAPE = [(120.0, 1 / 1400, 1 / 1400), (180.0, 1 / 1400, -1 / 1100), (360.0, -1 / 1100, -1 / 1100)]
 RAMP_SHAPE = [(60.0, 0.0, 1 / 220), (40.0, 1 / 220, 1 / 120), (70.0, 1 / 120, 1 / 120), (40.0, 1 / 120, 0.0)]
-NOSE_M, OPEN_M, BOTH_M, TAPER_M, END_M = 200.0, 240.0, 300.0, 430.0, 520.0  # along the carriageway
+NOSE_M, OPEN_M, BOTH_M, END_M, CLOSED_M = 200.0, 240.0, 300.0, 480.0, 540.0  # along the carriageway
 MOTORWAY_M = 660.0
 BARRIER: Mark = ("guard_rail", "")
 RAMP_ONLY: Mark = ("line_thin", "solid_dashed")  # dashed on the right: those on the right may cross
@@ -30,14 +30,13 @@ def draw() -> MapDrawing:
         *_section(drawing, curve, 0.0, NOSE_M, SOLID),
         *_section(drawing, curve, NOSE_M, OPEN_M, SOLID, accelerating=True),
         *_section(drawing, curve, OPEN_M, BOTH_M, RAMP_ONLY, accelerating=True),
-        *_section(drawing, curve, BOTH_M, TAPER_M, DASHED, accelerating=True),
+        *_section(drawing, curve, BOTH_M, END_M, DASHED, accelerating=True),
+        *_section(drawing, curve, END_M, MOTORWAY_M, SOLID),
     ]
-    merging = _section(drawing, curve, TAPER_M, END_M, DASHED)
-    last = _section(drawing, curve, END_M, MOTORWAY_M, SOLID)
-    taper = drawing.connect(road[-1], last[-1], DASHED, SOLID, **MOTORWAY)
     ramp = _ramp(drawing, road[6])
-    drawing.right_of_way([taper], [merging[-1]], None)
-    drawing.speed_limit([*road, *merging, *last, taper], 120)
+    closed = curve.part(END_M, CLOSED_M, 1 / 100)
+    drawing.line(closed.offset(-4 * LANE_M + LANE_M * smooth_step(closed.s, 0.0, closed.length)), SOLID)
+    drawing.speed_limit(road, 120)
     drawing.speed_limit(ramp, 60)
     return drawing
 
