@@ -1,0 +1,234 @@
+"""One moment of a recording as a seed scene."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.converters.tracks_find import find_tracks
+from scex_sumo.converters.tracks_moments import CASE_FRAME, STAMP_MS, Moment, busiest, moments
+from scex_sumo.converters.tracks_repair import repair_tracks
+from scex_sumo.converters.tracks_sample import Sampled, sample
+from scex_sumo.converters.tracks_table import TrackRows, TrackTable, read_tracks
+from scex_sumo.converters.tracks_write import write_tracks
+from scex_sumo.errors import TrackError
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, FloatArray, IntArray, Obstacles, SeedScene
+
+__all__ = [
+    "Moment",
+    "TrackRows",
+    "TrackTable",
+    "busiest",
+    "find_tracks",
+    "moments",
+    "read_seed",
+    "read_tracks",
+    "repair_tracks",
+    "write_tracks",
+]
+
+FUTURE_STEPS = 50
+
+
+def read_seed(
+    map_path: str | Path,
+    *,
+    tracks: str | Path | None = None,
+    case: str | float | None = None,
+    time_s: float | None = None,
+    min_history: int = 0,
+    future_steps: int = FUTURE_STEPS,
+    repair: bool = True,
+) -> SeedScene:
+    """Read one moment of a recording.
+
+    Without ``case`` and ``time_s`` it is the moment with most vehicles that move and are recorded from 1 s
+    before to 3 s after, the earliest of equals; the moment of a case (INTERACTION v1.2) is its frame 10.
+
+    Args:
+        map_path: the Lanelet2 map; names the seed scene, and finds the tracks where none are given.
+        tracks: CSV file in INTERACTION format; None looks for it, see ``find_tracks``.
+        case: id of a case; ``1``, ``1.0`` and ``"1.0"`` are the same.
+        time_s: the moment in the recording's clock (``timestamp_ms`` / 1000); the nearest frame is taken.
+        min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
+        future_steps: how much of the recorded future is kept, in steps of 0.1 s.
+        repair: whether defects are repaired, see ``repair_tracks``.
+
+    Raises:
+        TrackError: no or unusable tracks, an unknown case, a moment outside the recording or without
+            vehicles.
+    """
+    map_path = Path(map_path)
+    path = find_tracks(map_path) if tracks is None else Path(tracks)
+    table = read_tracks(path)
+    if not len(table.vehicles):
+        kinds = sorted(set(table.others.types))
+        raise TrackError(f"{path}: no motor vehicle among the tracks (only {', '.join(kinds)}); give others")
+    if table.has_cases:
+        index = _choose_case(table, case, time_s)
+        table = table.case(index)
+        case_id = table.cases[index]
+    elif case is not None:
+        raise TrackError(f"{path}: no case_id column, so no case {case}; choose the moment with --time S")
+    else:
+        case_id = ""
+    findings: tuple[str, ...] = ()
+    if repair:
+        table, findings = repair_tracks(table)
+    moment_ms = _choose_moment(table, case_id, time_s)
+    return _build(map_path, table, case_id, moment_ms, min_history, future_steps, findings)
+
+
+def _choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
+    if case is None:
+        if time_s is not None:
+            return int(table.vehicles.case.min())
+        candidates = moments(table)
+        if not candidates:
+            raise TrackError(
+                f"{table.path}: no case has a vehicle in frame {CASE_FRAME}; choose with --case ID --time S"
+            )
+        return table.cases.index(busiest(candidates).case)
+    for index, name in enumerate(table.cases):
+        if name == str(case) or _number(name) == _number(str(case)):
+            return index
+    examples = ", ".join(table.cases[:3]) + (", ..." if len(table.cases) > 3 else "")
+    raise TrackError(f"{table.path}: no case {case}; it has {len(table.cases)} cases: {examples}")
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:
+    """Time stamp of the moment, ms."""
+    rows = table.vehicles
+    where = f"{table.path}: case {case_id}" if case_id else f"{table.path}"
+    if not len(rows):
+        raise TrackError(f"{where}: no vehicle (left after repairs); choose another moment or repair=False")
+    if time_s is None:
+        if not table.has_cases:
+            return 1000.0 * busiest(moments(table)).time_s
+        here = rows.timestamp_ms[rows.frame_id == CASE_FRAME]
+        if not len(here):
+            raise TrackError(f"{where}: no vehicle in frame {CASE_FRAME}; choose the moment with --time S")
+        return float(here[0])
+    stamps = np.unique(np.concatenate((rows.timestamp_ms, table.others.timestamp_ms)))
+    half_ms = 500.0 * table.step_s + STAMP_MS
+    if not np.isfinite(time_s) or not stamps[0] - half_ms <= 1000.0 * time_s <= stamps[-1] + half_ms:
+        raise TrackError(
+            f"{where}: no moment at {time_s:g} s, the recording spans {stamps[0] / 1000:.1f} to "
+            f"{stamps[-1] / 1000:.1f} s; choose --time in between"
+        )
+    with_vehicle = np.unique(rows.timestamp_ms)
+    wanted = 1000.0 * time_s
+    nearest = float(with_vehicle[np.argmin(np.abs(with_vehicle - wanted))])
+    if abs(nearest - wanted) > 1000.0 * STEP_S and not len(sample(rows, wanted, np.array([wanted])).track):
+        raise TrackError(
+            f"{where}: no vehicle at {time_s:g} s; the nearest moment with one is {nearest / 1000:.1f} s"
+        )
+    return nearest if abs(nearest - wanted) <= half_ms else wanted
+
+
+def _build(
+    map_path: Path,
+    table: TrackTable,
+    case_id: str,
+    moment_ms: float,
+    min_history: int,
+    future_steps: int,
+    findings: tuple[str, ...],
+) -> SeedScene:
+    steps_ms = 1000.0 * STEP_S * np.arange(-HISTORY_STEPS, future_steps + 1)
+    grid_ms: FloatArray = (moment_ms + steps_ms).astype(np.float64)
+    rows = table.vehicles
+    cars = sample(rows, moment_ms, grid_ms)
+    steps = cars.recorded[:, :HISTORY_STEPS].sum(axis=1).astype(np.int64)
+    keep = steps >= min_history
+    if not keep.any():
+        raise TrackError(
+            f"{table.path}: none of {len(keep)} vehicles at {moment_ms / 1000:g} s has {min_history} "
+            "recorded previous steps; choose a later moment or a smaller min_history"
+        )
+    notes = _notes(table, cars, steps[keep], moment_ms, findings)
+    if not keep.all():
+        notes.append(f"{int((~keep).sum())} vehicles with less than {min_history} previous steps left out")
+    valid = cars.recorded[keep, HISTORY_STEPS + 1 :]
+    states = cars.states[keep]
+    ids = [int(float(rows.labels[k])) for k in cars.track[keep]]
+    return SeedScene(
+        name=_name(map_path, table, case_id, moment_ms),
+        location=map_path.stem,
+        time_s=moment_ms / 1000.0,
+        track_ids=np.array(ids, np.int64),
+        types=tuple(rows.types[k] for k in cars.track[keep]),
+        length=cars.length[keep],
+        width=cars.width[keep],
+        history=states[:, : HISTORY_STEPS + 1],
+        recorded_steps=steps[keep],
+        future=states[:, HISTORY_STEPS + 1 :] if valid.any() else None,
+        future_valid=valid if valid.any() else None,
+        obstacles=_obstacles(table.others, moment_ms, grid_ms),
+        notes=tuple(notes),
+        source=_source(table, case_id, moment_ms),
+    )
+
+
+def _obstacles(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Obstacles | None:
+    found = sample(rows, moment_ms, grid_ms)
+    if not len(found.track):
+        return None
+    present = found.recorded.copy()
+    present[:, HISTORY_STEPS:] = True  # where the recording ends they go on at constant velocity
+    return Obstacles(
+        ids=tuple(rows.labels[k] for k in found.track),
+        types=tuple(rows.types[k] for k in found.track),
+        length=found.length,
+        width=found.width,
+        states=found.states,
+        present=present,
+    )
+
+
+def _notes(
+    table: TrackTable, cars: Sampled, steps: IntArray, moment_ms: float, findings: tuple[str, ...]
+) -> list[str]:
+    notes = []
+    if findings:
+        notes.append(f"{table.path.name} repaired: {'; '.join(findings)}")
+    if abs(table.step_s - STEP_S) > 0.02 * STEP_S:
+        notes.append(f"recorded at {1 / table.step_s:.3g} Hz: interpolated to 10 Hz")
+    elif cars.interpolated:
+        notes.append(f"{cars.interpolated} missing samples interpolated")
+    earliest = float(table.vehicles.timestamp_ms.min())
+    there = min(HISTORY_STEPS, int((moment_ms - earliest + STAMP_MS) // (1000.0 * STEP_S)))
+    if there < HISTORY_STEPS:
+        notes.append(f"{there} of {HISTORY_STEPS} previous steps recorded, constant velocity before")
+    short = int((steps < there).sum())
+    if short:
+        notes.append(
+            f"{short} of {len(steps)} vehicles came within the last second: constant velocity before"
+        )
+    return notes
+
+
+def _name(map_path: Path, table: TrackTable, case_id: str, moment_ms: float) -> str:
+    stem = re.sub(r"^vehicle_tracks_", "", table.path.stem)
+    name = stem if stem.startswith(map_path.stem) else f"{map_path.stem}_{stem}"
+    time_s = moment_ms / 1000.0
+    when = f"{time_s:.1f}" if abs(time_s - round(time_s, 1)) < 1e-6 else f"{time_s:.3f}"
+    name += f"_case{case_id}" if case_id else ""
+    if not (case_id and when == "1.0"):
+        name += f"_t{when}"
+    return re.sub(r"[^A-Za-z0-9._+-]+", "-", name)
+
+
+def _source(table: TrackTable, case_id: str, moment_ms: float) -> dict[str, Any]:
+    source: dict[str, Any] = {"kind": "tracks", "tracks": str(table.path), "time_s": moment_ms / 1000.0}
+    return source | ({"case": case_id} if case_id else {})

@@ -1,0 +1,258 @@
+"""Defects of recordings: found from the data, repaired where the repair is unambiguous, and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scex_sumo.converters.tracks_heading import repair_headings
+from scex_sumo.converters.tracks_smooth import derivative, position_noise, smooth
+from scex_sumo.converters.tracks_table import TrackRows, TrackTable, segments_of
+from scex_sumo.errors import TrackError
+from scex_sumo.scene import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepairLimits:
+    """When a sample or track counts as defective.
+
+    Attributes:
+        same_place_m: samples of one track and stamp closer than this are copies of one another.
+        jump_m: a step this long is a jump ...
+        jump_excess_m: ... if it is also this much longer than the track's usual step there.
+        frozen_steps: a tracker still warms up where so many of a track's first five steps have exactly the
+            same position though the speed says that it moves.
+        warm_up_s: what is dropped then.
+        velocity_ratio: velocities whose integral is off the motion by more than this factor contradict it.
+        velocity_cosine: so do velocities that point elsewhere: cosine between integral and motion.
+        judged_path_m: displacements summed over a track's seconds must reach this to judge velocities.
+        noise_m: positions with more white noise than this per axis are smoothed.
+    """
+
+    same_place_m: float = 0.05
+    jump_m: float = 3.0
+    jump_excess_m: float = 1.5
+    frozen_steps: int = 2
+    warm_up_s: float = 2.0
+    velocity_ratio: float = 1.2
+    velocity_cosine: float = 0.9
+    judged_path_m: float = 3.0
+    noise_m: float = 0.04
+
+
+LIMITS = RepairLimits()
+
+
+def repair_tracks(table: TrackTable, limits: RepairLimits = LIMITS) -> tuple[TrackTable, tuple[str, ...]]:
+    """Repair a recording (or one case of a file of cases).
+
+    In this order: samples with the stamp of another, tracker warm-up, jumps, velocities and noise, headings.
+
+    Returns:
+        The repaired table, and one phrase with counts for each kind of defect of the vehicles; one more
+        where the others have defects.
+
+    Raises:
+        TrackError: a track is in one frame twice, at different places.
+    """
+    vehicles, findings = _repair(table.vehicles, table, limits)
+    others, more = _repair(table.others, table, limits)
+    if more:
+        both = "likewise" if findings else "; ".join(more)
+        findings.append(f"pedestrians and cyclists: {both}")
+    return replace(table, vehicles=vehicles, others=others), tuple(findings)
+
+
+def _repair(rows: TrackRows, table: TrackTable, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
+    findings: list[str] = []
+    if not len(rows):
+        return rows, findings
+    steps: tuple[Callable[[TrackRows], tuple[TrackRows, list[str]]], ...] = (
+        lambda rows: _drop_copies(rows, limits, str(table.path)),
+        lambda rows: _drop_warm_up(rows, limits),
+        lambda rows: _cut_jumps(rows, limits),
+        lambda rows: _renew_motion(rows, limits),
+        repair_headings,
+    )
+    for step in steps:
+        rows, found = step(rows)
+        findings += found
+        if not len(rows):
+            break
+    return rows, findings
+
+
+def _drop_copies(rows: TrackRows, limits: RepairLimits, path: str) -> tuple[TrackRows, list[str]]:
+    """One sample per track and stamp."""
+    again = np.append(False, (np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0))
+    if not again.any():
+        return rows, []
+    here = np.flatnonzero(again)
+    apart = np.hypot(rows.x[here] - rows.x[here - 1], rows.y[here] - rows.y[here - 1])
+    twice = (apart > limits.same_place_m) & (rows.frame_id[here] == rows.frame_id[here - 1])
+    if twice.any():
+        row = here[np.argmax(twice)]
+        label = rows.labels[rows.track[row]]
+        raise TrackError(
+            f"{path}: track {label} is twice at {rows.timestamp_ms[row]:.0f} ms (frame {rows.frame_id[row]})"
+            f", {apart[np.argmax(twice)]:.1f} m apart; give every road user its own track_id"
+        )
+    # The sample that fits the line through its neighbours is the one to keep.
+    keep = ~again
+    for first in np.flatnonzero(keep & np.append(again[1:], False)):
+        group = first + np.arange(1 + int(np.argmin(np.append(again[first + 1 :], False))))
+        keep[group] = False
+        keep[group[_best_of(rows, group)]] = True
+    return rows.take(keep), [f"{int((~keep).sum())} samples with the time stamp of another dropped"]
+
+
+def _best_of(rows: TrackRows, group: IntArray) -> int:
+    before, after = group[0] - 1, group[-1] + 1
+    ends = [i for i in (before, after) if 0 <= i < len(rows) and rows.track[i] == rows.track[group[0]]]
+    if not ends:
+        return 0
+    middle_x, middle_y = float(np.mean(rows.x[ends])), float(np.mean(rows.y[ends]))
+    return int(np.argmin(np.hypot(rows.x[group] - middle_x, rows.y[group] - middle_y)))
+
+
+def _drop_warm_up(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
+    """Drop the start of tracks whose filter had not yet met the vehicle.
+
+    Such a filter starts from standstill: for some steps the position stays exactly the same while the speed
+    already rises, then both catch up at 5 to 10 m/s².
+    """
+    start = np.append(True, np.diff(rows.segment) != 0)
+    piece = np.cumsum(start) - 1
+    since = np.arange(len(rows)) - np.flatnonzero(start)[piece]
+    still = (np.diff(rows.x) == 0.0) & (np.diff(rows.y) == 0.0) & ~start[1:] & (since[1:] <= 5)
+    faster = np.diff(rows.speed) > 0.0
+    moving = (rows.speed[1:] + rows.speed[:-1]) / 2.0 > 0.15
+    frozen = np.bincount(piece[1:][still & faster & moving], minlength=piece[-1] + 1) >= limits.frozen_steps
+    if not frozen.any():
+        return rows, []
+    age_ms = rows.timestamp_ms - rows.timestamp_ms[start][piece]
+    keep = ~frozen[piece] | (age_ms >= 1000.0 * limits.warm_up_s)
+    cold = len(np.unique(rows.track[start][frozen]))
+    return rows.take(keep), [
+        f"tracker warm-up: first {limits.warm_up_s:g} s of {cold} of {rows.tracks} tracks dropped"
+    ]
+
+
+def _cut_jumps(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
+    """Drop single samples far off; cut a track where it goes on elsewhere."""
+    jump = _jumps(rows, limits)
+    if not jump.any():
+        return rows, []
+    joined = np.diff(rows.segment) == 0
+    drop = np.zeros(len(rows), bool)
+    cut = np.zeros(len(rows), bool)
+    for i in np.flatnonzero(jump):  # step from row i to row i + 1
+        if drop[i]:
+            continue
+        if i + 1 < len(joined) and joined[i + 1] and jump[i + 1]:
+            drop[i + 1] = True
+        elif i == 0 or not joined[i - 1]:
+            drop[i] = True
+        elif i + 1 >= len(joined) or not joined[i + 1]:
+            drop[i + 1] = True
+        else:
+            cut[i + 1] = True
+    found = []
+    if drop.any():
+        found.append(f"{int(drop.sum())} samples that jump by more than {limits.jump_m:g} m dropped")
+    if cut.any():
+        tracks = len(np.unique(rows.track[cut]))
+        found.append(f"{tracks} tracks cut where they jump by more than {limits.jump_m:g} m")
+    segment = rows.segment + np.cumsum(cut)
+    rows = rows.with_columns(segment=segment).take(~drop)
+    # A dropped sample may leave a gap that is too long; cuts stay.
+    both = np.append(0, np.cumsum((np.diff(rows.segment) != 0) | _gap(rows)))
+    return rows.with_columns(segment=both.astype(np.int64)), found
+
+
+def _gap(rows: TrackRows) -> BoolArray:
+    return np.asarray(np.diff(segments_of(rows.track, rows.timestamp_ms)) != 0)
+
+
+def _jumps(rows: TrackRows, limits: RepairLimits) -> BoolArray:
+    """(N - 1,) True where the step to the next row of the segment is a jump."""
+    joined = np.diff(rows.segment) == 0
+    length = np.hypot(np.diff(rows.x), np.diff(rows.y))
+    far = joined & (length > limits.jump_m)
+    elapsed = np.diff(rows.timestamp_ms) / 1000.0
+    jump = np.zeros(len(length), bool)
+    for i in np.flatnonzero(far):
+        window = slice(max(0, i - 5), i + 6)
+        same = joined[window] & (rows.segment[:-1][window] == rows.segment[i])
+        usual = np.median(length[window][same] / elapsed[window][same])
+        jump[i] = length[i] - usual * elapsed[i] > limits.jump_excess_m
+    return jump
+
+
+def _renew_motion(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
+    """Take velocities from the positions where both contradict; smooth positions that jitter."""
+    time_s = rows.timestamp_ms / 1000.0
+    points = np.stack((rows.x, rows.y), axis=1)
+    judged, wrong, ratio = _contradictions(rows, points, time_s, limits)
+    noise = position_noise(points, time_s, rows.segment)
+    found = []
+    if wrong.any():
+        how = f"{ratio:.2f} x too small" if ratio > 1 else f"{1 / ratio:.2f} x too large" if ratio > 0 else ""
+        found.append(
+            f"velocities of {int(wrong.sum())} of {int(judged.sum())} moving tracks contradict the motion"
+            f" ({how or 'wrong direction'}): recomputed from positions"
+        )
+    jitter = noise > limits.noise_m
+    # Most tracks wrong: then also those that are too short or too slow to judge.
+    everything = jitter or 2 * wrong.sum() > judged.sum()
+    if not everything and not wrong.any():
+        return rows, found
+    chosen = np.full(len(rows), True) if everything else wrong[rows.track]
+    smoothed = smooth(points, time_s, rows.segment, noise)
+    velocity = derivative(smoothed, time_s, rows.segment)
+    if jitter:
+        found.append(f"positions jitter by {noise:.2f} m: smoothed")
+        points = smoothed
+    return (
+        rows.with_columns(
+            x=points[:, 0],
+            y=points[:, 1],
+            vx=np.where(chosen, velocity[:, 0], rows.vx),
+            vy=np.where(chosen, velocity[:, 1], rows.vy),
+        ),
+        found,
+    )
+
+
+def _contradictions(
+    rows: TrackRows, points: FloatArray, time_s: FloatArray, limits: RepairLimits
+) -> tuple[BoolArray, BoolArray, float]:
+    """Compare displacements over up to one second with the integral of the velocities.
+
+    Returns:
+        (K,) tracks that move enough to be judged, (K,) those that contradict, and the median factor by which
+        their velocities are too small; 0 where they point elsewhere.
+    """
+    reach = max(1, round(1.0 / max(float(np.median(np.diff(time_s)[np.diff(rows.segment) == 0])), 1e-3)))
+    velocity = np.stack((rows.vx, rows.vy), axis=1)
+    area = (velocity[1:] + velocity[:-1]) / 2.0 * np.diff(time_s)[:, None]
+    area[np.diff(rows.segment) != 0] = 0.0
+    integral = np.vstack((np.zeros((1, 2)), np.cumsum(area, axis=0)))
+    last = np.append(np.flatnonzero(np.diff(rows.segment) != 0), len(rows) - 1)
+    end_of = last[np.searchsorted(last, np.arange(len(rows)))]
+    ahead = np.minimum(np.arange(len(rows)) + reach, end_of)
+    moved, said = points[ahead] - points, integral[ahead] - integral
+    weight = 1.0 / reach  # windows overlap reach-fold
+    tracks = rows.tracks
+    dd = np.bincount(rows.track, np.sum(moved**2, axis=1), tracks)
+    vv = np.bincount(rows.track, np.sum(said**2, axis=1), tracks)
+    dv = np.bincount(rows.track, np.sum(moved * said, axis=1), tracks)
+    path = np.bincount(rows.track, np.hypot(*moved.T), tracks) * weight
+    said_path = np.bincount(rows.track, np.hypot(*said.T), tracks) * weight
+    judged = np.maximum(path, said_path) > limits.judged_path_m
+    cosine = dv / np.sqrt(np.maximum(dd * vv, 1e-12))
+    factor = np.where(cosine < limits.velocity_cosine, 0.0, dv / np.maximum(vv, 1e-12))
+    wrong = judged & ((factor > limits.velocity_ratio) | (factor < 1.0 / limits.velocity_ratio))
+    return judged, wrong, float(np.median(factor[wrong])) if wrong.any() else 1.0

@@ -1,0 +1,333 @@
+"""Recorded tracks as flat arrays: INTERACTION v1.0, v1.2 and TAF-BW CSV files."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.converters.tracks_check import (
+    BASE_COLUMNS,
+    SHAPE_COLUMNS,
+    check_header,
+    explain_bad_values,
+    explain_parse_error,
+)
+from scex_sumo.errors import TrackError
+from scex_sumo.scene import BoolArray, FloatArray, IntArray
+
+MAX_GAP_S = 0.5
+"""A track with a longer hole is two segments: nothing is interpolated or smoothed across it."""
+
+MOTOR_TYPES = frozenset(
+    ("car", "truck", "bus", "van", "motorcycle", "motorbike", "trailer", "taxi", "vehicle", "truck_bus")
+)
+"""Types that become vehicles of a seed scene; every other type is an obstacle."""
+
+OBSTACLE_SIZES = {"pedestrian": (0.6, 0.6), "bicycle": (1.8, 0.7), "tram": (30.0, 2.6)}
+"""Length and width in m where the recording gives none; the first word that occurs in the type counts."""
+_DEFAULT_OBSTACLE_SIZE = (1.8, 0.7)  # of a bicycle: also for "pedestrian/bicycle", which may be either
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackRows:
+    """Samples of tracks, sorted by case, track and time; N rows of K tracks.
+
+    Attributes:
+        case: (N,) index into ``TrackTable.cases``.
+        track: (N,) number of the row's track, 0 to K - 1, never decreasing.
+        segment: (N,) as ``track``, but a new number also after a gap of more than 0.5 s or a jump.
+        labels: (K,) track ids as recorded.
+        types: (K,) lower case.
+        frame_id: (N,) as recorded.
+        timestamp_ms: (N,) ms.
+        x: (N,) centre, m.
+        y: (N,) centre, m.
+        vx: (N,) m/s.
+        vy: (N,) m/s.
+        psi_rad: (N,) heading, rad; the course of the motion where the recording has none.
+        length: (N,) m.
+        width: (N,) m.
+    """
+
+    case: IntArray
+    track: IntArray
+    segment: IntArray
+    labels: tuple[str, ...]
+    types: tuple[str, ...]
+    frame_id: IntArray
+    timestamp_ms: FloatArray
+    x: FloatArray
+    y: FloatArray
+    vx: FloatArray
+    vy: FloatArray
+    psi_rad: FloatArray
+    length: FloatArray
+    width: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.track)
+
+    @property
+    def tracks(self) -> int:
+        """Number of tracks K."""
+        return len(self.labels)
+
+    @cached_property
+    def speed(self) -> FloatArray:
+        """(N,) m/s."""
+        return np.asarray(np.hypot(self.vx, self.vy))
+
+    @cached_property
+    def track_id(self) -> IntArray:
+        """(N,) track ids as numbers (of vehicles; others may have names such as P1)."""
+        return np.array([int(float(label)) for label in self.labels], np.int64)[self.track]
+
+    def take(self, keep: BoolArray) -> TrackRows:
+        """The rows where ``keep`` (N,) is True; tracks without rows are left out."""
+        used, track = np.unique(self.track[keep], return_inverse=True)
+        columns = {name: getattr(self, name)[keep] for name in _ROW_COLUMNS}
+        return TrackRows(
+            **columns,
+            track=track.astype(np.int64),
+            labels=tuple(self.labels[k] for k in used),
+            types=tuple(self.types[k] for k in used),
+        )
+
+    def with_columns(self, **columns: Any) -> TrackRows:
+        """A copy with some columns (arrays) replaced."""
+        return replace(self, **columns)
+
+
+_FLOATS = ("timestamp_ms", "x", "y", "vx", "vy", "psi_rad", "length", "width")
+_ROW_COLUMNS = ("case", "segment", "frame_id", *_FLOATS)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackTable:
+    """A recording, or a file of cases.
+
+    Attributes:
+        path: the file read.
+        cases: ids of the cases as written, e.g. ``1.0``, in numerical order; one empty string where the
+            file has no ``case_id`` column (one file per recording).
+        vehicles: tracks of motor vehicles.
+        others: tracks of everything else.
+        step_s: median time between samples, s.
+    """
+
+    path: Path
+    cases: tuple[str, ...]
+    vehicles: TrackRows
+    others: TrackRows
+    step_s: float
+
+    @property
+    def has_cases(self) -> bool:
+        """Whether the file holds cases (v1.2) and not one recording (v1.0)."""
+        return self.cases != ("",)
+
+    def case(self, index: int) -> TrackTable:
+        """The rows of one case only; ``cases`` stays, so that numbers keep their meaning."""
+        if not self.has_cases:
+            return self
+        vehicles = self.vehicles.take(self.vehicles.case == index)
+        return replace(self, vehicles=vehicles, others=self.others.take(self.others.case == index))
+
+
+def read_tracks(path: str | Path) -> TrackTable:
+    """Read a recording in INTERACTION format; nothing is repaired.
+
+    Rows may come in any order, unknown columns are ignored. Pedestrians and cyclists of INTERACTION v1.0 are
+    read from ``pedestrian_tracks_*.csv`` beside ``vehicle_tracks_*.csv``.
+
+    Raises:
+        TrackError: file missing or no CSV, column missing, value missing or not a number, no rows, one track
+            twice in one frame.
+    """
+    path = Path(path)
+    parts = [_read_columns(path)]
+    beside = path.with_name(path.name.replace("vehicle_tracks", "pedestrian_tracks"))
+    if beside != path and beside.is_file():
+        parts.append(_read_columns(beside))
+    columns, cases, labels, types = _merge(parts)
+    motor = np.array([name in MOTOR_TYPES for name in types], bool)
+    of_track = _majority_type(columns["track"], columns["agent_type"], len(labels))
+    is_vehicle = motor[of_track[columns["track"]]]
+    vehicles = _rows(columns, is_vehicle, cases, labels, types, of_track)
+    others = _rows(columns, ~is_vehicle, cases, labels, types, of_track)
+    for k, label in enumerate(vehicles.labels):
+        if not re.fullmatch(r"-?\d+(\.0*)?", label):
+            raise TrackError(
+                f"{path}: track_id {label!r} of a {vehicles.types[k]} is not an integer; number the vehicles"
+            )
+    return TrackTable(
+        path=path,
+        cases=tuple(sorted(cases, key=_sort_key)),
+        vehicles=vehicles,
+        others=others,
+        step_s=_median_step(vehicles if len(vehicles) else others),
+    )
+
+
+def segments_of(track: IntArray, timestamp_ms: FloatArray) -> IntArray:
+    """(N,) numbers that change with the track and after a gap of more than 0.5 s."""
+    new = np.ones(len(track), bool)
+    # 1.5 ms: stamps are rounded to milliseconds
+    new[1:] = (np.diff(track) != 0) | (np.diff(timestamp_ms) > 1000.0 * MAX_GAP_S + 1.5)
+    return np.asarray(np.cumsum(new) - 1, np.int64)
+
+
+def _median_step(rows: TrackRows) -> float:
+    within = np.diff(rows.segment) == 0
+    steps = np.diff(rows.timestamp_ms)[within]
+    steps = steps[steps > 0]
+    return float(np.median(steps)) / 1000.0 if len(steps) else 0.1
+
+
+def _sort_key(label: str) -> tuple[bool, float, str]:
+    """Numbers in numerical order, before names."""
+    try:
+        return False, float(label), label
+    except ValueError:
+        return True, 0.0, label
+
+
+def _read_columns(path: Path) -> dict[str, Any]:
+    """Columns of one file; ``case_id``, ``track_id`` and ``agent_type`` as (codes, names)."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+    from pyarrow import csv
+
+    header = check_header(path)
+    numbers = [name for name in (*BASE_COLUMNS, *SHAPE_COLUMNS, "frame_id") if name in header]
+    words = [name for name in ("case_id", "track_id", "agent_type") if name in header]
+    numbers = [name for name in numbers if name not in words]
+    types = {name: pa.float64() for name in numbers} | dict.fromkeys(words, pa.string())
+    try:
+        arrow = csv.read_csv(
+            path,
+            read_options=csv.ReadOptions(column_names=header, skip_rows=1),
+            convert_options=csv.ConvertOptions(include_columns=[*numbers, *words], column_types=types),
+        )
+    except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
+        raise explain_parse_error(path, header, numbers, str(error)) from None
+    if arrow.num_rows == 0:
+        raise TrackError(f"{path}: a header and no rows; give a file with tracks")
+    columns: dict[str, Any] = {name: np.array(arrow[name].to_numpy(), np.float64) for name in numbers}
+    for name in words:
+        text = pc.utf8_trim_whitespace(arrow[name])
+        if name == "agent_type":
+            text = pc.utf8_lower(text)
+        encoded = text.combine_chunks().dictionary_encode()
+        columns[name] = encoded.indices.to_numpy().astype(np.int64), [str(n) for n in encoded.dictionary]
+    _check_values(path, header, columns)
+    return columns
+
+
+def _check_values(path: Path, header: list[str], columns: dict[str, Any]) -> None:
+    codes, names = columns["agent_type"]
+    motor = np.array([name in MOTOR_TYPES for name in names], bool)[codes]
+    bad = np.zeros(len(codes), bool)
+    for name in ("timestamp_ms", "x", "y", "vx", "vy"):
+        bad |= ~np.isfinite(columns[name])
+    for name in SHAPE_COLUMNS:
+        if name not in columns:
+            columns[name] = np.full(len(codes), np.nan)
+        bad |= motor & ~np.isfinite(columns[name])
+    for name in ("length", "width"):
+        bad |= motor & ~(columns[name] > 0.0)
+    for name in ("track_id", "agent_type", "case_id"):
+        if name in columns and "" in columns[name][1]:
+            bad |= columns[name][0] == columns[name][1].index("")
+    if bad.any():
+        raise explain_bad_values(path, header, int(np.argmax(bad)), MOTOR_TYPES)
+    if "frame_id" not in columns or not np.isfinite(columns["frame_id"]).all():
+        columns["frame_id"] = np.rint(columns["timestamp_ms"] / 100.0)
+
+
+def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list[str], list[str]]:
+    """One set of columns of several files; a track is a pair of case and id, apart for each file."""
+    cases: list[str] = []
+    types: list[str] = []
+    labels: list[str] = []
+    merged: list[dict[str, Any]] = []
+    for part in parts:
+        size = len(part["x"])
+        case_codes, case_names = part.get("case_id", (np.zeros(size, np.int64), [""]))
+        cases += [name for name in case_names if name not in cases]
+        types += [name for name in part["agent_type"][1] if name not in types]
+        case = np.array([cases.index(name) for name in case_names], np.int64)[case_codes]
+        ids, names = part["track_id"]
+        pair, track = np.unique(case * len(names) + ids, return_inverse=True)
+        kind = np.array([types.index(name) for name in part["agent_type"][1]], np.int64)
+        merged.append(
+            {name: part[name] for name in _ROW_COLUMNS if name not in ("case", "segment")}
+            | {"case": case, "track": track + len(labels), "agent_type": kind[part["agent_type"][0]]}
+        )
+        labels += [names[i] for i in pair % len(names)]
+    columns = {name: np.concatenate([part[name] for part in merged]) for name in merged[0]}
+    return columns, cases, labels, types
+
+
+def _majority_type(track: IntArray, kind: IntArray, tracks: int) -> IntArray:
+    """(K,) most frequent type of each track: trackers change their mind now and then."""
+    kinds = int(kind.max()) + 1
+    counts = np.bincount(track * kinds + kind, minlength=tracks * kinds).reshape(tracks, kinds)
+    return np.asarray(np.argmax(counts, axis=1), np.int64)
+
+
+def _rows(
+    columns: dict[str, Any],
+    keep: BoolArray,
+    cases: list[str],
+    labels: list[str],
+    types: list[str],
+    type_of_track: IntArray,
+) -> TrackRows:
+    """Sorted rows of vehicles or of others; the order of the file leaves no trace."""
+    case = np.array(_ranks(cases), np.int64)[columns["case"][keep]]
+    track = columns["track"][keep]
+    stamps = columns["timestamp_ms"][keep]
+    frames = columns["frame_id"][keep]
+    label_rank = np.array(_ranks(labels), np.int64)[track]
+    order = np.lexsort((frames, stamps, track, label_rank, case))
+    track, case = track[order], case[order]
+    first = np.ones(len(track), bool)
+    first[1:] = np.diff(track) != 0
+    number = np.asarray(np.cumsum(first) - 1, np.int64)
+    flat = {name: columns[name][keep][order] for name in _FLOATS}
+    kinds = [types[type_of_track[k]] for k in track[first]]
+    _fill_shapes(flat, number, kinds)
+    return TrackRows(
+        case=case.astype(np.int64),
+        track=number,
+        segment=segments_of(number, flat["timestamp_ms"]),
+        labels=tuple(labels[k] for k in track[first]),
+        types=tuple(kinds),
+        frame_id=np.rint(frames[order]).astype(np.int64),
+        **flat,
+    )
+
+
+def _ranks(labels: list[str]) -> list[int]:
+    """(n,) position of each label in numerical order; equal labels share one."""
+    place = {label: i for i, label in enumerate(sorted(set(labels), key=_sort_key))}
+    return [place[label] for label in labels]
+
+
+def _fill_shapes(flat: dict[str, FloatArray], track: IntArray, kinds: list[str]) -> None:
+    """Sizes and headings that the format leaves out for pedestrians and cyclists, in place."""
+    sizes = np.array([_obstacle_size(kind) for kind in kinds]).reshape(-1, 2)[track]
+    for name, default in (("length", sizes[:, 0]), ("width", sizes[:, 1])):
+        flat[name] = np.where(flat[name] > 0.0, flat[name], default)
+    course = np.arctan2(flat["vy"], flat["vx"])
+    flat["psi_rad"] = np.where(np.isfinite(flat["psi_rad"]), flat["psi_rad"], course)
+
+
+def _obstacle_size(kind: str) -> tuple[float, float]:
+    return OBSTACLE_SIZES.get(kind, _DEFAULT_OBSTACLE_SIZE)
