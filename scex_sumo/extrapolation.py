@@ -18,12 +18,13 @@ from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, build, parse
 from scex_sumo.colors import model_colors
 from scex_sumo.converters.sumo_net import convert
 from scex_sumo.converters.tracks import write_tracks
+from scex_sumo.density import THRESHOLDS
 from scex_sumo.errors import UsageError
 from scex_sumo.job import Job, batches_of, run_batches
 from scex_sumo.measure import measure_recorded
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.results import Part, ResultFolder, assignments_table, tracks_table, values_table
-from scex_sumo.run import Run, default_thresholds, densities_table
+from scex_sumo.run import Run, densities_table
 from scex_sumo.sampling import assignments
 from scex_sumo.scene import SeedScene
 from scex_sumo.world import TILE_SLOTS
@@ -124,7 +125,7 @@ def extrapolate(
     _run_all(job, folder, workers, batch, progress)
     simulated = time.perf_counter()
     part = folder.collect(len(assignment))
-    limits = {**default_thresholds(), **(thresholds or {})}
+    limits = {**THRESHOLDS, **(thresholds or {})}
     _write_tables(folder, job, part)
     folder.finish(
         {

@@ -6,14 +6,13 @@ import json
 import tempfile
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scex_sumo.density import THRESHOLDS as DEFAULT_THRESHOLDS
-from scex_sumo.density import Density, Interval, density, p_critical
+from scex_sumo.density import SIDES, Density, Interval, density, p_critical
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.scene import FloatArray
 
@@ -130,14 +129,9 @@ def open_run(folder: str | Path) -> Run:
     return Run(Path(folder))
 
 
-def side_of(column: str) -> str:
-    """On which side of its threshold a metric is critical: ``left`` or ``right``."""
-    return "right" if column.removesuffix("_mean") in ("tq", "ttc") else "left"
-
-
-def default_thresholds() -> dict[str, float]:
-    """The paper's thresholds, by column."""
-    return dict(DEFAULT_THRESHOLDS)
+def side_of(column: str) -> Literal["left", "right"]:
+    """On which side of its threshold a metric column is critical."""
+    return SIDES[column.removesuffix("_mean")]
 
 
 def densities_table(metrics: pa.Table) -> pa.Table:

@@ -75,7 +75,7 @@ def test_states_are_what_the_world_holds_not_what_was_planned() -> None:
     seed = straight_seed()
     world = PlainWorld(seed.now.repeat(3), drift=0.5)
     rollout = roll_out(world, ROAD, seed, cast_of(Forward(), seed, 3), steps=10, replan=5)
-    # Each plan goes 1 m a step from where it was made; the world adds 0.5 m to each step, seen by the next plan.
+    # Each plan goes 1 m a step from where it was made; the world adds 0.5 m, which the next plan sees.
     assert rollout.states.x[:, :5, 0] == pytest.approx(np.arange(1, 6) + 0.5 + np.zeros((3, 1)))
     assert rollout.states.x[0, 5:, 0] == pytest.approx(5.5 + np.arange(1, 6) + 0.5)
 
@@ -128,7 +128,7 @@ def test_a_plan_that_is_not_finite_is_an_error_with_the_count() -> None:
         plan.speed[1, 7] = np.nan
         return plan
 
-    with pytest.raises(ScexError, match="plan.speed is not finite for 1 of 2 vehicles"):
+    with pytest.raises(ScexError, match=r"plan\.speed is not finite for 1 of 2 vehicles"):
         roll_out(
             PlainWorld(seed.now.repeat(1)), ROAD, seed, cast_of(Forward(spoil), seed, 1), steps=3, replan=5
         )
