@@ -94,15 +94,8 @@ def _panels(run: Run, what: str, draw: Callable[[Run, str, Axes], None]) -> Figu
             draw(run, column, axes)
             defined = len(run.samples(column))
             if defined < run.children:
-                axes.text(
-                    1.0,
-                    1.02,
-                    f"{defined}/{run.children} defined",
-                    ha="right",
-                    transform=axes.transAxes,
-                    color="#666666",
-                    fontsize=7,
-                )
+                note = f"defined in\n{defined}/{run.children}"
+                axes.text(0.98, 0.82, note, ha="right", va="top", transform=axes.transAxes, color="#666666")
         for axes in grid[:, 0]:
             axes.set_ylabel(what)
         scene = run.info["seed_scene"]
@@ -189,7 +182,12 @@ def draw_scene(
         title: above the picture.
     """
     with plt.rc_context(_STYLE):
-        figure, axes = plt.subplots(figsize=(9, 7), layout="constrained")
+        centre = np.array([seed.now.x, seed.now.y]).T
+        reach = np.concatenate([centre, *[lines.reshape(-1, 2) for lines in futures]]) if futures else centre
+        low, high = reach.min(axis=0) - 10, reach.max(axis=0) + 10
+        wide, tall = (high - low) * 9 / max(high - low)
+        size = (max(wide, 3.5) + 0.8, max(tall, 1.5) + 0.8)
+        figure, axes = plt.subplots(figsize=size, layout="constrained")
         draw_road(axes, road)
         palette = plt.get_cmap("turbo")
         for vehicle, lines in enumerate(futures):
@@ -197,16 +195,12 @@ def draw_scene(
             axes.add_collection(
                 LineCollection(list(lines), colors=[color], linewidths=0.7, alpha=0.12, zorder=3)
             )
-        boxes = vehicle_boxes(seed)
+        boxes = list(vehicle_boxes(seed))
         axes.add_collection(
-            PolyCollection(list(boxes), facecolors="#222222", edgecolors="white", linewidths=0.6, zorder=5)
+            PolyCollection(boxes, facecolors="#222222", edgecolors="white", linewidths=0.6, zorder=5)
         )
-        centre = np.array([seed.now.x, seed.now.y]).T
-        reach = np.concatenate([centre, *[lines.reshape(-1, 2) for lines in futures]]) if futures else centre
-        low, high = reach.min(axis=0) - 8, reach.max(axis=0) + 8
-        axes.set(
-            xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]"
-        )
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        axes.set(xlabel="x [m]", ylabel="y [m]")
         axes.set_title(title, loc="left")
         figure.savefig(path, dpi=150)
         plt.close(figure)

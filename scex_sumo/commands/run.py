@@ -9,7 +9,7 @@ from pathlib import Path
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.converters.origin import parse_origin
 from scex_sumo.errors import TrackError, UsageError
-from scex_sumo.scene import IntArray, SeedScene
+from scex_sumo.scene import SeedScene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,13 +120,13 @@ def _seed_scene(request: RunRequest) -> SeedScene:
     return synthetic_seed(request.map_path, vehicles=request.synthetic, seed=request.seed, origin=origin)
 
 
-def _warn_off_road(scene: SeedScene, off: IntArray) -> None:
+def _warn_off_road(scene: SeedScene, off: list[int]) -> None:
     """Some vehicles beside the mapped lanes go straight on; all of them mean that the map does not fit.
 
     Raises:
         TrackError: no vehicle is on a mapped lane.
     """
-    if len(off) == 0:
+    if not off:
         return
     shown = ", ".join(str(scene.track_ids[v]) for v in off[:8]) + (", ..." if len(off) > 8 else "")
     if len(off) == scene.vehicles:
