@@ -5,34 +5,36 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.converters.tracks_table import TrackRows
-from scex_sumo.scene import FloatArray, IntArray
+from scex_sumo.scene import BoolArray, FloatArray, IntArray
 
-STANDING_MPS = 0.3
-"""Slower than this the course of the motion says nothing about the heading."""
-MOVING_MPS = 3.0
+STANDING_MPS = 0.5
+"""Slower than this a vehicle stands: trackers let standing vehicles drift by so much."""
+MOVING_MPS = 1.0
+"""Faster than this a recorded heading is one to hold while standing."""
+FORWARD_MPS = 3.0
 """Faster than this a vehicle does not drive backwards or sideways."""
-JITTER_RAD = np.deg2rad(5.0)
+JITTER_RAD = np.deg2rad(10.0)
 SIDEWAYS_RAD = np.deg2rad(45.0)
 
 
-def repair_headings(rows: TrackRows) -> tuple[TrackRows, list[str]]:
+def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[TrackRows, list[str]]:
     """Headings along the motion, and held while a vehicle stands.
 
-    A heading more than 45° off the course of a vehicle faster than 3 m/s becomes that course. Where the
-    heading turns by more than 5° while a vehicle stands, or is more than 45° off the one it stopped with, the
-    vehicle keeps the last heading it had while moving (before it first moves: the first one; if it never
-    moves: the one it has most of the time).
+    A heading more than 45° off the course of a vehicle faster than ``forward_mps`` becomes that course. Where
+    the heading turns by more than 10° while a vehicle stands, or is more than 45° off the one it stopped
+    with, the vehicle keeps the last heading it had while moving (before it first moves: the first one; if it
+    never moves: the one it has most of the time).
     """
     heading = rows.psi_rad.copy()
     course = np.arctan2(rows.vy, rows.vx)
-    sideways = (rows.speed > MOVING_MPS) & (np.abs(wrap(heading - course)) > SIDEWAYS_RAD)
+    sideways = (rows.speed > forward_mps) & (np.abs(wrap(heading - course)) > SIDEWAYS_RAD)
     heading[sideways] = course[sideways]
-    held = _held(rows, heading)
+    held, stopped_with = _held(rows, heading)
     standing = rows.speed < STANDING_MPS
     starts = np.append(True, (np.diff(rows.segment) != 0) | (np.diff(standing.astype(int)) != 0))
     stretch = np.cumsum(starts) - 1
     turn = np.abs(wrap(heading - heading[starts][stretch]))
-    off = (turn > JITTER_RAD) | (np.abs(wrap(heading - held)) > SIDEWAYS_RAD)
+    off = (turn > JITTER_RAD) | (stopped_with & (np.abs(wrap(heading - held)) > SIDEWAYS_RAD))
     # The whole stop is held, not only its worst samples: what is held once needs no second repair.
     unsteady = np.bincount(stretch, standing & off) > 0
     turned = unsteady[stretch]
@@ -55,9 +57,12 @@ def wrap(angle: FloatArray) -> FloatArray:
     return np.where(inside, angle, np.mod(angle + np.pi, 2.0 * np.pi) - np.pi)
 
 
-def _held(rows: TrackRows, heading: FloatArray) -> FloatArray:
-    """(N,) heading of the last (else next) moving sample of the segment; else the segment's usual one."""
-    moving = rows.speed >= STANDING_MPS
+def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """(N,) heading of the last (else next) moving sample of the segment; else the segment's usual one.
+
+    Also (N,) whether the segment has a moving sample.
+    """
+    moving = rows.speed >= MOVING_MPS
     start = np.append(True, np.diff(rows.segment) != 0)
     piece = np.cumsum(start) - 1
     index = np.arange(len(rows))
@@ -70,7 +75,7 @@ def _held(rows: TrackRows, heading: FloatArray) -> FloatArray:
     for number in np.unique(piece[source < 0]):
         rows_of: IntArray = np.flatnonzero(piece == number)
         held[rows_of] = _usual(heading[rows_of])
-    return held
+    return held, source >= 0
 
 
 def _usual(angles: FloatArray) -> float:

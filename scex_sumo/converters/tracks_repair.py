@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scex_sumo.converters.tracks_heading import repair_headings
+from scex_sumo.converters.tracks_heading import FORWARD_MPS, STANDING_MPS, repair_headings
 from scex_sumo.converters.tracks_smooth import derivative, position_noise, smooth
 from scex_sumo.converters.tracks_table import TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
@@ -23,7 +23,8 @@ class RepairLimits:
         jump_m: a step this long is a jump ...
         jump_excess_m: ... if it is also this much longer than the track's usual step there.
         frozen_steps: a tracker still warms up where so many of a track's first five steps have exactly the
-            same position though the speed says that it moves.
+            same position though the speed says that it moves ...
+        warm_up_rise_mps: ... and the speed rises by more than this within its first second.
         warm_up_s: what is dropped then.
         velocity_ratio: velocities whose integral is off the motion by more than this factor contradict it.
         velocity_cosine: so do velocities that point elsewhere: cosine between integral and motion.
@@ -35,11 +36,12 @@ class RepairLimits:
     jump_m: float = 3.0
     jump_excess_m: float = 1.5
     frozen_steps: int = 2
+    warm_up_rise_mps: float = 0.5
     warm_up_s: float = 2.0
     velocity_ratio: float = 1.2
     velocity_cosine: float = 0.9
     judged_path_m: float = 3.0
-    noise_m: float = 0.04
+    noise_m: float = 0.02
 
 
 LIMITS = RepairLimits()
@@ -57,24 +59,27 @@ def repair_tracks(table: TrackTable, limits: RepairLimits = LIMITS) -> tuple[Tra
     Raises:
         TrackError: a track is in one frame twice, at different places.
     """
-    vehicles, findings = _repair(table.vehicles, table, limits)
-    others, more = _repair(table.others, table, limits)
+    vehicles, findings = _repair(table.vehicles, table, limits, FORWARD_MPS)
+    # Pedestrians and cyclists face where they go.
+    others, more = _repair(table.others, table, limits, STANDING_MPS)
     if more:
         both = "likewise" if findings else "; ".join(more)
         findings.append(f"pedestrians and cyclists: {both}")
     return replace(table, vehicles=vehicles, others=others), tuple(findings)
 
 
-def _repair(rows: TrackRows, table: TrackTable, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
+def _repair(
+    rows: TrackRows, table: TrackTable, limits: RepairLimits, forward_mps: float
+) -> tuple[TrackRows, list[str]]:
     findings: list[str] = []
     if not len(rows):
         return rows, findings
     steps: tuple[Callable[[TrackRows], tuple[TrackRows, list[str]]], ...] = (
         lambda rows: _drop_copies(rows, limits, str(table.path)),
-        lambda rows: _drop_warm_up(rows, limits),
+        lambda rows: (rows, []) if table.has_cases else _drop_warm_up(rows, limits),
         lambda rows: _cut_jumps(rows, limits),
         lambda rows: _renew_motion(rows, limits),
-        repair_headings,
+        lambda rows: repair_headings(rows, forward_mps),
     )
     for step in steps:
         rows, found = step(rows)
@@ -121,7 +126,8 @@ def _drop_warm_up(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, lis
     """Drop the start of tracks whose filter had not yet met the vehicle.
 
     Such a filter starts from standstill: for some steps the position stays exactly the same while the speed
-    already rises, then both catch up at 5 to 10 m/s².
+    already rises, then both catch up at up to 10 m/s². Cases are cut out of longer tracks, so the start of a
+    track in a case says nothing about its tracker: they are left alone.
     """
     start = np.append(True, np.diff(rows.segment) != 0)
     piece = np.cumsum(start) - 1
@@ -130,9 +136,11 @@ def _drop_warm_up(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, lis
     faster = np.diff(rows.speed) > 0.0
     moving = (rows.speed[1:] + rows.speed[:-1]) / 2.0 > 0.15
     frozen = np.bincount(piece[1:][still & faster & moving], minlength=piece[-1] + 1) >= limits.frozen_steps
+    age_ms = rows.timestamp_ms - rows.timestamp_ms[start][piece]
+    soon = np.maximum.reduceat(np.where(age_ms <= 1000.0, rows.speed, 0.0), np.flatnonzero(start))
+    frozen &= soon - rows.speed[start] > limits.warm_up_rise_mps
     if not frozen.any():
         return rows, []
-    age_ms = rows.timestamp_ms - rows.timestamp_ms[start][piece]
     keep = ~frozen[piece] | (age_ms >= 1000.0 * limits.warm_up_s)
     cold = len(np.unique(rows.track[start][frozen]))
     return rows.take(keep), [
@@ -214,7 +222,7 @@ def _renew_motion(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, lis
     velocity = derivative(smoothed, time_s, rows.segment)
     if jitter:
         found.append(f"positions jitter by {noise:.2f} m: smoothed")
-        points = smoothed
+    points = np.where(chosen[:, None], smoothed, points)
     return (
         rows.with_columns(
             x=points[:, 0],
