@@ -1,0 +1,247 @@
+"""From pairs to scenes to children: extrema, means, masks, and where the worst value came from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scex_sumo.errors import InputError, UsageError
+from scex_sumo.metrics import evaluate as evaluation
+from scex_sumo.metrics.base import Metric, MetricParameters, PlannedPaths, Samples, SceneTracks
+from scex_sumo.metrics.evaluate import COLUMNS, evaluate, evaluate_pairs
+from scex_sumo.metrics.registry import METRICS
+from scex_sumo.metrics.scenes import Scenes
+from scex_sumo.scene import STEP_S, FloatArray, States
+from tests.metrics.scenes import one_scene, random_run
+
+
+def on_a_line(*x: list[float], first: int = 0, speeds: tuple[float, ...] | None = None) -> SceneTracks:
+    """One child; ``x`` per vehicle, step by step, heading along x; NaN = absent."""
+    position = np.array(x, dtype=float).T[None]
+    speed = np.broadcast_to(np.array(speeds or [1.0] * len(x)), position.shape).copy()
+    return SceneTracks(
+        states=States(x=position, y=np.zeros_like(position), heading=np.zeros_like(position), speed=speed),
+        length=np.full(len(x), 1.0),
+        width=np.full(len(x), 1.0),
+        present=~np.isnan(position),
+        first=first,
+    )
+
+
+def test_the_columns_are_in_the_order_of_the_definitions() -> None:
+    assert COLUMNS == (
+        "distance", "distance_mean", "tq", "tq_mean", "gap_time", "gap_time_mean",
+        "pttc", "pttc_mean", "wttc", "wttc_mean", "ttc", "ttc_mean",
+    )  # fmt: skip
+
+
+def test_extremum_and_mean_of_the_scenes_extrema() -> None:
+    """Smallest distances of the three steps: 3, 4, 2."""
+    tracks = on_a_line([0, 0, 0], [5, 4, 7], [8, 10, 9])
+    result = evaluate(tracks, None, metrics=("distance",))
+    assert result.scene["distance"].value.tolist() == [[3.0, 4.0, 2.0]]
+    assert result.values.tolist() == [[2.0, 3.0]]
+
+
+def test_history_is_not_evaluated() -> None:
+    tracks = on_a_line([0, 0, 0], [0.1, 4, 7], first=1)
+    assert evaluate(tracks, None, metrics=("distance",)).values.tolist() == [[4.0, 5.5]]
+
+
+def test_an_opening_pair_is_defined_and_zero() -> None:
+    tracks = on_a_line([0, 0], [10, 10], speeds=(5.0, 9.0))
+    result = evaluate(tracks, None, metrics=("ttc", "pttc"))
+    assert result.column("ttc")[0].tolist() == [0.0]
+    assert result.column("ttc_mean")[0].tolist() == [0.0]
+    # PTTC is infinite there, and infinity is left out of its aggregates.
+    assert not result.column("pttc")[1].any()
+
+
+def test_scenes_without_a_following_pair_are_left_out_of_the_mean() -> None:
+    """Step 0: 10 m at 4 m/s closing and an opening pair; step 1: nobody else there."""
+    nan = np.nan
+    tracks = on_a_line([0, 0], [10, nan], [-20, nan], speeds=(9.0, 5.0, 2.0))
+    result = evaluate(tracks, None, metrics=("ttc",))
+    assert result.scene["ttc"].defined.tolist() == [[True, False]]
+    assert result.values[0] == pytest.approx([0.4, 0.4], rel=1e-12)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_fewer_than_two_vehicles_leave_everything_undefined(count: int) -> None:
+    tracks = one_scene([{"x": 0, "v": 3}] * count)
+    planned = PlannedPaths.from_tracks(tracks)
+    result = evaluate(tracks, planned)
+    assert result.values.shape == (1, 12)
+    assert not result.defined.any()
+    assert np.isnan(result.values).all()
+    assert all(rows.value.size == 0 for rows in evaluate_pairs(tracks, planned).values())
+
+
+def test_no_children_and_no_steps_are_no_error() -> None:
+    tracks, planned = random_run(np.random.default_rng(0))
+    nobody = evaluate(tracks.children(slice(0, 0)), planned.children(slice(0, 0)))
+    assert nobody.values.shape == (0, 12)
+    assert not evaluate(replace(tracks, first=tracks.states.shape[1]), None).defined.any()
+
+
+def test_two_vehicles_never_on_the_scene_together_are_undefined() -> None:
+    nan = np.nan
+    result = evaluate(on_a_line([0, nan], [nan, 3]), None)
+    assert not result.defined.any()
+
+
+def test_without_planned_paths_only_gap_time_is_undefined() -> None:
+    tracks, planned = random_run(np.random.default_rng(2), vehicles=6)
+    without, given = evaluate(tracks, None), evaluate(tracks, planned)
+    gap = np.array([name.startswith("gap_time") for name in COLUMNS])
+    assert given.defined[:, gap].any()
+    assert not without.defined[:, gap].any()
+    np.testing.assert_array_equal(without.values[:, ~gap], given.values[:, ~gap])
+
+
+@pytest.mark.parametrize("absent", [0.0, 0.4])
+def test_children_do_not_depend_on_who_shares_their_batch(
+    absent: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tracks, planned = random_run(np.random.default_rng(3), children=7, absent=absent)
+    together = evaluate(tracks, planned)
+    for pair_steps in (1, 200):
+        monkeypatch.setattr(evaluation, "BATCH_PAIR_STEPS", pair_steps)
+        np.testing.assert_array_equal(evaluate(tracks, planned).values, together.values)
+    for child in range(7):
+        alone = evaluate(tracks.children(slice(child, child + 1)), planned.children(slice(child, child + 1)))
+        np.testing.assert_array_equal(alone.values[0], together.values[child])
+
+
+@pytest.mark.parametrize("absent", [0.0, 0.4])
+def test_scenes_and_children_are_the_extrema_of_the_pairs(absent: float) -> None:
+    tracks, planned = random_run(np.random.default_rng(4), children=3, absent=absent, vehicles=6)
+    result, pairs = evaluate(tracks, planned), evaluate_pairs(tracks, planned)
+    for name, rows in pairs.items():
+        with np.errstate(divide="ignore"):
+            value = 1 / rows.value if name == "ttc" else rows.value
+        keep = np.isfinite(value) if name == "pttc" else np.ones(value.size, dtype=bool)
+        extremum = max if METRICS[name].critical == "max" else min
+        for child in range(3):
+            scenes = []
+            for step in range(tracks.first, tracks.states.shape[1]):
+                here = value[keep & (rows.child == child) & (rows.step == step)].tolist()
+                at = (child, step - tracks.first)
+                assert result.scene[name].defined[at] == bool(here)
+                if here:
+                    scenes.append(extremum(here))
+                    assert result.scene[name].value[at] == scenes[-1]
+            assert result.defined[child, COLUMNS.index(name)] == bool(scenes)
+            if scenes:
+                assert result.column(name)[0][child] == extremum(scenes)
+                assert result.column(f"{name}_mean")[0][child] == pytest.approx(np.mean(scenes), rel=1e-12)
+
+
+def test_the_worst_value_is_traced_to_its_step_and_pair() -> None:
+    tracks, planned = random_run(np.random.default_rng(5), children=4, vehicles=6)
+    result, pairs = evaluate(tracks, planned), evaluate_pairs(tracks, planned)
+    for name, worst in result.worst.items():
+        rows = pairs[name]
+        np.testing.assert_array_equal(worst.value, result.column(name)[0])
+        for child in np.flatnonzero(worst.defined):
+            here = (
+                (rows.child == child)
+                & (rows.step == worst.step[child])
+                & (rows.vehicle == worst.vehicle[child])
+            )
+            if rows.other is not None and worst.other is not None:
+                here &= rows.other == worst.other[child]
+            assert here.sum() == 1
+            with np.errstate(divide="ignore"):
+                value = 1 / rows.value[here] if name == "ttc" else rows.value[here]
+            assert value[0] == worst.value[child]
+
+
+def test_the_worst_of_equal_values_is_the_earliest() -> None:
+    worst = evaluate(on_a_line([0, 0, 0], [5, 2, 2]), None, metrics=("distance",)).worst["distance"]
+    assert worst.step.tolist() == [1]
+
+
+def test_backward_differences_bridge_missing_samples() -> None:
+    """4 m/s, absent, 5 m/s: 1 m/s over 0.2 s."""
+    tracks = on_a_line([0, 1, 2], [3, 3, 3])
+    states = replace(tracks.states, speed=np.array([[[4.0, 0], [np.nan, 0], [5.0, 0]]]))
+    present = np.array([[[True, True], [False, True], [True, True]]])
+    scenes = Scenes(
+        tracks=replace(tracks, states=states, present=present),
+        planned=None,
+        parameters=MetricParameters(),
+        leaders=evaluation.leaders_of("paper"),
+    )
+    assert scenes.acceleration[0, 0].tolist() == pytest.approx([0.0, 0.0, 1.0 / (2 * STEP_S)])
+
+
+def test_sizes_may_differ_between_children() -> None:
+    tracks, planned = random_run(np.random.default_rng(6), children=3)
+    rng = np.random.default_rng(0)
+    length, width = rng.uniform(0, 6, (2, 3, 5))
+    sized = evaluate(replace(tracks, length=length, width=width), planned)
+    for child in range(3):
+        part = slice(child, child + 1)
+        alone = replace(tracks.children(part), length=length[child], width=width[child])
+        np.testing.assert_array_equal(evaluate(alone, planned.children(part)).values[0], sized.values[child])
+
+
+def given_samples(per_scene: list[list[float]]) -> Samples:
+    pairs = max(len(scene) for scene in per_scene)
+    value, defined = np.zeros((pairs, 1, len(per_scene))), np.zeros((pairs, 1, len(per_scene)), dtype=bool)
+    for step, scene in enumerate(per_scene):
+        value[: len(scene), 0, step] = scene
+        defined[: len(scene), 0, step] = True
+    return Samples(value=value, defined=defined, row=np.arange(pairs), other=np.arange(pairs))
+
+
+INF = float("inf")
+
+
+@pytest.mark.parametrize(
+    ("name", "per_scene", "expected"),
+    [
+        ("distance", [[5, 3], [4, 6], [7, 2]], (2.0, 3.0)),
+        ("ttc", [[INF, 4.0], [2.0], []], (0.5, 0.375)),
+        ("ttc", [[INF], [INF, INF]], (0.0, 0.0)),
+        ("gap_time", [[1.0], [], [3.0]], (1.0, 2.0)),
+        ("pttc", [[INF, 4.0], [INF], [2.0]], (2.0, 3.0)),
+        ("tq", [[0.2, 0.9], [1.3, 0.1], [0.5, 0.4]], (1.3, 0.9)),
+    ],
+)
+def test_aggregation_of_given_values(
+    name: str, per_scene: list[list[float]], expected: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    metric: Metric = replace(METRICS[name], evaluate=lambda scenes: given_samples(per_scene))
+    monkeypatch.setattr(evaluation, "metrics_named", lambda names: [metric])
+    tracks = on_a_line([0.0] * len(per_scene), [1.0] * len(per_scene))
+    assert evaluate(tracks, None).values[0] == pytest.approx(expected, rel=1e-12)
+
+
+def state(value: float) -> FloatArray:
+    return np.full((1, 2, 3), value)
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    good = {"x": state(0), "y": state(0), "heading": state(0), "speed": state(0)}
+    size = np.ones(3)
+    with pytest.raises(InputError, match="present"):
+        SceneTracks(states=States(**good), length=size, width=size, present=np.ones((1, 2, 2), dtype=bool))
+    with pytest.raises(InputError, match="width has shape"):
+        SceneTracks(states=States(**good), length=size, width=np.ones(2))
+    with pytest.raises(InputError, match="speed of vehicle 0 in child 0 at step 0 is not a finite number"):
+        SceneTracks(states=States(**{**good, "speed": state(np.nan)}), length=size, width=size)
+    with pytest.raises(InputError, match="first step 3"):
+        SceneTracks(states=States(**good), length=size, width=size, first=3)
+    tracks, planned = random_run(np.random.default_rng(0), vehicles=4)
+    with pytest.raises(InputError, match="planned paths are of 2 children"):
+        evaluate(tracks.children(slice(0, 1)), planned)
+    with pytest.raises(UsageError, match="known: paper"):
+        evaluate(tracks, planned, preset="best")
+    with pytest.raises(UsageError, match="unknown metric 'speed'; known: distance"):
+        evaluate(tracks, planned, metrics=("speed",))
+    with pytest.raises(InputError, match="type 'truck' is -1"):
+        MetricParameters(max_acceleration_by_type={"truck": -1.0})
