@@ -17,6 +17,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from scex_sumo.converters.sumo_conflicts import conflicts
+from scex_sumo.converters.sumo_gaps import fill_gaps, open_knots
 from scex_sumo.converters.sumo_lanes import LaneTable
 from scex_sumo.converters.sumo_plan import NetPlan
 from scex_sumo.converters.sumo_rows import build_rows, lay_zones
@@ -62,6 +63,8 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     found = conflicts(road)
     rows, lost = build_rows(lanes)
     lay_zones(rows, lanes, found)
+    open_knots(rows, lanes)
+    fill_gaps(rows, lanes)
     plan = NetPlan(road, Topology(rows, lanes, found), found)
     net_path.write_text(net_text(plan), encoding="utf-8")
     table = _table(plan)

@@ -10,9 +10,10 @@ import numpy as np
 from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.converters.sumo_conflicts import Conflict
+from scex_sumo.converters.sumo_rows import Piece
 from scex_sumo.converters.sumo_rules import Link, approach, links_by_node, set_foes, set_right_of_way
 from scex_sumo.converters.sumo_shapes import at, cut, heading, join, length, mean_width, project, turn
-from scex_sumo.converters.sumo_topology import Cut, Path, Piece, Topology
+from scex_sumo.converters.sumo_topology import Cut, Path, Topology
 from scex_sumo.road import Road
 from scex_sumo.scene import FloatArray
 

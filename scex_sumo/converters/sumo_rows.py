@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
 from scex_sumo.converters.sumo_conflicts import Conflict
 from scex_sumo.converters.sumo_shapes import length
 from scex_sumo.road import Lane
+
+Piece: TypeAlias = tuple[int, int, int]  # row, piece of the row, lane within the row
 
 STUB_M = 2.0  # longest road piece cut off a junction piece where a lane begins or ends inside a conflict
 SNAP_M = 0.3  # road pieces shorter than this are left to the junction piece beside them
@@ -60,17 +63,6 @@ class Row:
         if self.cuts[-1] < 1.0:
             self.cuts.append(1.0)
             self.inside.append(False)
-
-    def absorb(self, piece: int) -> None:
-        """Turn a road piece into part of the junction, joining it with the pieces beside it."""
-        self.inside[piece] = True
-        zones: list[tuple[float, float]] = []
-        for k, inside in enumerate(self.inside):
-            if inside and zones and zones[-1][1] == self.cuts[k]:
-                zones[-1] = (zones[-1][0], self.cuts[k + 1])
-            elif inside:
-                zones.append((self.cuts[k], self.cuts[k + 1]))
-        self.set_zones(zones)
 
 
 def build_rows(lanes: Mapping[int, Lane]) -> tuple[list[Row], list[tuple[int, int]]]:

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from scex_sumo.converters.sumo_conflicts import Conflict
+from scex_sumo.converters.sumo_rows import Piece
 from scex_sumo.converters.sumo_shapes import turn
-from scex_sumo.converters.sumo_topology import Path, Piece, Topology
+from scex_sumo.converters.sumo_topology import Path, Topology
 from scex_sumo.road import Regulation
 
 REACH_M = 30.0  # how far before a node a rule may be attached to the approach

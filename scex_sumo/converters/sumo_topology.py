@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from scex_sumo.converters.sumo_conflicts import Conflict
-from scex_sumo.converters.sumo_rows import Row
+from scex_sumo.converters.sumo_gaps import Chains
+from scex_sumo.converters.sumo_rows import Piece, Row
 from scex_sumo.road import Lane
 
-Piece: TypeAlias = tuple[int, int, int]  # row, piece of the row, lane within the row
 Cut: TypeAlias = tuple[int, int]  # row, cut of the row
 
 
@@ -47,7 +47,8 @@ class Topology:
     def __init__(self, rows: list[Row], lanes: Mapping[int, Lane], found: list[Conflict]) -> None:
         self.rows = rows
         self.lanes = lanes
-        self.where = {i: (r, k) for r, row in enumerate(rows) for k, i in enumerate(row.lanes)}
+        self._chains = Chains(rows, lanes)
+        self.where = self._chains.where
         self._parent: dict[Cut, Cut] = {}
         self._join_cuts(found)
         self.paths = list(self._find_paths())
@@ -70,14 +71,6 @@ class Topology:
     def path_node(self, path: Path) -> Cut:
         """The node that a path crosses."""
         return self.node(path.start[0], path.start[1] + 1)
-
-    def following(self, piece: Piece) -> list[Piece]:
-        """Pieces that a vehicle can drive on to."""
-        row, k, lane = piece
-        if k + 1 < self.rows[row].pieces:
-            return [(row, k + 1, lane)]
-        successors = self.lanes[self.lane_id(piece)].successors
-        return [(r, 0, at) for r, at in (self.where[i] for i in successors if i in self.where)]
 
     def pieces_on(self, lane_id: int, start: float, end: float) -> list[Piece]:
         """Junction pieces of a lane that share some of a stretch of it, m."""
@@ -119,12 +112,12 @@ class Topology:
                         yield from self._paths_from((r, k, lane))
 
     def _paths_from(self, start: Piece) -> Iterator[Path]:
-        stack: list[tuple[Piece, ...]] = [(piece,) for piece in reversed(self.following(start))]
+        stack: list[tuple[Piece, ...]] = [(piece,) for piece in reversed(self._chains.after(start))]
         while stack:
             way = stack.pop()
             if not self.is_inside(way[-1]):
                 yield Path(start=start, inside=way[:-1], end=way[-1])
                 continue
-            for piece in reversed(self.following(way[-1])):
+            for piece in reversed(self._chains.after(way[-1])):
                 if piece not in way:  # a ring that lies wholly inside one junction
                     stack.append((*way, piece))

@@ -1,0 +1,184 @@
+"""Which of the road pieces between conflicts stay edges, and which are left to the junction around them.
+
+A vehicle that waits needs room: road pieces shorter than a car between two conflicts belong to the junction.
+But SUMO keeps vehicles apart only if traffic that has come together runs over an edge before it parts
+again: a junction piece must not have several ways in and several ways out at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+from scex_sumo.converters.sumo_rows import STUB_M, Piece, Row
+from scex_sumo.road import Lane
+
+ROOM_M = 7.5  # a car of 5 m and SUMO's default gap of 2.5 m
+CHANGE_M = 5.0  # edge cut into a row that lies wholly in a junction, so that lanes can be changed
+
+
+class Chains:
+    """Piece after piece along the lanes, while the rows are still being cut."""
+
+    def __init__(self, rows: list[Row], lanes: Mapping[int, Lane]) -> None:
+        self.rows = rows
+        self.lanes = lanes
+        self.where = {i: (r, k) for r, row in enumerate(rows) for k, i in enumerate(row.lanes)}
+
+    def is_inside(self, piece: Piece) -> bool:
+        """Whether a piece lies in a junction."""
+        return self.rows[piece[0]].inside[piece[1]]
+
+    def after(self, piece: Piece) -> list[Piece]:
+        """Pieces that follow."""
+        row, k, at = piece
+        if k + 1 < self.rows[row].pieces:
+            return [(row, k + 1, at)]
+        lanes = self.lanes[self.rows[row].lanes[at]].successors
+        return [(self.where[i][0], 0, self.where[i][1]) for i in lanes if i in self.where]
+
+    def before(self, piece: Piece) -> list[Piece]:
+        """Pieces that precede."""
+        row, k, at = piece
+        if k:
+            return [(row, k - 1, at)]
+        lanes = self.lanes[self.rows[row].lanes[at]].predecessors
+        found = [self.where[i] for i in lanes if i in self.where]
+        return [(r, self.rows[r].pieces - 1, at) for r, at in found]
+
+    def reach(self, piece: Piece, step: Callable[[Piece], list[Piece]]) -> tuple[set[Piece], set[Piece]]:
+        """Junction pieces and the road pieces behind them that are reached from a piece through a junction.
+
+        ``step`` is ``after`` or ``before``.
+        """
+        inside, road, stack = {piece}, set(), [piece]
+        while stack:
+            for other in step(stack.pop()):
+                if not self.is_inside(other):
+                    road.add(other)
+                elif other not in inside:
+                    inside.add(other)
+                    stack.append(other)
+        return inside, road
+
+    def is_sound(self, piece: Piece) -> bool:
+        """Whether SUMO can keep vehicles apart on every way through the junction that runs over a piece."""
+        upstream, _ = self.reach(piece, self.before)
+        downstream, _ = self.reach(piece, self.after)
+        if len(upstream & downstream) > 1 or any(piece in self.after(p) for p in downstream):
+            return False  # a ring within one junction
+        return all(self._is_simple(p) for p in upstream | downstream)
+
+    def _is_simple(self, piece: Piece) -> bool:
+        return self._ways(piece, self.before) < 2 or self._ways(piece, self.after) < 2
+
+    def _ways(self, piece: Piece, step: Callable[[Piece], list[Piece]], depth: int = 50) -> int:
+        """How many ways lead from a piece through the junction to road pieces, counted up to 2."""
+        total = 0
+        for other in step(piece):
+            total += 1 if not self.is_inside(other) or not depth else self._ways(other, step, depth - 1)
+            if total > 1:
+                break
+        return total
+
+
+def fill_gaps(rows: list[Row], lanes: Mapping[int, Lane]) -> None:
+    """Leave short road pieces between junction pieces to the junction, shortest first, where sound."""
+    chains = Chains(rows, lanes)
+    for _, r, k in sorted(_gaps(chains)):
+        row = rows[r]
+        if len(row.lanes) > 1 and row.inside.count(False) == 1:
+            continue  # its only place for changing lanes
+        row.inside[k] = True
+        if not all(chains.is_sound((r, k, at)) for at in range(len(row.lanes))):
+            row.inside[k] = False
+
+
+def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
+    for r, row in enumerate(chains.rows):
+        for k, inside in enumerate(row.inside):
+            pieces = [(r, k, at) for at in range(len(row.lanes))]
+            if inside or row.size(k) >= ROOM_M:
+                continue
+            enclosed = all(
+                any(chains.is_inside(p) for p in chains.before(piece))
+                and any(chains.is_inside(p) for p in chains.after(piece))
+                for piece in pieces
+            )
+            if enclosed:
+                yield row.size(k), r, k
+
+
+def open_knots(rows: list[Row], lanes: Mapping[int, Lane]) -> list[int]:
+    """Cut edges into junction pieces until every junction is one that SUMO can handle.
+
+    Cut are: pieces where traffic comes together and parts again within one junction; one of two ways
+    through a junction between the same two road pieces; rows without any place for changing lanes.
+
+    Returns:
+        The lanes that were cut.
+    """
+    cut: list[int] = []
+    for row in rows:
+        if len(row.lanes) > 1 and all(row.inside):
+            _insert_road(row, 0, CHANGE_M)
+            cut += row.lanes
+    chains = Chains(rows, lanes)
+    for _ in range(sum(row.pieces for row in rows)):
+        knot = _knot(chains) or _double_way(chains)
+        if knot is None:
+            break
+        _insert_road(rows[knot[0]], knot[1], STUB_M)
+        cut += rows[knot[0]].lanes
+    return cut
+
+
+def _knot(chains: Chains) -> tuple[int, int] | None:
+    """The longest piece that an edge must be cut into, those first behind a merge."""
+    found = []
+    for r, row in enumerate(chains.rows):
+        for k in range(row.pieces):
+            pieces = [(r, k, at) for at in range(len(row.lanes))]
+            if row.inside[k] and not all(chains.is_sound(piece) for piece in pieces):
+                merging = any(len(chains.before(piece)) > 1 for piece in pieces)
+                found.append((merging, row.size(k), -r, -k))
+    if not found:
+        return None
+    _, _, r, k = max(found)
+    return -r, -k
+
+
+def _double_way(chains: Chains) -> tuple[int, int] | None:
+    """A piece on one of two ways through a junction that begin and end on the same road pieces."""
+    for r, row in enumerate(chains.rows):
+        for k in range(row.pieces):
+            for at in range(len(row.lanes)):
+                ways: dict[Piece, set[Piece]] = {}
+                for end, way in [] if row.inside[k] else _ways_from(chains, (r, k, at)):
+                    apart = ways.setdefault(end, set(way)) ^ set(way)
+                    if apart:
+                        return max(apart, key=lambda p: (chains.rows[p[0]].size(p[1]), p))[:2]
+    return None
+
+
+def _ways_from(chains: Chains, start: Piece) -> Iterator[tuple[Piece, tuple[Piece, ...]]]:
+    stack: list[tuple[Piece, ...]] = [(start,)]
+    while stack:
+        way = stack.pop()
+        for piece in chains.after(way[-1]):
+            if not chains.is_inside(piece):
+                yield piece, way[1:]
+            elif piece not in way:
+                stack.append((*way, piece))
+
+
+def _insert_road(row: Row, piece: int, size: float) -> None:
+    """A short road piece at the beginning of a junction piece, right behind where traffic has merged.
+
+    Args:
+        row: the row to cut.
+        piece: which of its pieces, one inside a junction.
+        size: wanted length, m; at most a third of the piece is taken.
+    """
+    start, end = row.cuts[piece], row.cuts[piece + 1]
+    row.cuts.insert(piece + 1, start + (end - start) * min(size / row.size(piece), 1 / 3))
+    row.inside.insert(piece, False)
