@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.converters.tracks_table import TrackRows
-from scex_sumo.scene import BoolArray, FloatArray, IntArray
+from scex_sumo.scene import FloatArray, IntArray
 
 STANDING_MPS = 0.5
 """Slower than this a vehicle stands: trackers let standing vehicles drift by so much."""
@@ -21,20 +21,20 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
     """Headings along the motion, and held while a vehicle stands.
 
     A heading more than 45° off the course of a vehicle faster than ``forward_mps`` becomes that course. Where
-    the heading turns by more than 10° while a vehicle stands, or is more than 45° off the one it stopped
-    with, the vehicle keeps the last heading it had while moving (before it first moves: the first one; if it
-    never moves: the one it has most of the time).
+    the heading turns by more than 10° while a vehicle stands, or is far off the one it stopped with, the
+    vehicle keeps the last heading it had while moving (before it first moves: the first one; if it never
+    moves: the one it has most of the time).
     """
     heading = rows.psi_rad.copy()
     course = np.arctan2(rows.vy, rows.vx)
     sideways = (rows.speed > forward_mps) & (np.abs(wrap(heading - course)) > SIDEWAYS_RAD)
     heading[sideways] = course[sideways]
-    held, stopped_with = _held(rows, heading)
+    held, limit = _held(rows, heading)
     standing = rows.speed < STANDING_MPS
     starts = np.append(True, (np.diff(rows.segment) != 0) | (np.diff(standing.astype(int)) != 0))
     stretch = np.cumsum(starts) - 1
     turn = np.abs(wrap(heading - heading[starts][stretch]))
-    off = (turn > JITTER_RAD) | (stopped_with & (np.abs(wrap(heading - held)) > SIDEWAYS_RAD))
+    off = (turn > JITTER_RAD) | (np.abs(wrap(heading - held)) > limit)
     # The whole stop is held, not only its worst samples: what is held once needs no second repair.
     unsteady = np.bincount(stretch, standing & off) > 0
     turned = unsteady[stretch]
@@ -57,10 +57,11 @@ def wrap(angle: FloatArray) -> FloatArray:
     return np.where(inside, angle, np.mod(angle + np.pi, 2.0 * np.pi) - np.pi)
 
 
-def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(N,) heading of the last (else next) moving sample of the segment; else the segment's usual one.
 
-    Also (N,) whether the segment has a moving sample.
+    Also (N,) how far off it a steady heading must be to be wrong: 45° off the one a vehicle stopped with, 135°
+    (a flip) off the one it will start with, as it may turn while starting; without either it never is.
     """
     moving = rows.speed >= MOVING_MPS
     start = np.append(True, np.diff(rows.segment) != 0)
@@ -75,7 +76,8 @@ def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, BoolArray]:
     for number in np.unique(piece[source < 0]):
         rows_of: IntArray = np.flatnonzero(piece == number)
         held[rows_of] = _usual(heading[rows_of])
-    return held, source >= 0
+    limit = np.where(last >= begin, SIDEWAYS_RAD, np.where(source >= 0, np.pi - SIDEWAYS_RAD, np.inf))
+    return held, limit
 
 
 def _usual(angles: FloatArray) -> float:
