@@ -10,9 +10,8 @@ from __future__ import annotations
 import importlib
 import math
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -24,6 +23,7 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, BoolArray, FloatArray, IntArr
 from scex_sumo.sumo_frame import from_sumo, to_sumo
 from scex_sumo.tiles import TILE_COLUMNS, TILE_MARGIN_M, TILE_SLOTS, TileTemplate, tile_id
 from scex_sumo.vehicle_types import TypeBook
+from scex_sumo.world_batch import Batch, SumoDriven
 
 if TYPE_CHECKING:
     from scex_sumo.converters.sumo_net import SumoNet
@@ -36,8 +36,6 @@ _ON_ROUTE = 1 + 2
 # Distance at which SUMO takes a vehicle to be on a lane, m: 5 to 25 times faster than the default of 100 m.
 _MATCH_M = 5.0
 _NO_LANE = -1
-# No driver of SUMO's gains more speed than this in one step, m/s.
-_MAX_GAIN_MPS = 1.0
 # Tiles of a world shown in sumo-gui stand close together, to be seen at a glance.
 _GUI_MARGIN_M = 30.0
 _ANY_ROUTE = "anywhere"  # vehicles that are moved need a route to exist, and never follow it
@@ -53,50 +51,6 @@ _OPTIONS = (
 )
 
 _world_open = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class SumoDriven:
-    """A vehicle that one of SUMO's own car-following models drives.
-
-    Attributes:
-        child: index in the batch.
-        vehicle: index in the seed scene.
-        model: SUMO's name of the model, e.g. ``EIDM``.
-        parameters: attributes of SUMO's vehicle types, e.g. ``{"tau": "1.2"}``.
-        edges: route in SUMO's edges, starting with the edge that the vehicle is on.
-    """
-
-    child: int
-    vehicle: int
-    model: str
-    parameters: Mapping[str, str]
-    edges: tuple[str, ...]
-
-
-@dataclass(kw_only=True, eq=False)
-class _Batch:
-    """The running batch.
-
-    Attributes:
-        slots: tile slot of each child.
-        ids: SUMO's ids of the vehicles, child by child.
-        offset: (2, C, 1) x and y of the tiles, m.
-        overridden: (C, V) False where SUMO drives.
-        speed: (C, V) the speed last set, where overridden.
-        route_ends: last edge of the route of SUMO-driven vehicles, by index into ``ids``.
-        straight_on: front x, y, heading, speed of vehicles beyond the end of their route.
-        obstacles: ids of the pedestrians and cyclists present.
-    """
-
-    slots: list[int]
-    ids: list[str]
-    offset: FloatArray
-    overridden: BoolArray
-    speed: FloatArray
-    route_ends: dict[int, str] = field(default_factory=dict)
-    straight_on: dict[int, tuple[float, float, float, float]] = field(default_factory=dict)
-    obstacles: set[str] = field(default_factory=set)
 
 
 class World:
@@ -136,7 +90,7 @@ class World:
         self._types = TypeBook(seed)
         self._sumo: Any = None
         self._errors: tuple[type[Exception], ...] = ()
-        self._running: _Batch | None = None
+        self._running: Batch | None = None
         self._speeds: list[tuple[str, float, float]] = []  # to be set after the next step
         self._routes = 0
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -180,7 +134,7 @@ class World:
         overridden = np.ones(start.shape, dtype=bool)
         for d in driven:
             overridden[d.child, d.vehicle] = False
-        self._running = _Batch(
+        self._running = Batch(
             slots=wanted,
             ids=[tile_id(slot, str(track)) for slot in wanted for track in self._seed.track_ids],
             offset=np.array([self._layout.offset(slot) for slot in wanted], dtype=np.float64).T[..., None],
@@ -194,7 +148,7 @@ class World:
             self.move_obstacles(others.states[:, HISTORY_STEPS], others.present[:, HISTORY_STEPS])
         self._advance(self._running)
         with self._refusals("hand vehicles over to its drivers"):
-            self._hand_over(self._running, driven)
+            self._running.hand_over(driven, self._sumo)
         self._frame(self._running)
 
     def move(self, states: States, mask: BoolArray) -> None:
@@ -256,10 +210,12 @@ class World:
         """
         batch = self._batch
         with self._refusals("move vehicles on beyond the end of their route"):
-            self._go_straight_on(batch)
+            for pose in batch.go_straight_on():
+                self._put(pose.key, pose.x, pose.y, pose.angle)
+                self._speeds.append((pose.key, pose.speed, 0.0))
         self._advance(batch)
         with self._refusals("follow routes"):
-            self._watch_route_ends(batch)
+            batch.watch_route_ends(self._sumo)
 
     def read(self) -> States:
         """What SUMO holds now: (C, V) centres, headings in (-pi, pi], speeds."""
@@ -275,12 +231,11 @@ class World:
     def color(self, child: int, vehicle: int, rgb: tuple[int, int, int]) -> None:
         """Colour a vehicle of the batch in sumo-gui; without it nobody looks, and nothing happens."""
         if self._gui:
-            key = self._batch.ids[child * self._seed.vehicles + vehicle]
             with self._refusals("colour a vehicle"):
-                self._sumo.vehicle.setColor(key, (*rgb, 255))
+                self._sumo.vehicle.setColor(self._batch.id_of(child, vehicle), (*rgb, 255))
 
     @property
-    def _batch(self) -> _Batch:
+    def _batch(self) -> Batch:
         if self._running is None:
             raise SimulationError("no batch is running in this world; begin one first")
         return self._running
@@ -304,7 +259,7 @@ class World:
     def _add(self, key: str, route: str, kind: str) -> None:
         self._sumo.vehicle.add(key, route, kind)
 
-    def _advance(self, batch: _Batch) -> None:
+    def _advance(self, batch: Batch) -> None:
         """One step of SUMO, a count of the vehicles, and the right speeds for those that were moved.
 
         SUMO takes the motion along the lane for the speed, which is wrong wherever a vehicle is not parallel
@@ -324,39 +279,7 @@ class World:
                 set_speed(key, speed, acceleration)
         self._speeds.clear()
 
-    def _hand_over(self, batch: _Batch, driven: Sequence[SumoDriven]) -> None:
-        """SUMO drives on its lanes only: a vehicle that stands beside them goes straight on instead."""
-        for d in driven:
-            index = d.child * self._seed.vehicles + d.vehicle
-            if self._sumo.vehicle.getLaneID(batch.ids[index]):
-                batch.route_ends[index] = tile_id(batch.slots[d.child], d.edges[-1])
-            else:
-                self._leave_road(batch, index)
-
-    def _watch_route_ends(self, batch: _Batch) -> None:
-        """Take over vehicles that SUMO would take off the road at the next step: their route ends there."""
-        vehicle = self._sumo.vehicle
-        for index, edge in list(batch.route_ends.items()):
-            key = batch.ids[index]
-            left = vehicle.getDrivingDistance(key, edge, self._sumo.lane.getLength(f"{edge}_0"))
-            if 0 <= left <= (vehicle.getSpeed(key) + _MAX_GAIN_MPS) * STEP_S:
-                del batch.route_ends[index]
-                self._leave_road(batch, index)
-
-    def _leave_road(self, batch: _Batch, index: int) -> None:
-        vehicle, key = self._sumo.vehicle, batch.ids[index]
-        x, y = vehicle.getPosition(key)
-        heading = math.radians(90.0 - vehicle.getAngle(key))
-        batch.straight_on[index] = (x, y, heading, vehicle.getSpeed(key))
-
-    def _go_straight_on(self, batch: _Batch) -> None:
-        for index, (x, y, heading, speed) in batch.straight_on.items():
-            x, y = x + speed * STEP_S * math.cos(heading), y + speed * STEP_S * math.sin(heading)
-            batch.straight_on[index] = (x, y, heading, speed)
-            self._put(batch.ids[index], x, y, math.degrees(math.pi / 2 - heading) % 360.0)
-            self._speeds.append((batch.ids[index], speed, 0.0))
-
-    def _add_vehicles(self, batch: _Batch, driven: Sequence[SumoDriven]) -> None:
+    def _add_vehicles(self, batch: Batch, driven: Sequence[SumoDriven]) -> None:
         vehicles = self._seed.vehicles
         by_sumo = {d.child * vehicles + d.vehicle: d for d in driven}
         mixed = {d.child for d in driven}
@@ -413,7 +336,7 @@ class World:
             _world_open = False
         self._sumo, self._running = None, None
 
-    def _frame(self, batch: _Batch) -> None:
+    def _frame(self, batch: Batch) -> None:
         pass
 
     @contextmanager

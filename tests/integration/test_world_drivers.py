@@ -1,0 +1,276 @@
+"""SUMO's own drivers among vehicles that are moved: what they see, where they go, and that no tile matters.
+
+On the main road of the net (conftest.py) the inner lane from the west runs along y = 998.4 from x = 960 to
+the junction at x = 992, and goes on at y = 998.4 beyond it; the speed limit is 13.9 m/s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from scex_sumo.errors import SimulationError, UsageError
+from scex_sumo.scene import Obstacles, SeedScene, States
+from scex_sumo.vehicle_types import SUMO_MODELS
+from scex_sumo.world import SumoDriven, World
+
+STRAIGHT = ("w_in", "e_out")
+
+
+def scene(*vehicles: tuple[float, float, float, float], obstacles: Obstacles | None = None) -> SeedScene:
+    """Cars of 4.5 m at (x, y, heading, speed)."""
+    n = len(vehicles)
+    columns = [
+        np.repeat(np.array(values, dtype=float)[:, None], 11, axis=1)
+        for values in zip(*vehicles, strict=True)
+    ]
+    return SeedScene(
+        name="test",
+        location="test",
+        time_s=0.0,
+        track_ids=np.arange(1, n + 1),
+        types=("car",) * n,
+        length=np.full(n, 4.5),
+        width=np.full(n, 1.8),
+        history=States(x=columns[0], y=columns[1], heading=columns[2], speed=columns[3]),
+        recorded_steps=np.full(n, 10),
+        obstacles=obstacles,
+    )
+
+
+def repeat(states: States, children: int) -> States:
+    return States.stack([states] * children, axis=0)
+
+
+def driven(
+    vehicle: int, model: str, edges: Sequence[str] = STRAIGHT, child: int = 0, **parameters: str
+) -> SumoDriven:
+    return SumoDriven(child=child, vehicle=vehicle, model=model, parameters=parameters, edges=tuple(edges))
+
+
+def drive(
+    world: World, seed: SeedScene, slots: Sequence[int], drivers: Sequence[SumoDriven], steps: int
+) -> States:
+    """(C, V, steps + 1) states, the seed scene first; vehicles that are moved keep heading and speed."""
+    states = repeat(seed.now, len(slots))
+    mask = np.ones(states.shape, dtype=bool)
+    for d in drivers:
+        mask[d.child, d.vehicle] = False
+    world.begin(states, np.array(slots), drivers)
+    read = [world.read()]
+    for _ in range(steps):
+        states = States(
+            x=states.x + 0.1 * states.speed * np.cos(states.heading),
+            y=states.y + 0.1 * states.speed * np.sin(states.heading),
+            heading=states.heading,
+            speed=states.speed,
+        )
+        world.move(states, mask)
+        if seed.obstacles is not None:
+            world.move_obstacles(seed.obstacles.states[:, 10], seed.obstacles.present[:, 10])
+        world.step()
+        read.append(world.read())
+    return States.stack(read, axis=2)
+
+
+def test_a_driver_of_sumo_starts_at_the_seed_scenes_pose_and_speed(crossing: SimpleNamespace) -> None:
+    seed = scene((940.0, 992.0, 0.25, 9.3), (1000.0, 1060.0, -1.6, 5.0))
+    with World(crossing, seed, slots=[9]) as world:
+        read = drive(world, seed, [9], [driven(0, "EIDM"), driven(1, "Krauss", ("n_in", "s_out"))], 1)
+    for key in ("x", "y", "heading", "speed"):
+        np.testing.assert_allclose(getattr(read, key)[0, :, 0], getattr(seed.now, key), rtol=0, atol=1e-9)
+    # A driver gains at most 2.6 m/s2 and brakes with 4.5 m/s2 at most, SUMO's defaults for cars.
+    gain = (read.speed[0, :, 1] - seed.now.speed) / 0.1
+    assert np.all(gain <= 2.6 + 1e-9) and np.all(gain >= -4.5 - 1e-9)
+
+
+def in_north(before_m: float, speed: float) -> tuple[float, float, float, float]:
+    """A car in the only lane from the north, (988.40, 1129.88) to (997.59, 1010.51), before its end."""
+    heading = np.arctan2(1010.51 - 1129.88, 997.59 - 988.40)
+    return 997.59 - before_m * np.cos(heading), 1010.51 - before_m * np.sin(heading), heading, speed
+
+
+@pytest.mark.parametrize("model", SUMO_MODELS)
+def test_a_driver_of_sumo_stops_behind_a_standing_vehicle_that_is_moved(
+    crossing: SimpleNamespace, model: str
+) -> None:
+    seed = scene(in_north(20.0, 0.0), in_north(60.0, 8.0))
+    with World(crossing, seed, slots=[0]) as world:
+        read = drive(world, seed, [0], [driven(1, model, ("n_in", "s_out"))], 200)
+    gap = np.hypot(read.x[0, 1] - read.x[0, 0], read.y[0, 1] - read.y[0, 0]) - 4.5
+    assert gap[0] == pytest.approx(35.5)
+    assert read.speed[0, 1, -1] < 1.0  # ACC creeps up for half a minute
+    assert gap.min() > 0.0 and gap[-1] < 15.0  # W99 does not keep SUMO's minimum gap of 2.5 m
+
+
+def test_a_driver_of_sumo_keeps_its_speed_where_the_road_is_free(crossing: SimpleNamespace) -> None:
+    seed = scene((900.0, 1100.0, 0.0, 0.0), in_north(60.0, 8.0))
+    with World(crossing, seed, slots=[0]) as world:
+        read = drive(world, seed, [0], [driven(1, "EIDM", ("n_in", "s_out"))], 20)
+    np.testing.assert_allclose(read.speed[0, 1], 8.0, atol=0.4)  # the limit is 8.3 m/s
+
+
+def test_a_driver_of_sumo_follows_its_route_through_the_junction(crossing: SimpleNamespace) -> None:
+    seed = scene((975.0, 995.2, 0.0, 10.0), (975.0, 998.4, 0.0, 10.0), (964.0, 998.4, 0.0, 10.0))
+    drivers = [
+        driven(0, "Krauss", ("w_in", "s_out")),
+        driven(1, "Krauss", ("w_in", "e_out")),
+        driven(2, "Krauss", ("w_in", "n_out")),
+    ]
+    with World(crossing, seed, slots=[0]) as world:
+        read = drive(world, seed, [0], drivers, 150)
+    x, y = read.x[0, :, -1], read.y[0, :, -1]
+    assert y[0] < 960.0 and abs(x[0] - 1003.0) < 10.0  # right, southwards
+    assert x[1] > 1050.0  # straight on, eastwards
+    assert y[2] > 1020.0 and abs(x[2] - 999.0) < 10.0  # left, northwards
+
+
+def test_a_driver_of_sumo_gives_way_to_a_vehicle_that_is_moved(crossing: SimpleNamespace) -> None:
+    # Four cars creep along the main road: the last one leaves the junction, 962 -> 1008, after 11.5 s.
+    # From the minor road it is 3 s to the junction.
+    queue = [(962.0 + 10.0 * k, 998.4, 0.0, 4.0) for k in range(4)]
+    seed = scene(in_north(25.0, 8.0), *queue)
+    with World(crossing, seed, slots=[0]) as world:
+        read = drive(world, seed, [0], [driven(0, "Krauss", ("n_in", "s_out"))], 200)
+    # Its front, 2.25 m ahead of its centre, stays out of their lane, which begins at y = 1000; then it goes.
+    assert np.all(read.y[0, 0, :110] - 2.25 > 1000.0)
+    assert read.y[0, 0, -1] < 990.0
+    others = np.hypot(read.x[0, 1:] - read.x[0, 0], read.y[0, 1:] - read.y[0, 0])
+    assert others.min() > 4.0
+
+
+def obstacle(x: float, y: float, heading: float = np.pi / 2) -> Obstacles:
+    """Somebody who stands there."""
+
+    def now(value: float) -> np.ndarray:
+        return np.full((1, 11), value)
+
+    return Obstacles(
+        ids=("P1",),
+        types=("pedestrian/bicycle",),
+        length=np.array([0.6]),
+        width=np.array([0.6]),
+        states=States(x=now(x), y=now(y), heading=now(heading), speed=now(0.0)),
+        present=np.ones((1, 11), dtype=bool),
+    )
+
+
+@pytest.mark.parametrize("heading", [-1.5, 0.0, 1.6, 3.1])
+def test_a_driver_of_sumo_stops_for_somebody_on_the_lane(crossing: SimpleNamespace, heading: float) -> None:
+    x, y, _, _ = in_north(20.0, 0.0)
+    seed = scene(in_north(60.0, 8.0), obstacles=obstacle(x, y, heading))
+    with World(crossing, seed, slots=[3]) as world:
+        read = drive(world, seed, [3], [driven(0, "EIDM", ("n_in", "s_out"))], 100)
+    gap = np.hypot(read.x[0, 0] - x, read.y[0, 0] - y) - 2.25
+    assert read.speed[0, 0, -1] < 0.2 and 0.3 < gap[-1] < 6.0
+
+
+def test_a_driver_of_sumo_passes_where_somebody_was_who_has_left(crossing: SimpleNamespace) -> None:
+    x, y, _, _ = in_north(20.0, 0.0)
+    stands = obstacle(x, y)
+    stands.present[:] = False
+    seed = scene(in_north(60.0, 8.0), obstacles=stands)
+    with World(crossing, seed, slots=[3]) as world:
+        read = drive(world, seed, [3], [driven(0, "EIDM", ("n_in", "s_out"))], 60)
+    assert read.y[0, 0, -1] < y - 5.0
+
+
+def test_beyond_the_end_of_its_route_a_vehicle_goes_straight_on(crossing: SimpleNamespace) -> None:
+    # e_out ends at x = 1120; its inner lane is straight, along y = 1018.4, from x = 1080.3 on.
+    seed = scene((1100.0, 1018.4, 0.0, 13.0), (1110.0, 1015.2, 0.0, 13.9))
+    with World(crossing, seed, slots=[0]) as world:
+        read = drive(world, seed, [0], [driven(0, "IDM", ("e_out",)), driven(1, "ACC", ("e_out",))], 60)
+    assert np.all(read.x[0, :, -1] > 1170.0)
+    np.testing.assert_allclose(read.y[0, 0], 1018.4, atol=0.01)
+    steps = np.diff(read.x[0], axis=1)
+    np.testing.assert_allclose(steps, 0.1 * read.speed[0, :, 1:], atol=0.03)  # no jumps
+    np.testing.assert_allclose(np.diff(read.speed[0, :, -20:], axis=1), 0.0, atol=1e-9)
+
+
+def test_a_vehicle_beside_the_road_goes_straight_on(crossing: SimpleNamespace) -> None:
+    seed = scene((900.0, 940.0, 0.3, 10.0))
+    with World(crossing, seed, slots=[0]) as world:
+        read = drive(world, seed, [0], [driven(0, "Krauss")], 10)
+    assert read.x[0, 0, -1] == pytest.approx(900.0 + 10.0 * np.cos(0.3), abs=1e-9)
+    assert read.y[0, 0, -1] == pytest.approx(940.0 + 10.0 * np.sin(0.3), abs=1e-9)
+
+
+def mixed() -> SeedScene:
+    """Leaders, followers, a blocked lane to change from, crossing traffic."""
+    return scene(
+        (988.0, 998.4, 0.0, 0.0),
+        (965.0, 998.7, 0.05, 13.0),
+        (900.0, 978.8, 0.2, 13.0),
+        (885.0, 978.4, 0.0, 15.0),
+        in_north(40.0, 8.0),
+    )
+
+
+def mixed_drivers(model: str, child: int) -> list[SumoDriven]:
+    routes = {1: STRAIGHT, 2: ("w_in", "n_out"), 3: ("w_in", "s_out"), 4: ("n_in", "s_out")}
+    return [driven(v, model, edges, child) for v, edges in routes.items()]
+
+
+@pytest.mark.parametrize("model", [m for m in SUMO_MODELS if m != "W99"])
+def test_a_driver_of_sumo_does_the_same_in_every_tile(crossing: SimpleNamespace, model: str) -> None:
+    slots, seed = [0, 1, 17, 63], mixed()
+    with World(crossing, seed, slots=slots) as world:
+        drivers = [d for child in range(4) for d in mixed_drivers(model, child)]
+        read = drive(world, seed, slots, drivers, 60)
+    for values in (read.x, read.y, read.heading, read.speed):
+        assert np.abs(values - values[:1]).max() < 1e-9
+    assert np.ptp(read.speed[0], axis=1).max() > 3.0  # or nothing would have been compared
+
+
+@pytest.mark.parametrize("model", SUMO_MODELS)
+def test_a_driver_of_sumo_does_the_same_to_the_byte_in_its_tile(
+    crossing: SimpleNamespace, model: str
+) -> None:
+    seed = mixed()
+
+    def run(world: World, slots: list[int]) -> States:
+        drivers = [d for child in range(len(slots)) for d in mixed_drivers(model, child)]
+        return drive(world, seed, slots, drivers, 60)
+
+    with World(crossing, seed, slots=range(64)) as world:
+        drive(world, seed, [2, 5, 40], [], 7)
+        run(world, [40, 0, 2, 1])
+        among = run(world, [33, 2, 40])[2]
+    with World(crossing, seed, slots=[40]) as world:
+        alone = run(world, [40])[0]
+    for key in ("x", "y", "heading", "speed"):
+        assert getattr(among, key).tobytes() == getattr(alone, key).tobytes()
+
+
+def test_parameters_reach_sumo(crossing: SimpleNamespace) -> None:
+    seed = scene((997.0, 1100.0, 0.0, 0.0), (905.0, 975.2 + 1.4, 0.32, 5.0))
+    with World(crossing, seed, slots=[0, 1]) as world:
+        drivers = [driven(1, "Krauss", accel="1.0"), driven(1, "Krauss", child=1, accel="3.0")]
+        read = drive(world, seed, [0, 1], drivers, 10)
+    np.testing.assert_allclose(read.speed[:, 1, -1] - 5.0, [1.0, 3.0], atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("model", "parameters", "words"),
+    [
+        ("Kraus", {}, "unknown SUMO model 'Kraus'; known: Krauss"),
+        ("Krauss", {"tua": "1"}, "unknown parameter 'tua'"),
+        ("Krauss", {"sigma": "0.5"}, "makes the driver random"),
+        ("Krauss", {"tau": "short"}, "tau=short is not a number"),
+    ],
+)
+def test_a_driver_that_sumo_does_not_have_is_an_error(
+    crossing: SimpleNamespace, model: str, parameters: dict[str, str], words: str
+) -> None:
+    seed = mixed()
+    with World(crossing, seed, slots=[0]) as world, pytest.raises(UsageError, match=words):
+        drive(world, seed, [0], [driven(1, model, **parameters)], 1)
+
+
+def test_a_route_that_the_net_does_not_hold_is_an_error(crossing: SimpleNamespace) -> None:
+    seed = mixed()
+    with World(crossing, seed, slots=[0]) as world, pytest.raises(SimulationError, match="nowhere"):
+        drive(world, seed, [0], [driven(1, "IDM", ("w_in", "nowhere"))], 1)
