@@ -8,7 +8,8 @@ from scex_sumo.scene import STEP_S, FloatArray, States
 
 REAR_AXLE_SHARE = 0.8  # rear axle behind the front bumper, in vehicle lengths
 SUBSTEPS = 4
-EVEN_STEPS = 3  # either side; a mean over 0.7 s, less than a recording's tracker takes
+EVEN_STEPS = 3  # on either side
+PATH_STEP_M, PATH_STEPS = 0.25, 8  # 2 m on either side
 
 
 def body_states(front: FloatArray, heading: float, length_m: float) -> States:
@@ -41,18 +42,34 @@ def body_states(front: FloatArray, heading: float, length_m: float) -> States:
 
 
 def _even(front: FloatArray) -> FloatArray:
-    """The same path at evened-out arc lengths: where lanes meet, steps are centimetres too long or short."""
+    """The same drive without the map's kinks.
+
+    Where lanes meet, steps are centimetres too long or short, and lanes are polylines: arc length is averaged
+    over time and the path over arc length, both over less than a recording's tracker does.
+    """
     step = np.diff(front, axis=0)
     s = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
-    if len(s) < 2:
-        return front
-    ends = np.arange(1, EVEN_STEPS + 1)
-    before, after = s[0] - ends[::-1] * (s[1] - s[0]), s[-1] + ends * (s[-1] - s[-2])
-    weights = np.hanning(2 * EVEN_STEPS + 3)[1:-1]
-    even = np.convolve(np.concatenate([before, s, after]), weights / weights.sum(), mode="valid")
-    even[[0, -1]] = s[[0, -1]]
     moving = np.concatenate([[True], np.diff(s) > 0])
-    return np.column_stack([np.interp(even, s[moving], front[moving, axis]) for axis in (0, 1)])
+    if moving.sum() < 2:
+        return front
+    even = _averaged(s, EVEN_STEPS)
+    fine = np.linspace(0.0, s[-1], max(2, int(np.ceil(s[-1] / PATH_STEP_M)) + 1))
+    columns = []
+    for axis in (0, 1):
+        smooth = _averaged(np.interp(fine, s[moving], front[moving, axis]), PATH_STEPS)
+        columns.append(np.interp(even, fine, smooth))
+    return np.column_stack(columns)
+
+
+def _averaged(values: FloatArray, reach: int) -> FloatArray:
+    """Weighted mean over ``reach`` neighbours on either side; the ends stay where they are."""
+    ends = np.arange(1, reach + 1)
+    before = values[0] - ends[::-1] * (values[1] - values[0])
+    after = values[-1] + ends * (values[-1] - values[-2])
+    weights = np.hanning(2 * reach + 3)[1:-1]
+    mean = np.convolve(np.concatenate([before, values, after]), weights / weights.sum(), mode="valid")
+    mean[[0, -1]] = values[[0, -1]]
+    return np.asarray(mean)
 
 
 def _speeds(centre: FloatArray, headings: FloatArray) -> FloatArray:
