@@ -26,7 +26,7 @@ from scex_sumo.scenarios.drawing import MapDrawing
 from scex_sumo.scenarios.recording import Recording, record
 from scex_sumo.scene import STEP_S, States
 
-COLUMNS = "track_id frame_id timestamp_ms agent_type x y vx vy psi_rad length width".split()
+COLUMNS = [
     "track_id",
     "frame_id",
     "timestamp_ms",
