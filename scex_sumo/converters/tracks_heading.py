@@ -60,8 +60,8 @@ def wrap(angle: FloatArray) -> FloatArray:
 def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(N,) heading of the last (else next) moving sample of the segment; else the segment's usual one.
 
-    Also (N,) how far off it a steady heading must be to be wrong: 45° off the one a vehicle stopped with, 135°
-    (a flip) off the one it will start with, as it may turn while starting; without either it never is.
+    Also (N,) how far off it a steady heading must be to be wrong: 45° off the one a vehicle stopped with,
+    135° (a flip) off the one it will start with, as it may turn while starting; without either it never is.
     """
     moving = rows.speed >= MOVING_MPS
     start = np.append(True, np.diff(rows.segment) != 0)

@@ -22,6 +22,7 @@ class RepairLimits:
         same_place_m: samples of one track and stamp closer than this are copies of one another.
         jump_m: a step this long is a jump ...
         jump_excess_m: ... if it is also this much longer than the track's usual step there.
+        shortest_piece: samples that a piece between jumps needs to be kept.
         frozen_steps: a tracker still warms up where so many of a track's first five steps have exactly the
             same position though the speed says that it moves ...
         warm_up_rise_mps: ... and the speed rises by more than this within its first second.
@@ -35,6 +36,7 @@ class RepairLimits:
     same_place_m: float = 0.05
     jump_m: float = 3.0
     jump_excess_m: float = 1.5
+    shortest_piece: int = 5
     frozen_steps: int = 2
     warm_up_rise_mps: float = 0.5
     warm_up_s: float = 2.0
@@ -167,17 +169,22 @@ def _cut_jumps(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[s
             drop[i + 1] = True
         else:
             cut[i + 1] = True
+    # What a cut leaves of fewer than five samples belongs to no motion: a tracker's first guesses.
+    segment = rows.segment + np.cumsum(cut)
+    size = np.bincount(segment[~drop], minlength=segment[-1] + 1)
+    touched = np.isin(rows.segment, rows.segment[cut])
+    drop |= touched & (size[segment] < limits.shortest_piece)
+    cut &= ~drop & np.append(False, ~drop[:-1])
     found = []
     if drop.any():
-        found.append(f"{int(drop.sum())} samples that jump by more than {limits.jump_m:g} m dropped")
+        found.append(f"{int(drop.sum())} samples off by jumps of more than {limits.jump_m:g} m dropped")
     if cut.any():
         tracks = len(np.unique(rows.track[cut]))
         found.append(f"{tracks} tracks cut where they jump by more than {limits.jump_m:g} m")
-    segment = rows.segment + np.cumsum(cut)
     rows = rows.with_columns(segment=segment).take(~drop)
     # A dropped sample may leave a gap that is too long; cuts stay.
-    both = np.append(0, np.cumsum((np.diff(rows.segment) != 0) | _gap(rows)))
-    return rows.with_columns(segment=both.astype(np.int64)), found
+    new = np.append(0, np.cumsum((np.diff(rows.segment) != 0) | _gap(rows)))
+    return rows.with_columns(segment=new.astype(np.int64)), found
 
 
 def _gap(rows: TrackRows) -> BoolArray:
@@ -188,7 +195,11 @@ def _jumps(rows: TrackRows, limits: RepairLimits) -> BoolArray:
     """(N - 1,) True where the step to the next row of the segment is a jump."""
     joined = np.diff(rows.segment) == 0
     length = np.hypot(np.diff(rows.x), np.diff(rows.y))
-    far = joined & (length > limits.jump_m)
+    # No jump where another step nearby is about as long: spares highways the search below.
+    around = np.lib.stride_tricks.sliding_window_view(
+        np.pad(np.where(joined, length, np.inf), 5, constant_values=np.inf), 11
+    )
+    far = joined & (length > limits.jump_m) & (length - around.min(axis=1) > limits.jump_excess_m)
     elapsed = np.diff(rows.timestamp_ms) / 1000.0
     jump = np.zeros(len(length), bool)
     for i in np.flatnonzero(far):

@@ -252,26 +252,29 @@ def _check_values(path: Path, header: list[str], columns: dict[str, Any]) -> Non
 
 def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list[str], list[str]]:
     """One set of columns of several files; a track is a pair of case and id, apart for each file."""
-    cases: list[str] = []
-    types: list[str] = []
+    cases: dict[str, int] = {}
+    types: dict[str, int] = {}
     labels: list[str] = []
     merged: list[dict[str, Any]] = []
     for part in parts:
         size = len(part["x"])
-        case_codes, case_names = part.get("case_id", (np.zeros(size, np.int64), [""]))
-        cases += [name for name in case_names if name not in cases]
-        types += [name for name in part["agent_type"][1] if name not in types]
-        case = np.array([cases.index(name) for name in case_names], np.int64)[case_codes]
+        case = _number(part.get("case_id", (np.zeros(size, np.int64), [""])), cases)
+        kind = _number(part["agent_type"], types)
         ids, names = part["track_id"]
         pair, track = np.unique(case * len(names) + ids, return_inverse=True)
-        kind = np.array([types.index(name) for name in part["agent_type"][1]], np.int64)
         merged.append(
             {name: part[name] for name in _ROW_COLUMNS if name not in ("case", "segment")}
-            | {"case": case, "track": track + len(labels), "agent_type": kind[part["agent_type"][0]]}
+            | {"case": case, "track": track + len(labels), "agent_type": kind}
         )
         labels += [names[i] for i in pair % len(names)]
     columns = {name: np.concatenate([part[name] for part in merged]) for name in merged[0]}
-    return columns, cases, labels, types
+    return columns, list(cases), labels, list(types)
+
+
+def _number(column: tuple[IntArray, list[str]], known: dict[str, int]) -> IntArray:
+    """(N,) numbers of the values; new names are added to the known ones."""
+    codes, names = column
+    return np.array([known.setdefault(name, len(known)) for name in names], np.int64)[codes]
 
 
 def _majority_type(track: IntArray, kind: IntArray, tracks: int) -> IntArray:
