@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from lanelet2 import core, geometry, io, projection, routing, traffic_rules
 
 from scex_sumo.converters.lane_geometry import bounds_cross, mean_width_m, without_repeats
-from scex_sumo.converters.lanelet_tags import default_speed_mps, lane_kind, lane_speed_mps
+from scex_sumo.converters.lanelet_tags import default_speed_mps, lane_kind, lane_speed_mps, says_limit
 from scex_sumo.converters.map_elements import Points, areas, markings, regulations
 from scex_sumo.converters.map_file import MapFile, list_ids, read_map_file, write_map_file
 from scex_sumo.converters.map_repair import Place, distance_m, middle, repair
@@ -57,9 +57,10 @@ def read_road(map_path: str | Path, *, origin: Place | None = None) -> Road:
     """Read a Lanelet2 map: every lanelet, how they connect, and the rules between them.
 
     Geometry and relations are Lanelet2's own: centrelines as it computes them, bounds in driving direction,
-    successors, lane changes and conflicts of its routing graph under German traffic rules for cars. A
-    lanelet that cars may drive both ways gives two lanes; the second has ``reverse_of`` set. What is broken
-    in the map is mended or left out, and said in the road's notes.
+    successors, lane changes and conflicts of its routing graph under German traffic rules for cars. Heights
+    are left out, but lanes more than 3 m above one another do not conflict. A lanelet that cars may drive
+    both ways gives two lanes; the second has ``reverse_of`` set. What is broken in the map is mended or
+    left out, and said in the road's notes.
 
     Args:
         map_path: an ``.osm`` file.
@@ -79,11 +80,7 @@ def read_road(map_path: str | Path, *, origin: Place | None = None) -> Road:
     rules = traffic_rules.create(traffic_rules.Locations.Germany, traffic_rules.Participants.VehicleCar)
     lanelet_map, vertices = _load(map_file, origin, rules, mended, notes)
     lanes = _lanes(lanelet_map, vertices, rules, map_file)
-    crossed = [i for i, lane in lanes.items() if bounds_cross(lane.left_bound, lane.right_bound)]
-    if crossed:
-        notes.append(
-            f"bounds cross each other or themselves, the lane's shape may be off: {list_ids(crossed)}"
-        )
+    _note_doubts(lanes, map_file, notes)
     lines = _lines(lanelet_map)
     return Road(
         name=path.stem,
@@ -94,6 +91,22 @@ def read_road(map_path: str | Path, *, origin: Place | None = None) -> Road:
         origin=origin,
         notes=tuple(notes),
     )
+
+
+def _note_doubts(lanes: Mapping[int, Lane], map_file: MapFile, notes: list[str]) -> None:
+    """Note the lanes that are there but may not be what the map's author meant."""
+    drawn = {i: lane for i, lane in lanes.items() if lane.reverse_of is None}
+    crossed = [i for i, lane in drawn.items() if bounds_cross(lane.left_bound, lane.right_bound)]
+    if crossed:
+        notes.append(
+            f"bounds cross each other or themselves, the lane's shape may be off: {list_ids(crossed)}"
+        )
+    relations = {i: map_file.relations[i] for i in drawn}
+    unclear = [
+        i for i, r in relations.items() if says_limit(r, map_file) and lane_speed_mps(r, map_file) is None
+    ]
+    if unclear:
+        notes.append(f"speed limits not understood, Germany's default taken: {list_ids(unclear)}")
 
 
 def _origin(path: Path, map_file: MapFile, origin: Place | None, notes: list[str]) -> Place:

@@ -80,6 +80,11 @@ def lane_speed_mps(lanelet: Relation, map_file: MapFile) -> float | None:
     return next((speed for speed in speeds if speed is not None), None)
 
 
+def says_limit(lanelet: Relation, map_file: MapFile) -> bool:
+    """Whether the map gives a speed limit for a lanelet, understood or not."""
+    return any(True for _ in _limits(lanelet, map_file))
+
+
 def _limits(lanelet: Relation, map_file: MapFile) -> Iterator[str]:
     """Everything that may be a limit, as written: elements, their signs, the lanelet's tags."""
     for ref in lanelet.refs("regulatory_element", "relation"):

@@ -111,7 +111,8 @@ def read_map_file(path: str | Path) -> MapFile:
     relations: dict[int, Relation] = {}
     unreadable: list[str] = []
     twice: list[str] = []
-    for element in _parse(path):
+    root = _parse(path)
+    for element in root:
         if element.get("action") == "delete":
             continue
         name = f"{element.tag} {element.get('id', '')[:24] or 'without an id'}"
@@ -130,6 +131,10 @@ def read_map_file(path: str | Path) -> MapFile:
             continue
         if not new:
             twice.append(name)
+    if not nodes and any(element.get("x") for element in root.iter("node")):
+        raise MapError(
+            f"{path}: its nodes have x, y instead of lat, lon; name the .osm file it was made from"
+        )
     notes = []
     if unreadable:
         notes.append(f"left out, no usable id or coordinates: {list_ids(unreadable)}")

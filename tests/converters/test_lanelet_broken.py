@@ -212,6 +212,7 @@ NO_MAPS = {
         "<osm><relation id='1'><tag k='type' v='lanelet'/></relation></osm>",
         "no usable nodes",
     ),
+    "a map in metres": ("<osm><node id='1' x='990.1' y='1012.3'/></osm>", "have x, y instead of lat, lon"),
     "only broken lanelets": (two_lanes().replace("role='left'", "role='lost'"), "no usable lanelet .*: 1, 2"),
 }
 

@@ -53,6 +53,23 @@ def test_every_lanelet_is_a_lane_with_lanelet2s_geometry(real_map: tuple[Path, A
             np.testing.assert_array_equal(points, [(p.x, p.y) for p in line])
 
 
+def test_a_mended_copy_loses_no_geometry(real_map: tuple[Path, Any, Any], tmp_path: Path) -> None:
+    path, _, _ = real_map
+    broken = path.read_text().replace(
+        "</osm>", '<relation id="1"><tag k="type" v="lanelet"/></relation></osm>'
+    )
+    (tmp_path / path.name).write_text(broken)
+    road, whole = read_road(tmp_path / path.name, origin=read_road(path).origin), read_road(path)
+    assert road.notes[0].endswith(": 1")
+    assert list(road.lanes) == list(whole.lanes)
+    for lane_id, lane in road.lanes.items():
+        np.testing.assert_array_equal(lane.centreline, whole.lanes[lane_id].centreline)
+        assert lane.successors == whole.lanes[lane_id].successors
+        assert lane.conflicts == whole.lanes[lane_id].conflicts
+    assert [r.element_id for r in road.regulations] == [r.element_id for r in whole.regulations]
+    assert len(road.areas) == len(whole.areas)
+
+
 def test_relations_are_those_of_lanelet2s_routing_graph(real_map: tuple[Path, Any, Any]) -> None:
     path, lanelet_map, graph = real_map
     road = read_road(path)

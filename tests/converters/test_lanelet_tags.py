@@ -66,7 +66,10 @@ def test_what_is_no_speed_is_none(text: str) -> None:
 )
 def test_a_lane_has_its_tagged_limit_or_the_default(tmp_path: Path, tags: dict[str, str], kmh: float) -> None:
     drawn = write_map(tmp_path / "drawn.osm", [straight(1, 0, 50, tags=tags)])
-    assert read_road(drawn).lanes[1].speed_limit_mps == pytest.approx(kmh * KMH, rel=1e-9)
+    road = read_road(drawn)
+    assert road.lanes[1].speed_limit_mps == pytest.approx(kmh * KMH, rel=1e-9)
+    unclear = tags.get("maxspeed") == "signals"
+    assert bool(road.notes) == unclear
 
 
 def test_an_elements_limit_comes_before_the_tag(tmp_path: Path) -> None:
@@ -86,7 +89,9 @@ def test_a_limit_is_read_from_the_sign(tmp_path: Path) -> None:
     assert read_road(drawn).lanes[1].speed_limit_mps == pytest.approx(30 * KMH, rel=1e-9)
 
 
-def test_a_sign_that_says_no_limit_leaves_the_default(tmp_path: Path) -> None:
+def test_a_sign_that_says_no_limit_leaves_the_default_and_is_noted(tmp_path: Path) -> None:
     element = rule(90, "speed_limit", sign_type="usR2-1")
     drawn = write_map(tmp_path / "drawn.osm", [straight(1, 0, 50, rules=[90])], relations=[element])
-    assert read_road(drawn).lanes[1].speed_limit_mps == pytest.approx(50 * KMH, rel=1e-9)
+    road = read_road(drawn)
+    assert road.lanes[1].speed_limit_mps == pytest.approx(50 * KMH, rel=1e-9)
+    assert road.notes == ("speed limits not understood, Germany's default taken: 1",)
