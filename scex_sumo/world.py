@@ -30,9 +30,10 @@ if TYPE_CHECKING:
 
 __all__ = ["TILE_SLOTS", "SumoDriven", "World"]
 
-# moveToXY's keepRoute: 2 = any place on or off the road, 4 = whatever lanes permit; 1 = stay on the route.
-_ANYWHERE = 2 + 4
-_ON_ROUTE = 1 + 2
+# moveToXY's keepRoute, which decides where SUMO looks for the lane that the vehicle is on; the vehicle is put
+# exactly where it should be in any case (2). 1 = only along the vehicle's route; 4 = lanes of any permission.
+_ANY_LANE = 2 + 4
+_OWN_ROUTE = 2 + 1
 # Distance at which SUMO takes a vehicle to be on a lane, m: 5 to 25 times faster than the default of 100 m.
 _MATCH_M = 5.0
 _NO_LANE = -1
@@ -134,11 +135,16 @@ class World:
         overridden = np.ones(start.shape, dtype=bool)
         for d in driven:
             overridden[d.child, d.vehicle] = False
+        # Looking for lanes takes three quarters of the time, and is of use only to the drivers of SUMO's who
+        # look for vehicles on their lanes: where there are none, SUMO need not look beyond one lane.
+        mixed = np.full(len(wanted), self._gui) | ~overridden.all(axis=1)
         self._running = Batch(
             slots=wanted,
             ids=[tile_id(slot, str(track)) for slot in wanted for track in self._seed.track_ids],
             offset=np.array([self._layout.offset(slot) for slot in wanted], dtype=np.float64).T[..., None],
             overridden=overridden,
+            mixed=mixed,
+            lanes=np.where(mixed[:, None] & overridden, _ANY_LANE, _OWN_ROUTE),
             speed=start.speed.copy(),
         )
         with self._refusals(f"set up a batch of {len(wanted)} children"):
@@ -187,9 +193,8 @@ class World:
         if others is None:
             return
         front_x, front_y, angle = to_sumo(states, others.length)
-        mixed = np.ones(len(batch.slots), dtype=bool) if self._gui else ~batch.overridden.all(axis=1)
         with self._refusals("move pedestrians and cyclists"):
-            for child in np.flatnonzero(mixed):
+            for child in np.flatnonzero(batch.mixed):
                 slot, (dx, dy) = batch.slots[child], batch.offset[:, child, 0]
                 for o, name in enumerate(others.ids):
                     key = tile_id(slot, f"other{name}")
@@ -244,17 +249,16 @@ class World:
         """Queue poses for the next step, and speeds for the moment after it."""
         batch = self._batch
         front_x, front_y, angle = to_sumo(states, self._length)
-        rules = np.where(batch.overridden, _ANYWHERE, _ON_ROUTE)
         ids = [batch.ids[i] for i in np.flatnonzero(mask)]
         x, y = front_x + batch.offset[0], front_y + batch.offset[1]
-        poses = [values[mask].tolist() for values in (x, y, angle, rules)]
+        poses = [values[mask].tolist() for values in (x, y, angle, batch.lanes)]
         move = self._sumo.vehicle.moveToXY
-        for key, to_x, to_y, degrees, rule in zip(ids, *poses, strict=True):
-            move(key, "", _NO_LANE, to_x, to_y, degrees, rule, _MATCH_M)
+        for key, to_x, to_y, degrees, lanes in zip(ids, *poses, strict=True):
+            move(key, "", _NO_LANE, to_x, to_y, degrees, lanes, _MATCH_M)
         self._speeds.extend(zip(ids, states.speed[mask].tolist(), acceleration[mask].tolist(), strict=True))
 
     def _put(self, key: str, x: float, y: float, angle: float) -> None:
-        self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, _ANYWHERE, _MATCH_M)
+        self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, _ANY_LANE, _MATCH_M)
 
     def _add(self, key: str, route: str, kind: str) -> None:
         self._sumo.vehicle.add(key, route, kind)
@@ -282,7 +286,6 @@ class World:
     def _add_vehicles(self, batch: Batch, driven: Sequence[SumoDriven]) -> None:
         vehicles = self._seed.vehicles
         by_sumo = {d.child * vehicles + d.vehicle: d for d in driven}
-        mixed = {d.child for d in driven}
         for index, key in enumerate(batch.ids):
             child, v = divmod(index, vehicles)
             slot = batch.slots[child]
@@ -293,7 +296,7 @@ class World:
                 self._add(key, route, self._types.driven(v, d.model, d.parameters))
             else:
                 self._add(key, tile_id(slot, _ANY_ROUTE), self._types.overridden(v))
-                if child in mixed:
+                if batch.mixed[child]:
                     # Or SUMO makes others give way to lane changes that this vehicle will never make.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from scex_sumo.scene import STEP_S, BoolArray, FloatArray
+from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray
 from scex_sumo.tiles import tile_id
 
 # No driver of SUMO's gains more speed than this in one step, m/s.
@@ -67,6 +67,8 @@ class Batch:
         ids: SUMO's ids of the vehicles, child by child.
         offset: (2, C, 1) x and y of the tiles, m.
         overridden: (C, V) False where SUMO drives.
+        mixed: (C,) True where there are drivers of SUMO's, or somebody who watches.
+        lanes: (C, V) which lanes SUMO looks for a vehicle on, moveToXY's ``keepRoute``.
         speed: (C, V) the speed last set, where overridden.
         route_ends: last edge of the route of SUMO-driven vehicles, by id.
         straight_on: vehicles that SUMO drove until their route ended.
@@ -77,6 +79,8 @@ class Batch:
     ids: list[str]
     offset: FloatArray
     overridden: BoolArray
+    mixed: BoolArray
+    lanes: IntArray
     speed: FloatArray
     route_ends: dict[str, str] = field(default_factory=dict)
     straight_on: list[Pose] = field(default_factory=list)

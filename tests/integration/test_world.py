@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.errors import SimulationError
 from scex_sumo.scene import FloatArray, SeedScene, States
-from scex_sumo.world import TILE_SLOTS, World
+from scex_sumo.world import TILE_SLOTS, SumoDriven, World
 
 
 def scene(x: FloatArray, y: FloatArray, heading: FloatArray, speed: FloatArray) -> SeedScene:
@@ -66,21 +66,26 @@ def seed() -> SeedScene:
     return scene(first.x, first.y, first.heading, first.speed)
 
 
+@pytest.mark.parametrize("with_a_driver_of_sumo", [False, True])
 def test_what_is_read_is_what_was_planned_for_1e5_vehicle_steps_and_nobody_is_lost(
-    crossing: SimpleNamespace, seed: SeedScene
+    crossing: SimpleNamespace, seed: SeedScene, with_a_driver_of_sumo: bool
 ) -> None:
-    phase = np.linspace(0.0, 6.0, TILE_SLOTS)
-    slots, everybody = np.arange(TILE_SLOTS), np.ones((TILE_SLOTS, 11), dtype=bool)
-    steps = 143  # 64 children x 11 vehicles x 143 steps = 100 672
-    worst = 0.0
+    phase, slots = np.linspace(0.0, 6.0, TILE_SLOTS), np.arange(TILE_SLOTS)
+    moved, drivers = np.ones((TILE_SLOTS, 11), dtype=bool), []
+    if with_a_driver_of_sumo:
+        moved[:, 5] = False
+        drivers = [
+            SumoDriven(child=c, vehicle=5, model="IDM", parameters={}, edges=("w_in", "e_out"))
+            for c in range(TILE_SLOTS)
+        ]
     with World(crossing, seed, slots=slots) as world:
-        world.begin(trips(0.0, phase), slots)
+        world.begin(trips(0.0, phase), slots, drivers)
         worst = difference(world.read(), trips(0.0, phase))
-        for step in range(1, steps + 1):
+        for step in range(1, 159):  # 64 children x (10 or 11) vehicles x 158 steps > 1e5
             plan = trips(0.1 * step, phase)
-            world.move(plan, everybody)
+            world.move(plan, moved)
             world.step()
-            worst = max(worst, difference(world.read(), plan))
+            worst = max(worst, difference(world.read()[moved], plan[moved]))
     # Coordinates reach 1e4 m in the last tile: 1e-9 m is a few hundred units in the last place.
     assert worst < 1e-9
 
@@ -115,6 +120,26 @@ def test_a_child_reads_the_same_bytes_in_its_slot_whatever_runs_beside_or_before
         alone = roll(world, [37], np.array([2.0]))[:, 0]
     for key in ("x", "y", "heading", "speed"):
         assert getattr(among, key).tobytes() == getattr(alone, key).tobytes()
+
+
+def test_a_driver_of_sumo_in_its_tile_changes_nothing_about_vehicles_that_are_moved(
+    crossing: SimpleNamespace, seed: SeedScene
+) -> None:
+    # With a driver of SUMO's to see them, SUMO looks for the lanes that vehicles are on; else it does not.
+    phase, moved = np.array([2.0]), np.ones((1, 11), dtype=bool)
+    driver = SumoDriven(child=0, vehicle=5, model="Krauss", parameters={}, edges=("w_in", "e_out"))
+    moved[0, 5] = False
+    with World(crossing, seed, slots=[37]) as world:
+        alone = roll(world, [37], phase)
+        world.begin(trips(0.0, phase), np.array([37]), [driver])
+        for step in range(1, 11):
+            world.move(trips(0.1 * step, phase), moved)
+            world.step()
+            read = world.read()
+            assert read[moved].x.tobytes() == alone[step - 1][moved].x.tobytes()
+            assert read[moved].y.tobytes() == alone[step - 1][moved].y.tobytes()
+            assert read[moved].heading.tobytes() == alone[step - 1][moved].heading.tobytes()
+            assert read[moved].speed.tobytes() == alone[step - 1][moved].speed.tobytes()
 
 
 def test_a_vehicle_that_nobody_moves_is_an_error_with_counts(
