@@ -53,11 +53,11 @@ def nearest(points: FloatArray, x: float, y: float) -> float:
 
 
 def join(pieces: list[FloatArray], owners: list[int]) -> tuple[FloatArray, IntArray]:
-    """One line out of several, without repeated points, and the owner of each point."""
+    """One line out of several, without repeated points, and the owner of the line after each point."""
     points = np.vstack(pieces)
     owner = np.repeat(np.array(owners, dtype=np.int64), [len(p) for p in pieces])
     step = np.hypot(*np.diff(points, axis=0).T)
-    keep = np.concatenate([[True], step > 1e-6])
+    keep = np.concatenate([step > 1e-6, [True]])
     return points[keep], owner[keep]
 
 

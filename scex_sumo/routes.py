@@ -54,7 +54,7 @@ def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[
     """All lane sequences from a place on the road over a distance.
 
     Follows successors; where a lane has none but a lane change is allowed, it goes on on the neighbour
-    (left first). No lane comes twice. Ends at the horizon or at the end of the mapped road.
+    (left first). Ends at the horizon or at the end of the mapped road; in a roundabout a lane can come twice.
 
     Args:
         road: the map.
@@ -82,8 +82,8 @@ def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[
 def onward(lanes: dict[int, Lane], route: tuple[int, ...]) -> tuple[list[int], bool]:
     """Lanes that can follow a route, and whether they lie ahead (False: beside, by a lane change)."""
     last = lanes[route[-1]]
-    ahead = sorted(i for i in last.successors if i in lanes and i not in route)
-    if ahead or last.successors:
+    ahead = sorted(i for i in last.successors if i in lanes)
+    if ahead:
         return ahead, True
     beside = [i for i in (last.left, last.right) if i is not None and i in lanes and i not in route]
     # A neighbour that ends as well leads nowhere; one change after the other is not tried.

@@ -16,6 +16,8 @@ from scex_sumo.behaviors.projection import project
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, FloatArray, IntArray, Plan, SceneHistory, Who
 
+CURVE_TIME_S = 0.8  # a driver slows down for a curve with this time constant, never harder than ``b``
+
 
 @dataclass(frozen=True, kw_only=True)
 class IdmProfile:
@@ -124,38 +126,50 @@ class IdmDriver:
         leaders = find_leaders(
             history, who, paths, row, s_centre, clearance=profile.clearance, radius=profile.radius
         )
-        wished = desired_speeds(
-            paths, profile.speed, profile.speed_factor, profile.curve_acceleration, profile.curve_deceleration
+        wished = desired_speeds(paths, profile.speed, profile.speed_factor)
+        curves = (
+            curve_speeds(paths, profile.curve_acceleration, profile.curve_deceleration)
+            if profile.curve_acceleration > 0
+            else None
         )
         base = row * paths.samples
-        front = REAR_AXLE_SHARE * history.seed.length[who.vehicle]
+        ahead = (
+            REAR_AXLE_SHARE * history.seed.length[who.vehicle]
+        )  # of the rear axle, which follows the table
+
+        def at(s: FloatArray) -> IntArray:
+            return base + np.clip((s + ahead) * (1 / DS_M), 0, paths.samples - 1).astype(np.int64)
 
         def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-            # The lane under the centre counts, the table is followed by the rear axle.
-            index: IntArray = np.clip((s + front) * (1 / DS_M), 0, paths.samples - 1).astype(np.int64)
             gap = leaders.gap + leaders.speed * (step * STEP_S) - travelled
-            return idm_acceleration(profile, v, wished[base + index], gap, leaders.speed)
+            a = idm_acceleration(profile, v, wished[at(s)], gap, leaders.speed)
+            if curves is not None:
+                # The speed to have where the car will be in a moment, so that it does not lag behind.
+                slowing = (curves[at(s + v * CURVE_TIME_S)] - v) / CURVE_TIME_S
+                a = np.minimum(a, np.maximum(slowing, -profile.comfort_deceleration))
+            return a
 
         return drive(history, who, paths, row, accelerate)
 
 
 @lru_cache(maxsize=32)
-def desired_speeds(
-    paths: SeedPaths, speed: float, factor: float, curve_acceleration: float, curve_deceleration: float
-) -> FloatArray:
-    """(P * N,) desired speed along all paths, m/s.
-
-    The speed limit (or a given speed), and no more than lets the driver brake at `curve_deceleration` to
-    √(curve_acceleration / curvature) at every curve ahead.
-    """
+def desired_speeds(paths: SeedPaths, speed: float, factor: float) -> FloatArray:
+    """(P * N,) desired speed along all paths, m/s: the speed limit times a factor, or a given speed."""
     wished = np.full_like(paths.speed_limit, speed) if speed > 0 else factor * paths.speed_limit
     # A vehicle off the mapped lanes keeps its own speed, whatever the driver wishes.
     off = np.repeat(~paths.on_road, paths.count)
-    wished = np.where(off[:, None], paths.speed_limit, wished)
-    if curve_acceleration > 0:
-        curve = np.sqrt(curve_acceleration / np.maximum(paths.curve_curvature, 1e-6))
-        # v² may fall by 2·b·ds per sample: a running minimum of v² + 2·b·s from the far end.
-        slope = 2 * curve_deceleration * DS_M * np.arange(paths.samples)
-        reachable = np.minimum.accumulate((np.minimum(wished, curve) ** 2 + slope)[:, ::-1], axis=1)[:, ::-1]
-        wished = np.minimum(wished, np.sqrt(np.maximum(reachable - slope, 0.0)))
-    return wished.ravel()
+    return np.where(off[:, None], paths.speed_limit, wished).ravel()
+
+
+@lru_cache(maxsize=32)
+def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> FloatArray:
+    """(P * N,) highest speed along all paths, m/s, from which the driver comes through every curve ahead.
+
+    √(lateral / curvature) in the curve; before it, what braking at `deceleration` brings down to that.
+    """
+    square = lateral / np.maximum(paths.curve_curvature, 1e-6)
+    # v² may fall by 2·b·ds per sample: a running minimum of v² + 2·b·s from the far end.
+    slope = 2 * deceleration * DS_M * np.arange(paths.samples)
+    reachable = np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope
+    speeds: FloatArray = np.sqrt(reachable).ravel()
+    return speeds

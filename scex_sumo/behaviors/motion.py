@@ -20,7 +20,7 @@ import numpy as np
 
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.paths import SeedPaths
-from scex_sumo.behaviors.projection import project, sample
+from scex_sumo.behaviors.projection import bend_at, project, refine, sample
 from scex_sumo.lines import wrap
 from scex_sumo.scene import STEP_S, FloatArray, IntArray, Plan, SceneHistory, States, Who
 
@@ -43,14 +43,13 @@ def rear_axle(states: States, length: FloatArray) -> tuple[FloatArray, FloatArra
     return states.x - back * np.cos(states.heading), states.y - back * np.sin(states.heading)
 
 
-def present_curvature(history: SceneHistory, who: Who) -> tuple[FloatArray, FloatArray]:
-    """Curvature that vehicles drive at the moment, from how they turned.
+def _present_bend(
+    history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray, s: FloatArray, v: FloatArray
+) -> FloatArray:
+    """(n,) by how much vehicles turn more than their path does at the moment, 1/m.
 
     From the last step, or the last half second where the history was recorded rather than driven by us,
     since recorded headings are noisy.
-
-    Returns:
-        (n,) 1/m, limited to 4 m/s² and `CURVATURE_LIMIT`; (n,) rear axle's way in that time, m.
     """
     steps = 1 if history.step > 0 else 5
     length = history.seed.length[who.vehicle]
@@ -61,9 +60,11 @@ def present_curvature(history: SceneHistory, who: Who) -> tuple[FloatArray, Floa
     chord = np.sqrt((x - px) ** 2 + (y - py) ** 2)
     turned = wrap(now.heading - before.heading)
     way = chord * (1 + turned**2 / 24)  # arc over a chord
-    bound = np.minimum(CURVATURE_LIMIT, 4.0 / np.maximum(now.speed, 1.0) ** 2)
-    curvature = np.where(way > 0.02, turned / np.maximum(way, 0.02), 0.0)
-    return np.clip(curvature, -bound, bound), way
+    then, _, _ = refine(paths, row, s - way, px, py, 2)
+    bend = turned / np.maximum(way, 0.02) - bend_at(paths, row, then + way / 2)
+    # Recorded headings are noisy, a padded history is straight in a curve: never off by more than a
+    # driver's own correction could be. One who stands can turn the wheel first.
+    return np.where(way > 0.02, np.clip(bend, *_bend_limits(v)), 0.0)
 
 
 def drive(
@@ -97,9 +98,7 @@ def drive(
     s, _, path_heading = project(paths, row, x, y)
     heading = path_heading + wrap(begin.heading - path_heading)
     v = np.maximum(begin.speed, 0.0)
-    curvature, way = present_curvature(history, who)
-    bend = curvature - sample(paths, row, s - way / 2)[5]
-    bend = np.where(way > 0.02, bend, 0.0)
+    bend = _present_bend(history, who, paths, row, s, v)
     s0, out = s, np.empty((4, steps, len(who)))
     for step in range(steps):
         a = accelerate(step, v, s - s0, s)
@@ -111,7 +110,7 @@ def drive(
         dx, dy = x - px, y - py
         s = s + (cos * dx + sin * dy)
         offset = cos * dy - sin * dx
-        curvature = sample(paths, row, s + moved / 2)[5]
+        curvature = bend_at(paths, row, s + moved / 2)
         bend = _steer(bend, offset, heading - path_heading, v, moved)
         turn = np.clip(curvature + bend, -CURVATURE_LIMIT, CURVATURE_LIMIT)
         bend = turn - curvature
@@ -132,13 +131,18 @@ def _steer(
 ) -> FloatArray:
     """New curvature error against the path after one step."""
     omega = 1 / np.maximum(JOIN_LENGTH_M, JOIN_TIME_S * v)
-    square = np.maximum(v * v, 1.0)
-    most = np.minimum(0.75 * CURVATURE_LIMIT, JOIN_ACCELERATION / square)
+    least, most = _bend_limits(v)
     aim = -np.clip(omega / 3 * offset, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
-    wanted = np.clip(omega * (aim - error), -most, most)
-    rate = np.minimum(STEERING_RATE, JOIN_JERK / square) * STEP_S
+    wanted = np.clip(omega * (aim - error), least, most)
+    rate = np.minimum(STEERING_RATE, JOIN_JERK / np.maximum(v * v, 1.0)) * STEP_S
     change = (3 * omega * moved) * (wanted - bend)
     return bend + np.clip(change, -rate, rate)
+
+
+def _bend_limits(v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n,) smallest and largest curvature error against the path, 1/m."""
+    most = np.minimum(0.75 * CURVATURE_LIMIT, JOIN_ACCELERATION / np.maximum(v * v, 1.0))
+    return -most, most
 
 
 def _centres(out: FloatArray, length: FloatArray) -> Plan:

@@ -78,6 +78,11 @@ class SeedPaths:
         return first
 
     @cached_property
+    def bend(self) -> tuple[FloatArray, FloatArray]:
+        """(P * N,) curvature and its change to the next sample, 1/m, each contiguous."""
+        return np.ascontiguousarray(self.table[:, 5]), np.ascontiguousarray(self.table[:, 11])
+
+    @cached_property
     def curve_curvature(self) -> FloatArray:
         """(P, N) |curvature| averaged over 3 m, 1/m: what a driver slows down for."""
         k = np.abs(self.table.reshape(len(self.lanes), self.samples, -1)[:, :, 5])

@@ -26,6 +26,15 @@ def sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
     return inner
 
 
+def bend_at(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
+    """(n,) curvature at arc lengths, 1/m, as in `sample`."""
+    position = np.clip(s * (1 / DS_M), 0, paths.samples - 1)
+    index = position.astype(np.int64)
+    at = row * paths.samples + index
+    bend: FloatArray = paths.bend[0][at] + paths.bend[1][at] * (position - index)
+    return bend
+
+
 def refine(
     paths: SeedPaths, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, steps: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -1,7 +1,7 @@
 """Paths that a car can drive, out of centrelines as maps have them.
 
 Centrelines have corners (up to 89 degrees), steps and uneven points. A path is the centreline under a
-Gaussian, wider where the curve would still be too tight, and never far from the original.
+Gaussian; where that is still too tight for a car, the corner is rounded further within the lane.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from scex_sumo.lines import arc_lengths
 from scex_sumo.scene import BoolArray, FloatArray
 
 BASE_SIGMA_M = 1.5  # a turn of 8 m radius moves inwards by 0.14 m
-WIDER_SIGMA_M = (2.5, 3.5, 5.0)  # 3.5 m takes a corner of 89 degrees at 0.18 1/m
-TIGHTEST = 0.17  # 1/m; leaves a driver 0.03 1/m to correct with
+CURVATURES = (0.33, 0.25, 0.195, 0.165)  # 1/m, tried one after the other; the last leaves room to correct
+SWEEPS = 400  # a right angle needs about 375 of them at 0.2 1/m
+FREEZE_M = 15.0
 
 
 def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArray:
@@ -21,25 +22,49 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
 
     Args:
         points: (K, N, 2) m, spaced by about `ds`.
-        half_width: (K, N) half the lane's width, m; no point moves further than 0.8 of it.
+        half_width: (K, N) half the lane's width, m; no point moves further than 0.95 of it.
         ds: spacing, m.
 
     Returns:
-        (K, N, 2) m. Curvature is at most `TIGHTEST` wherever the lane is wide enough for that.
+        (K, N, 2) m. Curvature is at most 0.17 1/m wherever the lane is wide enough for that, else the
+        smallest of `CURVATURES` that keeps the path in the lane.
     """
-    smooth = _within(gaussian(points, BASE_SIGMA_M / ds), points, half_width)
-    for sigma in WIDER_SIGMA_M:
-        tight = np.abs(curvature(smooth)) > TIGHTEST
-        rows = np.flatnonzero(tight.any(axis=1))
+    bound = 0.95 * half_width
+    smooth = _within(gaussian(points, BASE_SIGMA_M / ds), points, bound)
+    for limit in CURVATURES:
+        rows = np.flatnonzero((np.abs(curvature(smooth)) > 1.02 * limit).any(axis=1))
         if not len(rows):
-            break
-        reach = int(2 * sigma / ds)
-        near = _dilate(tight[rows], reach).astype(np.float64)
-        weight = gaussian(near[:, :, None], sigma / 2 / ds)
-        wider = gaussian(points[rows], sigma / ds)
-        mixed = smooth[rows] + weight * (wider - smooth[rows])
-        smooth[rows] = _within(mixed, points[rows], half_width[rows])
+            continue
+        wider = _relaxed(smooth[rows], limit)
+        shift = wider - points[rows]
+        too_far = np.hypot(shift[..., 0], shift[..., 1]) > bound[rows]
+        # Around a curve that would leave its lane the last curvature that did not stays; elsewhere on the
+        # path this does not matter, since the relaxation moves nothing but tight places.
+        stays = _dilate(too_far, int(FREEZE_M / ds))
+        smooth[rows] = np.where(stays[..., None], smooth[rows], wider)
     return smooth
+
+
+def _relaxed(points: FloatArray, limit: float) -> FloatArray:
+    """Paths whose tight places have given way until the curvature is at most about `limit`.
+
+    A point moves towards the middle of its neighbours by the share of its curvature that is too much: a
+    corner becomes an arc of that curvature between its unmoved legs.
+    """
+    tight = np.flatnonzero((np.abs(curvature(points)) > limit).any(axis=0))
+    first, last = max(0, tight[0] - 80), min(points.shape[1], tight[-1] + 81)
+    moved = points.copy()
+    inner = moved[:, first:last]
+    for _ in range(SWEEPS):
+        away = 0.5 * (inner[:, :-2] + inner[:, 2:]) - inner[:, 1:-1]
+        chord = inner[:, 2:] - inner[:, :-2]
+        square = (chord**2).sum(axis=-1) / 4
+        bend = 2 * np.sqrt((away**2).sum(axis=-1)) / np.maximum(square, 1e-6)
+        excess = np.maximum(0.0, 1 - limit / np.maximum(bend, 1e-9))
+        if excess.max() < 0.02:
+            break
+        inner[:, 1:-1] += 0.9 * excess[..., None] * away
+    return moved
 
 
 def gaussian(values: FloatArray, sigma: float) -> FloatArray:
@@ -72,21 +97,21 @@ def curvature(points: FloatArray) -> FloatArray:
     return result
 
 
-def _within(moved: FloatArray, points: FloatArray, half_width: FloatArray) -> FloatArray:
-    """Points drawn back to 0.8 of the half width from where they were; softly, so that no corner arises."""
+def _within(moved: FloatArray, points: FloatArray, bound: FloatArray) -> FloatArray:
+    """Points drawn back to the bound on their way from where they were, softly."""
     shift = moved - points
-    size = np.hypot(shift[..., 0], shift[..., 1]) / (0.8 * half_width)
+    size = np.hypot(shift[..., 0], shift[..., 1]) / bound
     # x / (1 + x^8)^(1/8) is x for small x and 1 for large x.
     drawn: FloatArray = points + shift / (1 + np.minimum(size, 1e6)[..., None] ** 8) ** 0.125
     return drawn
 
 
-def _dilate(mask: BoolArray, reach: int) -> FloatArray:
-    """(K, N) 1 within `reach` samples of a True."""
+def _dilate(mask: BoolArray, reach: int) -> BoolArray:
+    """(K, N) True within `reach` samples of a True."""
     n = mask.shape[1]
     total = np.cumsum(np.pad(mask, ((0, 0), (reach + 1, reach))), axis=1)
     near: BoolArray = total[:, 2 * reach + 1 :] > total[:, :n]
-    return near.astype(np.float64)
+    return near
 
 
 def resample(points: FloatArray, count: int, ds: float, first_s: float = 0.0) -> FloatArray:

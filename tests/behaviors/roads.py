@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -65,7 +66,7 @@ def arc(
 
 
 def fork() -> Road:
-    """Lane 1 along +x to x = 50, then left (11, up), straight on (12), right (13, down); all end 60 m later."""
+    """Lane 1 along +x to x = 50, then left (11, up), straight on (12), right (13, down), 60 m each."""
     up, down = arc(15.0, np.pi / 2, (50.0, 0.0)), arc(15.0, -np.pi / 2, (50.0, 0.0))
     return road(
         lane(1, [(0.0, 0.0), (50.0, 0.0)], successors=(11, 12, 13)),
@@ -140,14 +141,7 @@ def closed_loop(
     driven = []
     for step in range(steps):
         if step % replan == 0:
-            now = SceneHistory(
-                seed=scene,
-                states=history.states,
-                children=history.children,
-                step=step,
-                route_draw=history.route_draw,
-            )
-            made = plan(model, where, now)
+            made = plan(model, where, history)
         state = States(
             **{
                 key: getattr(made, key)[:, step % replan].reshape(history.now.shape)
@@ -155,14 +149,6 @@ def closed_loop(
             }
         )
         driven.append(state)
-        history = SceneHistory(
-            seed=scene,
-            states=States.stack([*(history.states[:, :, i] for i in range(1, 11)), state], axis=2),
-            children=history.children,
-            step=step,
-            route_draw=history.route_draw,
-        )
+        states = States.stack([*(history.states[:, :, i] for i in range(1, 11)), state], axis=2)
+        history = replace(history, states=states, step=step + 1)
     return States.stack(driven, axis=2)
-
-
-Make = Callable[..., Behavior]

@@ -1,0 +1,201 @@
+"""Models by name: parsing, building, registering."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pytest
+
+from scex_sumo.behaviors import registry
+from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.idm import IdmDriver
+from scex_sumo.behaviors.profiles import DEFAULTS
+from scex_sumo.behaviors.registry import (
+    DEFAULT_MODELS,
+    ModelSpec,
+    behavior,
+    build,
+    known_models,
+    known_names,
+    parse_models,
+)
+from scex_sumo.behaviors.single import SingleVehicle
+from scex_sumo.behaviors.sumo_driver import SumoDriver
+from scex_sumo.errors import MissingExtraError, ScexError, UsageError
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, States, Who
+from tests.behaviors import roads
+
+
+def test_names_parameters_and_weights_are_read() -> None:
+    specs = parse_models("standard_driver,graph_image_predictor:attention=0.8@2,sumo:EIDM:tau=1.2@0.5")
+    assert specs == [
+        ModelSpec(name="standard_driver"),
+        ModelSpec(name="graph_image_predictor", parameters={"attention": "0.8"}, weight=2.0),
+        ModelSpec(name="sumo:EIDM", parameters={"tau": "1.2"}, weight=0.5),
+    ]
+    assert [str(spec) for spec in specs] == [
+        "standard_driver", "graph_image_predictor:attention=0.8", "sumo:EIDM:tau=1.2"
+    ]  # fmt: skip
+
+
+def test_the_default_models_can_be_built() -> None:
+    assert len([build(spec) for spec in parse_models(DEFAULT_MODELS)]) == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("fast_driver", "unknown behavior 'fast_driver'; known: standard_driver, risky_driver"),
+        ("standard_driver:speed_limit=3", "standard_driver: unknown parameter 'speed_limit'; known: comfort"),
+        ("graph_predictor:depth=3", "graph_predictor: unknown parameter 'depth'; known: it has none"),
+        ("standard_driver@often", "weight 'often' is not a number"),
+        ("standard_driver@-1", "weight -1 must be a finite number of at least 0"),
+        ("standard_driver@nan", "weight nan must be a finite number"),
+        ("standard_driver@0,risky_driver@0", "all weights .* are 0"),
+        ("standard_driver,risky_driver,standard_driver@3", "model standard_driver is given twice"),
+        ("standard_driver:time_headway", "'time_headway' is not parameter=value"),
+        ("standard_driver:time_headway=", "'time_headway=' is not parameter=value"),
+        ("standard_driver:time_headway=1:time_headway=2", "parameter time_headway is given twice"),
+        ("standard_driver:time_headway=long", "time_headway=long is not a number"),
+        ("standard_driver:time_headway=-1", "standard_driver: time_headway: got -1.0"),
+        ("standard_driver:path=left", "path=left is not an index or random"),
+        ("sumo", "name the SUMO model, one of Krauss"),
+        ("sumo:tau=2", "name the SUMO model"),
+        ("sumo:Newell", "unknown SUMO model 'Newell'; known: Krauss"),
+        ("sumo:EIDM:colour=2", "sumo:EIDM: unknown parameter 'colour'"),
+        ("", "no model in ''"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_one_line(text: str, message: str) -> None:
+    with pytest.raises(UsageError, match=message) as caught:
+        parse_models(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_one_model_may_come_with_several_parameters_and_one_weight_may_be_zero() -> None:
+    near, far, never = parse_models(
+        "standard_driver:time_headway=1,standard_driver:time_headway=2,risky_driver@0"
+    )
+    assert str(near) != str(far) and never.weight == 0
+
+
+def test_parameters_reach_the_model_and_the_others_keep_their_defaults() -> None:
+    built = build(parse_models("risky_driver:time_headway=0.7:path=2")[0])
+    assert isinstance(built, IdmDriver)
+    assert (built.profile.time_headway, built.profile.path) == (0.7, 2)
+    assert built.profile.comfort_deceleration == DEFAULTS["risky_driver"].comfort_deceleration
+    assert build(ModelSpec(name="risky_driver", parameters={"path": (1, 12)})).profile.path == (1, 12)  # type: ignore[attr-defined]
+
+
+def test_sumo_models_are_built_with_their_parameters_and_a_path() -> None:
+    built = build(parse_models("sumo:Krauss:tau=0.8:path=1")[0])
+    assert isinstance(built, SumoDriver)
+    assert (built.model, built.parameters, built.path) == ("Krauss", {"tau": "0.8"}, 1)
+
+
+def test_learned_drivers_are_known_but_not_part_of_this_version() -> None:
+    for name in ("graph_predictor", "graph_image_predictor"):
+        with pytest.raises(MissingExtraError, match=f"{name}: needs the learned drivers, not part of this"):
+            build(parse_models(name)[0])
+
+
+def test_every_known_model_is_described_with_its_defaults() -> None:
+    infos = {info.name: info for info in known_models()}
+    assert list(infos) == known_names()
+    assert "time_headway=1.2" in infos["calibrated_driver"].parameters
+    assert all(info.summary and "\n" not in info.summary for info in infos.values())
+
+
+@pytest.fixture
+def clean() -> Iterator[None]:
+    before = dict(registry._registered)
+    yield
+    registry._registered.clear()
+    registry._registered.update(before)
+
+
+class Parked:
+    """Stays where it is."""
+
+    def __init__(self, *, steps: int = 30, loud: bool = False) -> None:
+        self.steps, self.loud = steps, loud
+
+    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+        now = history.now[who.child, who.vehicle]
+        x, y, heading = (np.repeat(a[:, None], self.steps, axis=1) for a in (now.x, now.y, now.heading))
+        return Plan(x=x, y=y, heading=heading, speed=np.zeros_like(x))
+
+
+@pytest.mark.usefixtures("clean")
+def test_a_class_of_ones_own_becomes_a_model() -> None:
+    assert behavior("parked")(Parked) is Parked
+    built = build(parse_models("parked:steps=40:loud=true")[0])
+    assert isinstance(built, Parked) and isinstance(built, Behavior)
+    assert (built.steps, built.loud) == (40, True)
+    (info,) = (info for info in known_models() if info.name == "parked")
+    assert info.summary == "Stays where it is." and info.parameters == ("steps=30", "loud=False")
+    with pytest.raises(UsageError, match="parked: unknown parameter 'height'; known: steps, loud"):
+        parse_models("parked:height=3")
+    with pytest.raises(UsageError, match="steps=many is not a whole number"):
+        parse_models("parked:steps=many")
+
+
+@pytest.mark.usefixtures("clean")
+def test_names_that_are_taken_or_cannot_be_written_are_refused() -> None:
+    for name in ("standard_driver", "graph_predictor", "sumo"):
+        with pytest.raises(UsageError, match="belongs to a built-in model"):
+            behavior(name)(Parked)
+    for name in ("", "my driver", "a:b", "a@2", "a,b"):
+        with pytest.raises(UsageError, match="a name has none of"):
+            behavior(name)(Parked)
+
+
+@pytest.mark.usefixtures("clean")
+def test_a_class_without_plan_is_refused_when_it_is_built() -> None:
+    behavior("nothing")(object)
+    with pytest.raises(UsageError, match="nothing: object has neither plan nor plan_one"):
+        build(parse_models("nothing")[0])
+
+
+class Drift:
+    """Moves a metre sideways per step, one vehicle at a time."""
+
+    radius = 25.0
+
+    def __init__(self) -> None:
+        self.seen: list[tuple[int, int, int]] = []
+
+    def plan_one(
+        self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
+    ) -> States:
+        self.seen.append((child, vehicle, len(road.lanes)))
+        now, ahead = history.now[child, vehicle], np.arange(1, 31)
+        return States(
+            x=np.full(30, float(now.x)),
+            y=float(now.y) + ahead + rng.integers(0, 1),
+            heading=np.full(30, float(now.heading)),
+            speed=np.full(30, 10.0),
+        )
+
+
+@pytest.mark.usefixtures("clean")
+def test_a_model_for_one_vehicle_plans_for_each_in_turn_and_sees_its_own_surroundings() -> None:
+    behavior("drift")(Drift)
+    built = build(parse_models("drift")[0])
+    assert isinstance(built, SingleVehicle)
+    scene = roads.seed((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0))
+    made = roads.plan(built, roads.fork(), roads.present(scene, 2))
+    assert made.y == pytest.approx(np.repeat(np.arange(1.0, 31.0)[None], 4, axis=0))
+    assert built.model.seen == [(0, 0, 1), (0, 1, 4), (1, 0, 1), (1, 1, 4)]  # type: ignore[attr-defined]
+
+
+def test_a_plan_for_one_vehicle_that_is_too_short_is_refused() -> None:
+    class Short(Drift):
+        def plan_one(self, *args: object) -> States:  # type: ignore[override]
+            return States.empty((29,))
+
+    scene = roads.seed((10.0, 0.0, 0.0, 5.0))
+    with pytest.raises(ScexError, match=r"Short: plan_one returned shapes .*needs four of at least"):
+        roads.plan(SingleVehicle(Short()), roads.fork(), roads.present(scene))
