@@ -12,21 +12,27 @@ and coordinates in it, for whoever copies or moves nets as text:
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
-from scex_sumo.converters.sumo_conflicts import conflicts
+from scex_sumo.converters.sumo_conflicts import Conflict, conflicts
+from scex_sumo.converters.sumo_extras import extras_text
 from scex_sumo.converters.sumo_gaps import fill_gaps, open_knots
 from scex_sumo.converters.sumo_lanes import LaneTable
+from scex_sumo.converters.sumo_lights import Programme, fixed_programmes
 from scex_sumo.converters.sumo_plan import NetPlan
 from scex_sumo.converters.sumo_rows import build_rows, lay_zones
+from scex_sumo.converters.sumo_signals import recorded_programme
 from scex_sumo.converters.sumo_topology import Topology
 from scex_sumo.converters.sumo_write import net_text
 from scex_sumo.errors import MapError
 from scex_sumo.road import Road
 
 __all__ = ["LaneTable", "SumoNet", "convert"]
+
+JOINED_M = 0.3  # how far apart bus or bicycle lanes may end and begin and still follow one another
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,11 +72,55 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     open_knots(rows, lanes)
     fill_gaps(rows, lanes)
     plan = NetPlan(road, Topology(rows, lanes, found), found)
-    net_path.write_text(net_text(plan), encoding="utf-8")
+    plan.add(_side_lanes(road))
+    programmes, notes = _programmes(plan, road, found, signals)
+    net_path.write_text(net_text(plan, programmes), encoding="utf-8")
     table = _table(plan)
     table.write(beside(net_path, ".lanes.csv"))
-    notes = tuple(f"the lane change from lanelet {a} to {b} has no place in a SUMO edge" for a, b in lost)
-    return SumoNet(path=net_path, extras=None, lanes=table, notes=notes)
+    extras = beside(net_path, ".add.xml")
+    extras.write_text(extras_text(road), encoding="utf-8")
+    notes += [f"the lane change from lanelet {a} to {b} has no place in a SUMO edge" for a, b in lost]
+    return SumoNet(path=net_path, extras=extras, lanes=table, notes=tuple(notes))
+
+
+def _side_lanes(road: Road) -> NetPlan:
+    """Lanes for buses and bicycles alone; where people walk is drawn, not driven."""
+    own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}
+    ends = {i: (lane.centreline[0], lane.centreline[-1]) for i, lane in own.items()}
+    following = {
+        i: tuple(
+            j
+            for j in own
+            if j != i and own[i].kind == own[j].kind and math.dist(ends[i][1], ends[j][0]) < JOINED_M
+        )
+        for i in own
+    }
+    lanes = {
+        i: replace(
+            lane,
+            successors=following[i],
+            predecessors=tuple(j for j in own if i in following[j]),
+            left=None,
+            right=None,
+            conflicts=(),
+        )
+        for i, lane in own.items()
+    }
+    rows, _ = build_rows(lanes)
+    return NetPlan(road, Topology(rows, lanes, []), [])
+
+
+def _programmes(
+    plan: NetPlan, road: Road, found: list[Conflict], signals: Path | None
+) -> tuple[list[Programme], list[str]]:
+    """The recorded lights, and fixed programmes for the elements that these leave out."""
+    recorded, notes = (None, []) if signals is None else recorded_programme(plan, road, signals)
+    programmes = [] if recorded is None else [recorded]
+    taken = {c.internal.name for p in programmes for c in p.connections}
+    for programme in fixed_programmes(plan, road, found):
+        if taken.isdisjoint(c.internal.name for c in programme.connections):
+            programmes.append(programme)
+    return programmes, notes
 
 
 def beside(net_path: Path, suffix: str) -> Path:

@@ -33,6 +33,7 @@ class SumoLane:
         lanelets: the lanelets it runs over, in driving order.
         change_left: whether a vehicle may change to the left.
         change_right: whether a vehicle may change to the right.
+        allow: SUMO's vehicle class where only one may drive here, or an empty string.
     """
 
     name: str
@@ -92,19 +93,27 @@ class NetPlan:
         self._lanes = topology.lanes
         self.nodes: dict[str, Node] = {}
         self.edges = tuple(self._edges())
+        self._parts = [self]
+        self._own_nodes = list(self.nodes.values())
+        self._by_name = {edge.name: edge for edge in self.edges}
+        self._leaving: dict[tuple[str, int], list[Connection]] = {}
         self._connect(found)
         for cut_, name in self._cuts_by_node().items():
             self.nodes[name].shape = self._outline(cut_, self.nodes[name])
 
     def places(self) -> Iterator[tuple[str, list[tuple[int, float]]]]:
         """Each SUMO lane with the lanelets under it and the arc lengths at which it begins on them, m."""
+        for part in self._parts:
+            yield from part._own_places()
+
+    def _own_places(self) -> Iterator[tuple[str, list[tuple[int, float]]]]:
         topology = self._topology
         for r, row in enumerate(topology.rows):
             for k, inside in enumerate(row.inside):
                 if not inside:
                     for at_, lanelet in enumerate(row.lanes):
                         yield self._lane_name((r, k, at_)), [(lanelet, row.span(k, at_)[0])]
-        for node in self.nodes.values():
+        for node in self._own_nodes:
             for c in node.connections:
                 path, starts = c.link.path, []
                 for piece in path.inside or (path.start, path.end):
@@ -113,6 +122,44 @@ class NetPlan:
                     # A joint covers the very end of the lanelet before and the very start of the one after.
                     starts.append((topology.lane_id(piece), end if joint else start - 1e-6))
                 yield c.internal.name, list(dict(starts).items())
+
+    def add(self, other: NetPlan) -> None:
+        """Take in another part of the net, of other lanes, connected with nothing here."""
+        self._parts.append(other)
+        self.edges += other.edges
+        self.nodes.update(other.nodes)
+
+    @property
+    def lane_lengths(self) -> dict[int, float]:
+        """Length of every vehicle lane by id, m."""
+        return {i: self._topology.rows[r].lengths[k] for i, (r, k) in self._topology.where.items()}
+
+    def successors(self, lane_id: int) -> tuple[int, ...]:
+        """Lanes that follow a lane."""
+        return self._lanes[lane_id].successors
+
+    def lanelets(self, connection: Connection) -> list[int]:
+        """Lanelets that a connection runs over, from the road before to the road after, without repeats."""
+        ids = [self._topology.lane_id(piece) for piece in connection.link.path.pieces]
+        return [i for k, i in enumerate(ids) if k == 0 or ids[k - 1] != i]
+
+    def lane_shape(self, edge: str, index: int) -> FloatArray:
+        """Shape of a lane of an edge."""
+        return self._by_name[edge].lanes[index].shape
+
+    def ahead(self, connection: Connection, reach: float) -> list[FloatArray]:
+        """Shapes of the lanes of edges that lie behind a connection, up to a distance, m."""
+        shapes, stack, seen = [], [(connection, reach)], {connection.internal.name}
+        while stack:
+            c, left = stack.pop()
+            shape = self.lane_shape(c.to_edge, c.to_lane)
+            shapes.append(shape)
+            left -= c.internal.length + length(shape)
+            for following in self._leaving.get((c.to_edge, c.to_lane), ()):
+                if left > 0 and following.internal.name not in seen:
+                    seen.add(following.internal.name)
+                    stack.append((following, left))
+        return shapes
 
     def _node_name(self, node: Cut) -> str:
         row, k = node
@@ -160,6 +207,7 @@ class NetPlan:
             lanelets=(lane.lane_id,),
             change_left=left is not None and lane.left == left,
             change_right=right is not None and lane.right == right,
+            allow="" if lane.kind == "vehicle" else lane.kind,
         )
 
     def _trims(self, piece: Piece) -> tuple[float, float]:
@@ -210,7 +258,9 @@ class NetPlan:
             merging = set_foes(links, self._topology, found)
             set_right_of_way(links, merging, self._road.regulations)
             for k, link in enumerate(links):
-                node.connections.append(self._connection(node.name, k, link, shapes[link.path]))
+                connection = self._connection(node.name, k, link, shapes[link.path])
+                node.connections.append(connection)
+                self._leaving.setdefault((connection.from_edge, connection.from_lane), []).append(connection)
 
     def _link(self, path: Path, shape: FloatArray) -> Link:
         start = self._road_shape(path.start)
@@ -231,6 +281,7 @@ class NetPlan:
             width=self._width(over),
             speed=min(self._lanes[i].speed_limit_mps for i in (ids if path.inside else ids[1:])),
             lanelets=tuple(dict.fromkeys(ids)),
+            allow="" if self._lanes[ids[0]].kind == "vehicle" else self._lanes[ids[0]].kind,
         )
         return Connection(
             link=link,

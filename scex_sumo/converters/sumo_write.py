@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
+from scex_sumo.converters.sumo_lights import Programme
 from scex_sumo.converters.sumo_plan import Connection, Edge, NetPlan, Node, SumoLane
 from scex_sumo.converters.sumo_rules import bits, direction
 from scex_sumo.converters.sumo_shapes import DECIMALS, text
+
+Lights: TypeAlias = Mapping[str, tuple[str, int]]  # internal lane: its traffic light and link index there
 
 HEADER = '<?xml version="1.0" encoding="UTF-8"?>'
 ROOT = '<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1.00">'
@@ -16,12 +20,13 @@ ROOT = '<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1.00">'
 NOBODY = "custom2"
 
 
-def net_text(plan: NetPlan, projection: str = "!") -> str:
+def net_text(plan: NetPlan, programmes: Sequence[Programme] = (), projection: str = "!") -> str:
     """The whole file."""
-    return "\n".join([HEADER, "", ROOT, *_body(plan, projection), "</net>", ""])
+    lights = {c.internal.name: (p.name, k) for p in programmes for k, c in enumerate(p.connections)}
+    return "\n".join([HEADER, "", ROOT, *_body(plan, programmes, lights, projection), "</net>", ""])
 
 
-def _body(plan: NetPlan, projection: str) -> Iterator[str]:
+def _body(plan: NetPlan, programmes: Sequence[Programme], lights: Lights, projection: str) -> Iterator[str]:
     points = np.vstack([lane.shape for edge in plan.edges for lane in edge.lanes])
     corners = ",".join(f"{v:.2f}" for v in (*points.min(axis=0), *points.max(axis=0)))
     yield (
@@ -34,11 +39,17 @@ def _body(plan: NetPlan, projection: str) -> Iterator[str]:
             yield from _internal(connection.internal)
     for edge in plan.edges:
         yield from _edge(edge)
+    for programme in programmes:
+        name = f'id="{programme.name}" type="static" programID="{programme.programme}"'
+        yield f'    <tlLogic {name} offset="0">'
+        for seconds, state in programme.phases:
+            yield f'        <phase duration="{seconds:g}" state="{state}"/>'
+        yield "    </tlLogic>"
     for node in nodes:
-        yield from _junction(node)
+        yield from _junction(node, lights)
     for node in nodes:
         for connection in node.connections:
-            yield _connection(connection)
+            yield _connection(connection, lights)
     for node in nodes:
         for connection in node.connections:
             yield _exit(connection)
@@ -70,13 +81,14 @@ def _edge(edge: Edge) -> Iterator[str]:
     yield "    </edge>"
 
 
-def _junction(node: Node) -> Iterator[str]:
+def _junction(node: Node, lights: Lights) -> Iterator[str]:
     x, y = node.shape.mean(axis=0)
     links = [connection.link for connection in node.connections]
     inner = " ".join(connection.internal.name for connection in node.connections)
     head = (
-        f'    <junction id="{node.name}" type="{_type(node)}" x="{x:.{DECIMALS}f}" y="{y:.{DECIMALS}f}"'
-        f' incLanes="{" ".join(node.incoming)}" intLanes="{inner}" shape="{text(node.shape)}"'
+        f'    <junction id="{node.name}" type="{_type(node, lights)}"'
+        f' x="{x:.{DECIMALS}f}" y="{y:.{DECIMALS}f}" incLanes="{" ".join(node.incoming)}"'
+        f' intLanes="{inner}" shape="{text(node.shape)}"'
     )
     if not links:
         yield f"{head}/>"
@@ -90,7 +102,9 @@ def _junction(node: Node) -> Iterator[str]:
     yield "    </junction>"
 
 
-def _type(node: Node) -> str:
+def _type(node: Node, lights: Lights) -> str:
+    if any(connection.internal.name in lights for connection in node.connections):
+        return "traffic_light"
     states = {connection.link.state for connection in node.connections}
     if not states:
         return "dead_end"
@@ -104,10 +118,14 @@ def _type(node: Node) -> str:
     return next((kind for state, kind in kinds.items() if state in states), "priority")
 
 
-def _connection(c: Connection) -> str:
+def _connection(c: Connection, lights: Lights) -> str:
+    light, state = "", c.link.state
+    if c.internal.name in lights:
+        name, index = lights[c.internal.name]
+        light, state = f' tl="{name}" linkIndex="{index}"', "o" if c.link.response else "O"
     return (
         f'    <connection from="{c.from_edge}" to="{c.to_edge}" fromLane="{c.from_lane}" toLane="{c.to_lane}"'
-        f' via="{c.internal.name}" dir="{direction(c.link.bend)}" state="{c.link.state}"/>'
+        f' via="{c.internal.name}"{light} dir="{direction(c.link.bend)}" state="{state}"/>'
     )
 
 
