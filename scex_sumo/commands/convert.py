@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scex_sumo.commands.console import warn
-from scex_sumo.converters.origin import find_origin, parse_origin
+from scex_sumo.converters.origin import parse_origin
 from scex_sumo.errors import MapError, ResultError
 from scex_sumo.road import Road
 
@@ -79,10 +79,7 @@ def lanes_path(net_path: Path) -> Path:
 def _read(map_path: Path, origin: str | None) -> Road:
     from scex_sumo.converters.lanelet import read_road
 
-    given = parse_origin(origin) if origin is not None else None
-    if not map_path.is_file():
-        return read_road(map_path)  # says what is missing
-    return read_road(map_path, origin=find_origin(map_path, origin=given, own_corner=True))
+    return read_road(map_path, origin=parse_origin(origin) if origin is not None else None)
 
 
 def _print_report(report: FidelityReport) -> None:

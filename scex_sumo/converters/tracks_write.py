@@ -44,7 +44,7 @@ def write_tracks(path: str | Path, seed: SeedScene, *, case_id: str = "1.0") -> 
     table = pa.table({"case_id": [case_id] * len(columns["x"]), **columns})
     partial = path.with_name(path.name + ".partial")
     try:
-        csv.write_csv(table, partial, csv.WriteOptions(quoting_style="none"))
+        csv.write_csv(table, partial, csv.WriteOptions(quoting_style="none", quoting_header="none"))
         partial.replace(path)
     except OSError as error:
         raise ResultError(
