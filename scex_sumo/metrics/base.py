@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scex_sumo.errors import InputError
 from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, States
@@ -33,7 +34,8 @@ class SceneTracks:
         step_s: time between two steps, s.
         first: steps before it are history: used for derived values (acceleration, the 2 s of TQ), never
             evaluated.
-        types: (V,) lower case, for limits that depend on the type; None where unknown.
+        types: (V,) or (C, V) lower case, for limits that depend on the type; None where unknown.
+        acceleration: (C, T, V) m/s², for parts of longer tracks; None derives it from these steps.
     """
 
     states: States
@@ -42,7 +44,8 @@ class SceneTracks:
     present: BoolArray | None = None
     step_s: float = STEP_S
     first: int = 0
-    types: tuple[str, ...] | None = None
+    types: tuple[str, ...] | NDArray[np.str_] | None = None
+    acceleration: FloatArray | None = None
 
     def __post_init__(self) -> None:
         shape = self.states.shape
@@ -81,7 +84,7 @@ class SceneTracks:
 
     def children(self, part: slice) -> SceneTracks:
         """The same for some of the children."""
-        per_child = self.length.ndim == 2, self.width.ndim == 2
+        per_child, types = (self.length.ndim == 2, self.width.ndim == 2), self.types
         return SceneTracks(
             states=self.states[part],
             length=self.length[part] if per_child[0] else self.length,
@@ -89,7 +92,8 @@ class SceneTracks:
             present=None if self.present is None else self.present[part],
             step_s=self.step_s,
             first=self.first,
-            types=self.types,
+            types=types[part] if isinstance(types, np.ndarray) and types.ndim == 2 else types,
+            acceleration=None if self.acceleration is None else self.acceleration[part],
         )
 
 
@@ -191,13 +195,13 @@ class MetricParameters:
         if not self.standing_speed >= 0:
             raise InputError(f"metrics: standing speed {self.standing_speed} m/s; choose one >= 0")
 
-    def accelerations(self, types: tuple[str, ...] | None, vehicles: int) -> FloatArray:
-        """(V,) largest acceleration of each vehicle, m/s²."""
+    def accelerations(self, types: tuple[str, ...] | NDArray[np.str_] | None, vehicles: int) -> FloatArray:
+        """(V,) or (C, V) largest acceleration of each vehicle, m/s²."""
         if types is None:
             return np.full(vehicles, self.max_acceleration)
-        return np.array(
-            [self.max_acceleration_by_type.get(t, self.max_acceleration) for t in types], dtype=float
-        )
+        names, which = np.unique(np.asarray(types), return_inverse=True)
+        limits = [self.max_acceleration_by_type.get(str(name), self.max_acceleration) for name in names]
+        return np.array(limits, dtype=float)[which.reshape(np.shape(types))]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

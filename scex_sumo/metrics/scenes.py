@@ -116,6 +116,8 @@ class Scenes:
     @cached_property
     def all_acceleration(self) -> FloatArray:
         """(C, T_all, V) m/s², history included."""
+        if self.tracks.acceleration is not None:
+            return self.tracks.acceleration
         speed = self.tracks.states.speed
         if self.tracks.present is not None:
             speed = np.where(self.tracks.present, speed, 0.0)

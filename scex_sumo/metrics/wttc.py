@@ -181,7 +181,7 @@ def wttc(scenes: Scenes) -> Samples:
     """
     first, second = scenes.pairs
     radius = np.hypot(scenes.length / 2, scenes.width / 2)
-    limit = scenes.parameters.accelerations(scenes.tracks.types, scenes.vehicles)
+    limit = np.atleast_2d(scenes.parameters.accelerations(scenes.tracks.types, scenes.vehicles)).T[:, :, None]
     vx, vy = scenes.speed * scenes.cos, scenes.speed * scenes.sin
     shape = scenes.dx.shape
     time = worst_time_to_collision(
@@ -190,6 +190,6 @@ def wttc(scenes: Scenes) -> Samples:
         dvx=(vx[second] - vx[first]).reshape(-1),
         dvy=(vy[second] - vy[first]).reshape(-1),
         radius=np.broadcast_to(radius[first] + radius[second], shape).reshape(-1),
-        acceleration=np.broadcast_to((limit[first] + limit[second])[:, None, None], shape).reshape(-1),
+        acceleration=np.broadcast_to(limit[first] + limit[second], shape).reshape(-1),
     )
     return scenes.unordered(time.reshape(shape))
