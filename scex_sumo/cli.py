@@ -168,6 +168,40 @@ def export(
     export_command(folder, child=child, to=to, out=out)
 
 
+@app.command(epilog="Example: scex-sumo metrics vehicle_tracks_000.csv --level scene -o scenes.parquet")
+def metrics(
+    source: Annotated[
+        Path, typer.Argument(metavar="TRACKS|OUT", help="Tracks in INTERACTION format, or a result folder.")
+    ],
+    map_path: Annotated[
+        Path | None, typer.Option("--map", metavar="MAP.osm", help="Accepted; no metric needs it so far.")
+    ] = None,
+    level: Annotated[str, typer.Option(metavar="pair|scene|scenario|worst", help="Rows.")] = "scenario",
+    preset: Annotated[str, typer.Option(metavar="paper|path", help="Who follows whom.")] = "paper",
+    only: Annotated[
+        str | None, typer.Option("--metrics", metavar="NAME,...", help="These only; else the paper's six.")
+    ] = None,
+    wttc_limits: Annotated[
+        str | None, typer.Option(metavar="TYPE=M/S2,...", help="Largest accelerations by type, for WTTC.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="FILE.parquet or .csv; else CSV here.")
+    ] = None,
+) -> None:
+    """Evaluate criticality metrics of recorded or simulated tracks."""
+    from scex_sumo.commands.metrics import metrics_command
+
+    metrics_command(
+        source,
+        map_path=map_path,
+        level=level,
+        preset=preset,
+        metrics=only,
+        by_type=wttc_limits,
+        out=out,
+    )
+
+
 @app.command(epilog="Example: scex-sumo models")
 def models() -> None:
     """List the behaviour models and their parameters."""
