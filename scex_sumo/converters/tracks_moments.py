@@ -14,7 +14,7 @@ CASE_FRAME = 10
 """Frame of an INTERACTION v1.2 case that is its moment: one second observed, three to predict."""
 
 FUTURE_S = 3.0
-STAMP_MS = 1.5
+STAMP_MS = 0.6
 """Two stamps closer than this are the same: they are rounded to milliseconds."""
 
 

@@ -36,7 +36,7 @@ class Sampled:
 def sample(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sampled:
     """Sample everyone who is there at a moment, sorted as the rows are.
 
-    Samples within 1.5 ms of a step are taken as they are; between samples positions follow the cubic
+    Samples within a rounded millisecond of a step are taken as they are; between samples positions follow the cubic
     through both positions and velocities, headings turn the shorter way.
 
     Args:
