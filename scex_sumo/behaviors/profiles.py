@@ -19,16 +19,16 @@ from scex_sumo.behaviors.replay import ReplayProfile
 DEFAULTS: Mapping[str, Any] = MappingProxyType(
     {
         "standard_driver": IdmProfile(
-            comfort_deceleration=2.0,
-            time_headway=1.5,
-            minimum_gap=2.0,
+            comfort_deceleration=3.0,
+            time_headway=3.1,
+            minimum_gap=9.0,
             max_acceleration=1.5,
             clearance=5.0,
         ),
         "risky_driver": IdmProfile(
-            comfort_deceleration=4.0,
-            time_headway=0.5,
-            minimum_gap=1.0,
+            comfort_deceleration=8.0,
+            time_headway=2.1,
+            minimum_gap=5.0,
             max_acceleration=3.0,
             clearance=5.0,
         ),

@@ -1,0 +1,25 @@
+"""The profiles are the paper's (Zipfl, Schütt, Zöllner 2024, table of behaviour models)."""
+
+from __future__ import annotations
+
+import pytest
+
+from scex_sumo.behaviors.profiles import DEFAULTS
+
+
+@pytest.mark.parametrize(
+    ("name", "deceleration", "headway", "gap"),
+    [("standard_driver", 3.0, 3.1, 9.0), ("risky_driver", 8.0, 2.1, 5.0)],
+)
+def test_idm_profiles_are_the_papers(name: str, deceleration: float, headway: float, gap: float) -> None:
+    profile = DEFAULTS[name]
+    assert (profile.comfort_deceleration, profile.time_headway, profile.minimum_gap) == (
+        deceleration,
+        headway,
+        gap,
+    )
+    assert profile.clearance == 5.0
+
+
+def test_the_emergency_brake_is_the_papers() -> None:
+    assert DEFAULTS["emergency_brake"].deceleration == 5.0
