@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scex_sumo.converters.sumo_shapes import at, length, project, samples
-from scex_sumo.road import Lane, Road
+from scex_sumo.road import Lane
 from scex_sumo.scene import BoolArray, FloatArray
 
 CLEARANCE_M = 2.4  # centreline distance under which a wide car and a car do not pass each other
@@ -31,9 +32,8 @@ class Conflict:
     spans: tuple[tuple[float, float], tuple[float, float]]
 
 
-def conflicts(road: Road) -> list[Conflict]:
-    """All conflict stretches between the vehicle lanes of a road, ordered by lane ids."""
-    lanes = road.vehicle_lanes
+def conflicts(lanes: Mapping[int, Lane]) -> list[Conflict]:
+    """All conflict stretches between lanes, ordered by lane ids."""
     pairs = {(min(i, j), max(i, j)) for i, lane in lanes.items() for j in lane.conflicts if j in lanes}
     pairs -= {(i, j) for i, j in pairs if i == j}
     found: list[Conflict] = []
@@ -47,7 +47,7 @@ def conflicts(road: Road) -> list[Conflict]:
     return [c for c in _kin(lanes, found) if not (c.kind == "diverge" and border.issuperset(c.lanes))]
 
 
-def _kin(lanes: dict[int, Lane], found: list[Conflict]) -> list[Conflict]:
+def _kin(lanes: Mapping[int, Lane], found: list[Conflict]) -> list[Conflict]:
     """Recognise forks and merges that run over several short lanes.
 
     Two lanes that overlap from their starts on, without crossing, continue a fork if their predecessors are

@@ -13,6 +13,7 @@ from scex_sumo.converters.sumo_rows import STUB_M, Piece, Row
 from scex_sumo.road import Lane
 
 ROOM_M = 7.5  # a car of 5 m and SUMO's default gap of 2.5 m
+NARROW_M = 4.0
 CHANGE_M = 5.0  # edge cut into a row that lies wholly in a junction, so that lanes can be changed
 
 
@@ -81,11 +82,22 @@ class Chains:
         return total
 
 
-def fill_gaps(rows: list[Row], lanes: Mapping[int, Lane]) -> None:
-    """Leave short road pieces between junction pieces to the junction, shortest first, where sound."""
+def fill_gaps(
+    rows: list[Row], lanes: Mapping[int, Lane], node: Callable[[int, int], tuple[int, int]]
+) -> None:
+    """Leave short road pieces between junction pieces to the junction, shortest first, where sound.
+
+    Args:
+        rows: the rows, changed in place.
+        lanes: the lanes by id.
+        node: the junction that a cut of a row belongs to, so far. Between two junctions a gap that gives
+            most of a car room stays.
+    """
     chains = Chains(rows, lanes)
     for _, r, k in sorted(_gaps(chains)):
         row = rows[r]
+        if row.size(k) > NARROW_M and node(r, k) != node(r, k + 1):
+            continue
         if len(row.lanes) > 1 and row.inside.count(False) == 1:
             continue  # its only place for changing lanes
         row.inside[k] = True

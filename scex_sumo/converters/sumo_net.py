@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
+from scex_sumo.converters.sumo_borders import add_entries
 from scex_sumo.converters.sumo_conflicts import Conflict, conflicts
 from scex_sumo.converters.sumo_extras import extras_text
 from scex_sumo.converters.sumo_gaps import fill_gaps, open_knots
@@ -66,16 +67,17 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     lanes = road.vehicle_lanes
     if not lanes:
         raise MapError(f"{road.name}: no lanelet that cars may drive on; nothing to convert")
-    found = conflicts(road)
+    lanes = add_entries(lanes)
+    found = conflicts(lanes)
     rows, lost = build_rows(lanes)
     lay_zones(rows, lanes, found)
     open_knots(rows, lanes)
-    fill_gaps(rows, lanes)
+    fill_gaps(rows, lanes, Topology(rows, lanes, found).node)
     plan = NetPlan(road, Topology(rows, lanes, found), found)
     plan.add(_side_lanes(road))
     programmes, notes = _programmes(plan, road, found, signals)
     net_path.write_text(net_text(plan, programmes), encoding="utf-8")
-    table = _table(plan)
+    table = _table(plan, road)
     table.write(beside(net_path, ".lanes.csv"))
     extras = beside(net_path, ".add.xml")
     extras.write_text(extras_text(road), encoding="utf-8")
@@ -128,11 +130,12 @@ def beside(net_path: Path, suffix: str) -> Path:
     return net_path.with_name(net_path.name.removesuffix(".xml").removesuffix(".net") + suffix)
 
 
-def _table(plan: NetPlan) -> LaneTable:
+def _table(plan: NetPlan, road: Road) -> LaneTable:
     """Rows in driving order, both along a lanelet and along an internal lane over several lanelets."""
     along: dict[int, list[tuple[float, str]]] = {}
     after: dict[tuple[int, str], set[tuple[int, str]]] = {}
     for lane, places in plan.places():
+        places = [(lanelet, start) for lanelet, start in places if lanelet in road.lanes]
         for lanelet, start in places:
             along.setdefault(lanelet, []).append((start, lane))
         keys = [(lanelet, lane) for lanelet, _ in places]
