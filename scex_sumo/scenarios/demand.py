@@ -114,14 +114,15 @@ class Network:
 
 
 def random_trips(
-    network: Network, *, until_s: float, per_origin_s: float, rng: np.random.Generator
+    network: Network, *, until_s: float, every_s: tuple[float, float], rng: np.random.Generator
 ) -> list[Trip]:
     """Vehicles that want to enter, in the order of their departure.
 
     Args:
         network: where.
         until_s: end of the departures.
-        per_origin_s: mean time between vehicles on a lane into the map; the lanes' shares differ.
+        every_s: mean time between vehicles on a lane into the map, at the beginning and at the end; in
+            between it changes geometrically. The lanes' shares differ at random.
         rng: where the randomness comes from.
 
     Raises:
@@ -129,14 +130,14 @@ def random_trips(
     """
     trips: list[Trip] = []
     for origin in network.origins:
-        mean = per_origin_s / rng.uniform(0.5, 1.5)
-        clock = rng.exponential(mean)
-        while clock < until_s:
+        share, clock = rng.uniform(0.6, 1.6), 0.0
+        while True:
+            mean = every_s[0] * (every_s[1] / every_s[0]) ** (clock / until_s)
+            clock += rng.exponential(mean / share)
             edges = network.random_route(origin, rng)
-            if edges is None:
+            if clock > until_s or edges is None:
                 break
             trips.append(_trip(clock, origin[1], edges, rng))
-            clock += rng.exponential(mean)
     if not trips:
         raise SimulationError(
             "the map has no lane that leads from one of its edges to another: nothing to populate"

@@ -58,7 +58,7 @@ class Example:
         seed: of all randomness.
         start_s: when the recording starts, after warming up.
         length_s: how long it lasts.
-        per_origin_s: mean time between vehicles on a lane into the map.
+        every_s: mean time between vehicles on a lane into the map, at the beginning and at the end.
         on_foot: whether somebody walks over the zebra crossing, and somebody else rides a bicycle.
     """
 
@@ -66,14 +66,14 @@ class Example:
     seed: int
     start_s: float
     length_s: float = 18.0
-    per_origin_s: float = 6.0
+    every_s: tuple[float, float] = (8.0, 8.0)
     on_foot: bool = False
 
 
 RECIPES = {
-    "roundabout": Example(vehicles=12, seed=4, start_s=60.0),
-    "motorway_merge": Example(vehicles=13, seed=2, start_s=60.0, per_origin_s=4.0),
-    "urban_intersection": Example(vehicles=11, seed=3, start_s=60.0, on_foot=True),
+    "roundabout": Example(vehicles=14, seed=4, start_s=60.0, every_s=(9.0, 9.0)),
+    "motorway_merge": Example(vehicles=14, seed=5, start_s=60.0, every_s=(7.0, 7.0)),
+    "urban_intersection": Example(vehicles=20, seed=67, start_s=60.0, every_s=(10.0, 10.0), on_foot=True),
 }
 _DRAWINGS = {
     "roundabout": roundabout.draw,
@@ -114,7 +114,7 @@ def _record(road: Road, recipe: Example) -> list[_Track]:
             net.path,
             at_most=recipe.vehicles,
             duration_s=recipe.start_s + recipe.length_s + 2.0,
-            per_origin_s=recipe.per_origin_s,
+            every_s=recipe.every_s,
             rng=rng,
             also=[_cyclist(Network(net.path), recipe.start_s, rng)] if recipe.on_foot else [],
         )

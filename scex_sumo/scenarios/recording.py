@@ -77,7 +77,7 @@ def record(
     *,
     at_most: int,
     duration_s: float,
-    per_origin_s: float,
+    every_s: tuple[float, float],
     rng: np.random.Generator,
     also: Sequence[Trip] = (),
 ) -> Recording:
@@ -87,14 +87,14 @@ def record(
         net_path: the net.
         at_most: vehicles on the map at any time; others wait outside.
         duration_s: simulated time.
-        per_origin_s: mean time between vehicles on a lane into the map.
+        every_s: mean time between vehicles on a lane into the map, at the beginning and at the end.
         rng: where the randomness comes from.
         also: vehicles besides the random ones.
 
     Raises:
         SimulationError: SUMO refused the net.
     """
-    trips = random_trips(Network(net_path), until_s=duration_s, per_origin_s=per_origin_s, rng=rng)
+    trips = random_trips(Network(net_path), until_s=duration_s, every_s=every_s, rng=rng)
     trips = sorted([*trips, *also], key=lambda trip: trip.depart_s)
     with tempfile.TemporaryDirectory(prefix="scex-sumo-") as folder:
         net, routes, fcd = (Path(folder) / name for name in ("map.net.xml", "traffic.rou.xml", "fcd.csv"))

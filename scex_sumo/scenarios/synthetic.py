@@ -14,11 +14,11 @@ from scex_sumo.road import Road
 from scex_sumo.scenarios.recording import Recording, record
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, BoolArray, IntArray, SeedScene, States
 
-WARM_UP_S = 45.0
+WARM_UP_S = 30.0
 FUTURE_STEPS = 100
-# More vehicles than asked for, in this share, and longer: where they leave so fast that all of them are
-# never there for a whole second.
-_ATTEMPTS = ((1.0, 100.0, 8.0), (1.3, 120.0, 5.0), (2.0, 160.0, 3.0))
+# Traffic grows until the map holds enough: duration, and time between vehicles on a lane into the map at both
+# ends. The second attempt is as much as gets in.
+_ATTEMPTS = ((150.0, (40.0, 3.0)), (240.0, (6.0, 1.5)))
 MOMENTS_TRIED = 200
 CHECKED_STEPS, CHECKED_STRIDE = 30, 2
 
@@ -35,9 +35,9 @@ class Net(Protocol):
 def synthetic_seed(road: Road, net: Net, *, vehicles: int, seed: int = 0, name: str) -> SeedScene:
     """Populate a map by SUMO and take one moment of it, with what came before and after.
 
-    Traffic enters on all lanes into the map at random, follows random routes with different drivers (EIDM),
-    and is held at the wanted number of vehicles. After the warm-up a moment is drawn among those with just
-    enough vehicles that have been there for a second; where there are more, the seed's are drawn from them.
+    Traffic enters on all lanes into the map at random, ever denser, and follows random routes with different
+    drivers (EIDM). After the warm-up a moment is drawn among those with just enough vehicles that have been
+    there for a second; where all moments have more, the seed's vehicles are drawn from them.
 
     Args:
         road: the map.
@@ -57,14 +57,9 @@ def synthetic_seed(road: Road, net: Net, *, vehicles: int, seed: int = 0, name: 
         raise UsageError(f"a synthetic seed needs at least 1 vehicle, not {vehicles}")
     rng = np.random.default_rng([seed, vehicles])
     most = 0
-    for share, duration_s, per_origin_s in _ATTEMPTS:
-        recording = record(
-            net.path,
-            at_most=int(np.ceil(share * vehicles)),
-            duration_s=duration_s,
-            per_origin_s=per_origin_s,
-            rng=rng,
-        )
+    for duration_s, every_s in _ATTEMPTS:
+        at_most = vehicles + max(3, vehicles // 2)  # more would only take time
+        recording = record(net.path, at_most=at_most, duration_s=duration_s, every_s=every_s, rng=rng)
         ready = recording.steady()
         usable = ready[int(WARM_UP_S / STEP_S) : len(ready) - FUTURE_STEPS]
         most = max(most, int(usable.sum(axis=1).max(initial=0)))
