@@ -13,7 +13,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import FloatArray, IntArray, SeedScene
 
 OFFSET_SIGMA_M = 0.8  # half a lane off is two sigma
-HEADING_SIGMA_RAD = 0.25  # about 15 degrees
+HEADING_SIGMA_RAD = 0.15  # 8.6 degrees
 OFFSET_MARGIN_M = 1.0  # centres this far outside the bounds still match: maps and tracks disagree that much
 HEADING_LIMIT_RAD = np.deg2rad(60.0)
 
@@ -85,7 +85,7 @@ def match(road: Road, x: FloatArray, y: FloatArray, heading: FloatArray) -> Matc
 
     A lane is a candidate where the centre is at most `OFFSET_MARGIN_M` outside its bounds and the heading
     within `HEADING_LIMIT_RAD` of the lane's. Each centreline segment gets the likelihood
-    exp(-(distance/0.8 m)^2/2 - (heading difference/0.25 rad)^2/2); a lane has that of its best segment, so
+    exp(-(distance/0.8 m)^2/2 - (heading difference/0.15 rad)^2/2); a lane has that of its best segment, so
     that a short kink in a centreline does not throw the match off.
 
     Args:

@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from scex_sumo.lines import along, blend_over, headings, join, length_of, wrap
-from scex_sumo.matching import Matches, match, off_road
+from scex_sumo.lines import along, blend_over, headings, join, length_of, nearest, wrap
+from scex_sumo.matching import OFFSET_SIGMA_M, Matches, match, off_road
 from scex_sumo.road import Lane, Road
 from scex_sumo.scene import FloatArray, IntArray, SeedScene
 
@@ -118,7 +118,7 @@ def candidate_paths(
         mine = np.flatnonzero(found.vehicle == v)
         pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
         horizon = max(horizon_m, horizon_s * float(now.speed[v]))
-        starts = _starts(road, found, mine)
+        starts = _starts(road, found, mine, _past(seed, v))
         total = sum(p for _, _, p in starts)
         paths = [
             path for lane, s, p in starts for path in _paths_from(road, lane, s, p / total, horizon, pose)
@@ -127,21 +127,44 @@ def candidate_paths(
     return tuple(result)
 
 
-def _starts(road: Road, found: Matches, mine: IntArray) -> list[tuple[int, float, float]]:
+def _past(seed: SeedScene, vehicle: int) -> FloatArray:
+    """(P, 2) where the vehicle was half a second and a second before, as far as that was recorded."""
+    back = [steps for steps in (5, 10) if seed.recorded_steps[vehicle] >= steps]
+    track = seed.history[vehicle]
+    return np.array([[track.x[-1 - steps], track.y[-1 - steps]] for steps in back]).reshape(-1, 2)
+
+
+def _starts(road: Road, found: Matches, mine: IntArray, past: FloatArray) -> list[tuple[int, float, float]]:
     """(lane, s, probability) of the lanes a vehicle's routes start on, best first.
 
-    The best match, and others at least 0.3 times as probable, unless they are ahead of or behind a lane
-    taken already: their routes are the same ones cut differently.
+    Where several lanes match, those count more that the vehicle has come along: each gets the likelihood of
+    the distance of the past places to it and its predecessors too, at most two sigma each. The best one is
+    taken, and others at least 0.3 times as probable, unless they are ahead of or behind a lane taken
+    already: their routes are the same ones cut differently.
     """
+    options = [(int(found.lane_id[i]), float(found.s[i]), float(found.probability[i])) for i in mine]
+    if len(options) > 1 and len(past):
+        options = [(lane, s, p * _came_along(road, lane, s, past)) for lane, s, p in options]
+        options.sort(key=lambda option: (-option[2], option[0]))
     kept: list[tuple[int, float, float]] = []
-    for i in mine:
-        lane, p = int(found.lane_id[i]), float(found.probability[i])
+    for lane, s, p in options:
         if kept and p < 0.3 * kept[0][2]:
             break
         linked = {*road.lanes[lane].successors, *road.lanes[lane].predecessors}
         if not any(other in linked for other, _, _ in kept):
-            kept.append((lane, float(found.s[i]), p))
+            kept.append((lane, s, p))
     return kept
+
+
+def _came_along(road: Road, lane: int, s: float, past: FloatArray) -> float:
+    """Likelihood that a vehicle on a lane was at these places before."""
+    points, _ = centreline(road, (lane,), s, 60.0, 5.0)
+    cost = 0.0
+    for x, y in past:
+        (foot,) = along(points, np.array([nearest(points, float(x), float(y))]))
+        distance = float(np.hypot(foot[0] - x, foot[1] - y))
+        cost += min(distance / OFFSET_SIGMA_M, 2.0) ** 2
+    return float(np.exp(-0.5 * cost))
 
 
 def _paths_from(

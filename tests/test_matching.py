@@ -46,8 +46,8 @@ def test_on_a_crossing_the_lane_of_the_own_direction_is_by_far_the_most_probable
     assert [m[0] for m in one(crossing, 0.0, 0.0, np.pi / 2)] == [2]
     both = one(crossing, 0.0, 0.0, np.deg2rad(35))
     assert [m[0] for m in both] == [1, 2]
-    # 35 against 55 degrees at 0.25 rad: exp(-(0.611² - 0.960²) / (2·0.25²)) = 80 to 1.
-    assert both[0][3] / both[1][3] == pytest.approx(np.exp((0.9599**2 - 0.6109**2) / (2 * 0.25**2)), rel=1e-3)
+    # 35 against 55 degrees at 0.15 rad: exp(-(0.611² - 0.960²) / (2·0.15²)) = 196 000 to 1.
+    assert both[0][3] / both[1][3] == pytest.approx(np.exp((0.9599**2 - 0.6109**2) / (2 * 0.15**2)), rel=1e-2)
 
 
 def test_between_two_parallel_lanes_both_are_equally_probable() -> None:

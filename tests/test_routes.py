@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -124,3 +126,19 @@ def test_a_centreline_follows_the_predecessor_backwards() -> None:
     points, lanes = centreline(roads.fork(), (11,), 5.0, 20.0, 10.0)
     assert points[0] == pytest.approx([35.0, 0.0], abs=1e-9)
     assert lanes[0] == 1 and lanes[-1] == 11
+
+
+def test_where_two_lanes_fit_the_one_counts_that_the_vehicle_came_along() -> None:
+    # Lane 2 joins lane 1 from the left at x = 60; a vehicle at x = 55 is nearly as much on either.
+    merge = roads.road(
+        roads.lane(1, [(0.0, 0.0), (60.0, 0.0)], successors=(3,)),
+        roads.lane(2, [(0.0, 15.0), (45.0, 1.0), (60.0, 0.0)], successors=(3,)),
+        roads.lane(3, [(60.0, 0.0), (200.0, 0.0)], predecessors=(1, 2)),
+    )
+    straight = roads.seed((55.0, 0.2, -0.02, 15.0))
+    (paths,) = candidate_paths(merge, straight)
+    assert [path.lanes for path in paths] == [(1, 3)]
+    # Without a recorded past both are possible.
+    unknown = replace(straight, recorded_steps=np.array([0]))
+    (paths,) = candidate_paths(merge, unknown)
+    assert sorted(path.lanes for path in paths) == [(1, 3), (2, 3)]
