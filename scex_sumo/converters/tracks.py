@@ -11,8 +11,9 @@ import numpy as np
 from scex_sumo.converters.tracks_find import find_tracks
 from scex_sumo.converters.tracks_moments import CASE_FRAME, STAMP_MS, Moment, busiest, moments
 from scex_sumo.converters.tracks_repair import repair_tracks
+from scex_sumo.converters.tracks_rows import TrackRows, TrackTable
 from scex_sumo.converters.tracks_sample import Sampled, sample
-from scex_sumo.converters.tracks_table import TrackRows, TrackTable, read_tracks
+from scex_sumo.converters.tracks_table import read_tracks
 from scex_sumo.converters.tracks_write import write_tracks
 from scex_sumo.errors import TrackError
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, FloatArray, IntArray, Obstacles, SeedScene

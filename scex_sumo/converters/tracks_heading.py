@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.converters.tracks_table import TrackRows
+from scex_sumo.converters.tracks_rows import TrackRows
 from scex_sumo.scene import FloatArray, IntArray
 
 STANDING_MPS = 0.5

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.converters.tracks_heading import STANDING_MPS
-from scex_sumo.converters.tracks_table import TrackTable
+from scex_sumo.converters.tracks_rows import TrackTable
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, FloatArray, IntArray
 
 CASE_FRAME = 10

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scex_sumo.converters.tracks_heading import FORWARD_MPS, STANDING_MPS, repair_headings
+from scex_sumo.converters.tracks_rows import TrackRows, TrackTable, segments_of
 from scex_sumo.converters.tracks_smooth import derivative, position_noise, smooth
-from scex_sumo.converters.tracks_table import TrackRows, TrackTable, segments_of
-from scex_sumo.errors import TrackError
 from scex_sumo.scene import BoolArray, FloatArray, IntArray
 
 
@@ -19,7 +18,6 @@ class RepairLimits:
     """When a sample or track counts as defective.
 
     Attributes:
-        same_place_m: samples of one track and stamp closer than this are copies of one another.
         jump_m: a step this long is a jump ...
         jump_excess_m: ... if it is also this much longer than the track's usual step there.
         shortest_piece: samples that a piece between jumps needs to be kept.
@@ -33,7 +31,6 @@ class RepairLimits:
         noise_m: positions with more white noise than this per axis are smoothed.
     """
 
-    same_place_m: float = 0.05
     jump_m: float = 3.0
     jump_excess_m: float = 1.5
     shortest_piece: int = 5
@@ -57,9 +54,6 @@ def repair_tracks(table: TrackTable, limits: RepairLimits = LIMITS) -> tuple[Tra
     Returns:
         The repaired table, and one phrase with counts for each kind of defect of the vehicles; one more
         where the others have defects.
-
-    Raises:
-        TrackError: a track is in one frame twice, at different places.
     """
     vehicles, findings = _repair(table.vehicles, table, limits, FORWARD_MPS)
     # Pedestrians and cyclists face where they go.
@@ -77,7 +71,7 @@ def _repair(
     if not len(rows):
         return rows, findings
     steps: tuple[Callable[[TrackRows], tuple[TrackRows, list[str]]], ...] = (
-        lambda rows: _drop_copies(rows, limits, str(table.path)),
+        _drop_copies,
         lambda rows: (rows, []) if table.has_cases else _drop_warm_up(rows, limits),
         lambda rows: _cut_jumps(rows, limits),
         lambda rows: _renew_motion(rows, limits),
@@ -91,21 +85,11 @@ def _repair(
     return rows, findings
 
 
-def _drop_copies(rows: TrackRows, limits: RepairLimits, path: str) -> tuple[TrackRows, list[str]]:
+def _drop_copies(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     """One sample per track and stamp."""
     again = np.append(False, (np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0))
     if not again.any():
         return rows, []
-    here = np.flatnonzero(again)
-    apart = np.hypot(rows.x[here] - rows.x[here - 1], rows.y[here] - rows.y[here - 1])
-    twice = (apart > limits.same_place_m) & (rows.frame_id[here] == rows.frame_id[here - 1])
-    if twice.any():
-        row = here[np.argmax(twice)]
-        label = rows.labels[rows.track[row]]
-        raise TrackError(
-            f"{path}: track {label} is twice at {rows.timestamp_ms[row]:.0f} ms (frame {rows.frame_id[row]})"
-            f", {apart[np.argmax(twice)]:.1f} m apart; give every road user its own track_id"
-        )
     # The sample that fits the line through its neighbours is the one to keep.
     keep = ~again
     for first in np.flatnonzero(keep & np.append(again[1:], False)):

@@ -8,7 +8,7 @@ import numpy as np
 
 from scex_sumo.converters.tracks_heading import wrap
 from scex_sumo.converters.tracks_moments import STAMP_MS, segment_spans
-from scex_sumo.converters.tracks_table import TrackRows
+from scex_sumo.converters.tracks_rows import TrackRows
 from scex_sumo.scene import BoolArray, FloatArray, IntArray, States
 
 
@@ -36,8 +36,8 @@ class Sampled:
 def sample(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sampled:
     """Sample everyone who is there at a moment, sorted as the rows are.
 
-    Samples within a rounded millisecond of a step are taken as they are; between samples positions follow the cubic
-    through both positions and velocities, headings turn the shorter way.
+    Samples within a rounded millisecond of a step are taken as they are; between samples positions follow
+    the cubic through both positions and velocities, headings turn the shorter way.
 
     Args:
         rows: of one case.

@@ -1,10 +1,8 @@
-"""Recorded tracks as flat arrays: INTERACTION v1.0, v1.2 and TAF-BW CSV files."""
+"""Reading CSV files of tracks: INTERACTION v1.0 and v1.2, TAF-BW."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +15,11 @@ from scex_sumo.converters.tracks_check import (
     explain_bad_values,
     explain_parse_error,
 )
+from scex_sumo.converters.tracks_rows import FLOAT_COLUMNS, ROW_COLUMNS, TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
 from scex_sumo.scene import BoolArray, FloatArray, IntArray
 
-MAX_GAP_S = 0.5
-"""A track with a longer hole is two segments: nothing is interpolated or smoothed across it."""
+__all__ = ["MOTOR_TYPES", "OBSTACLE_SIZES", "TrackRows", "TrackTable", "read_tracks", "segments_of"]
 
 MOTOR_TYPES = frozenset(
     ("car", "truck", "bus", "van", "motorcycle", "motorbike", "trailer", "taxi", "vehicle", "truck_bus")
@@ -29,114 +27,9 @@ MOTOR_TYPES = frozenset(
 """Types that become vehicles of a seed scene; every other type is an obstacle."""
 
 OBSTACLE_SIZES = {"pedestrian": (0.6, 0.6), "bicycle": (1.8, 0.7), "tram": (30.0, 2.6)}
-"""Length and width in m where the recording gives none; the first word that occurs in the type counts."""
-_DEFAULT_OBSTACLE_SIZE = (1.8, 0.7)  # of a bicycle: also for "pedestrian/bicycle", which may be either
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TrackRows:
-    """Samples of tracks, sorted by case, track and time; N rows of K tracks.
-
-    Attributes:
-        case: (N,) index into ``TrackTable.cases``.
-        track: (N,) number of the row's track, 0 to K - 1, never decreasing.
-        segment: (N,) as ``track``, but a new number also after a gap of more than 0.5 s or a jump.
-        labels: (K,) track ids as recorded.
-        types: (K,) lower case.
-        frame_id: (N,) as recorded.
-        timestamp_ms: (N,) ms.
-        x: (N,) centre, m.
-        y: (N,) centre, m.
-        vx: (N,) m/s.
-        vy: (N,) m/s.
-        psi_rad: (N,) heading, rad; the course of the motion where the recording has none.
-        length: (N,) m.
-        width: (N,) m.
-    """
-
-    case: IntArray
-    track: IntArray
-    segment: IntArray
-    labels: tuple[str, ...]
-    types: tuple[str, ...]
-    frame_id: IntArray
-    timestamp_ms: FloatArray
-    x: FloatArray
-    y: FloatArray
-    vx: FloatArray
-    vy: FloatArray
-    psi_rad: FloatArray
-    length: FloatArray
-    width: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.track)
-
-    @property
-    def tracks(self) -> int:
-        """Number of tracks K."""
-        return len(self.labels)
-
-    @cached_property
-    def speed(self) -> FloatArray:
-        """(N,) m/s."""
-        return np.asarray(np.hypot(self.vx, self.vy))
-
-    @cached_property
-    def track_id(self) -> IntArray:
-        """(N,) track ids as numbers (of vehicles; others may have names such as P1)."""
-        return np.array([int(float(label)) for label in self.labels], np.int64)[self.track]
-
-    def take(self, keep: BoolArray) -> TrackRows:
-        """The rows where ``keep`` (N,) is True; tracks without rows are left out."""
-        used, track = np.unique(self.track[keep], return_inverse=True)
-        columns = {name: getattr(self, name)[keep] for name in _ROW_COLUMNS}
-        return TrackRows(
-            **columns,
-            track=track.astype(np.int64),
-            labels=tuple(self.labels[k] for k in used),
-            types=tuple(self.types[k] for k in used),
-        )
-
-    def with_columns(self, **columns: Any) -> TrackRows:
-        """A copy with some columns (arrays) replaced."""
-        return replace(self, **columns)
-
-
-_FLOATS = ("timestamp_ms", "x", "y", "vx", "vy", "psi_rad", "length", "width")
-_ROW_COLUMNS = ("case", "segment", "frame_id", *_FLOATS)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TrackTable:
-    """A recording, or a file of cases.
-
-    Attributes:
-        path: the file read.
-        cases: ids of the cases as written, e.g. ``1.0``, in numerical order; one empty string where the
-            file has no ``case_id`` column (one file per recording).
-        vehicles: tracks of motor vehicles.
-        others: tracks of everything else.
-        step_s: usual time between samples, s.
-    """
-
-    path: Path
-    cases: tuple[str, ...]
-    vehicles: TrackRows
-    others: TrackRows
-    step_s: float
-
-    @property
-    def has_cases(self) -> bool:
-        """Whether the file holds cases (v1.2) and not one recording (v1.0)."""
-        return self.cases != ("",)
-
-    def case(self, index: int) -> TrackTable:
-        """The rows of one case only; ``cases`` stays, so that numbers keep their meaning."""
-        if not self.has_cases:
-            return self
-        vehicles = self.vehicles.take(self.vehicles.case == index)
-        return replace(self, vehicles=vehicles, others=self.others.take(self.others.case == index))
+"""Length and width in m where the recording gives none; other types are as large as a bicycle, also
+``pedestrian/bicycle``, which may be either."""
+_SAME_PLACE_M = 0.05
 
 
 def read_tracks(path: str | Path) -> TrackTable:
@@ -147,7 +40,7 @@ def read_tracks(path: str | Path) -> TrackTable:
 
     Raises:
         TrackError: file missing or no CSV, column missing, value missing or not a number, no rows, one track
-            twice in one frame.
+            in one frame twice, at different places.
     """
     path = Path(path)
     parts = [_read_columns(path)]
@@ -160,6 +53,8 @@ def read_tracks(path: str | Path) -> TrackTable:
     is_vehicle = motor[of_track[columns["track"]]]
     vehicles = _rows(columns, is_vehicle, cases, labels, types, of_track)
     others = _rows(columns, ~is_vehicle, cases, labels, types, of_track)
+    _check_unique(path, vehicles)
+    _check_unique(path, others)
     for k, label in enumerate(vehicles.labels):
         if not re.fullmatch(r"-?\d+(\.0*)?", label):
             raise TrackError(
@@ -174,12 +69,16 @@ def read_tracks(path: str | Path) -> TrackTable:
     )
 
 
-def segments_of(track: IntArray, timestamp_ms: FloatArray) -> IntArray:
-    """(N,) numbers that change with the track and after a gap of more than 0.5 s."""
-    new = np.ones(len(track), bool)
-    # 1.5 ms: stamps are rounded to milliseconds
-    new[1:] = (np.diff(track) != 0) | (np.diff(timestamp_ms) > 1000.0 * MAX_GAP_S + 1.5)
-    return np.asarray(np.cumsum(new) - 1, np.int64)
+def _check_unique(path: Path, rows: TrackRows) -> None:
+    copy = (np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0) & (np.diff(rows.frame_id) == 0)
+    apart = np.hypot(np.diff(rows.x), np.diff(rows.y))
+    twice = copy & (apart > _SAME_PLACE_M)
+    if twice.any():
+        row = int(np.argmax(twice))
+        raise TrackError(
+            f"{path}: track {rows.labels[rows.track[row]]} is twice at {rows.timestamp_ms[row]:.0f} ms (frame "
+            f"{rows.frame_id[row]}), {apart[row]:.1f} m apart; give every road user its own track_id"
+        )
 
 
 def _usual_step(rows: TrackRows) -> float:
@@ -266,7 +165,7 @@ def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list
         ids, names = part["track_id"]
         pair, track = np.unique(case * len(names) + ids, return_inverse=True)
         merged.append(
-            {name: part[name] for name in _ROW_COLUMNS if name not in ("case", "segment")}
+            {name: part[name] for name in ROW_COLUMNS if name not in ("case", "segment")}
             | {"case": case, "track": track + len(labels), "agent_type": kind}
         )
         labels += [names[i] for i in pair % len(names)]
@@ -306,7 +205,7 @@ def _rows(
     first = np.ones(len(track), bool)
     first[1:] = np.diff(track) != 0
     number = np.asarray(np.cumsum(first) - 1, np.int64)
-    flat = {name: columns[name][keep][order] for name in _FLOATS}
+    flat = {name: columns[name][keep][order] for name in FLOAT_COLUMNS}
     kinds = [types[type_of_track[k]] for k in track[first]]
     _fill_shapes(flat, number, kinds)
     return TrackRows(
@@ -336,4 +235,4 @@ def _fill_shapes(flat: dict[str, FloatArray], track: IntArray, kinds: list[str])
 
 
 def _obstacle_size(kind: str) -> tuple[float, float]:
-    return OBSTACLE_SIZES.get(kind, _DEFAULT_OBSTACLE_SIZE)
+    return OBSTACLE_SIZES.get(kind, OBSTACLE_SIZES["bicycle"])

@@ -132,7 +132,7 @@ def test_of_two_frames_with_one_stamp_the_one_that_fits_is_kept(tmp_path: Path) 
 def test_a_track_in_two_places_at_once_is_an_error(tmp_path: Path) -> None:
     rows = straight(1) + straight(1, [12], y=3.5)
     with pytest.raises(TrackError, match=r"track 1 is twice at 1200 ms \(frame 12\), 3\.5 m apart; give"):
-        repair_tracks(_table(tmp_path, rows))
+        _table(tmp_path, rows)
 
 
 def _stop(psi_standing: list[float]) -> list[Row]:

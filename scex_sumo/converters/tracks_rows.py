@@ -1,0 +1,129 @@
+"""The samples of recorded tracks as flat arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.scene import BoolArray, FloatArray, IntArray
+
+MAX_GAP_S = 0.5
+"""A track with a longer hole is two segments: nothing is interpolated or smoothed across it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackRows:
+    """Samples of tracks, sorted by case, track and time; N rows of K tracks.
+
+    Attributes:
+        case: (N,) index into ``TrackTable.cases``.
+        track: (N,) number of the row's track, 0 to K - 1, never decreasing.
+        segment: (N,) as ``track``, but a new number also after a gap of more than 0.5 s or a jump.
+        labels: (K,) track ids as recorded.
+        types: (K,) lower case.
+        frame_id: (N,) as recorded.
+        timestamp_ms: (N,) ms.
+        x: (N,) centre, m.
+        y: (N,) centre, m.
+        vx: (N,) m/s.
+        vy: (N,) m/s.
+        psi_rad: (N,) heading, rad; the course of the motion where the recording has none.
+        length: (N,) m.
+        width: (N,) m.
+    """
+
+    case: IntArray
+    track: IntArray
+    segment: IntArray
+    labels: tuple[str, ...]
+    types: tuple[str, ...]
+    frame_id: IntArray
+    timestamp_ms: FloatArray
+    x: FloatArray
+    y: FloatArray
+    vx: FloatArray
+    vy: FloatArray
+    psi_rad: FloatArray
+    length: FloatArray
+    width: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.track)
+
+    @property
+    def tracks(self) -> int:
+        """Number of tracks K."""
+        return len(self.labels)
+
+    @cached_property
+    def speed(self) -> FloatArray:
+        """(N,) m/s."""
+        return np.asarray(np.hypot(self.vx, self.vy))
+
+    @cached_property
+    def track_id(self) -> IntArray:
+        """(N,) track ids as numbers (of vehicles; others may have names such as P1)."""
+        return np.array([int(float(label)) for label in self.labels], np.int64)[self.track]
+
+    def take(self, keep: BoolArray) -> TrackRows:
+        """The rows where ``keep`` (N,) is True; tracks without rows are left out."""
+        used, track = np.unique(self.track[keep], return_inverse=True)
+        columns = {name: getattr(self, name)[keep] for name in ROW_COLUMNS}
+        return TrackRows(
+            **columns,
+            track=track.astype(np.int64),
+            labels=tuple(self.labels[k] for k in used),
+            types=tuple(self.types[k] for k in used),
+        )
+
+    def with_columns(self, **columns: Any) -> TrackRows:
+        """A copy with some columns (arrays) replaced."""
+        return replace(self, **columns)
+
+
+FLOAT_COLUMNS = ("timestamp_ms", "x", "y", "vx", "vy", "psi_rad", "length", "width")
+ROW_COLUMNS = ("case", "segment", "frame_id", *FLOAT_COLUMNS)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackTable:
+    """A recording, or a file of cases.
+
+    Attributes:
+        path: the file read.
+        cases: ids of the cases as written, e.g. ``1.0``, in numerical order; one empty string where the
+            file has no ``case_id`` column (one file per recording).
+        vehicles: tracks of motor vehicles.
+        others: tracks of everything else.
+        step_s: usual time between samples, s.
+    """
+
+    path: Path
+    cases: tuple[str, ...]
+    vehicles: TrackRows
+    others: TrackRows
+    step_s: float
+
+    @property
+    def has_cases(self) -> bool:
+        """Whether the file holds cases (v1.2) and not one recording (v1.0)."""
+        return self.cases != ("",)
+
+    def case(self, index: int) -> TrackTable:
+        """The rows of one case only; ``cases`` stays, so that numbers keep their meaning."""
+        if not self.has_cases:
+            return self
+        vehicles = self.vehicles.take(self.vehicles.case == index)
+        return replace(self, vehicles=vehicles, others=self.others.take(self.others.case == index))
+
+
+def segments_of(track: IntArray, timestamp_ms: FloatArray) -> IntArray:
+    """(N,) numbers that change with the track and after a gap of more than 0.5 s."""
+    new = np.ones(len(track), bool)
+    # 1.5 ms: stamps are rounded to milliseconds
+    new[1:] = (np.diff(track) != 0) | (np.diff(timestamp_ms) > 1000.0 * MAX_GAP_S + 1.5)
+    return np.asarray(np.cumsum(new) - 1, np.int64)
