@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.behaviors.motion import drive
 from scex_sumo.behaviors.parameters import check_path
-from scex_sumo.behaviors.paths import PathChoice, given_path, seed_paths
+from scex_sumo.behaviors.paths import PathChoice, chosen_paths
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, FloatArray, Plan, SceneHistory, Who
 
@@ -36,8 +36,7 @@ class ConstantVelocity:
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
-        paths = seed_paths(history.seed, road, given_path(self.profile.path))
-        row = paths.choose(self.profile.path, who.vehicle, history.route_draw[who.child, who.vehicle])
+        paths, row = chosen_paths(history, road, who, self.profile.path)
         target = np.maximum(history.seed.now.speed[who.vehicle], 0.0)
 
         def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:

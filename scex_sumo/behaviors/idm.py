@@ -11,7 +11,7 @@ import numpy as np
 from scex_sumo.behaviors.leaders import find_leaders
 from scex_sumo.behaviors.motion import REAR_AXLE_SHARE, drive
 from scex_sumo.behaviors.parameters import check_path, check_positive
-from scex_sumo.behaviors.paths import DS_M, PathChoice, SeedPaths, given_path, seed_paths
+from scex_sumo.behaviors.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.projection import project
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, FloatArray, IntArray, Plan, SceneHistory, Who
@@ -119,8 +119,7 @@ class IdmDriver:
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
         profile = self.profile
-        paths = seed_paths(history.seed, road, given_path(profile.path))
-        row = paths.choose(profile.path, who.vehicle, history.route_draw[who.child, who.vehicle])
+        paths, row = chosen_paths(history, road, who, profile.path)
         own = history.now[who.child, who.vehicle]
         s_centre, _, _ = project(paths, row, own.x, own.y)
         leaders = find_leaders(

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.behaviors.paths import COARSE, DS_M, SeedPaths
-from scex_sumo.behaviors.perception import everyone
+from scex_sumo.behaviors.perception import Everyone, everyone
 from scex_sumo.behaviors.projection import refine
 from scex_sumo.scene import FloatArray, IntArray, SceneHistory, Who
 
+MOST_PAIRS = 60_000  # at a time: bounds the memory, and stays near the processor
 CORRIDOR_MARGIN_M = 0.3  # kept on both sides of the own width when judging who is in the way
 
 
@@ -48,8 +49,8 @@ def find_leaders(
     - its nearest end along the path is ahead of the driver's front bumper; or
     - it is alongside with its centre ahead of the driver's and its body inside the driver's corridor (a
       vehicle beside, in the next lane, is no leader; one that cuts in is); and
-    - it does not come towards the driver outside the corridor: oncoming traffic in its own lane would stop
-      every driver whose clearance takes in that lane.
+    - it does not face the driver (within 60 degrees) outside the corridor: oncoming traffic in its own
+      lane, moving or waiting, would stop every driver whose clearance takes in that lane.
 
     Its extent along the path is that of its rectangle turned by its heading, so that a vehicle standing
     across the path has a rear bumper too. Of those that count the one with the smallest gap leads.
@@ -64,6 +65,38 @@ def find_leaders(
         radius: perception radius, m.
     """
     others = everyone(history)
+    size = max(1, MOST_PAIRS // max(1, others.length.size))
+    parts = [
+        _leaders_of(
+            history,
+            others,
+            Who(child=who.child[k], vehicle=who.vehicle[k]),
+            paths,
+            row[k],
+            s_centre[k],
+            clearance,
+            radius,
+        )
+        for k in (slice(i, i + size) for i in range(0, max(1, len(who)), size))
+    ]
+    return Leaders(
+        gap=np.concatenate([part.gap for part in parts]),
+        speed=np.concatenate([part.speed for part in parts]),
+        index=np.concatenate([part.index for part in parts]),
+    )
+
+
+def _leaders_of(
+    history: SceneHistory,
+    others: Everyone,
+    who: Who,
+    paths: SeedPaths,
+    row: IntArray,
+    s_centre: FloatArray,
+    clearance: float,
+    radius: float,
+) -> Leaders:
+    """Leaders of a part of the drivers."""
     own = history.now[who.child, who.vehicle]
     length, width = history.seed.length[who.vehicle], history.seed.width[who.vehicle]
     ox, oy = others.states.x[who.child], others.states.y[who.child]  # (n, M)
@@ -86,7 +119,7 @@ def find_leaders(
     inside = body <= width[i] / 2 + CORRIDOR_MARGIN_M
     ahead = s - s_centre[i]
     gap = ahead - extent - length[i] / 2
-    oncoming = speed < -0.5
+    oncoming = cos < -0.5
     counts = np.where(
         (gap > 0) & ~oncoming, (np.abs(offset) <= clearance) | inside, inside & (ahead > 0)
     )  # fmt: skip

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from math import ceil
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -16,12 +17,14 @@ from scex_sumo.behaviors.smoothing import drivable, resample
 from scex_sumo.errors import UsageError
 from scex_sumo.lines import arc_lengths, nearest
 from scex_sumo.road import Road
-from scex_sumo.routes import candidate_paths, centreline
-from scex_sumo.scene import BoolArray, FloatArray, IntArray, SeedScene
+from scex_sumo.routes import candidate_paths, centreline, extended
+from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, SceneHistory, SeedScene, Who
 
 DS_M = 0.5
 BEHIND_M = 20.0  # path behind the centre: room for the rear axle and the vehicles behind
-AHEAD_S = 8.0  # 3 s of a child, 3 s of a plan, and some acceleration
+FIRST_HORIZON_S = 8.0  # 3 s of a child, 3 s of a plan, and some acceleration
+HORIZON_STEP_S = 5.0  # longer children get longer tables, in steps of so much
+ROUTE_M = 500.0  # of the routes for SUMO
 COARSE = 8  # one point in so many for the first step of a projection
 COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
 PathChoice: TypeAlias = int | Literal["random"] | tuple[int, ...] | tuple[tuple[float, float], ...]
@@ -94,9 +97,31 @@ class SeedPaths:
         return mean
 
 
+def chosen_paths(history: SceneHistory, road: Road, who: Who, path: PathChoice) -> tuple[SeedPaths, IntArray]:
+    """The paths of a seed scene, long enough for the present step, and the row that each vehicle follows.
+
+    Args:
+        history: the present.
+        road: the map.
+        who: the n vehicles.
+        path: the choice, as in `SeedPaths.choose`.
+
+    Returns:
+        The paths, and (n,) rows.
+    """
+    # By the step alone, so that it does not matter who shares the batch.
+    further = max(0, ceil((history.step * STEP_S - 3.0) / HORIZON_STEP_S))
+    horizon = FIRST_HORIZON_S + HORIZON_STEP_S * further
+    paths = seed_paths(history.seed, road, given_path(path), horizon)
+    return paths, paths.choose(path, who.vehicle, history.route_draw[who.child, who.vehicle])
+
+
 @lru_cache(maxsize=16)
 def seed_paths(
-    seed: SeedScene, road: Road, given: tuple[int, ...] | tuple[tuple[float, float], ...] | None = None
+    seed: SeedScene,
+    road: Road,
+    given: tuple[int, ...] | tuple[tuple[float, float], ...] | None = None,
+    horizon_s: float = FIRST_HORIZON_S,
 ) -> SeedPaths:
     """Candidate paths of a seed scene, smoothed and tabulated; remembered for the last seeds.
 
@@ -104,9 +129,10 @@ def seed_paths(
         seed: the seed scene.
         road: the map.
         given: lane ids or points of the one path that all vehicles shall take, instead of their own.
+        horizon_s: for how long the fastest vehicle shall find road on its table, s.
     """
     now = seed.now
-    ahead = max(120.0, AHEAD_S * float(now.speed.max(initial=0.0)) + 40.0)
+    ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
     lines: list[FloatArray] = []
     owners: list[IntArray | None] = []
     lanes: list[tuple[int, ...]] = []
@@ -227,7 +253,9 @@ def _sample_headings(points: FloatArray) -> FloatArray:
 def planned_lanes(
     seed: SeedScene, road: Road, path: PathChoice, vehicle: IntArray, draw: FloatArray
 ) -> list[tuple[int, ...]]:
-    """(n) lane ids of the path that each vehicle takes; empty for one off the mapped lanes.
+    """(n) lane ids of the path that each vehicle takes and what follows it for half a kilometre.
+
+    Empty for a vehicle off the mapped lanes.
 
     Args:
         seed: the seed scene.
@@ -237,7 +265,9 @@ def planned_lanes(
         draw: (n,) in [0, 1).
     """
     paths = seed_paths(seed, road, given_path(path))
-    return [paths.lanes[row] for row in paths.choose(path, vehicle, draw).tolist()]
+    rows = paths.choose(path, vehicle, draw).tolist()
+    whole = {row: extended(road, paths.lanes[row], ROUTE_M) if paths.lanes[row] else () for row in {*rows}}
+    return [whole[row] for row in rows]
 
 
 def given_path(path: PathChoice) -> tuple[int, ...] | tuple[tuple[float, float], ...] | None:

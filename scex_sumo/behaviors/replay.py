@@ -10,7 +10,7 @@ import numpy as np
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.motion import drive
 from scex_sumo.behaviors.parameters import check_path
-from scex_sumo.behaviors.paths import PathChoice, given_path, seed_paths
+from scex_sumo.behaviors.paths import PathChoice, chosen_paths
 from scex_sumo.errors import UsageError
 from scex_sumo.road import Road
 from scex_sumo.scene import BoolArray, FloatArray, IntArray, Plan, SceneHistory, States, Who
@@ -54,8 +54,7 @@ class Replay:
         recorded = seed.future[who.vehicle]
         last = history.step + left - 1
         end = _pick(recorded, np.maximum(last, 0), left > 0, history.now[who.child, who.vehicle])
-        paths = seed_paths(seed, road, given_path(self.profile.path))
-        row = paths.choose(self.profile.path, who.vehicle, history.route_draw[who.child, who.vehicle])
+        paths, row = chosen_paths(history, road, who, self.profile.path)
         rest = drive(history, who, paths, row, _no_acceleration, start=end)
         h = np.arange(PLAN_STEPS)
         driven = h >= left[:, None]

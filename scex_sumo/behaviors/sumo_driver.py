@@ -8,7 +8,7 @@ import numpy as np
 
 from scex_sumo.behaviors.motion import drive
 from scex_sumo.behaviors.parameters import check_path
-from scex_sumo.behaviors.paths import PathChoice, given_path, planned_lanes, seed_paths
+from scex_sumo.behaviors.paths import PathChoice, chosen_paths, planned_lanes
 from scex_sumo.road import Road
 from scex_sumo.scene import FloatArray, IntArray, Plan, SceneHistory, SeedScene, Who
 from scex_sumo.vehicle_types import check_driver
@@ -52,8 +52,7 @@ class SumoDriver:
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """The path that the vehicle is expected to take, at its present speed: for metrics only."""
-        paths = seed_paths(history.seed, road, given_path(self.path))
-        row = paths.choose(self.path, who.vehicle, history.route_draw[who.child, who.vehicle])
+        paths, row = chosen_paths(history, road, who, self.path)
 
         def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
             return np.zeros_like(v)

@@ -90,8 +90,9 @@ def test_oncoming_traffic_in_its_own_lane_is_no_leader_in_ours_it_is() -> None:
     assert gap((130.0, 3.5, np.pi, 10.0)) == np.inf
     found = leaders((130.0, 0.5, np.pi, 10.0))
     assert (found.gap[0], found.speed[0]) == pytest.approx((25.5, -10.0))
-    # One that stands and merely points the other way counts as anything that stands.
-    assert gap((130.0, 3.5, np.pi, 0.0)) == pytest.approx(25.5)
+    # Nor is one that waits there; one that stands across counts.
+    assert gap((130.0, 3.5, np.pi, 0.0)) == np.inf
+    assert gap((130.0, 3.5, np.pi / 2, 0.0)) == pytest.approx(30 - 2.25 - 0.9)
 
 
 def test_only_those_within_the_perception_radius_are_seen() -> None:

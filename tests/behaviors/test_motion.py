@@ -113,6 +113,18 @@ def test_the_path_is_kept_to_in_a_curve() -> None:
     assert radius == pytest.approx(15.0, abs=0.15)
 
 
+def test_a_long_child_still_finds_its_road() -> None:
+    # A ring of 40 m radius, once round at 10 m/s: 25 s, 251 m; a plan's table reaches 120 m at first.
+    ring = [roads.arc(40.0, np.pi), roads.arc(40.0, np.pi, (0.0, 80.0), np.pi)]
+    where = roads.road(
+        roads.lane(1, ring[0], successors=(2,), predecessors=(2,)),
+        roads.lane(2, ring[1], successors=(1,), predecessors=(1,)),
+    )
+    track = driven(where, roads.seed((0.0, 0.0, 0.0, 10.0)), 25.0)
+    x, y = rear_axle(track)
+    assert np.hypot(x, y - 40.0)[30:] == pytest.approx(40.0, abs=0.1)
+
+
 def test_steering_has_no_jumps_between_steps_or_plans() -> None:
     scene = roads.seed((20.0, 1.0, 0.1, 8.0))
     track = driven(roads.fork(), scene, 8.0)

@@ -18,6 +18,24 @@ def test_each_vehicle_gets_the_route_of_its_draw() -> None:
     assert SumoDriver("EIDM", path=2).routes(scene, roads.fork(), vehicle, draw)[:3] == [(1, 13)] * 3
 
 
+def test_a_route_goes_on_beyond_the_fork_for_half_a_kilometre() -> None:
+    last = 8
+    chain = roads.road(
+        *(
+            roads.lane(
+                i,
+                [(100.0 * i, 0.0), (100.0 * i + 100.0, 0.0)],
+                successors=(i + 1,) if i < last else (),
+                predecessors=(i - 1,) if i else (),
+            )
+            for i in range(last + 1)
+        )
+    )
+    scene = roads.seed((20.0, 0.0, 0.0, 10.0))
+    (route,) = SumoDriver("EIDM").routes(scene, chain, np.array([0]), np.array([0.5]))
+    assert route == (0, 1, 2, 3, 4)
+
+
 def test_the_planned_path_follows_that_route_at_the_present_speed() -> None:
     scene = roads.seed((40.0, 0.0, 0.0, 10.0))
     left, right = (
