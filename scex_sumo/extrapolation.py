@@ -139,6 +139,7 @@ def extrapolate(
             "replan": replan,
             "seed": seed,
             "thresholds": limits,
+            "net_notes": list(net.notes),
             "versions": _versions(),
             "timings_s": {
                 "convert": round(converted - started, 3),
@@ -247,6 +248,7 @@ def _write_tables(folder: ResultFolder, job: Job, part: Part) -> None:
     folder.write_table("tracks.parquet", tracks_table(job.scene, part))
     metrics = values_table(COLUMNS, part.values, part.defined, part.children)
     folder.write_table("metrics.parquet", metrics)
+    folder.write_table("worst.parquet", part.worst)
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.names))
     folder.write_table("densities.parquet", densities_table(metrics))
     recorded = measure_recorded(job.scene, job.steps)

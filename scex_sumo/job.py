@@ -12,7 +12,7 @@ from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.sumo_driver import SumoDriver
 from scex_sumo.converters.sumo_net import SumoNet
 from scex_sumo.errors import ScexError
-from scex_sumo.measure import measure_rollout
+from scex_sumo.measure import measure_rollout, worst_of
 from scex_sumo.results import Part, save_part
 from scex_sumo.road import Road
 from scex_sumo.rollout import Cast, roll_out
@@ -106,7 +106,13 @@ def run_batch(
     _paint(job, world, cast)
     rollout = roll_out(world, job.road, job.scene, cast, steps=job.steps, replan=job.replan, on_step=on_step)
     values = measure_rollout(job.scene, rollout)
-    return Part(children=children, states=rollout.states, values=values.values, defined=values.defined)
+    return Part(
+        children=children,
+        states=rollout.states,
+        values=values.values,
+        defined=values.defined,
+        worst=worst_of(job.scene, values, children),
+    )
 
 
 def _cast(job: Job, children: IntArray) -> Cast:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pyarrow as pa
 
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
+from scex_sumo.metrics.tables import worst_table
+from scex_sumo.results import LOGGED_HISTORY
 from scex_sumo.rollout import Rollout
-from scex_sumo.scene import STEP_S, BoolArray, SeedScene, States
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, BoolArray, IntArray, SeedScene, States
 
 
 def measure_rollout(scene: SeedScene, rollout: Rollout) -> ScenarioValues:
@@ -17,6 +20,19 @@ def measure_rollout(scene: SeedScene, rollout: Rollout) -> ScenarioValues:
     made_at = np.arange(0, steps, rollout.replan, dtype=np.int64)
     planned = PlannedPaths.from_replans(rollout.plan_x, rollout.plan_y, made_at, steps)
     return evaluate(tracks, planned)
+
+
+def worst_of(scene: SeedScene, values: ScenarioValues, children: IntArray) -> pa.Table:
+    """Which step and which vehicles made each child's extremum; times as in ``tracks.parquet``.
+
+    Args:
+        scene: the seed scene.
+        values: of a batch of child scenarios.
+        children: (C,) their numbers.
+    """
+    steps = next(iter(values.scene.values())).value.shape[1]
+    frames = np.arange(LOGGED_HISTORY - HISTORY_STEPS, LOGGED_HISTORY + steps + 1, dtype=np.int64)
+    return worst_table(values, child=children, track_ids=scene.track_ids, timestamp_ms=frames * 100)
 
 
 def measure_recorded(scene: SeedScene, steps: int) -> ScenarioValues | None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from scex_sumo.errors import ResultError
 from scex_sumo.scene import BoolArray, FloatArray, IntArray, SeedScene, States
@@ -31,12 +32,14 @@ class Part:
         states: (C, T, V) simulated states.
         values: (C, 12) metric values.
         defined: (C, 12) False where a metric is defined in no scene of the child.
+        worst: where each child's extremum came from, columns of ``worst.parquet``.
     """
 
     children: IntArray
     states: States
     values: FloatArray
     defined: BoolArray
+    worst: pa.Table
 
 
 class ResultFolder:
@@ -113,6 +116,7 @@ class ResultFolder:
                         states=states,
                         values=data["values"],
                         defined=data["defined"],
+                        worst=pa.ipc.open_stream(data["worst"].tobytes()).read_all(),
                     )
                 )
         return parts
@@ -136,6 +140,7 @@ class ResultFolder:
             states=states[order],
             values=np.concatenate([p.values for p in parts])[order],
             defined=np.concatenate([p.defined for p in parts])[order],
+            worst=_by_child([p.worst for p in parts]),
         )
 
     def write_table(self, name: str, table: pa.Table) -> None:
@@ -155,13 +160,16 @@ class ResultFolder:
         shutil.rmtree(self.path / _PARTS, ignore_errors=True)
 
 
-_TABLES = (
-    "tracks.parquet",
-    "metrics.parquet",
-    "assignments.parquet",
-    "recorded.parquet",
-    "densities.parquet",
+_TABLES = tuple(
+    f"{name}.parquet" for name in ("tracks", "metrics", "assignments", "recorded", "densities", "worst")
 )
+
+
+def _by_child(tables: Sequence[pa.Table]) -> pa.Table:
+    """Rows ordered by child and metric, whatever the batches that they come from."""
+    whole = pa.concat_tables(tables)
+    names = np.asarray(whole["metric"])
+    return whole.take(np.lexsort((names, np.asarray(whole["child"]))))
 
 
 def save_part(folder: Path, part: Part) -> None:
@@ -179,8 +187,16 @@ def save_part(folder: Path, part: Part) -> None:
             speed=part.states.speed,
             values=part.values,
             defined=part.defined,
+            worst=_packed(part.worst),
         )
     temporary.replace(target)
+
+
+def _packed(table: pa.Table) -> NDArray[np.uint8]:
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, table.schema) as stream:
+        stream.write_table(table)
+    return np.frombuffer(sink.getvalue(), dtype=np.uint8)
 
 
 def write_atomic(path: Path, content: bytes) -> None:

@@ -50,6 +50,11 @@ class Run:
         """States of all children in INTERACTION columns; ``case_id`` is the child."""
         return self._table("tracks.parquet")
 
+    @cached_property
+    def worst(self) -> pa.Table:
+        """Where each extremum came from: child, metric, timestamp_ms, track_id, other_id, value."""
+        return self._table("worst.parquet")
+
     @property
     def columns(self) -> list[str]:
         """The 12 metric columns."""

@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -24,7 +25,8 @@ def part_of(children: list[int], steps: int = 3, vehicles: int = 2) -> Part:
     values = np.broadcast_to(numbers[:, None].astype(float), (len(children), 12)).copy()
     defined = np.ones((len(children), 12), dtype=bool)
     defined[:, 3] = False
-    return Part(children=numbers, states=states, values=values, defined=defined)
+    worst = pa.table({"child": numbers[::-1], "metric": ["distance"] * len(numbers)})
+    return Part(children=numbers, states=states, values=values, defined=defined, worst=worst)
 
 
 def test_parts_are_collected_in_order_of_the_children(tmp_path: Path) -> None:
@@ -34,6 +36,7 @@ def test_parts_are_collected_in_order_of_the_children(tmp_path: Path) -> None:
     whole = folder.collect(5)
     assert whole.children.tolist() == [0, 1, 2, 3, 4]
     assert whole.states.x[:, 0, 0].tolist() == [0, 100, 200, 300, 400]
+    assert whole.worst["child"].to_pylist() == [0, 1, 2, 3, 4]
 
 
 def test_missing_children_are_counted(tmp_path: Path) -> None:

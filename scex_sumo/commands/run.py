@@ -74,6 +74,7 @@ def run_command(request: RunRequest) -> None:
                 f"interrupted; finished children are kept in {out}, the same command goes on", file=sys.stderr
             )
             raise SystemExit(130) from None
+    warn(run.info["net_notes"])
     Console(width=None if sys.stdout.isatty() else 110).print(summary_table(run))
     if request.plots:
         from scex_sumo.plots import draw_run
