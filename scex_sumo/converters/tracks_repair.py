@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scex_sumo.converters.tracks_copies import drop_copies
 from scex_sumo.converters.tracks_heading import FORWARD_MPS, STANDING_MPS, repair_headings
 from scex_sumo.converters.tracks_rows import TrackRows, TrackTable, segments_of
 from scex_sumo.converters.tracks_smooth import derivative, position_noise, smooth
-from scex_sumo.scene import BoolArray, FloatArray, IntArray
+from scex_sumo.scene import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,12 +55,15 @@ def repair_tracks(table: TrackTable, limits: RepairLimits = LIMITS) -> tuple[Tra
     Returns:
         The repaired table, and one phrase with counts for each kind of defect of the vehicles; one more
         where the others have defects.
+
+    Raises:
+        TrackError: a track is in two places at once and none of them is the likelier one.
     """
     vehicles, findings = _repair(table.vehicles, table, limits, FORWARD_MPS)
     # Pedestrians and cyclists face where they go.
     others, more = _repair(table.others, table, limits, STANDING_MPS)
     if more:
-        both = "likewise" if findings else "; ".join(more)
+        both = "likewise repaired" if findings else "; ".join(more)
         findings.append(f"pedestrians and cyclists: {both}")
     return replace(table, vehicles=vehicles, others=others), tuple(findings)
 
@@ -71,7 +75,7 @@ def _repair(
     if not len(rows):
         return rows, findings
     steps: tuple[Callable[[TrackRows], tuple[TrackRows, list[str]]], ...] = (
-        _drop_copies,
+        lambda rows: drop_copies(rows, str(table.path)),
         lambda rows: (rows, []) if table.has_cases else _drop_warm_up(rows, limits),
         lambda rows: _cut_jumps(rows, limits),
         lambda rows: _renew_motion(rows, limits),
@@ -83,29 +87,6 @@ def _repair(
         if not len(rows):
             break
     return rows, findings
-
-
-def _drop_copies(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """One sample per track and stamp."""
-    again = np.append(False, (np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0))
-    if not again.any():
-        return rows, []
-    # The sample that fits the line through its neighbours is the one to keep.
-    keep = ~again
-    for first in np.flatnonzero(keep & np.append(again[1:], False)):
-        group = first + np.arange(1 + int(np.argmin(np.append(again[first + 1 :], False))))
-        keep[group] = False
-        keep[group[_best_of(rows, group)]] = True
-    return rows.take(keep), [f"{int((~keep).sum())} samples with the time stamp of another dropped"]
-
-
-def _best_of(rows: TrackRows, group: IntArray) -> int:
-    before, after = group[0] - 1, group[-1] + 1
-    ends = [i for i in (before, after) if 0 <= i < len(rows) and rows.track[i] == rows.track[group[0]]]
-    if not ends:
-        return 0
-    middle_x, middle_y = float(np.mean(rows.x[ends])), float(np.mean(rows.y[ends]))
-    return int(np.argmin(np.hypot(rows.x[group] - middle_x, rows.y[group] - middle_y)))
 
 
 def _drop_warm_up(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
@@ -177,7 +158,9 @@ def _gap(rows: TrackRows) -> BoolArray:
 
 def _jumps(rows: TrackRows, limits: RepairLimits) -> BoolArray:
     """(N - 1,) True where the step to the next row of the segment is a jump."""
-    joined = np.diff(rows.segment) == 0
+    joined: BoolArray = np.diff(rows.segment) == 0
+    if not joined.any():
+        return joined
     length = np.hypot(np.diff(rows.x), np.diff(rows.y))
     # No jump where another step nearby is about as long: spares highways the search below.
     around = np.lib.stride_tricks.sliding_window_view(
@@ -196,6 +179,8 @@ def _jumps(rows: TrackRows, limits: RepairLimits) -> BoolArray:
 
 def _renew_motion(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
     """Take velocities from the positions where both contradict; smooth positions that jitter."""
+    if not (np.diff(rows.segment) == 0).any():
+        return rows, []
     time_s = rows.timestamp_ms / 1000.0
     points = np.stack((rows.x, rows.y), axis=1)
     judged, wrong, ratio = _contradictions(rows, points, time_s, limits)

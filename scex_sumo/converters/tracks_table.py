@@ -29,7 +29,6 @@ MOTOR_TYPES = frozenset(
 OBSTACLE_SIZES = {"pedestrian": (0.6, 0.6), "bicycle": (1.8, 0.7), "tram": (30.0, 2.6)}
 """Length and width in m where the recording gives none; other types are as large as a bicycle, also
 ``pedestrian/bicycle``, which may be either."""
-_SAME_PLACE_M = 0.05
 
 
 def read_tracks(path: str | Path) -> TrackTable:
@@ -39,8 +38,7 @@ def read_tracks(path: str | Path) -> TrackTable:
     read from ``pedestrian_tracks_*.csv`` beside ``vehicle_tracks_*.csv``.
 
     Raises:
-        TrackError: file missing or no CSV, column missing, value missing or not a number, no rows, one track
-            in one frame twice, at different places.
+        TrackError: file missing or no CSV, column missing, value missing or not a number, no rows.
     """
     path = Path(path)
     parts = [_read_columns(path)]
@@ -53,8 +51,6 @@ def read_tracks(path: str | Path) -> TrackTable:
     is_vehicle = motor[of_track[columns["track"]]]
     vehicles = _rows(columns, is_vehicle, cases, labels, types, of_track)
     others = _rows(columns, ~is_vehicle, cases, labels, types, of_track)
-    _check_unique(path, vehicles)
-    _check_unique(path, others)
     for k, label in enumerate(vehicles.labels):
         if not re.fullmatch(r"-?\d+(\.0*)?", label):
             raise TrackError(
@@ -67,18 +63,6 @@ def read_tracks(path: str | Path) -> TrackTable:
         others=others,
         step_s=_usual_step(vehicles if len(vehicles) else others),
     )
-
-
-def _check_unique(path: Path, rows: TrackRows) -> None:
-    copy = (np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0) & (np.diff(rows.frame_id) == 0)
-    apart = np.hypot(np.diff(rows.x), np.diff(rows.y))
-    twice = copy & (apart > _SAME_PLACE_M)
-    if twice.any():
-        row = int(np.argmax(twice))
-        raise TrackError(
-            f"{path}: track {rows.labels[rows.track[row]]} is twice at {rows.timestamp_ms[row]:.0f} ms (frame "
-            f"{rows.frame_id[row]}), {apart[row]:.1f} m apart; give every road user its own track_id"
-        )
 
 
 def _usual_step(rows: TrackRows) -> float:

@@ -198,6 +198,15 @@ def test_the_last_frame_has_no_future(tmp_path: Path) -> None:
     assert seed.future_valid is None
 
 
+@pytest.mark.parametrize("samples", [1, 2, 3, 4, 5])
+def test_a_recording_of_a_few_samples_is_a_recording(tmp_path: Path, samples: int) -> None:
+    for kind in ("pedestrian", "car"):
+        rows = straight(1, range(samples)) + straight(2, range(1), y=5.0, kind=kind)
+        seed = _seed(tmp_path, rows, time_s=0.0)
+        np.testing.assert_allclose(seed.history.x[0], np.arange(-10, 1))
+        assert (seed.future is None) == (samples == 1)
+
+
 def test_pedestrians_present_at_the_moment_are_obstacles(tmp_path: Path) -> None:
     rows = straight(1, range(60))
     rows += straight(2, range(15, 31), speed=1.0, kind="Pedestrian", y=5.0)

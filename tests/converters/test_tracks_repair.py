@@ -129,10 +129,28 @@ def test_of_two_frames_with_one_stamp_the_one_that_fits_is_kept(tmp_path: Path) 
     assert table.vehicles.x[20] == rows[20]["x"]
 
 
-def test_a_track_in_two_places_at_once_is_an_error(tmp_path: Path) -> None:
-    rows = straight(1) + straight(1, [12], y=3.5)
-    with pytest.raises(TrackError, match=r"track 1 is twice at 1200 ms \(frame 12\), 3\.5 m apart; give"):
-        _table(tmp_path, rows)
+def test_a_ghost_far_from_its_track_is_dropped(tmp_path: Path) -> None:
+    rows = straight(1) + straight(1, [12], y=30.0)
+    table, said = _repaired(tmp_path, rows)
+    assert said == "1 samples with the time stamp of another dropped"
+    assert (table.vehicles.y == 0.0).all()
+
+
+def test_of_two_frames_for_every_stamp_the_first_is_kept(tmp_path: Path) -> None:
+    rows = straight(1)
+    late = [row | {"frame_id": row["frame_id"] + 0.5, "x": row["x"] + 0.5} for row in rows]
+    table, said = _repaired(tmp_path, rows + late)
+    assert said == "41 samples with the time stamp of another dropped"
+    np.testing.assert_array_equal(table.vehicles.x, [row["x"] for row in rows])
+
+
+@pytest.mark.parametrize("frames", [[12, 13], [0], range(41)])
+def test_a_track_in_two_places_at_once_is_an_error(tmp_path: Path, frames: list[int]) -> None:
+    rows = straight(1) + straight(1, frames, y=3.5)
+    table = _table(tmp_path, rows if frames != [0] else straight(1, [0]) + straight(1, [0], y=3.5))
+    first = 100 * frames[0]
+    with pytest.raises(TrackError, match=rf"track 1 is twice at {first} ms, 3\.5 m apart .* own track_id"):
+        repair_tracks(table)
 
 
 def _stop(psi_standing: list[float]) -> list[Row]:
@@ -204,7 +222,7 @@ def test_a_vehicle_that_sets_off_is_no_warm_up(tmp_path: Path) -> None:
 def test_pedestrians_are_repaired_like_vehicles_and_said_shortly(tmp_path: Path) -> None:
     rows = straight(1, vx=5.0) + straight(2, kind="bike", y=4.0, speed=5.0, vx=2.5)
     table, said = _repaired(tmp_path, rows)
-    assert said.endswith("; pedestrians and cyclists: likewise")
+    assert said.endswith("; pedestrians and cyclists: likewise repaired")
     np.testing.assert_allclose(table.others.vx, 5.0, atol=1e-6)
 
 
