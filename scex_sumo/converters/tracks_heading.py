@@ -42,12 +42,10 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
     found = []
     if turned.any():
         tracks = len(np.unique(rows.track[turned]))
-        found.append(f"headings of {tracks} tracks flip or jitter while standing: held")
+        found.append(f"headings of {tracks} standing tracks flip or jitter: held")
     if sideways.any():
         tracks = len(np.unique(rows.track[sideways]))
-        found.append(
-            f"headings of {tracks} tracks contradict the motion in {int(sideways.sum())} samples: set"
-        )
+        found.append(f"headings of {tracks} tracks against the motion: set")
     return rows.with_columns(psi_rad=wrap(heading)), found
 
 

@@ -142,10 +142,10 @@ def _cut_jumps(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[s
     cut &= ~drop & np.append(False, ~drop[:-1])
     found = []
     if drop.any():
-        found.append(f"{int(drop.sum())} samples off by jumps of more than {limits.jump_m:g} m dropped")
+        found.append(f"{int(drop.sum())} samples at jumps over {limits.jump_m:g} m dropped")
     if cut.any():
         tracks = len(np.unique(rows.track[cut]))
-        found.append(f"{tracks} tracks cut where they jump by more than {limits.jump_m:g} m")
+        found.append(f"{tracks} tracks cut at jumps over {limits.jump_m:g} m")
     rows = rows.with_columns(segment=segment).take(~drop)
     # A dropped sample may leave a gap that is too long; cuts stay.
     new = np.append(0, np.cumsum((np.diff(rows.segment) != 0) | _gap(rows)))
@@ -183,14 +183,13 @@ def _renew_motion(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, lis
         return rows, []
     time_s = rows.timestamp_ms / 1000.0
     points = np.stack((rows.x, rows.y), axis=1)
-    judged, wrong, ratio = _contradictions(rows, points, time_s, limits)
+    judged, wrong, factor = _contradictions(rows, points, time_s, limits)
     noise = position_noise(points, time_s, rows.segment)
     found = []
     if wrong.any():
-        how = f"{ratio:.2f} x too small" if ratio > 1 else f"{1 / ratio:.2f} x too large" if ratio > 0 else ""
         found.append(
             f"velocities of {int(wrong.sum())} of {int(judged.sum())} moving tracks contradict the motion"
-            f" ({how or 'wrong direction'}): recomputed from positions"
+            f" ({_how_wrong(factor[wrong])}): recomputed from positions"
         )
     jitter = noise > limits.noise_m
     # Most tracks wrong: then also those that are too short or too slow to judge.
@@ -216,12 +215,12 @@ def _renew_motion(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, lis
 
 def _contradictions(
     rows: TrackRows, points: FloatArray, time_s: FloatArray, limits: RepairLimits
-) -> tuple[BoolArray, BoolArray, float]:
+) -> tuple[BoolArray, BoolArray, FloatArray]:
     """Compare displacements over up to one second with the integral of the velocities.
 
     Returns:
-        (K,) tracks that move enough to be judged, (K,) those that contradict, and the median factor by which
-        their velocities are too small; 0 where they point elsewhere.
+        (K,) tracks that move enough to be judged, (K,) those that contradict, and (K,) the factor by which
+        velocities are too small; 0 where they point elsewhere.
     """
     reach = max(1, round(1.0 / max(float(np.median(np.diff(time_s)[np.diff(rows.segment) == 0])), 1e-3)))
     velocity = np.stack((rows.vx, rows.vy), axis=1)
@@ -243,4 +242,17 @@ def _contradictions(
     cosine = dv / np.sqrt(np.maximum(dd * vv, 1e-12))
     factor = np.where(cosine < limits.velocity_cosine, 0.0, dv / np.maximum(vv, 1e-12))
     wrong = judged & ((factor > limits.velocity_ratio) | (factor < 1.0 / limits.velocity_ratio))
-    return judged, wrong, float(np.median(factor[wrong])) if wrong.any() else 1.0
+    return judged, wrong, factor
+
+
+def _how_wrong(factor: FloatArray) -> str:
+    """Factors of the contradicting tracks in words; 0 stands for velocities that point elsewhere."""
+    scaled = factor[factor > 0.0]
+    words = []
+    if len(scaled):
+        ratio = float(np.median(scaled))
+        words.append(f"{ratio:.2f} x too small" if ratio > 1.0 else f"{1.0 / ratio:.2f} x too large")
+    if len(scaled) < len(factor):
+        count = "" if not len(scaled) else f"{len(factor) - len(scaled)} in the "
+        words.append(f"{count}wrong direction")
+    return ", ".join(words)
