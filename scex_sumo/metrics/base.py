@@ -7,8 +7,8 @@ vehicles).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,8 @@ from scex_sumo.errors import InputError
 from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, States
 
 if TYPE_CHECKING:
+    from scex_sumo.metrics.following import Following
     from scex_sumo.metrics.scenes import Scenes
-
-Preset: TypeAlias = Literal["paper", "path"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,12 +108,14 @@ class PlannedPaths:
         y: (C, R, V, H) centre, m.
         index: (T,) which of the R plans is current at each evaluated step.
         column: (T,) first column of that plan that is still ahead; H where none is.
+        driven: the plan is the track itself, one column per step.
     """
 
     x: FloatArray
     y: FloatArray
     index: IntArray
     column: IntArray
+    driven: bool = False
 
     def __post_init__(self) -> None:
         if self.x.ndim != 4 or self.x.shape != self.y.shape:
@@ -158,11 +159,12 @@ class PlannedPaths:
             y=y.transpose(0, 2, 1)[:, None],
             index=np.zeros(tracks.steps, dtype=np.int64),
             column=np.arange(tracks.first + 1, tracks.first + tracks.steps + 1),
+            driven=True,
         )
 
     def children(self, part: slice) -> PlannedPaths:
         """The same for some of the children."""
-        return PlannedPaths(x=self.x[part], y=self.y[part], index=self.index, column=self.column)
+        return replace(self, x=self.x[part], y=self.y[part])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,12 +177,15 @@ class MetricParameters:
         max_acceleration_by_type: the same for vehicle types that differ, e.g. ``{"truck": 4.0}``.
         standing_speed: at or below it a vehicle never reaches a crossing (gap time) or the position of
             its leader (time headway), m/s.
+        path_extension: how far planned paths go on straight beyond their end when preset ``path`` looks for
+            leaders, m.
     """
 
     following_angle: float = np.pi / 6
     max_acceleration: float = 6.9
     max_acceleration_by_type: Mapping[str, float] = field(default_factory=dict)
     standing_speed: float = 1e-4
+    path_extension: float = 20.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.following_angle <= np.pi:
@@ -194,6 +199,8 @@ class MetricParameters:
                 )
         if not self.standing_speed >= 0:
             raise InputError(f"metrics: standing speed {self.standing_speed} m/s; choose one >= 0")
+        if not (np.isfinite(self.path_extension) and self.path_extension > 0):
+            raise InputError(f"metrics: path extension {self.path_extension} m; choose one above 0")
 
     def accelerations(self, types: tuple[str, ...] | NDArray[np.str_] | None, vehicles: int) -> FloatArray:
         """(V,) or (C, V) largest acceleration of each vehicle, m/s²."""
@@ -242,3 +249,18 @@ class Metric:
     evaluate: Callable[[Scenes], Samples]
     inverse: bool = False
     finite: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preset:
+    """What the metrics' definitions leave open.
+
+    Attributes:
+        name: as written on the command line.
+        leaders: which pairs follow, and their gap.
+        conflict_area: crossings are areas as wide as the vehicles, not points.
+    """
+
+    name: str
+    leaders: Callable[[Scenes], Following]
+    conflict_area: bool

@@ -6,7 +6,7 @@ are refined from the top; only the few segments whose boxes meet are intersected
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ BLOCK = 6
 # Sine of the angle below which two segments count as parallel: rounding of map coordinates (1e-10 m at 1000
 # km) over segments of about a metre must not make a lane's own line cross itself.
 PARALLEL = 1e-9
+ARC_ROUNDING_M = 1e-9
 TOUCH = 1e-9  # end points that touch within this share of a segment's length do cross
 
 
@@ -27,11 +28,13 @@ class Hits:
         which: (X,) index into the tested pairs.
         first: (X,) share of the first segment up to the crossing point, 0 to 1.
         second: (X,) share of the second segment.
+        sine: (X,) of the angle between them, without sign.
     """
 
     which: IntArray
     first: FloatArray
     second: FloatArray
+    sine: FloatArray
 
 
 def intersect(
@@ -65,12 +68,12 @@ def intersect(
     inside = (u >= -slack) & (u <= limit) & (w >= -slack) & (w <= limit) & (size > 0)
     hit = np.flatnonzero(inside)
     if hit.size == 0:
-        return Hits(which=hit, first=np.empty(0), second=np.empty(0))
+        return Hits(which=hit, first=np.empty(0), second=np.empty(0), sine=np.empty(0))
     size = size[hit]
     lengths = np.hypot(rx[hit], ry[hit]) * np.hypot(sx[hit], sy[hit])
     crossing = size > PARALLEL * lengths
-    hit, size = hit[crossing], size[crossing]
-    return Hits(which=hit, first=np.clip(u[hit] / size, 0, 1), second=np.clip(w[hit] / size, 0, 1))
+    hit, size, sine = hit[crossing], size[crossing], size[crossing] / lengths[crossing]
+    return Hits(which=hit, first=np.clip(u[hit] / size, 0, 1), second=np.clip(w[hit] / size, 0, 1), sine=sine)
 
 
 def boxes_meet(first: FloatArray, second: FloatArray) -> BoolArray:
@@ -140,6 +143,44 @@ class Polylines:
         arc: FloatArray = self.arc[at] + share * np.hypot(self.delta[0][at], self.delta[1][at])
         return arc
 
+    def end_of(self, line: IntArray) -> FloatArray:
+        """(2, N...) last node, m."""
+        return np.stack([self.x[line, -1], self.y[line, -1]])
+
+    def direction_of(self, line: IntArray) -> FloatArray:
+        """(2, N...) unit vector of the last segment that has a length; 0 where none has."""
+        length = np.hypot(self.delta[0], self.delta[1])
+        index = np.arange(length.shape[1])
+        last = np.where(length > 0, index, -1).max(axis=1)
+        rows, column = np.arange(len(last)), np.maximum(last, 0)
+        own = length[rows, column]
+        unit = self.delta[:, rows, column] / np.where(own > 0, own, 1.0)
+        direction: FloatArray = unit[:, line]
+        return direction
+
+    def column_at(self, line: IntArray, arc: FloatArray, *, leaving: bool = False) -> FloatArray:
+        """(N,) fractional column at which a length from the first node is reached, 0 where it is negative.
+
+        Args:
+            line: (N,) index of the polyline.
+            arc: (N,) m.
+            leaving: where the polyline stays at a point, when it leaves it; inf beyond the last node.
+        """
+        end = self.arc[line, -1]
+        target = np.where((arc > end) & (arc <= end + ARC_ROUNDING_M), end, arc)
+        low, high = np.zeros(len(line), dtype=np.int64), np.full(len(line), self.arc.shape[1])
+        for _ in range(self.arc.shape[1].bit_length()):
+            middle = (low + high) // 2
+            value = self.arc[line, np.minimum(middle, self.arc.shape[1] - 1)]
+            right = (value <= target if leaving else value < target) & (middle < high)
+            low, high = np.where(right, middle + 1, low), np.where(right, high, middle)
+        before = np.clip(low - 1, 0, self.arc.shape[1] - 1)
+        after = np.minimum(low, self.arc.shape[1] - 1)
+        step = self.arc[line, after] - self.arc[line, before]
+        share = np.divide(target - self.arc[line, before], step, out=np.zeros(len(line)), where=step > 0)
+        column = np.maximum(before + np.where(low == 0, 0.0, share), 0.0)
+        return np.where(target > end, np.inf, column)
+
 
 def _merge(boxes: FloatArray) -> FloatArray:
     """Boxes of blocks of boxes; a last, smaller block is filled up with its last box."""
@@ -191,7 +232,7 @@ def polyline_crossings(
         *(lines.delta[axis][at_2] for axis in (0, 1)),
     )
     found = hits.which
-    hits = Hits(which=which[found], first=hits.first, second=hits.second)
+    hits = replace(hits, which=which[found])
     return hits, block_1[found], block_2[found]
 
 
@@ -211,7 +252,31 @@ def segment_crossings(
     Returns:
         Crossing points (``which`` points into the segments) and the number of the polyline's segment.
     """
-    own = segment_boxes(x, y, x + dx, y + dy)
+    which, block = meeting_segments(segment_boxes(x, y, x + dx, y + dy), lines, line)
+    at = (line[which], block)
+    hits = intersect(
+        x[which],
+        y[which],
+        dx[which],
+        dy[which],
+        *(lines.start[axis][at] for axis in (0, 1)),
+        *(lines.delta[axis][at] for axis in (0, 1)),
+    )
+    found = hits.which
+    return replace(hits, which=which[found]), block[found]
+
+
+def meeting_segments(own: FloatArray, lines: Polylines, line: IntArray) -> tuple[IntArray, IntArray]:
+    """Segments of polylines whose octagons meet given ones.
+
+    Args:
+        own: (4, 2, N) octagons.
+        lines: the polylines.
+        line: (N,) index of the polyline that each octagon is tested with.
+
+    Returns:
+        Index of the octagon and number of the segment.
+    """
     which = np.flatnonzero(boxes_meet(own, lines.boxes[-1][:, :, line, 0]))
     block = np.zeros(which.size, dtype=np.int64)
     for boxes in reversed(lines.boxes[:-1]):
@@ -219,14 +284,4 @@ def segment_crossings(
         meet = boxes_meet(own[:, :, which, None], boxes[:, :, line[which][:, None], members]) & real
         row, member = np.nonzero(meet)
         which, block = which[row], members[row, member]
-    at = (line[which], block)
-    hits = intersect(
-        x[which],
-        y[which],
-        dx[which],
-        dy[which],
-        *(lines.start[a][at] for a in (0, 1)),
-        *(lines.delta[a][at] for a in (0, 1)),
-    )
-    found = hits.which
-    return Hits(which=which[found], first=hits.first, second=hits.second), block[found]
+    return which, block

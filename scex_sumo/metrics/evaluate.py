@@ -10,11 +10,11 @@ import numpy as np
 
 from scex_sumo.errors import InputError
 from scex_sumo.metrics.base import Metric, MetricParameters, PlannedPaths, Samples, SceneTracks
-from scex_sumo.metrics.registry import METRICS, leaders_of, metrics_named
+from scex_sumo.metrics.registry import PAPER_METRICS, metrics_named, preset_named
 from scex_sumo.metrics.scenes import Scenes
 from scex_sumo.scene import BoolArray, FloatArray, IntArray
 
-COLUMNS: Final[tuple[str, ...]] = tuple(column for name in METRICS for column in (name, f"{name}_mean"))
+COLUMNS: Final[tuple[str, ...]] = tuple(column for name in PAPER_METRICS for column in (name, f"{name}_mean"))
 """The twelve columns of a child scenario; ``ttc`` and ``ttc_mean`` are in 1/s."""
 
 BATCH_PAIR_STEPS = 1 << 16  # unordered pair-steps per batch: the working arrays stay in the processor's cache
@@ -161,7 +161,7 @@ def _batches(
     tracks: SceneTracks, planned: PlannedPaths | None, preset: str, parameters: MetricParameters
 ) -> Iterator[tuple[int, Scenes]]:
     """Scenes of a few children at a time, with the number of the first child."""
-    leaders = leaders_of(preset)
+    rules = preset_named(preset)
     children, _, vehicles = tracks.states.shape
     _check_planned(tracks, planned)
     per_child = max(tracks.steps * vehicles * (vehicles - 1) // 2, 1)
@@ -174,7 +174,7 @@ def _batches(
                 tracks=tracks.children(part),
                 planned=None if planned is None else planned.children(part),
                 parameters=parameters,
-                leaders=leaders,
+                preset=rules,
             ),
         )
 

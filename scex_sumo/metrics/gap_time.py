@@ -1,4 +1,4 @@
-"""Gap time: how far apart in time two vehicles reach the point where their planned paths cross.
+"""Gap time: how far apart in time two vehicles reach the place where their planned paths cross.
 
 Two paths cross at a point that both reach, the end points of segments included. Where they only run along the
 same line (one vehicle behind the other on one lane) there is no crossing point, and the gap time is
@@ -7,208 +7,12 @@ undefined.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from scex_sumo.metrics.base import PlannedPaths, Samples
-from scex_sumo.metrics.crossing import (
-    Polylines,
-    boxes_meet,
-    intersect,
-    octagon,
-    polyline_crossings,
-    segment_boxes,
-    segment_crossings,
-)
+from scex_sumo.metrics.base import Samples
+from scex_sumo.metrics.paths_ahead import Crossings, first_on_own_path
 from scex_sumo.metrics.scenes import Scenes
-from scex_sumo.scene import BoolArray, FloatArray, IntArray
-
-SAME_POINT_M = 1e-9  # crossing points closer than this along the own path are one point
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Crossings:
-    """Crossing points ahead of X ordered pairs at their steps, several per pair allowed.
-
-    Attributes:
-        where: (X,) flat index into (2P, C, T).
-        own: (X,) arc length from the row's own vehicle to the crossing point, m.
-        other: (X,) arc length from the other vehicle, m.
-    """
-
-    where: IntArray
-    own: FloatArray
-    other: FloatArray
-
-
-def bridged(x: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Coordinates with their gaps closed.
-
-    Args:
-        x: (N, H) m, NaN in gaps.
-
-    Returns:
-        (N, H) with inner gaps filled by straight lines and outer ones by the nearest value, and (N,) whether
-        there was any value.
-    """
-    known = np.isfinite(x)
-    if known.all():
-        return x, np.ones(len(x), dtype=bool)
-    column = np.broadcast_to(np.arange(x.shape[1]), x.shape)
-    before = np.maximum.accumulate(np.where(known, column, -1), axis=1)
-    after = np.minimum.accumulate(np.where(known, column, x.shape[1])[:, ::-1], axis=1)[:, ::-1]
-    some: BoolArray = np.any(known, axis=1)
-    left = np.where(before >= 0, before, np.where(after < x.shape[1], after, 0))
-    right = np.where(after < x.shape[1], after, left)
-    low, high = np.take_along_axis(x, left, axis=1), np.take_along_axis(x, right, axis=1)
-    share = (column - left) / np.maximum(right - left, 1)
-    filled = np.where(right > left, low + (high - low) * share, low)
-    return np.where(some[:, None], filled, 0.0), some
-
-
-class PathsAhead:
-    """The planned path of every vehicle at every step: a first segment to the plan's next column, then the
-    plan.
-
-    Attributes:
-        lines: the plans as polylines, child by child, replan by replan, vehicle by vehicle.
-        line: (V, C, T) index of the current plan among ``lines``.
-        column: (T,) the plan's next column.
-        ahead: (V, C, T) whether there is a path ahead of a vehicle that moves.
-        dx: (V, C, T) first segment, m.
-        dy: (V, C, T) m.
-        offset: (V, C, T) what to add to the plan's own arc length to get the one from the vehicle, m.
-    """
-
-    def __init__(self, scenes: Scenes, planned: PlannedPaths) -> None:
-        children, replans, vehicles, columns = planned.x.shape
-        shape = (children * replans * vehicles, columns)
-        x, some_x = bridged(planned.x.reshape(shape))
-        y, some_y = bridged(planned.y.reshape(shape))
-        vehicle, child = np.arange(vehicles)[:, None, None], np.arange(children)[:, None]
-        next_column = np.minimum(planned.column, columns - 1)
-        self.scenes, self.planned = scenes, planned
-        self.lines = Polylines.build(x, y)
-        self.has_plan = some_x & some_y
-        self.line = (child * replans + planned.index) * vehicles + vehicle
-        self.column = planned.column
-        moves = scenes.present & (scenes.speed > scenes.parameters.standing_speed)
-        self.ahead = moves & self.has_plan[self.line] & (planned.column < columns)
-        self.dx = np.where(self.ahead, x[self.line, next_column] - scenes.x, 0.0)
-        self.dy = np.where(self.ahead, y[self.line, next_column] - scenes.y, 0.0)
-        self.first_length = np.hypot(self.dx, self.dy)
-        self.offset = self.first_length - self.lines.arc[self.line, next_column]
-
-    def crossings(self) -> Crossings:
-        """All crossing points ahead of all ordered pairs."""
-        found = [self._between_plans(), *self._with_first_segments()]
-        where, own, other = (np.concatenate([part[i] for part in found]) for i in range(3))
-        half = len(self.scenes.pairs[0]) * int(np.prod(self.scenes.shape))
-        opposite = np.where(where < half, where + half, where - half)
-        return Crossings(
-            where=np.concatenate([where, opposite]),
-            own=np.concatenate([own, other]),
-            other=np.concatenate([other, own]),
-        )
-
-    def _between_plans(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Crossings of the plans themselves: found once per plan, dealt out to its steps."""
-        children, steps = self.scenes.shape
-        first, second = self.scenes.pairs
-        replans, lines = self.planned.x.shape[1], self.lines
-        path = np.arange(children * replans)[:, None] * self.scenes.vehicles
-        one, two = (path + first).reshape(-1), (path + second).reshape(-1)
-        usable = np.flatnonzero(self.has_plan[one] & self.has_plan[two])
-        hits, segment_1, segment_2 = polyline_crossings(lines, one[usable], two[usable])
-        which = usable[hits.which]
-        arc_1 = lines.arc_at(one[which], segment_1, hits.first)
-        arc_2 = lines.arc_at(two[which], segment_2, hits.second)
-        plan, pair = np.divmod(which, max(len(first), 1))
-        child, replan = np.divmod(plan, replans)
-        until = np.minimum(segment_1, segment_2)
-        dealt = [(self.planned.index[t] == replan) & (until >= self.column[t]) for t in range(steps)]
-        step, hit = np.nonzero(np.array(dealt).reshape(steps, which.size))
-        at_1, at_2 = (first[pair[hit]], child[hit], step), (second[pair[hit]], child[hit], step)
-        both = self.ahead[at_1] & self.ahead[at_2]
-        where = (pair[hit] * children + child[hit]) * steps + step
-        own, other = arc_1[hit] + self.offset[at_1], arc_2[hit] + self.offset[at_2]
-        return where[both], own[both], other[both]
-
-    def _with_first_segments(self) -> list[tuple[IntArray, FloatArray, FloatArray]]:
-        """Crossings of a vehicle's first segment with the other's first segment and plan."""
-        scenes, lines = self.scenes, self.lines
-        row, step_of, other = self._near_first_segments()
-        vehicle, scene = np.divmod(row, int(np.prod(scenes.shape)))
-        x, y, dx, dy = (a.reshape(-1) for a in (scenes.x, scenes.y, self.dx, self.dy))
-        mine = x[row], y[row], dx[row], dy[row]
-        theirs = other * int(np.prod(scenes.shape)) + scene
-        where = self._ordered_index(vehicle, other) * int(np.prod(scenes.shape)) + scene
-        first_length, offset = self.first_length.reshape(-1), self.offset.reshape(-1)
-        hits = intersect(*mine, x[theirs], y[theirs], dx[theirs], dy[theirs])
-        at = hits.which
-        between_firsts = (
-            where[at],
-            hits.first * first_length[row[at]],
-            hits.second * first_length[theirs[at]],
-        )
-        line = self.line.reshape(-1)[theirs]
-        hits, segment = segment_crossings(*mine, lines, line)
-        ahead = segment >= self.column[step_of[hits.which]]
-        at, segment = hits.which[ahead], segment[ahead]
-        own = hits.first[ahead] * first_length[row[at]]
-        arc = lines.arc_at(line[at], segment, hits.second[ahead])
-        return [between_firsts, (where[at], own, offset[theirs[at]] + arc)]
-
-    def _near_first_segments(self) -> tuple[IntArray, IntArray, IntArray]:
-        """First segments as flat index into (V, C, T), their step, and vehicles whose path may meet them."""
-        scenes = self.scenes
-        end_x, end_y = scenes.x + self.dx, scenes.y + self.dy
-        first = segment_boxes(scenes.x, scenes.y, end_x, end_y)
-        nodes = octagon(self.lines.x, self.lines.y)
-        rest = np.stack(
-            [
-                np.minimum.accumulate(nodes[..., ::-1], axis=-1),
-                np.maximum.accumulate(nodes[..., ::-1], axis=-1),
-            ],
-            axis=1,
-        )[..., ::-1]
-        column = np.minimum(self.column, self.planned.x.shape[3] - 1)
-        rest = rest[:, :, self.line, column]
-        path = np.stack([np.minimum(rest[:, 0], first[:, 0]), np.maximum(rest[:, 1], first[:, 1])], axis=1)
-        rows, steps, others = [], [], []
-        for vehicle in range(scenes.vehicles):
-            meet = boxes_meet(first[:, :, vehicle, None], path) & self.ahead[vehicle] & self.ahead
-            meet[vehicle] = False
-            other, child, step = np.nonzero(meet)
-            rows.append((vehicle * scenes.shape[0] + child) * scenes.shape[1] + step)
-            steps.append(step)
-            others.append(other)
-        return np.concatenate(rows), np.concatenate(steps), np.concatenate(others)
-
-    def _ordered_index(self, row: IntArray, other: IntArray) -> IntArray:
-        """Number of ordered pairs in the order of ``Scenes.ordered_pairs``."""
-        vehicles = self.scenes.vehicles
-        number = np.zeros((vehicles, vehicles), dtype=np.int64)
-        number[self.scenes.ordered_pairs] = np.arange(vehicles * (vehicles - 1))
-        return number[row, other]
-
-
-def first_on_own_path(crossings: Crossings, size: int) -> Crossings:
-    """Of each ordered pair's crossing points the one that comes first on the row's own vehicle's path.
-
-    Args:
-        crossings: all crossing points.
-        size: number of ordered pairs times scenes.
-    """
-    nearest = np.full(size, np.inf)
-    np.minimum.at(nearest, crossings.where, crossings.own)
-    same = np.flatnonzero(crossings.own <= nearest[crossings.where] + SAME_POINT_M)
-    # Where the other's path comes by the same point twice, its first arrival counts.
-    earliest = np.full(size, np.inf)
-    np.minimum.at(earliest, crossings.where[same], crossings.other[same])
-    where = np.flatnonzero(np.isfinite(nearest))
-    return Crossings(where=where, own=nearest[where], other=earliest[where])
+from scex_sumo.scene import FloatArray
 
 
 def gap_time_at(
@@ -230,22 +34,81 @@ def gap_time_at(
     return np.abs(own / own_speed - other / other_speed)
 
 
+def gap_time_of_area(
+    *,
+    own: FloatArray,
+    other: FloatArray,
+    own_reach: FloatArray,
+    other_reach: FloatArray,
+    own_speed: FloatArray,
+    other_speed: FloatArray,
+) -> FloatArray:
+    """Time between the first vehicle leaving and the second one entering the conflict area, at present speed.
+
+    Args:
+        own: (N,) arc length of the first vehicle's centre to the crossing point, m.
+        other: (N,) of the second, m.
+        own_reach: (N,) distance of its centre from the crossing point within which it is in the area, m.
+        other_reach: (N,) of the second, m.
+        own_speed: (N,) m/s, positive.
+        other_speed: (N,) m/s, positive.
+
+    Returns:
+        (N,) s; 0 where both would be in the area at the same time.
+    """
+    own_first = (other - other_reach) / other_speed - (own + own_reach) / own_speed
+    other_first = (own - own_reach) / own_speed - (other + other_reach) / other_speed
+    return np.maximum(np.maximum(own_first, other_first), 0.0)
+
+
+def area_reach(scenes: Scenes, crossing: Crossings) -> tuple[FloatArray, FloatArray]:
+    """(X,) half-length of the conflict area plus half the vehicle, along either path, m.
+
+    The area is where strips as wide as the vehicles overlap. Paths that cross at a small angle merge rather
+    than cross, and their strips overlap without end: angles below the following angle count as that.
+    """
+    children, steps = scenes.shape
+    pair, scene = np.divmod(crossing.where, children * steps)
+    child = scene // steps
+    sine = np.maximum(crossing.sine, np.sin(min(scenes.parameters.following_angle, np.pi / 2)))
+    cosine = np.sqrt(np.maximum(1 - sine * sine, 0.0))
+    half = []
+    for array in (scenes.length, scenes.width):
+        half += [
+            array[side[pair], child if array.shape[1] > 1 else 0, 0] / 2 for side in scenes.ordered_pairs
+        ]
+    own_length, other_length, own_width, other_width = half
+    own_reach = (other_width + own_width * cosine) / sine + own_length
+    other_reach = (own_width + other_width * cosine) / sine + other_length
+    return own_reach, other_reach
+
+
 def gap_time(scenes: Scenes) -> Samples:
     """Gap time of all ordered pairs whose planned paths cross ahead of both, s.
 
-    Undefined without a crossing, after one of them has passed it, and where one of them stands.
+    Undefined without a crossing, after one of them has passed it, and where one of them stands. Preset
+    ``path`` takes the conflict area in place of the crossing point.
     """
     size = len(scenes.ordered_pairs[0]) * int(np.prod(scenes.shape))
     if scenes.planned is None or size == 0:
         return scenes.scattered(np.empty(0, dtype=np.int64), np.empty(0))
-    crossing = first_on_own_path(PathsAhead(scenes, scenes.planned).crossings(), size)
+    crossing = first_on_own_path(scenes.paths.crossings(), size)
     pair, scene = np.divmod(crossing.where, int(np.prod(scenes.shape)))
     row, other = scenes.ordered_pairs
     speed = scenes.speed.reshape(scenes.vehicles, -1)
-    time = gap_time_at(
+    own_speed, other_speed = speed[row[pair], scene], speed[other[pair], scene]
+    if not scenes.preset.conflict_area:
+        time = gap_time_at(
+            own=crossing.own, other=crossing.other, own_speed=own_speed, other_speed=other_speed
+        )
+        return scenes.scattered(crossing.where, time)
+    own_reach, other_reach = area_reach(scenes, crossing)
+    time = gap_time_of_area(
         own=crossing.own,
         other=crossing.other,
-        own_speed=speed[row[pair], scene],
-        other_speed=speed[other[pair], scene],
+        own_reach=own_reach,
+        other_reach=other_reach,
+        own_speed=own_speed,
+        other_speed=other_speed,
     )
     return scenes.scattered(crossing.where, time)

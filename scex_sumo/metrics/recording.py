@@ -7,7 +7,7 @@ into windows, each with the history that derived values look back on and the tra
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -146,9 +146,7 @@ def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Bloc
             track_id=track_id,
             timestamp_ms=stamps[:, :last],
             tracks=_with_first(whole, first, last),
-            planned=PlannedPaths(
-                x=ahead.x, y=ahead.y, index=ahead.index[: last - first], column=ahead.column[: last - first]
-            ),
+            planned=replace(ahead, index=ahead.index[: last - first], column=ahead.column[: last - first]),
         )
         begin = until
 
@@ -196,13 +194,10 @@ def _fill(
 def _with_first(tracks: SceneTracks, first: int, until: int) -> SceneTracks:
     """The steps before ``until``, evaluated from ``first`` on."""
     assert tracks.present is not None and tracks.acceleration is not None
-    return SceneTracks(
+    return replace(
+        tracks,
         states=tracks.states[:, :until],
-        length=tracks.length,
-        width=tracks.width,
         present=tracks.present[:, :until],
-        step_s=tracks.step_s,
         first=first,
-        types=tracks.types,
         acceleration=tracks.acceleration[:, :until],
     )

@@ -1,17 +1,20 @@
-"""The metrics by name, and the presets: rules for who follows whom."""
+"""The metrics by name, and the presets."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 from scex_sumo.errors import UsageError
-from scex_sumo.metrics.base import Metric
+from scex_sumo.metrics.base import Metric, Preset
 from scex_sumo.metrics.distance import distance
-from scex_sumo.metrics.following import Following, following_by_heading
+from scex_sumo.metrics.drac import drac
+from scex_sumo.metrics.following import following_by_heading
+from scex_sumo.metrics.following_on_path import following_on_path
 from scex_sumo.metrics.gap_time import gap_time
+from scex_sumo.metrics.pet import pet
 from scex_sumo.metrics.pttc import pttc
-from scex_sumo.metrics.scenes import Scenes
+from scex_sumo.metrics.thw import thw
 from scex_sumo.metrics.tq import tq
 from scex_sumo.metrics.ttc import ttc
 from scex_sumo.metrics.wttc import wttc
@@ -23,18 +26,25 @@ METRICS: Final[Mapping[str, Metric]] = {
     "pttc": Metric(name="pttc", unit="s", critical="min", evaluate=pttc, finite=True),
     "wttc": Metric(name="wttc", unit="s", critical="min", evaluate=wttc),
     "ttc": Metric(name="ttc", unit="s", critical="max", evaluate=ttc, inverse=True),
+    "drac": Metric(name="drac", unit="m/s²", critical="max", evaluate=drac),
+    "thw": Metric(name="thw", unit="s", critical="min", evaluate=thw),
+    "pet": Metric(name="pet", unit="s", critical="min", evaluate=pet),
 }
-"""The six metrics of the paper, in the order of the result columns."""
+"""Every metric; the first six are the paper's, in the order of the result columns."""
 
-PRESETS: Final[Mapping[str, Callable[[Scenes], Following]]] = {"paper": following_by_heading}
-"""Who follows whom, by preset."""
+PAPER_METRICS: Final[tuple[str, ...]] = tuple(METRICS)[:6]
+
+PRESETS: Final[Mapping[str, Preset]] = {
+    "paper": Preset(name="paper", leaders=following_by_heading, conflict_area=False),
+    "path": Preset(name="path", leaders=following_on_path, conflict_area=True),
+}
 
 
-def leaders_of(preset: str) -> Callable[[Scenes], Following]:
-    """The rule of a preset."""
-    if preset not in PRESETS:
-        raise UsageError(f"metrics: unknown preset {preset!r}; known: {', '.join(PRESETS)}")
-    return PRESETS[preset]
+def preset_named(name: str) -> Preset:
+    """A preset by name."""
+    if name not in PRESETS:
+        raise UsageError(f"metrics: unknown preset {name!r}; known: {', '.join(PRESETS)}")
+    return PRESETS[name]
 
 
 def metrics_named(names: tuple[str, ...] | None) -> list[Metric]:
@@ -42,4 +52,4 @@ def metrics_named(names: tuple[str, ...] | None) -> list[Metric]:
     for name in names or ():
         if name not in METRICS:
             raise UsageError(f"metrics: unknown metric {name!r}; known: {', '.join(METRICS)}")
-    return [METRICS[name] for name in (names or METRICS)]
+    return [METRICS[name] for name in (PAPER_METRICS if names is None else names)]

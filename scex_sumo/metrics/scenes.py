@@ -5,18 +5,18 @@ With the scenes as the contiguous last axes, differences of pairs and extrema ov
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scex_sumo.metrics.base import MetricParameters, PlannedPaths, Samples, SceneTracks
+from scex_sumo.metrics.base import MetricParameters, PlannedPaths, Preset, Samples, SceneTracks
 from scex_sumo.scene import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from scex_sumo.metrics.following import Following
+    from scex_sumo.metrics.paths_ahead import PathsAhead
 
 
 def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: float) -> FloatArray:
@@ -56,13 +56,13 @@ class Scenes:
         tracks: the batch as given, history included.
         planned: current plans, for metrics that need them; None where there are none.
         parameters: constants of the metrics.
-        leaders: the preset's rule for who follows whom.
+        preset: who follows whom, and what a crossing is.
     """
 
     tracks: SceneTracks
     planned: PlannedPaths | None
     parameters: MetricParameters
-    leaders: Callable[[Scenes], Following]
+    preset: Preset
 
     def _evaluated(self, array: FloatArray) -> FloatArray:
         array = array[:, self.tracks.first :]
@@ -174,7 +174,21 @@ class Scenes:
     @cached_property
     def following(self) -> Following:
         """The car-following pairs, by the preset's rule."""
-        return self.leaders(self)
+        return self.preset.leaders(self)
+
+    @cached_property
+    def paths(self) -> PathsAhead:
+        """The planned paths, for metrics that look at where they lead."""
+        from scex_sumo.metrics.paths_ahead import PathsAhead
+
+        assert self.planned is not None
+        return PathsAhead(self, self.planned)
+
+    def ordered_index(self, row: IntArray, other: IntArray) -> IntArray:
+        """(N,) number of each ordered pair of vehicles in the order of ``ordered_pairs``."""
+        number = np.zeros((self.vehicles, self.vehicles), dtype=np.int64)
+        number[self.ordered_pairs] = np.arange(self.vehicles * (self.vehicles - 1))
+        return number[row, other]
 
     def unordered(self, value: FloatArray) -> Samples:
         """Samples of a symmetric metric defined for all present pairs, from its (P, C, T) values."""

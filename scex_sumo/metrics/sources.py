@@ -16,7 +16,7 @@ from scex_sumo.scene import BoolArray
 
 
 def read_source(source: Path) -> tuple[TrackTable, int]:
-    """Tracks of a file in INTERACTION format (CSV or Parquet) or of a result folder, and its history steps."""
+    """Tracks of an INTERACTION file (CSV or Parquet) or a result folder, and its steps of history."""
     if not source.is_dir():
         return (read_tracks(source), 0) if source.suffix != ".parquet" else (read_parquet(source), 0)
     file = source / "tracks.parquet"

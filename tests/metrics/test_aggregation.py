@@ -173,7 +173,7 @@ def test_backward_differences_bridge_missing_samples() -> None:
         tracks=replace(tracks, states=states, present=present),
         planned=None,
         parameters=MetricParameters(),
-        leaders=evaluation.leaders_of("paper"),
+        preset=evaluation.preset_named("paper"),
     )
     assert scenes.acceleration[0, 0].tolist() == pytest.approx([0.0, 0.0, 1.0 / (2 * STEP_S)])
 
@@ -239,7 +239,7 @@ def test_what_does_not_fit_is_refused() -> None:
     tracks, planned = random_run(np.random.default_rng(0), vehicles=4)
     with pytest.raises(InputError, match="planned paths are of 2 children"):
         evaluate(tracks.children(slice(0, 1)), planned)
-    with pytest.raises(UsageError, match="known: paper"):
+    with pytest.raises(UsageError, match="known: paper, path"):
         evaluate(tracks, planned, preset="best")
     with pytest.raises(UsageError, match="unknown metric 'speed'; known: distance"):
         evaluate(tracks, planned, metrics=("speed",))
