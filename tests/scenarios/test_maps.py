@@ -100,3 +100,115 @@ def test_lanes_are_as_wide_as_at_their_ends(name: str):
         ends = np.linalg.norm(lane.left_bound[[0, -1]] - lane.right_bound[[0, -1]], axis=1)
         assert ends.min() - 0.08 < min(widths) <= max(widths) < ends.max() + 0.08
         assert 3.2 < ends.min() <= ends.max() < 4.6
+
+
+def changes(road: Road) -> set[tuple[int, int]]:
+    """Permitted lane changes as (from, to)."""
+    lanes = road.vehicle_lanes.values()
+    return {(lane.lane_id, to) for lane in lanes for to in (lane.left, lane.right) if to is not None}
+
+
+def ends(lanes: dict[int, Lane], where: str) -> list[Lane]:
+    """Lanes that begin (``predecessors``) or end (``successors``) at the map's edge."""
+    return [lane for lane in lanes.values() if not getattr(lane, where)]
+
+
+def test_roundabout_has_five_ways_in_and_five_out():
+    # One each way on four arms; the southern enters and the northern leaves on two lanes.
+    lanes = road("roundabout").vehicle_lanes
+    assert len(ends(lanes, "predecessors")) == 5
+    assert len(ends(lanes, "successors")) == 5
+
+
+def test_roundabout_can_be_left_on_every_arm_from_every_arm():
+    lanes = road("roundabout").vehicle_lanes
+    exits = {lane.lane_id for lane in ends(lanes, "successors")}
+    for start in ends(lanes, "predecessors"):
+        assert len(reachable(lanes, start.lane_id) & exits) == 5
+
+
+def test_roundabout_ring_is_closed_and_partly_two_lanes_wide():
+    lanes = road("roundabout").vehicle_lanes
+
+    def radius(lane: Lane) -> float:
+        return float(np.hypot(*(lane.centreline[[0, -1]] - 1000).T).max())
+
+    inner = [lane for lane in lanes.values() if radius(lane) < 18.5]
+    angles = [np.angle(complex(*(p - 1000))) for lane in inner for p in lane.centreline]
+    assert np.diff(np.sort(angles)).max() < 0.1  # all the way around
+    assert sum(lane.adjacent_right is not None for lane in inner) == 3
+    assert sum(lane.right is not None for lane in inner) == 2  # the third line is solid
+
+
+def test_roundabout_entries_give_way_to_the_ring_and_wait_at_their_lines():
+    ways = [rule for rule in road("roundabout").regulations if rule.kind == "right_of_way"]
+    lanes = road("roundabout").vehicle_lanes
+    assert sorted(len(rule.yielding) for rule in ways) == [1, 1, 2, 2]
+    for rule in ways:
+        entries = [lanes[waiting].successors[0] for waiting in rule.yielding]
+        assert set(rule.priority) <= {foe for entry in entries for foe in lanes[entry].conflicts}
+        for waiting in rule.yielding:
+            gap = LineString(rule.stop_lines[0]).distance(Point(lanes[waiting].centreline[-1]))
+            assert gap < 0.05  # the centreline ends on the line, up to where Lanelet2 puts its last point
+
+
+def test_motorway_lane_changes_follow_the_lines():
+    merge = road("motorway_merge")
+    lanes, permitted = merge.vehicle_lanes, changes(merge)
+    right = [lane for lane in lanes.values() if lane.adjacent_right is not None]
+    beside = [lane for lane in right if lanes[lane.adjacent_right or 0].adjacent_right is None]
+    beside = [lane for lane in beside if lanes[lane.adjacent_left or 0].adjacent_left is not None]
+    beside.sort(key=lambda lane: float(lane.centreline[0, 0]))
+    onto = [((lane.adjacent_right or 0), lane.lane_id) in permitted for lane in beside]
+    back = [(lane.lane_id, (lane.adjacent_right or 0)) in permitted for lane in beside]
+    # Solid, dashed for those who enter, dashed for all: the three sections of the acceleration lane.
+    assert onto == [False, True, True]
+    assert back == [False, False, True]
+
+
+def test_motorway_has_three_through_lanes_and_a_ramp_that_ends():
+    lanes = road("motorway_merge").vehicle_lanes
+    assert len(ends(lanes, "predecessors")) == 4
+    last = ends(lanes, "successors")
+    assert len(last) == 4
+    (ending,) = [lane for lane in last if lane.left is not None and lane.centreline[-1, 0] < 1250]
+    assert lanes[ending.left or 0].successors
+    limits = {round(lane.speed_limit_mps * 3.6) for lane in lanes.values()}
+    assert limits == {60, 120}
+
+
+def test_intersection_has_twelve_movements_from_seven_lanes():
+    lanes = road("urban_intersection").vehicle_lanes
+    movements = [lane for lane in lanes.values() if len(lane.conflicts) >= 3]
+    assert len(movements) == 12
+    assert len({lane.predecessors for lane in movements}) == 7
+    assert len({lane.successors for lane in movements}) == 4
+
+
+def test_intersection_minor_road_and_left_turns_give_way():
+    crossing = road("urban_intersection")
+    ways = [rule for rule in crossing.regulations if rule.kind == "right_of_way"]
+    with_line = {lane for rule in ways if rule.stop_lines for lane in rule.yielding}
+    without = {lane for rule in ways if not rule.stop_lines for lane in rule.yielding}
+    assert len(with_line) == 6  # three movements from either minor arm
+    assert len(without) == 4  # one left turn from each arm
+    for rule in ways:
+        for lane in rule.yielding:
+            assert set(rule.priority) <= set(crossing.lanes[lane].conflicts)
+
+
+def test_intersection_arms_are_not_at_right_angles():
+    lanes = road("urban_intersection").vehicle_lanes
+    into = {lane.predecessors for lane in lanes.values() if len(lane.conflicts) >= 3}
+    directions = set()
+    for (approach,) in into:
+        step = np.diff(lanes[approach].centreline[-2:], axis=0)[0]
+        directions.add(round(float(np.degrees(np.arctan2(step[1], step[0])))) % 360)
+    between = np.diff(sorted(directions))
+    assert all(abs(turn - 90) > 4 for turn in between if turn > 20)
+
+
+def test_intersection_has_a_zebra_crossing_for_pedestrians():
+    (zebra,) = [lane for lane in road("urban_intersection").lanes.values() if lane.kind == "pedestrian"]
+    assert zebra.subtype == "crosswalk"
+    assert zebra.width_m == pytest.approx(4.0, abs=0.01)
