@@ -22,8 +22,9 @@ def read_seed(
     Args:
         map_path: a Lanelet2 map.
         tracks: a track file in INTERACTION format; None looks where the dataset's folder layout has it.
-        case: the case of a file with ``case_id``; None takes the first usable one.
-        time: the moment in seconds of the recording; None takes the first with a full history.
+        case: the case of a file with ``case_id``; None takes the busiest one.
+        time: the moment in seconds of the recording; None takes frame 10 of a case, and of a recording the
+            moment with most moving vehicles recorded from 1 s before to 3 s after.
         origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
 
     Returns:
