@@ -48,6 +48,7 @@ def read_seed(
 
     Without ``case`` and ``time_s`` it is the moment with most vehicles that move and are recorded from 1 s
     before to 3 s after, the earliest of equals; the moment of a case (INTERACTION v1.2) is its frame 10.
+    A time without a case is looked up in the first case.
 
     Args:
         map_path: the Lanelet2 map; names the seed scene, and finds the tracks where none are given.

@@ -50,7 +50,7 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
 
 
 def wrap(angle: FloatArray) -> FloatArray:
-    """Angles in [-pi, pi); values already there are returned unchanged, to the last bit."""
+    """Angles in [-pi, pi]; values already there are returned unchanged, to the last bit."""
     inside = (angle >= -np.pi) & (angle <= np.pi)
     return np.where(inside, angle, np.mod(angle + np.pi, 2.0 * np.pi) - np.pi)
 
