@@ -7,11 +7,12 @@ the centreline under it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
-from scex_sumo.lines import along, blend_over, headings, join, length_of, nearest, wrap
+from scex_sumo.lines import along, arc_lengths, blend_over, headings, join, length_of, nearest, wrap
 from scex_sumo.matching import OFFSET_SIGMA_M, Matches, match, off_road
 from scex_sumo.road import Lane, Road
 from scex_sumo.scene import FloatArray, IntArray, SeedScene
@@ -65,9 +66,9 @@ def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[
     Returns:
         At most `MAX_ROUTES` routes in the order of a depth-first search over ascending lane ids.
     """
-    lanes = road.vehicle_lanes
+    lanes, length = _known(road), _lengths(road)
     found: list[tuple[int, ...]] = []
-    stack: list[tuple[tuple[int, ...], float]] = [((lane_id,), _length(lanes[lane_id]) - s)]
+    stack: list[tuple[tuple[int, ...], float]] = [((lane_id,), length[lane_id] - s)]
     while stack and len(found) < MAX_ROUTES:
         route, covered = stack.pop()
         following, gain = onward(lanes, route)
@@ -75,7 +76,7 @@ def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[
             found.append(route)
             continue
         for lane in reversed(following):
-            stack.append(((*route, lane), covered + (_length(lanes[lane]) if gain else 0.0)))
+            stack.append(((*route, lane), covered + (length[lane] if gain else 0.0)))
     return tuple(found)
 
 
@@ -90,8 +91,24 @@ def onward(lanes: dict[int, Lane], route: tuple[int, ...]) -> tuple[list[int], b
     return [i for i in beside if lanes[i].successors][:1], False
 
 
-def _length(lane: Lane) -> float:
-    return length_of(lane.centreline)
+@lru_cache(maxsize=8)
+def _known(road: Road) -> dict[int, Lane]:
+    return road.vehicle_lanes
+
+
+@lru_cache(maxsize=8)
+def _lengths(road: Road) -> dict[int, float]:
+    """Lengths of the vehicle lanes, m; never zero, so that every search along them ends."""
+    return {i: max(length_of(lane.centreline), 0.01) for i, lane in _known(road).items()}
+
+
+@lru_cache(maxsize=10_000)
+def _turn(road: Road, lane: int, other: int) -> float:
+    """Change of direction from the end of a lane to 10 m down the other, rad, without its sign."""
+    line = road.lanes[other].centreline
+    there = along(line, np.array([0.0, min(10.0, _lengths(road)[other])]))
+    towards = np.arctan2(*(there[1] - there[0])[::-1])
+    return abs(float(wrap(towards - headings(road.lanes[lane].centreline)[-1])))
 
 
 def candidate_paths(
@@ -186,24 +203,18 @@ def _paths_from(
 
 def extended(road: Road, lanes: tuple[int, ...], length_m: float) -> tuple[int, ...]:
     """A route continued, by the smallest turn at every fork, to a length or to the end of the road."""
-    known = road.vehicle_lanes
-    covered = sum(_length(known[i]) for i in lanes)
+    known, length = _known(road), _lengths(road)
+    # A lane beside the one before adds nothing: the change is made within its length.
+    covered = length[lanes[0]] + sum(length[b] for a, b in pairwise(lanes) if b in known[a].successors)
     while covered < length_m:
         following, gain = onward(known, lanes)
         if not following:
             break
-        turns = [(abs(_turn(known[lanes[-1]], known[i])) if gain else 0.0, i) for i in following]
+        turns = [(_turn(road, lanes[-1], i) if gain else 0.0, i) for i in following]
         chosen = min(turns)[1]
         lanes = (*lanes, chosen)
-        covered += _length(known[chosen]) if gain else 0.0
+        covered += length[chosen] if gain else 0.0
     return lanes
-
-
-def _turn(lane: Lane, other: Lane) -> float:
-    """Change of direction from the end of a lane to 10 m down the other, rad."""
-    there = along(other.centreline, np.array([0.0, min(10.0, length_of(other.centreline))]))
-    towards = np.arctan2(*(there[1] - there[0])[::-1])
-    return float(wrap(towards - headings(lane.centreline)[-1]))
 
 
 def centreline(
@@ -224,20 +235,20 @@ def centreline(
         (P, 2) points, exactly `behind_m` before the place to `ahead_m` after it along the line, and (P,)
         the lane id under each.
     """
-    known = road.vehicle_lanes
+    known, length = _known(road), _lengths(road)
     before: list[int] = []
     missing = behind_m - s
     while missing > 0:
-        at = known[before[0] if before else lanes[0]]
-        options = [i for i in at.predecessors if i in known and i not in before and i not in lanes]
+        at = before[0] if before else lanes[0]
+        options = [i for i in known[at].predecessors if i in known]
         if not options:
             break
-        before.insert(0, min((abs(_turn(known[i], at)), i) for i in options)[1])
-        missing -= _length(known[before[0]])
+        before.insert(0, min((_turn(road, i, at), i) for i in options)[1])
+        missing -= length[before[0]]
     sequence = (*before, *extended(road, lanes, s + ahead_m))
     pieces, owners = _pieces(known, sequence)
     points, owner = join(pieces, owners)
-    start = sum(_length(known[i]) for i in before) + s - behind_m
+    start = sum(length[i] for i in before) + s - behind_m
     return _cut(points, owner, start, behind_m + ahead_m)
 
 
@@ -257,22 +268,14 @@ def _pieces(known: dict[int, Lane], sequence: tuple[int, ...]) -> tuple[list[Flo
 
 def _cut(points: FloatArray, owner: IntArray, start: float, length: float) -> tuple[FloatArray, IntArray]:
     """The part of a line from an arc length on, continued straight where the line is too short."""
-    total = length_of(points)
-    heads = headings(points)
-    if start < 0:
-        back = points[0] + start * np.array([np.cos(heads[0]), np.sin(heads[0])])
-        points, owner = np.vstack([back, points]), np.concatenate([owner[:1], owner])
-        total, start = total - start, 0.0
-    if start + length > total:
-        step = start + length - total
-        front = points[-1] + step * np.array([np.cos(heads[-1]), np.sin(heads[-1])])
-        points, owner = np.vstack([points, front]), np.concatenate([owner, owner[-1:]])
-    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    inside = (arc > start) & (arc < start + length)
+    arc = arc_lengths(points)
     ends = np.array([start, start + length])
-    edge = along(points, ends)
+    inside = slice(int(np.searchsorted(arc, ends[0], side="right")), int(np.searchsorted(arc, ends[1])))
     at = np.clip(np.searchsorted(arc, ends, side="right") - 1, 0, len(points) - 1)
-    return (
-        np.vstack([edge[:1], points[inside], edge[1:]]),
-        np.concatenate([owner[at[:1]], owner[inside], owner[at[1:]]]),
-    )
+    edge = np.column_stack([np.interp(ends, arc, points[:, 0]), np.interp(ends, arc, points[:, 1])])
+    # Straight on past the ends, along the first and the last step.
+    first, last = points[1] - points[0], points[-1] - points[-2]
+    edge[0] += min(start, 0.0) * first / np.hypot(*first)
+    edge[1] += max(start + length - arc[-1], 0.0) * last / np.hypot(*last)
+    cut = np.vstack([edge[:1], points[inside], edge[1:]])
+    return cut, np.concatenate([owner[at[:1]], owner[inside], owner[at[1:]]])

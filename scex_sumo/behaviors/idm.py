@@ -12,7 +12,7 @@ from scex_sumo.behaviors.leaders import find_leaders
 from scex_sumo.behaviors.motion import REAR_AXLE_SHARE, drive
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.behaviors.paths import DS_M, PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.projection import project
+from scex_sumo.behaviors.projection import expected_way, project
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, FloatArray, IntArray, Plan, SceneHistory, Who
 
@@ -121,7 +121,7 @@ class IdmDriver:
         profile = self.profile
         paths, row = chosen_paths(history, road, who, profile.path)
         own = history.now[who.child, who.vehicle]
-        s_centre, _, _ = project(paths, row, own.x, own.y)
+        s_centre, _, _ = project(paths, row, own.x, own.y, expected_way(history, who))
         leaders = find_leaders(
             history, who, paths, row, s_centre, clearance=profile.clearance, radius=profile.radius
         )

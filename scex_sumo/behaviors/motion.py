@@ -20,7 +20,7 @@ import numpy as np
 
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.paths import SeedPaths
-from scex_sumo.behaviors.projection import bend_at, project, refine, sample
+from scex_sumo.behaviors.projection import bend_at, expected_way, project, refine, sample
 from scex_sumo.lines import wrap
 from scex_sumo.scene import STEP_S, FloatArray, IntArray, Plan, SceneHistory, States, Who
 
@@ -95,7 +95,7 @@ def drive(
     length = history.seed.length[who.vehicle]
     begin = history.now[who.child, who.vehicle] if start is None else start
     x, y = rear_axle(begin, length)
-    s, _, path_heading = project(paths, row, x, y)
+    s, _, path_heading = project(paths, row, x, y, expected_way(history, who))
     heading = path_heading + wrap(begin.heading - path_heading)
     v = np.maximum(begin.speed, 0.0)
     bend = _present_bend(history, who, paths, row, s, v)

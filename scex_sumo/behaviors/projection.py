@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.behaviors.paths import COARSE, DS_M, SeedPaths
-from scex_sumo.scene import FloatArray, IntArray
+from scex_sumo.behaviors.paths import BEHIND_M, COARSE, DS_M, SeedPaths
+from scex_sumo.scene import STEP_S, FloatArray, IntArray, SceneHistory, Who
+
+LAP_WEIGHT = 0.01  # (m off the path)² per (m off the expected arc length)²
 
 
 def sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
@@ -55,8 +57,18 @@ def refine(
     return s, cos * (y - py) - sin * (x - px), heading
 
 
+def expected_way(history: SceneHistory, who: Who) -> FloatArray:
+    """(n,) roughly how far vehicles have come along their tables, m: at the mean of first and present speed.
+
+    Tells the laps of a roundabout apart, nothing more.
+    """
+    first = history.seed.now.speed[who.vehicle]
+    now = history.now.speed[who.child, who.vehicle]
+    return BEHIND_M + history.step * STEP_S * (first + now) / 2
+
+
 def project(
-    paths: SeedPaths, row: IntArray, x: FloatArray, y: FloatArray
+    paths: SeedPaths, row: IntArray, x: FloatArray, y: FloatArray, expected: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Foot points of points on their paths.
 
@@ -65,11 +77,15 @@ def project(
         row: (n,) path rows.
         x: (n,) m.
         y: (n,) m.
+        expected: (n,) arc length near which the foot point is looked for where a path passes twice, m.
 
     Returns:
         As `refine`.
     """
     coarse = paths.coarse[row]
     dx, dy = (x - paths.centre[0])[:, None], (y - paths.centre[1])[:, None]
-    nearest = np.argmin(coarse[:, 0] * dx + coarse[:, 1] * dy + coarse[:, 2], axis=1)
+    square = coarse[:, 0] * dx + coarse[:, 1] * dy + coarse[:, 2]
+    # Two laps of a roundabout differ by centimetres in distance and some 50 m in arc length.
+    off = COARSE * DS_M * np.arange(coarse.shape[2]) - expected[:, None]
+    nearest = np.argmin(square + LAP_WEIGHT * off**2, axis=1)
     return refine(paths, row, nearest * (COARSE * DS_M), x, y, 4)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.leaders import Leaders, find_leaders
-from scex_sumo.behaviors.paths import seed_paths
+from scex_sumo.behaviors.paths import BEHIND_M, seed_paths
 from scex_sumo.behaviors.projection import project
 from scex_sumo.road import Road
 from scex_sumo.scene import Obstacles, States, Who
@@ -29,7 +29,7 @@ def leaders(
     who = Who(child=np.array([0]), vehicle=np.array([0]))
     paths = seed_paths(scene, roads.straight() if where is None else where)
     row = paths.choose(0, who.vehicle, np.zeros(1))
-    s, _, _ = project(paths, row, np.array([own[0]]), np.array([own[1]]))
+    s, _, _ = project(paths, row, np.array([own[0]]), np.array([own[1]]), np.array([BEHIND_M]))
     return find_leaders(history, who, paths, row, s, clearance=clearance, radius=radius)
 
 
@@ -116,7 +116,7 @@ def test_a_vehicle_on_another_branch_of_a_fork_leads_only_who_goes_there() -> No
     history, who = roads.present(scene), Who(child=np.zeros(3, dtype=int), vehicle=np.zeros(3, dtype=int))
     paths = seed_paths(scene, roads.fork())
     row = np.array([0, 1, 2])
-    s, _, _ = project(paths, row, np.full(3, 40.0), np.zeros(3))
+    s, _, _ = project(paths, row, np.full(3, 40.0), np.zeros(3), np.full(3, BEHIND_M))
     found = find_leaders(history, who, paths, row, s, clearance=5.0, radius=100.0)
     assert found.index.tolist() == [1, -1, -1]
 
@@ -150,3 +150,18 @@ def test_the_nearest_is_found_on_a_path_that_comes_back_beside_itself() -> None:
     # Smoothing draws the turn in by sigma²/(2R) = 0.11 m: 0.35 m shorter.
     assert found.gap[0] == pytest.approx(way - 0.35 - 4.5, abs=0.15)
     assert found.speed[0] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("ahead", np.linspace(10.0, 60.0, 11).tolist())
+def test_in_a_roundabout_the_leader_is_where_it_is_this_lap(ahead: float) -> None:
+    radius = 12.0
+    half = roads.arc(radius, np.pi, step=0.5), roads.arc(radius, np.pi, (0.0, 2 * radius), np.pi, step=0.5)
+    ring = roads.road(
+        roads.lane(1, half[0], successors=(2,), predecessors=(2,)),
+        roads.lane(2, half[1], successors=(1,), predecessors=(1,)),
+    )
+    turn = ahead / radius
+    other = (radius * np.sin(turn), radius - radius * np.cos(turn), turn, 5.0)
+    found = leaders(other, own=(0.0, 0.0, 0.0, 8.0), where=ring)
+    # Smoothing draws the ring in by sigma²/(2R) = 0.09 m of 12 m: by less than one part in a hundred.
+    assert found.gap[0] == pytest.approx(ahead - 4.5, abs=0.01 * ahead + 0.05)

@@ -88,7 +88,9 @@ def test_paths_go_straight_on_past_the_end_of_the_road() -> None:
 
 def test_a_projection_gives_arc_length_offset_and_heading() -> None:
     paths = seed_paths(roads.seed((30.0, 0.0, 0.0, 8.0)), roads.straight())
-    s, offset, heading = project(paths, np.array([0, 0]), np.array([31.3, 60.2]), np.array([0.7, -4.0]))
+    s, offset, heading = project(
+        paths, np.array([0, 0]), np.array([31.3, 60.2]), np.array([0.7, -4.0]), np.full(2, BEHIND_M)
+    )
     assert s == pytest.approx(BEHIND_M + np.array([1.3, 30.2]))
     assert offset == pytest.approx([0.7, -4.0])
     assert heading == pytest.approx([0.0, 0.0])
@@ -100,7 +102,7 @@ def test_projection_onto_a_curve_is_radial() -> None:
     )
     angle = np.array([0.5, 1.0])
     x, y = 47.0 * np.sin(angle), 50 - 47.0 * np.cos(angle)
-    s, offset, heading = project(paths, np.array([0, 0]), x, y)
+    s, offset, heading = project(paths, np.array([0, 0]), x, y, np.full(2, BEHIND_M))
     # The arc is drawn inwards by sigma²/(2R) = 2 cm and is a polyline of 0.5 m.
     assert s - BEHIND_M == pytest.approx(50 * angle, abs=0.05)
     assert offset == pytest.approx([3.0, 3.0], abs=0.03)
@@ -167,3 +169,17 @@ def test_a_vehicle_off_the_road_gets_a_straight_line_at_its_own_speed() -> None:
     assert not paths.on_road[0] and paths.lanes == ((),)
     assert line(paths)[:, 4] == pytest.approx(0.5)
     assert np.all(paths.speed_limit == 7.0)
+
+
+def test_a_place_that_a_path_passes_twice_belongs_to_the_expected_lap() -> None:
+    half = roads.arc(12.0, np.pi, step=0.5), roads.arc(12.0, np.pi, (0.0, 24.0), np.pi, step=0.5)
+    ring = roads.road(
+        roads.lane(1, half[0], successors=(2,), predecessors=(2,)),
+        roads.lane(2, half[1], successors=(1,), predecessors=(1,)),
+    )
+    paths = seed_paths(roads.seed((0.0, 0.0, 0.0, 8.0)), ring)
+    x, y = np.full(2, 12 * np.sin(1.0)), np.full(2, 12 - 12 * np.cos(1.0))
+    s, _, heading = project(paths, np.array([0, 0]), x, y, BEHIND_M + np.array([20.0, 70.0]))
+    lap = 2 * np.pi * (12.0 - 0.09)
+    assert s - BEHIND_M == pytest.approx([12.0, 12.0 + lap], abs=0.3)
+    assert heading[1] - heading[0] == pytest.approx(2 * np.pi, abs=0.02)
