@@ -15,6 +15,8 @@ from scex_sumo.scene import FloatArray
 # Such lanes overlap from the border on. Without a common approach SUMO would not notice, and vehicles would
 # be put inside each other. The shortest edge that SUMO takes is enough, and keeps the geometry.
 ENTRY_M = 0.1
+# SUMO puts waiting vehicles on top of each other on an edge shorter than they are: it is told this length.
+ENTRY_ROOM_M = 5.7
 TOGETHER_M = 0.1
 ALIGNED = math.radians(20.0)
 

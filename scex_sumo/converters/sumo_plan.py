@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from shapely import MultiPoint, Polygon, unary_union
 
+from scex_sumo.converters.sumo_borders import ENTRY_ROOM_M
 from scex_sumo.converters.sumo_conflicts import Conflict
 from scex_sumo.converters.sumo_rows import Piece
 from scex_sumo.converters.sumo_rules import Link, approach, links_by_node, set_foes, set_right_of_way
@@ -185,6 +186,8 @@ class NetPlan:
                 start, end = (self._node_name(self._topology.node(r, c)) for c in (k, k + 1))
                 shapes = [self._road_shape((r, k, at_)) for at_ in range(len(row.lanes))]
                 nominal = float(np.mean([length(shape) for shape in shapes]))
+                if row.lanes[0] not in self._road.lanes and not self._lanes[row.lanes[0]].predecessors:
+                    nominal = ENTRY_ROOM_M
                 lanes = tuple(
                     self._road_lane(f"{name}_{at_}", (r, k, at_), shape, nominal)
                     for at_, shape in enumerate(shapes)
