@@ -128,16 +128,16 @@ class _Corridors:
         wide = self._size(scenes.width, row[with_plan]) + self._size(scenes.width, other[with_plan])
         which, segment = meeting_segments(np.stack([centre - wide, centre + wide], axis=1), paths.lines, line)
         column = paths.column[(row[with_plan[which]] % self.count) % scenes.shape[1]]
-        still = segment >= column
-        which, segment = which[still], segment[still]
+        # Beyond the last node a polyline is filled up with segments without length.
+        keep = (segment >= column) & (np.abs(paths.lines.delta[:, line[which], segment]).max(axis=0) > 0)
+        which, segment = which[keep], segment[keep]
         entry, at = with_plan[which], (line[which], segment)
         start, delta = paths.lines.start, paths.lines.delta
         aside, share, cos = self._project(
             start[0][at], start[1][at], delta[0][at], delta[1][at], other[entry]
         )
         along = paths.offset.reshape(-1)[row[entry]] + paths.lines.arc_at(*at, share)
-        real = np.flatnonzero((delta[0][at] != 0) | (delta[1][at] != 0))
-        return entry[real], aside[real], along[real], cos[real]
+        return entry, aside, along, cos
 
     def _project(
         self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, other: IntArray

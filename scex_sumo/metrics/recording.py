@@ -64,6 +64,8 @@ def blocks(table: TrackTable, *, history: int = 0) -> Iterator[Block]:
         table: the tracks.
         history: steps at the start of each case that are not evaluated.
     """
+    if len(table.vehicles) == 0:
+        return
     timed = _on_grid(table.vehicles, table.step_s)
     case = timed.rows.case
     starts = np.flatnonzero(np.diff(case, prepend=-1))
@@ -76,7 +78,7 @@ def blocks(table: TrackTable, *, history: int = 0) -> Iterator[Block]:
         else:
             yield from _windows(timed, start, end, history)
     # Cases of like size beside each other leave little of a stack empty.
-    order = np.argsort(sizes, kind="stable") if sizes else np.empty(0, dtype=np.int64)
+    order = np.argsort(np.array(sizes, dtype=np.int64), kind="stable")
     while order.size:
         largest, steps = sizes[order[-1]], STACKED_STEPS
         count = max(STACKED_VALUES // (steps * max(largest, 1) ** 2), 1)
@@ -93,7 +95,7 @@ def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
     ahead = np.rint(np.diff(scenes[:, 1], prepend=0) / (1000 * step_s))
     # Summed step by step, so that stamps rounded to milliseconds do not drift off the grid.
     count = np.cumsum(np.where(new_case, 0, np.maximum(ahead, 1)))
-    start = count[np.flatnonzero(new_case)][np.cumsum(new_case) - 1] if len(count) else count
+    start = count[np.flatnonzero(new_case)][np.cumsum(new_case) - 1]
     follows = np.diff(rows.track, prepend=-1) == 0
     elapsed = np.diff(rows.timestamp_ms, prepend=0) / 1000
     change = np.diff(rows.speed, prepend=0)

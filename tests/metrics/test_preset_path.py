@@ -1,0 +1,292 @@
+"""Preset ``path``: leaders on the own path, conflict areas; and DRAC, THW, PET."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
+from scex_sumo.scene import STEP_S, FloatArray, States
+from tests.metrics.scenes import one_scene, random_run
+
+EXACT = 1e-9
+
+
+def planned(tracks: SceneTracks, *paths: Sequence[tuple[float, float]]) -> PlannedPaths:
+    """One plan per vehicle for a scene of one step; an empty one for a vehicle that plans to stay."""
+    columns = max(1, *(len(path) for path in paths))
+    here = np.stack([tracks.states.x[0, -1], tracks.states.y[0, -1]], axis=1)
+    full = [list(p) + [p[-1] if p else tuple(here[i])] * (columns - len(p)) for i, p in enumerate(paths)]
+    nodes = np.array(full, dtype=float)
+    return PlannedPaths(
+        x=nodes[None, None, :, :, 0],
+        y=nodes[None, None, :, :, 1],
+        index=np.zeros(1, dtype=np.int64),
+        column=np.zeros(1, dtype=np.int64),
+    )
+
+
+def value(
+    metric: str, tracks: SceneTracks, paths: PlannedPaths, *, row: int = 0, preset: str = "path"
+) -> dict[int, float]:
+    rows = evaluate_pairs(tracks, paths, preset=preset, metrics=(metric,))[metric]
+    assert rows.other is not None
+    own = rows.vehicle == row
+    return dict(zip(rows.other[own].tolist(), rows.value[own].tolist(), strict=True))
+
+
+def test_the_gap_is_bumper_to_bumper() -> None:
+    """Centres 50 m apart, both 4.5 m long, closing at 10 m/s."""
+    tracks = one_scene([{"x": 0, "v": 20}, {"x": 50, "v": 10}])
+    paths = planned(tracks, [(30, 0), (60, 0)], [(60, 0), (80, 0)])
+    assert value("ttc", tracks, paths) == pytest.approx({1: 4.55}, rel=EXACT)
+    assert value("drac", tracks, paths) == pytest.approx({1: 100 / (2 * 45.5)}, rel=EXACT)
+    assert value("thw", tracks, paths) == pytest.approx({1: 45.5 / 20}, rel=EXACT)
+    assert value("ttc", tracks, paths, row=1) == {}
+    # The paper's rule: centre to centre.
+    assert value("drac", tracks, paths, preset="paper") == pytest.approx({1: 1.0}, rel=EXACT)
+    assert value("thw", tracks, paths, preset="paper") == pytest.approx({1: 2.5}, rel=EXACT)
+
+
+def test_the_gap_is_measured_along_the_path() -> None:
+    """10 m ahead, then a right angle, and 20 m more to a leader that drives up the side road."""
+    tracks = one_scene([{"x": 0, "v": 10}, {"x": 10, "y": 20, "psi": math.pi / 2, "v": 5}])
+    paths = planned(tracks, [(10, 0), (10, 10), (10, 40)], [(10, 30)])
+    assert value("ttc", tracks, paths) == pytest.approx({1: (30 - 4.5) / 5}, rel=EXACT)
+    assert value("ttc", tracks, paths, preset="paper") == {}
+
+
+def test_the_next_vehicle_leads_not_the_one_after_it() -> None:
+    tracks = one_scene([{"x": 0, "v": 20}, {"x": 60, "v": 1}, {"x": 30, "v": 10}])
+    paths = planned(tracks, [(50, 0), (100, 0)], [(70, 0)], [(90, 0)])
+    assert value("ttc", tracks, paths) == pytest.approx({2: 2.55}, rel=EXACT)
+    assert value("ttc", tracks, paths, row=2) == pytest.approx({1: 25.5 / 9}, rel=EXACT)
+
+
+@pytest.mark.parametrize(
+    ("leader", "leads"),
+    [
+        ({"x": 30, "y": 1.79}, True),  # half of both widths is 1.8 m
+        ({"x": 30, "y": 1.81}, False),  # beside the path
+        ({"x": 30, "y": 3.5}, False),  # on the next lane
+        ({"x": -10}, False),  # behind
+        ({"x": 30, "psi": math.radians(29)}, True),
+        ({"x": 30, "psi": math.radians(31)}, False),  # crosses
+        ({"x": 30, "psi": math.pi}, False),  # comes towards it
+        ({"x": 59}, True),  # the path ends at 40 m and goes on straight for 20 m
+        ({"x": 62}, False),
+    ],
+)
+def test_who_is_on_the_path(leader: dict[str, float], leads: bool) -> None:
+    tracks = one_scene([{"x": 0, "v": 20}, {**leader, "v": 5}])
+    paths = planned(tracks, [(20, 0), (40, 0)], [])
+    assert (1 in value("ttc", tracks, paths)) == leads
+
+
+def test_a_driver_who_stops_behind_a_leader_still_follows_it() -> None:
+    """The plan ends 7 m before the leader's centre."""
+    tracks = one_scene([{"x": 0, "v": 8}, {"x": 20, "v": 0}])
+    paths = planned(tracks, [(6, 0), (10, 0), (13, 0), (13, 0)], [])
+    assert value("ttc", tracks, paths) == pytest.approx({1: 15.5 / 8}, rel=EXACT)
+
+
+def test_a_standing_vehicle_looks_along_its_heading() -> None:
+    tracks = one_scene(
+        [{"x": 0, "psi": 0.2, "v": 0}, {"x": 10 * math.cos(0.2), "y": 10 * math.sin(0.2), "psi": 0.2}]
+    )
+    rows = value("ttc", tracks, planned(tracks, [], []))
+    assert rows == {1: math.inf}
+
+
+def test_overlapping_bumpers_leave_no_gap() -> None:
+    tracks = one_scene([{"x": 0, "v": 8}, {"x": 4, "v": 2}])
+    paths = planned(tracks, [(20, 0)], [(10, 0)])
+    assert value("ttc", tracks, paths) == {1: 0.0}
+    assert value("drac", tracks, paths) == {1: math.inf}
+    result = evaluate(tracks, paths, preset="path", metrics=("ttc", "drac"))
+    assert result.preset == "path"
+    assert np.isinf(result.values).all() and result.defined.all()
+
+
+def slow_leader(
+    tracks: SceneTracks, path: FloatArray, follower: int, at: tuple[int, int]
+) -> tuple[int, float] | None:
+    """The next vehicle along a path and its gap, segment by segment."""
+    child, step = at
+    states = tracks.states
+    if np.hypot(*np.diff(path, axis=0).T).sum() < 0.1:
+        direction = np.array(
+            [math.cos(states.heading[child, step, follower]), math.sin(states.heading[child, step, follower])]
+        )
+    else:
+        steps = np.diff(path, axis=0)
+        direction = steps[np.hypot(*steps.T) > 0][-1]
+        direction = direction / np.hypot(*direction)
+    path = np.vstack([path, path[-1] + 20 * direction])
+    best: tuple[float, int, float] | None = None
+    for other in range(states.shape[2]):
+        if other == follower:
+            continue
+        centre = np.array([states.x[child, step, other], states.y[child, step, other]])
+        nearest: tuple[float, float, float] | None = None
+        arc = 0.0
+        for a, b in pairwise(path):
+            length = float(np.hypot(*(b - a)))
+            if length == 0:
+                continue
+            along = min(max(float((centre - a) @ (b - a)) / length, 0.0), length)
+            aside = float(np.hypot(*(a + (b - a) / length * along - centre)))
+            heading = states.heading[child, step, other]
+            cos = float((b - a) @ [math.cos(heading), math.sin(heading)]) / length
+            if nearest is None or (aside, arc + along) < nearest[:2]:
+                nearest = (aside, arc + along, cos)
+            arc += length
+        assert nearest is not None
+        aside, along, cos = nearest
+        if (
+            aside <= (tracks.width[follower] + tracks.width[other]) / 2
+            and along > 0
+            and cos >= math.cos(math.pi / 6)
+        ):
+            gap = max(along - (tracks.length[follower] + tracks.length[other]) / 2, 0.0)
+            if best is None or along < best[0]:
+                best = (along, other, gap)
+    return None if best is None else best[1:]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_leaders_are_those_of_a_search_segment_by_segment(seed: int) -> None:
+    tracks, plans = random_run(np.random.default_rng(seed), vehicles=12, area=25.0, children=3)
+    rows = evaluate_pairs(tracks, plans, preset="path", metrics=("ttc",))["ttc"]
+    assert rows.other is not None
+    got = {
+        (int(c), int(t), int(i)): (int(j), float(v))
+        for c, t, i, j, v in zip(rows.child, rows.step, rows.vehicle, rows.other, rows.value, strict=True)
+    }
+    expected = {}
+    for child in range(tracks.states.shape[0]):
+        for step in range(tracks.first, tracks.states.shape[1]):
+            now = step - tracks.first
+            for vehicle in range(12):
+                plan = (child, plans.index[now], vehicle, slice(int(plans.column[now]), None))
+                here = [tracks.states.x[child, step, vehicle], tracks.states.y[child, step, vehicle]]
+                path = np.vstack([here, np.stack([plans.x[plan], plans.y[plan]], axis=1)])
+                leader = slow_leader(tracks, path, vehicle, (child, step))
+                if leader is not None:
+                    speeds = tracks.states.speed[child, step]
+                    closing = speeds[vehicle] - speeds[leader[0]]
+                    time = leader[1] / closing if closing > 0 else math.inf
+                    expected[(child, step, vehicle)] = (leader[0], time)
+    assert len(expected) > 5
+    assert got.keys() == expected.keys()
+    for key, (other, time) in expected.items():
+        assert got[key][0] == other
+        assert got[key][1] == pytest.approx(time, rel=1e-7, abs=1e-9)
+
+
+def test_gap_time_between_leaving_and_entering_the_area() -> None:
+    """Right angle, 4.5 m long, 1.8 m wide: in the area within 3.15 m of the crossing point."""
+    tracks = one_scene([{"x": -30, "v": 10}, {"y": -40, "psi": math.pi / 2, "v": 5}])
+    paths = planned(tracks, [(30, 0)], [(0, 20)])
+    expected = (40 - 3.15) / 5 - (30 + 3.15) / 10
+    assert value("gap_time", tracks, paths) == pytest.approx({1: expected}, rel=EXACT)
+    assert value("gap_time", tracks, paths, row=1) == pytest.approx({0: expected}, rel=EXACT)
+    assert value("gap_time", tracks, paths, preset="paper") == pytest.approx({1: 5.0}, rel=EXACT)
+
+
+def test_gap_time_is_zero_where_both_would_be_in_the_area() -> None:
+    tracks = one_scene([{"x": -30, "v": 10}, {"y": -32, "psi": math.pi / 2, "v": 10}])
+    assert value("gap_time", tracks, planned(tracks, [(30, 0)], [(0, 20)])) == {1: 0.0}
+
+
+def test_the_area_grows_with_the_slant_of_the_paths() -> None:
+    """At 45° it reaches (w₂ + w₁ cos 45°) / (2 sin 45°) along either path."""
+    diagonal = math.sqrt(0.5)
+    tracks = one_scene(
+        [{"x": -30, "v": 10}, {"x": -40 * diagonal, "y": -40 * diagonal, "psi": math.pi / 4, "v": 5}]
+    )
+    reach = (1.8 + 1.8 * diagonal) / (2 * diagonal) + 2.25
+    paths = planned(tracks, [(30, 0)], [(20, 20)])
+    assert value("gap_time", tracks, paths) == pytest.approx(
+        {1: (40 - reach) / 5 - (30 + reach) / 10}, rel=EXACT
+    )
+
+
+def straight(*vehicles: tuple[float, float, float, float], steps: int = 80) -> SceneTracks:
+    """(x, y, heading, speed) at constant speed, with everything evaluated."""
+    x, y, heading, speed = np.array(vehicles, dtype=float).T
+    time = np.arange(steps)[:, None] * STEP_S
+    shape = (steps, len(vehicles))
+    return SceneTracks(
+        states=States(
+            x=(x + speed * time * np.cos(heading))[None],
+            y=(y + speed * time * np.sin(heading))[None],
+            heading=np.broadcast_to(heading, shape)[None].copy(),
+            speed=np.broadcast_to(speed, shape)[None].copy(),
+        ),
+        length=np.full(len(vehicles), 4.5),
+        width=np.full(len(vehicles), 1.8),
+    )
+
+
+@pytest.mark.parametrize(("preset", "reach"), [("paper", 0.0), ("path", 0.9 + 2.25)])
+def test_pet_is_the_time_between_leaving_and_coming(preset: str, reach: float) -> None:
+    """The first is at the crossing after 2.03 s, the second after 5.01 s."""
+    tracks = straight((-20.3, 0, 0, 10), (0, -25.05, math.pi / 2, 5))
+    rows = evaluate_pairs(tracks, PlannedPaths.from_tracks(tracks), preset=preset, metrics=("pet",))["pet"]
+    expected = (25.05 - reach) / 5 - (20.3 + reach) / 10
+    assert rows.value == pytest.approx(np.full(rows.value.size, expected), rel=1e-7)
+    # From the start until the first one passes, for both orders.
+    assert rows.step.max() == 20 and rows.value.size == 2 * 21
+
+
+def test_pet_follows_the_speed_that_was_really_driven() -> None:
+    """The second one waits 3 s at its start: gap time does not know, PET does."""
+    tracks = straight((-20.3, 0, 0, 10), (0, -10.05, math.pi / 2, 5))
+    y = tracks.states.y.copy()
+    y[0, 30:, 1] = y[0, :50, 1]
+    y[0, :30, 1] = y[0, 0, 1]
+    waiting = replace(tracks, states=replace(tracks.states, y=y))
+    rows = evaluate_pairs(waiting, None, metrics=("pet",))["pet"]
+    assert rows.value == pytest.approx(np.full(rows.value.size, 3 + 2.01 - 2.03), rel=1e-7)
+
+
+def test_pet_needs_the_first_vehicle_to_leave_before_the_recording_ends() -> None:
+    tracks = straight((-20.3, 0, 0, 10), (0, -24, math.pi / 2, 10), steps=25)
+    rows = evaluate_pairs(tracks, None, preset="path", metrics=("pet",))["pet"]
+    # The first rear leaves the area 23.45 m after its start, at 2.345 s; recorded until 2.4 s.
+    assert rows.value.size > 0
+    short = straight((-20.3, 0, 0, 10), (0, -20.5, math.pi / 2, 10), steps=22)
+    assert evaluate_pairs(short, None, preset="path", metrics=("pet",))["pet"].value.size == 0
+
+
+def test_pet_of_parts_of_a_track_looks_at_the_driven_track_only() -> None:
+    """Planned paths that never cross do not matter to it."""
+    tracks = straight((-20.3, 0, 0, 10), (0, -25.05, math.pi / 2, 5))
+    apart = PlannedPaths.from_replans(
+        np.full((1, 1, 2, 30), 500.0), np.arange(60.0).reshape(1, 1, 2, 30), np.zeros(1, dtype=np.int64), 79
+    )
+    later = replace(tracks, first=1)
+    result = evaluate(later, apart, metrics=("pet",))
+    assert result.values[0, 0] == pytest.approx(25.05 / 5 - 20.3 / 10, rel=1e-7)
+
+
+def test_drac_of_opening_pairs_is_zero() -> None:
+    tracks = one_scene([{"x": 0, "v": 5}, {"x": 20, "v": 9}])
+    assert value("drac", tracks, planned(tracks, [(30, 0)], [(60, 0)])) == {1: 0.0}
+
+
+def test_standing_followers_have_no_headway() -> None:
+    tracks = one_scene([{"x": 0, "v": 1e-4}, {"x": 20, "v": 9}])
+    assert value("thw", tracks, planned(tracks, [(30, 0)], [(60, 0)])) == {}
+
+
+def test_an_extension_must_have_a_length() -> None:
+    with pytest.raises(Exception, match="path extension 0"):
+        MetricParameters(path_extension=0.0)

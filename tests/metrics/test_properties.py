@@ -1,0 +1,251 @@
+"""What must not change a metric, and what must change it in one direction only."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
+from scex_sumo.metrics.drac import deceleration_to_avoid_crash
+from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
+from scex_sumo.metrics.pttc import potential_time_to_collision
+from scex_sumo.metrics.rectangles import rectangle_distance
+from scex_sumo.metrics.registry import METRICS
+from scex_sumo.metrics.ttc import time_to_collision
+from scex_sumo.metrics.wttc import worst_time_to_collision
+from scex_sumo.scene import States
+from tests.metrics.scenes import moved, random_run
+
+seeds = st.integers(0, 2**32 - 1)
+presets = st.sampled_from(["paper", "path"])
+# Moved coordinates are rounded anew: 1e-9 m at the largest shift, over metres and metres per second.
+ROUNDING = 1e-6
+
+
+def run(seed: int) -> tuple[SceneTracks, PlannedPaths]:
+    rng = np.random.default_rng(seed)
+    return random_run(rng, vehicles=6, steps=4, area=float(rng.choice([10, 40, 120])), absent=0.15)
+
+
+def every(tracks: SceneTracks, planned: PlannedPaths, preset: str) -> ScenarioValues:
+    return evaluate(tracks, planned, preset=preset, metrics=tuple(METRICS))
+
+
+def assert_same(first: ScenarioValues, second: ScenarioValues, tolerance: float = ROUNDING) -> None:
+    np.testing.assert_array_equal(first.defined, second.defined)
+    np.testing.assert_allclose(second.values, first.values, rtol=tolerance, atol=tolerance)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds, presets, st.floats(-np.pi, np.pi), st.floats(-1e4, 1e4), st.floats(-1e4, 1e4))
+def test_turning_and_shifting_the_map_changes_nothing(
+    seed: int, preset: str, angle: float, east: float, north: float
+) -> None:
+    tracks, planned = run(seed)
+
+    def motion(x: Any, y: Any, heading: Any) -> tuple[Any, Any, Any]:
+        c, s = math.cos(angle), math.sin(angle)
+        return c * x - s * y + east, s * x + c * y + north, heading + angle
+
+    assert_same(every(tracks, planned, preset), every(*moved(tracks, planned, motion), preset))
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, presets)
+def test_a_mirrored_world_is_as_critical(seed: int, preset: str) -> None:
+    tracks, planned = run(seed)
+    mirrored = moved(tracks, planned, lambda x, y, heading: (x, -y, -heading))
+    assert_same(every(tracks, planned, preset), every(*mirrored, preset), 1e-9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, presets, st.lists(st.integers(-3, 3), min_size=6, max_size=6))
+def test_full_turns_of_headings_change_nothing(seed: int, preset: str, turns: list[int]) -> None:
+    tracks, planned = run(seed)
+    states = replace(tracks.states, heading=tracks.states.heading + 2 * np.pi * np.array(turns))
+    assert_same(every(tracks, planned, preset), every(replace(tracks, states=states), planned, preset), 1e-9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, presets, st.permutations(range(6)))
+def test_the_order_of_vehicles_changes_nothing(seed: int, preset: str, order: list[int]) -> None:
+    tracks, planned = run(seed)
+    assert tracks.present is not None
+    shuffled = replace(
+        tracks,
+        states=tracks.states[:, :, order],
+        length=tracks.length[order],
+        width=tracks.width[order],
+        present=tracks.present[:, :, order],
+    )
+    paths = replace(planned, x=planned.x[:, :, order], y=planned.y[:, :, order])
+    before, after = every(tracks, planned, preset), every(shuffled, paths, preset)
+    assert_same(before, after, 1e-9)
+    for name, worst in before.worst.items():
+        np.testing.assert_array_equal(worst.step[worst.defined], after.worst[name].step[worst.defined])
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, presets)
+def test_an_absent_vehicle_is_as_good_as_none(seed: int, preset: str) -> None:
+    tracks, planned = run(seed)
+    assert tracks.present is not None
+    keep = [0, 1, 3, 4, 5]
+    gone = tracks.present.copy()
+    gone[:, :, 2] = False
+    without = replace(
+        tracks,
+        states=tracks.states[:, :, keep],
+        length=tracks.length[keep],
+        width=tracks.width[keep],
+        present=tracks.present[:, :, keep],
+    )
+    fewer = replace(planned, x=planned.x[:, :, keep], y=planned.y[:, :, keep])
+    assert_same(every(without, fewer, preset), every(replace(tracks, present=gone), planned, preset), 1e-12)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, st.floats(1.0, 3.0))
+def test_larger_vehicles_are_never_safer(seed: int, factor: float) -> None:
+    """By WTTC; TQ may fall: a longer vehicle counts more neighbours, whose speeds may be more alike."""
+    tracks, planned = run(seed)
+    larger = replace(tracks, length=tracks.length * factor, width=tracks.width * factor)
+    before, after = (evaluate(t, planned, metrics=("wttc",)) for t in (tracks, larger))
+    assert np.all(after.values[after.defined] <= before.values[before.defined] + 1e-9)
+
+
+positive = st.floats(0.01, 200.0)
+speeds = st.floats(0.0, 60.0)
+
+
+@given(positive, positive, speeds, speeds, st.floats(-12.0, 0.0))
+def test_a_smaller_gap_is_never_safer(
+    gap: float, more: float, follower: float, leader: float, a: float
+) -> None:
+    near, far = np.array([gap]), np.array([gap + more])
+    v_f, v_l, a_l = np.array([follower]), np.array([leader]), np.array([a])
+    assert time_to_collision(gap=near, closing_speed=v_f - v_l) <= time_to_collision(
+        gap=far, closing_speed=v_f - v_l
+    )
+    times = [
+        potential_time_to_collision(gap=d, follower_speed=v_f, leader_speed=v_l, leader_acceleration=a_l)[0]
+        for d in (near, far)
+    ]
+    assert times[0] <= times[1] * (1 + 1e-9)
+    rates = [deceleration_to_avoid_crash(gap=d, closing_speed=v_f - v_l)[0] for d in (near, far)]
+    assert rates[0] >= rates[1]
+
+
+@given(positive, speeds, speeds, st.floats(-12.0, 0.0), st.floats(0.0, 12.0))
+def test_a_leader_that_brakes_harder_is_never_safer(
+    d: float, follower: float, leader: float, a: float, more: float
+) -> None:
+    gentle, hard = (
+        potential_time_to_collision(
+            gap=np.array([d]),
+            follower_speed=np.array([follower]),
+            leader_speed=np.array([leader]),
+            leader_acceleration=np.array([braking]),
+        )[0]
+        for braking in (a, a - more)
+    )
+    assert hard <= gentle * (1 + 1e-9) or math.isinf(gentle)
+
+
+@given(positive, speeds, speeds, st.floats(-12.0, -1e-6))
+def test_pttc_is_when_the_gap_is_used_up(d: float, follower: float, leader: float, a: float) -> None:
+    """Put into the leader's motion, which ends at its standstill, it gives the gap."""
+    (t,) = potential_time_to_collision(
+        gap=np.array([d]),
+        follower_speed=np.array([follower]),
+        leader_speed=np.array([leader]),
+        leader_acceleration=np.array([a]),
+    )
+    if math.isinf(t):
+        assert follower < 1e-300  # or the time overflows
+        return
+    moving = min(t, leader / -a)
+    leader_way = leader * moving + a * moving**2 / 2
+    assert follower * t == pytest.approx(d + leader_way, rel=1e-7, abs=1e-7)
+
+
+@given(
+    st.floats(-300, 300),
+    st.floats(-300, 300),
+    st.floats(-100, 100),
+    st.floats(-100, 100),
+    st.floats(0, 20),
+    st.floats(0.1, 30),
+)
+def test_wttc_is_the_first_touch(
+    dx: float, dy: float, dvx: float, dvy: float, radius: float, reach: float
+) -> None:
+    """The discs touch then, and nowhere before: the gap is sampled densely up to it."""
+    (t,) = worst_time_to_collision(
+        dx=np.array([dx]),
+        dy=np.array([dy]),
+        dvx=np.array([dvx]),
+        dvy=np.array([dvy]),
+        radius=np.array([radius]),
+        acceleration=np.array([reach]),
+    )
+
+    def gap(time: Any) -> Any:
+        return np.hypot(dx + dvx * time, dy + dvy * time) - radius - reach * time**2 / 2
+
+    scale = 1 + math.hypot(dx, dy) + radius
+    if math.hypot(dx, dy) <= radius:
+        assert t == 0
+        return
+    assert abs(gap(t)) < 1e-9 * scale
+    before = np.linspace(0, t, 2000)[:-1]
+    assert np.all(gap(before) > -1e-9 * scale)
+
+
+@given(
+    st.floats(-30, 30), st.floats(-30, 30), st.floats(-np.pi, np.pi), st.floats(-np.pi, np.pi),
+    st.tuples(st.floats(0, 12), st.floats(0, 3)), st.tuples(st.floats(0, 12), st.floats(0, 3)),
+)  # fmt: skip
+def test_rectangle_distance_does_not_care_who_is_first(
+    dx: float, dy: float, one: float, two: float, size_1: tuple[float, float], size_2: tuple[float, float]
+) -> None:
+    def arrays(*values: float) -> list[Any]:
+        return [np.array([v]) for v in values]
+
+    names = ("dx", "dy", "cos_1", "sin_1", "cos_2", "sin_2", "length_1", "width_1", "length_2", "width_2")
+    c_1, s_1, c_2, s_2 = math.cos(one), math.sin(one), math.cos(two), math.sin(two)
+    there = arrays(dx, dy, c_1, s_1, c_2, s_2, *size_1, *size_2)
+    back = arrays(-dx, -dy, c_2, s_2, c_1, s_1, *size_2, *size_1)
+    distances = [rectangle_distance(**dict(zip(names, a, strict=True)))[0] for a in (there, back)]
+    assert distances[0] == pytest.approx(distances[1], abs=1e-9)
+    centres = math.hypot(dx, dy)
+    assert distances[0] <= centres + 1e-9
+    assert distances[0] >= centres - (math.hypot(*size_1) + math.hypot(*size_2)) / 2 - 1e-9
+
+
+def test_thousands_of_kilometres_and_standing_vehicles_stay_finite() -> None:
+    rng = np.random.default_rng(0)
+    tracks, planned = random_run(rng, children=3, vehicles=6, area=1e6)
+    still = replace(tracks, states=replace(tracks.states, speed=np.zeros(tracks.states.shape)))
+    for preset in ("paper", "path"):
+        for scene in (tracks, still):
+            values = every(scene, planned, preset)
+            assert np.isfinite(values.values[values.defined]).all()
+
+
+def test_vehicles_in_one_and_the_same_place() -> None:
+    """No direction, no distance: 0 m, WTTC 0, and nobody follows."""
+    zero = np.zeros((1, 2, 3))
+    tracks = SceneTracks(
+        states=States(x=zero, y=zero, heading=zero, speed=zero + 5.0), length=np.ones(3), width=np.ones(3)
+    )
+    values = every(tracks, PlannedPaths.from_tracks(tracks), "paper")
+    assert values.column("distance")[0].tolist() == [0.0]
+    assert values.column("wttc")[0].tolist() == [0.0]
+    assert not values.column("ttc")[1].any()
