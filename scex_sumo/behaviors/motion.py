@@ -29,8 +29,9 @@ CURVATURE_LIMIT = 0.2  # 1/m, a turning radius of 5 m
 JOIN_TIME_S = 0.67
 JOIN_LENGTH_M = 3.0
 JOIN_ANGLE_RAD = 0.5
-JOIN_ACCELERATION = 3.2  # m/s² lateral, on top of what the path asks for
-JOIN_JERK = 8.0  # m/s³ lateral
+JOIN_ACCELERATION = 3.2  # m/s² lateral, on top of what the path asks for, up to twice that where
+JOIN_HEADING_RAD = 0.18  # the heading is further off than this
+JOIN_JERK = 8.0  # m/s³ lateral, likewise
 STEERING_RATE = 0.3  # 1/(m·s): 45 degrees/s at the wheels of a 2.7 m wheelbase
 
 # (step, speed, arc length on the path from the start of the plan, arc length on the table) -> m/s²
@@ -44,7 +45,13 @@ def rear_axle(states: States, length: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _present_bend(
-    history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray, s: FloatArray, v: FloatArray
+    history: SceneHistory,
+    who: Who,
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    heading: FloatArray,
+    v: FloatArray,
 ) -> FloatArray:
     """(n,) by how much vehicles turn more than their path does at the moment, 1/m.
 
@@ -64,7 +71,8 @@ def _present_bend(
     bend = turned / np.maximum(way, 0.02) - bend_at(paths, row, then + way / 2)
     # Recorded headings are noisy, a padded history is straight in a curve: never off by more than a
     # driver's own correction could be. One who stands can turn the wheel first.
-    return np.where(way > 0.02, np.clip(bend, *_bend_limits(v)), 0.0)
+    most = _bend_limit(v, _urgency(wrap(now.heading - heading)))
+    return np.where(way > 0.02, np.clip(bend, -most, most), 0.0)
 
 
 def drive(
@@ -93,12 +101,15 @@ def drive(
         (n, H).
     """
     length = history.seed.length[who.vehicle]
-    begin = history.now[who.child, who.vehicle] if start is None else start
+    now = history.now[who.child, who.vehicle]
+    begin = now if start is None else start
     x, y = rear_axle(begin, length)
     s, _, path_heading = project(paths, row, x, y, expected_way(history, who))
     heading = path_heading + wrap(begin.heading - path_heading)
     v = np.maximum(begin.speed, 0.0)
-    bend = _present_bend(history, who, paths, row, s, v)
+    # How the wheels stand is known where the vehicle is now, not where it shall start later.
+    there = (begin.x == now.x) & (begin.y == now.y)
+    bend = np.where(there, _present_bend(history, who, paths, row, s, path_heading, v), 0.0)
     s0, out = s, np.empty((4, steps, len(who)))
     for step in range(steps):
         a = accelerate(step, v, s - s0, s)
@@ -131,18 +142,23 @@ def _steer(
 ) -> FloatArray:
     """New curvature error against the path after one step."""
     omega = 1 / np.maximum(JOIN_LENGTH_M, JOIN_TIME_S * v)
-    least, most = _bend_limits(v)
+    urgency = _urgency(error)
+    most = _bend_limit(v, urgency)
     aim = -np.clip(omega / 3 * offset, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
-    wanted = np.clip(omega * (aim - error), least, most)
-    rate = np.minimum(STEERING_RATE, JOIN_JERK / np.maximum(v * v, 1.0)) * STEP_S
+    wanted = np.clip(omega * (aim - error), -most, most)
+    rate = np.minimum(STEERING_RATE, urgency * JOIN_JERK / np.maximum(v * v, 1.0)) * STEP_S
     change = (3 * omega * moved) * (wanted - bend)
     return bend + np.clip(change, -rate, rate)
 
 
-def _bend_limits(v: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n,) smallest and largest curvature error against the path, 1/m."""
-    most = np.minimum(0.75 * CURVATURE_LIMIT, JOIN_ACCELERATION / np.maximum(v * v, 1.0))
-    return -most, most
+def _urgency(error: FloatArray) -> FloatArray:
+    """(n,) 1 to 2, by the heading error."""
+    return np.clip(np.abs(error) / JOIN_HEADING_RAD, 1.0, 2.0)
+
+
+def _bend_limit(v: FloatArray, urgency: FloatArray) -> FloatArray:
+    """(n,) largest curvature error against the path, 1/m."""
+    return np.minimum(0.75 * CURVATURE_LIMIT, urgency * JOIN_ACCELERATION / np.maximum(v * v, 1.0))
 
 
 def _centres(out: FloatArray, length: FloatArray) -> Plan:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -140,6 +141,27 @@ def test_a_class_of_ones_own_becomes_a_model() -> None:
         parse_models("parked:height=3")
     with pytest.raises(UsageError, match="steps=many is not a whole number"):
         parse_models("parked:steps=many")
+
+
+def entry_points(monkeypatch: pytest.MonkeyPatch, value: str) -> None:
+    point = importlib.metadata.EntryPoint(name="installed", value=value, group="scex_sumo.behaviors")
+    points = importlib.metadata.EntryPoints([point])
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda *, group: points.select(group=group))
+
+
+def test_another_package_adds_a_model_by_an_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    entry_points(monkeypatch, "scex_sumo.behaviors.replay:ReplayProfile")
+    assert "installed" in known_names()
+    spec = ModelSpec(name="installed", parameters={"path": "3"})
+    # Any callable may stand there; this one makes no model, which is noticed when it is built.
+    with pytest.raises(UsageError, match="installed: ReplayProfile has neither plan nor plan_one"):
+        build(spec)
+
+
+def test_an_entry_point_that_cannot_be_imported_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    entry_points(monkeypatch, "no_such_package:Model")
+    with pytest.raises(UsageError, match="installed: entry point no_such_package:Model cannot be loaded"):
+        parse_models("installed")
 
 
 @pytest.mark.usefixtures("clean")
