@@ -102,13 +102,20 @@ def _lengths(road: Road) -> dict[int, float]:
     return {i: max(length_of(lane.centreline), 0.01) for i, lane in _known(road).items()}
 
 
-@lru_cache(maxsize=10_000)
+@lru_cache(maxsize=8)
+def _turns(road: Road) -> dict[tuple[int, int], float]:
+    return {}
+
+
 def _turn(road: Road, lane: int, other: int) -> float:
     """Change of direction from the end of a lane to 10 m down the other, rad, without its sign."""
-    line = road.lanes[other].centreline
-    there = along(line, np.array([0.0, min(10.0, _lengths(road)[other])]))
-    towards = np.arctan2(*(there[1] - there[0])[::-1])
-    return abs(float(wrap(towards - headings(road.lanes[lane].centreline)[-1])))
+    turns = _turns(road)  # filled as turns are asked for; forgotten with the road
+    if (lane, other) not in turns:
+        line = road.lanes[other].centreline
+        there = along(line, np.array([0.0, min(10.0, _lengths(road)[other])]))
+        towards = np.arctan2(*(there[1] - there[0])[::-1])
+        turns[lane, other] = abs(float(wrap(towards - headings(road.lanes[lane].centreline)[-1])))
+    return turns[lane, other]
 
 
 def candidate_paths(
