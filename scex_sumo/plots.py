@@ -35,6 +35,7 @@ _STYLE: dict[Any, Any] = {
     "font.size": 8,
     "axes.spines.top": False,
     "axes.spines.right": False,
+    "svg.fonttype": "none",  # text stays text: searchable, and editable for a paper
     "svg.hashsalt": "scex-sumo",  # the same picture has the same bytes
     "figure.dpi": 100,
 }
@@ -231,7 +232,8 @@ def vehicle_boxes(seed: SeedScene) -> FloatArray:
 
 def _save(figure: Figure, stem: Path) -> list[Path]:
     files = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
-    figure.savefig(files[0], metadata={"Date": None})
-    figure.savefig(files[1], dpi=150)
+    with plt.rc_context(_STYLE):
+        figure.savefig(files[0], metadata={"Date": None})
+        figure.savefig(files[1], dpi=150)
     plt.close(figure)
     return files

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rich.table import Table
+from rich.text import Text
 
 from scex_sumo.run import Run, side_of
 from scex_sumo.scene import FloatArray
@@ -37,7 +38,7 @@ def summary_table(run: Run) -> Table:
         recorded = run.recorded_value(column)
         threshold = run.thresholds.get(column)
         table.add_row(
-            label,
+            Text(label),  # or rich takes the unit in brackets for markup
             _number(recorded),
             _number(float(np.median(samples)) if len(samples) else None),
             *_critical(run, column, threshold, samples),
