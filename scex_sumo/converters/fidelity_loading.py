@@ -27,7 +27,7 @@ from scex_sumo.scene import FloatArray
 
 PROBE_STEP_M = 2.0
 PROBE_END_M = 0.3  # at its very ends a lanelet and its neighbours in line share their points
-MATCH_THRESHOLD_M = 5.0
+MATCH_THRESHOLD_M = 100.0  # SUMO's own; below 20 m it is quicker and at times takes a worse lane for a better
 SAME_PLACE_M = 0.05  # branches of a fork lie on each other at first; either is the mapped lane there
 LOAD_LIMIT_S = 60.0
 RETRY_S = 0.05  # a small net takes SUMO a tenth of a second to load
@@ -171,13 +171,22 @@ def _mapped(
     net: Net, matching: Matching, owner: int, found: str, point: FloatArray, direction: float
 ) -> bool:
     """Whether the lane found stands for the lanelet, or runs through the very same place the same way."""
-    if any(stretch.sumo_lane == found for stretch in matching.by_lanelet.get(owner, ())):
+    own = [stretch.sumo_lane for stretch in matching.by_lanelet.get(owner, ())]
+    if found in own:
         return True
-    if found not in net.lanes:
+    if (
+        found not in net.lanes
+        or _off(net, own, point) > SAME_PLACE_M
+        or _off(net, [found], point) > SAME_PLACE_M
+    ):
         return False
     lane = sample(net.lanes[found].shape, 0.2)
     off = np.hypot(*(lane - point).T)
-    if shapely.distance(shapely.LineString(lane), shapely.Point(point)) > SAME_PLACE_M:
-        return False
     turn = headings(lane)[int(np.argmin(off))] - direction
     return bool(abs(np.angle(np.exp(1j * turn))) < AHEAD_RAD)
+
+
+def _off(net: Net, lanes: list[str], point: FloatArray) -> float:
+    """Distance of a point to the nearest of some SUMO lanes, m."""
+    place = shapely.Point(point)
+    return min((shapely.LineString(net.lanes[name].shape).distance(place) for name in lanes), default=np.inf)

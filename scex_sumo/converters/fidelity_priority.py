@@ -104,14 +104,14 @@ class _Links:
         return sources[0] == sources[1] and len(sources[0]) == 1
 
     def ahead(self, lane_id: int) -> list[Link]:
-        """Links of a lanelet that have foes or, for an approach, the first such links ahead of it."""
+        """Links of a lanelet that have foes or, for an approach, the first such ahead of it; else its own."""
         links = self.of(lane_id)
         for _ in range(AHEAD_LINKS):
             contested = [link for link in links if self.foes(link)]
             if contested:
                 return contested
             links = self._from({link.to_lane for link in links})
-        return []
+        return self.of(lane_id)
 
     def _line(self, link: Link) -> shapely.MultiLineString:
         if link not in self._lines:
