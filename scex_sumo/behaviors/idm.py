@@ -31,7 +31,8 @@ class IdmProfile:
         max_deceleration: physical limit of braking in m/s²; the formula alone has none.
         speed: desired speed ``v0`` in m/s; 0 takes the speed limit of the lane.
         speed_factor: factor on the speed limit.
-        clearance: another one is a leader when its centre is this near to the path, m.
+        clearance: another vehicle is a leader when its centre is this near to the path, m.
+        obstacle_clearance: likewise a pedestrian or cyclist, m.
         radius: perception radius, m.
         curve_acceleration: comfortable lateral acceleration in curves, m/s²; 0 does not slow down for them.
         curve_deceleration: braking before a curve, m/s².
@@ -47,6 +48,7 @@ class IdmProfile:
     speed: float = 0.0
     speed_factor: float = 1.0
     clearance: float = 5.0
+    obstacle_clearance: float = 1.5
     radius: float = 100.0
     curve_acceleration: float = 0.0
     curve_deceleration: float = 1.0
@@ -68,6 +70,7 @@ class IdmProfile:
             "minimum_gap",
             "speed",
             "clearance",
+            "obstacle_clearance",
             "curve_acceleration",
             zero=True,
         )
@@ -123,7 +126,14 @@ class IdmDriver:
         own = history.now[who.child, who.vehicle]
         s_centre, _, _ = project(paths, row, own.x, own.y, expected_way(history, who))
         leaders = find_leaders(
-            history, who, paths, row, s_centre, clearance=profile.clearance, radius=profile.radius
+            history,
+            who,
+            paths,
+            row,
+            s_centre,
+            clearance=profile.clearance,
+            radius=profile.radius,
+            obstacle_clearance=profile.obstacle_clearance,
         )
         wished = desired_speeds(paths, profile.speed, profile.speed_factor)
         curves = (

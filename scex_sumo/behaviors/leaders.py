@@ -40,12 +40,14 @@ def find_leaders(
     *,
     clearance: float,
     radius: float,
+    obstacle_clearance: float = 1.5,
 ) -> Leaders:
     """Find the next vehicle or obstacle on or near each driver's path.
 
     Another one counts when its centre is within `radius` of the driver's, its centre or any part of it is
-    near enough to the path (centre within `clearance`, or its body inside the driver's own corridor: own
-    width and 0.3 m on both sides), and
+    near enough to the path (a vehicle's centre within `clearance`, an obstacle's within
+    `obstacle_clearance`, or its body inside the driver's own corridor: own width and 0.3 m on both sides),
+    and
 
     - its nearest end along the path is ahead of the driver's front bumper; or
     - it is alongside with its centre ahead of the driver's and its body inside the driver's corridor (a
@@ -62,8 +64,9 @@ def find_leaders(
         paths: paths of the seed scene.
         row: (n,) path of each driver.
         s_centre: (n,) arc length of the driver's centre on its path, m.
-        clearance: m from the path to the other's centre.
+        clearance: m from the path to the other vehicle's centre.
         radius: perception radius, m.
+        obstacle_clearance: m from the path to an obstacle's centre; pedestrians wait beside the lane.
     """
     others = everyone(history)
     size = max(1, MOST_PAIRS // max(1, others.length.size))
@@ -75,7 +78,7 @@ def find_leaders(
             paths,
             row[k],
             s_centre[k],
-            clearance,
+            np.where(others.obstacle, obstacle_clearance, clearance),
             radius,
         )
         for k in (slice(i, i + size) for i in range(0, max(1, len(who)), size))
@@ -94,10 +97,10 @@ def _leaders_of(
     paths: SeedPaths,
     row: IntArray,
     s_centre: FloatArray,
-    clearance: float,
+    clearance: FloatArray,
     radius: float,
 ) -> Leaders:
-    """Leaders of a part of the drivers."""
+    """Leaders of a part of the drivers; the clearance is that of each of the others, (M,)."""
     own = history.now[who.child, who.vehicle]
     length, width = history.seed.length[who.vehicle], history.seed.width[who.vehicle]
     ox, oy = others.states.x[who.child], others.states.y[who.child]  # (n, M)
@@ -106,7 +109,10 @@ def _leaders_of(
     near[np.arange(len(who)), who.vehicle] = False
     first = _first_guess(paths, row, s_centre, ox, oy, radius)
     # Points further from every coarse sample than this can neither be within the clearance nor in the way.
-    reach = max(clearance, float(width.max(initial=0.0)) / 2 + CORRIDOR_MARGIN_M + others.longest / 2)
+    reach = max(
+        float(clearance.max(initial=0.0)),
+        float(width.max(initial=0.0)) / 2 + CORRIDOR_MARGIN_M + others.longest / 2,
+    )
     near &= first.distance2 <= (reach + COARSE * DS_M) ** 2
     i, j = np.nonzero(near)
     x, y = ox[i, j], oy[i, j]
@@ -122,7 +128,7 @@ def _leaders_of(
     gap = ahead - extent - length[i] / 2
     oncoming = cos < -0.5
     counts = np.where(
-        (gap > 0) & ~oncoming, (np.abs(offset) <= clearance) | inside, inside & (ahead > 0)
+        (gap > 0) & ~oncoming, (np.abs(offset) <= clearance[j]) | inside, inside & (ahead > 0)
     )  # fmt: skip
     return _smallest(len(who), i[counts], j[counts], gap[counts], speed[counts])
 

@@ -120,21 +120,25 @@ def drive(
         px, py, cos, sin, path_heading, _ = sample(paths, row, s)
         dx, dy = x - px, y - py
         s = s + (cos * dx + sin * dy)
-        offset = cos * dy - sin * dx
+        bend = _steer(bend, cos * dy - sin * dx, heading - path_heading, v, moved)
         curvature = bend_at(paths, row, s + moved / 2)
-        bend = _steer(bend, offset, heading - path_heading, v, moved)
         turn = np.clip(curvature + bend, -CURVATURE_LIMIT, CURVATURE_LIMIT)
         bend = turn - curvature
-        angle = turn * moved
-        middle = heading + angle / 2
-        # sin(z)/z of the half angle, which is below 0.5: the chord of the arc.
-        z2 = (angle / 2) ** 2
-        chord = moved * (1 - z2 / 6 * (1 - z2 / 20))
-        x, y = x + chord * np.cos(middle), y + chord * np.sin(middle)
-        heading = heading + angle
+        x, y, heading = _along_arc(x, y, heading, turn * moved, moved)
         s, v = s + moved, np.maximum(following, 0.0)
         out[0, step], out[1, step], out[2, step], out[3, step] = x, y, heading, v
     return _centres(out, length)
+
+
+def _along_arc(
+    x: FloatArray, y: FloatArray, heading: FloatArray, angle: FloatArray, moved: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Pose after an arc of a length that turns by an angle."""
+    # sin(z)/z of the half angle, which is below 0.5: the chord of the arc.
+    z2 = (angle / 2) ** 2
+    chord = moved * (1 - z2 / 6 * (1 - z2 / 20))
+    middle = heading + angle / 2
+    return x + chord * np.cos(middle), y + chord * np.sin(middle), heading + angle
 
 
 def _steer(

@@ -133,42 +133,43 @@ def seed_paths(
     """
     now = seed.now
     ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
-    lines: list[FloatArray] = []
-    owners: list[IntArray | None] = []
-    lanes: list[tuple[int, ...]] = []
-    count: list[int] = []
-    edges: list[FloatArray] = []
-    on_road: list[bool] = []
     candidates = candidate_paths(road, seed) if given is None else None
+    lines: list[_Line] = []
+    count = np.ones(seed.vehicles, dtype=np.int64)
     for v in range(seed.vehicles):
         pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
         if candidates is None:
             assert given is not None
             mine = [_given(road, given, pose, ahead)]
-            shares = np.ones(1)
         else:
             mine = [
-                (*centreline(road, path.lanes, path.s, BEHIND_M, ahead), path.lanes) for path in candidates[v]
-            ]
-            shares = np.array([path.probability for path in candidates[v]])
-        on_road.append(bool(mine))
-        if not mine:
-            mine, shares = [(_straight(pose, ahead), None, ())], np.ones(1)
-        count.append(len(mine))
-        edges.append(np.cumsum(shares) / shares.sum())
-        for points, owner, ids in mine:
-            lines.append(points)
-            owners.append(owner)
-            lanes.append(ids)
-    counts = np.array(count, dtype=np.int64)
-    own_speed = np.repeat(now.speed, counts)
-    return _tabulate(road, lines, owners, own_speed, ahead, counts, edges, lanes, np.array(on_road))
+                _Line(*centreline(road, path.lanes, path.s, BEHIND_M, ahead), path.lanes, path.probability)
+                for path in candidates[v]
+            ] or [_straight(pose, ahead)]
+        count[v] = len(mine)
+        lines += mine
+    return _tabulate(road, lines, np.repeat(now.speed, count), int((BEHIND_M + ahead) / DS_M) + 1, count)
 
 
-def _straight(pose: tuple[float, float, float], ahead: float) -> FloatArray:
+@dataclass(frozen=True)
+class _Line:
+    """A path before it is smoothed: points, the lane under each, its lanes, its probability.
+
+    Attributes:
+        on_road: False for a vehicle off the mapped lanes.
+    """
+
+    points: FloatArray
+    owner: IntArray | None
+    lanes: tuple[int, ...]
+    share: float = 1.0
+    on_road: bool = True
+
+
+def _straight(pose: tuple[float, float, float], ahead: float) -> _Line:
     x, y, heading = pose
     s = np.array([-BEHIND_M, ahead])
-    return np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)])
+    return _Line(np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)]), None, (), on_road=False)
 
 
 def _given(
@@ -176,7 +177,7 @@ def _given(
     given: tuple[int, ...] | tuple[tuple[float, float], ...],
     pose: tuple[float, float, float],
     ahead: float,
-) -> tuple[FloatArray, IntArray | None, tuple[int, ...]]:
+) -> _Line:
     """The line of a path that the caller gave, cut at the vehicle."""
     if isinstance(given[0], tuple):
         points = np.array(given, dtype=np.float64)
@@ -195,52 +196,59 @@ def _given(
     cut = np.vstack([ends[:1], points[inside], ends[1:]])
     if owner is not None:
         owner = np.concatenate([owner[inside][:1], owner[inside], owner[inside][-1:]])
-    return cut, owner, ids
+    return _Line(cut, owner, ids)
 
 
 def _tabulate(
-    road: Road,
-    lines: list[FloatArray],
-    owners: list[IntArray | None],
-    own_speed: FloatArray,
-    ahead: float,
-    count: IntArray,
-    edges: list[FloatArray],
-    lanes: list[tuple[int, ...]],
-    on_road: BoolArray,
+    road: Road, lines: list[_Line], own_speed: FloatArray, samples: int, count: IntArray
 ) -> SeedPaths:
-    n = int((BEHIND_M + ahead) / DS_M) + 1
-    raw = np.stack([resample(line, n, DS_M) for line in lines])
-    width, limit = np.full(raw.shape[:2], 3.5), np.repeat(own_speed[:, None], n, axis=1)
-    for k, owner in enumerate(owners):
-        if owner is not None:
-            ids, inverse = np.unique(owner, return_inverse=True)
-            arc = arc_lengths(lines[k])
-            at = np.clip(np.searchsorted(arc, DS_M * np.arange(n), side="right") - 1, 0, len(owner) - 1)
-            width[k] = np.array([road.lanes[int(i)].width_m for i in ids])[inverse][at]
-            limit[k] = np.array([road.lanes[int(i)].speed_limit_mps for i in ids])[inverse][at]
+    """Smooth the lines and lay them into tables; `own_speed` (P,) is that of their vehicles, m/s."""
+    raw = np.stack([resample(line.points, samples, DS_M) for line in lines])
+    width, limit = np.full(raw.shape[:2], 3.5), np.repeat(own_speed[:, None], samples, axis=1)
+    for k, line in enumerate(lines):
+        if line.owner is not None:
+            width[k], limit[k] = _of_lanes(road, line.points, line.owner, samples)
     smooth = drivable(raw, np.maximum(width, 1.0) / 2, DS_M)
-    even = np.stack([resample(line, n, DS_M) for line in smooth])
+    even = np.stack([resample(line, samples, DS_M) for line in smooth])
+    centre = even.reshape(-1, 2).mean(axis=0)
+    some = even[:, ::COARSE] - centre
+    first = np.cumsum(count) - count
+    shares = np.array([line.share for line in lines])
+    edges = np.concatenate([np.cumsum(shares[f : f + n]) / shares[f : f + n].sum()
+                            for f, n in zip(first, count, strict=True)])  # fmt: skip
+    return SeedPaths(
+        first=first,
+        count=count,
+        draw_edges=edges,
+        lanes=tuple(line.lanes for line in lines),
+        on_road=np.array([line.on_road for line in lines])[first],
+        table=_columns(even).reshape(-1, 2 * len(COLUMNS)),
+        samples=samples,
+        speed_limit=limit,
+        coarse=np.stack([-2 * some[..., 0], -2 * some[..., 1], (some**2).sum(-1)], 1),
+        centre=centre,
+    )
+
+
+def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> tuple[FloatArray, FloatArray]:
+    """(N,) width and (N,) speed limit of the lane under each sample."""
+    ids, inverse = np.unique(owner, return_inverse=True)
+    at = np.searchsorted(arc_lengths(points), DS_M * np.arange(samples), side="right") - 1
+    at = inverse[np.clip(at, 0, len(owner) - 1)]
+    lanes = [road.lanes[int(i)] for i in ids]
+    width = np.array([lane.width_m for lane in lanes])
+    return width[at], np.array([lane.speed_limit_mps for lane in lanes])[at]
+
+
+def _columns(even: FloatArray) -> FloatArray:
+    """(P, N, 12) the rows of the table from evenly spaced points (P, N, 2)."""
     heading = _sample_headings(even)
     curvature = np.gradient(heading, DS_M, axis=1)
     columns = np.stack([even[..., 0], even[..., 1], np.cos(heading), np.sin(heading), heading, curvature], -1)
     slope = np.diff(columns, axis=1, append=columns[:, -1:])
     # The last step goes on straight: positions past the end are extrapolated from it.
     slope[:, -1, :2] = DS_M * columns[:, -1, 2:4]
-    centre = even.reshape(-1, 2).mean(axis=0)
-    some = even[:, ::COARSE] - centre
-    return SeedPaths(
-        first=np.cumsum(count) - count,
-        count=count,
-        draw_edges=np.concatenate(edges),
-        lanes=tuple(lanes),
-        on_road=on_road,
-        table=np.concatenate([columns, slope], -1).reshape(-1, 2 * len(COLUMNS)),
-        samples=n,
-        speed_limit=limit,
-        coarse=np.stack([-2 * some[..., 0], -2 * some[..., 1], (some**2).sum(-1)], 1),
-        centre=centre,
-    )
+    return np.concatenate([columns, slope], -1)
 
 
 def _sample_headings(points: FloatArray) -> FloatArray:

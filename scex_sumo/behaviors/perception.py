@@ -20,6 +20,7 @@ class Everyone:
         present: (C, M).
         length: (M,) m.
         width: (M,) m.
+        obstacle: (M,) False for the vehicles.
         longest: the largest diagonal, m.
     """
 
@@ -27,6 +28,7 @@ class Everyone:
     present: BoolArray
     length: FloatArray
     width: FloatArray
+    obstacle: BoolArray
     longest: float
 
 
@@ -77,7 +79,10 @@ def everyone(history: SceneHistory) -> Everyone:
         length = np.concatenate([length, obstacles.length])
         width = np.concatenate([width, obstacles.width])
     longest = float(np.sqrt(length**2 + width**2).max(initial=0.0))
-    return Everyone(states=now, present=present, length=length, width=width, longest=longest)
+    obstacle = np.arange(len(length)) >= seed.vehicles
+    return Everyone(
+        states=now, present=present, length=length, width=width, obstacle=obstacle, longest=longest
+    )
 
 
 def local_view(history: SceneHistory, who: Who, radius: float = np.inf) -> LocalView:

@@ -141,6 +141,12 @@ def test_a_pedestrian_on_the_road_is_a_leader_while_present() -> None:
     assert gap(obstacles=pedestrian(120.0, 1.0, present=False)) == np.inf
 
 
+def test_a_pedestrian_waiting_beside_the_lane_stops_nobody() -> None:
+    # A vehicle there would, within 5 m.
+    assert gap(obstacles=pedestrian(120.0, 3.0)) == np.inf
+    assert gap((120.0, 3.0, DOWN, 0.0)) < np.inf
+
+
 def test_the_nearest_is_found_on_a_path_that_comes_back_beside_itself() -> None:
     """A U-turn: one on the way back is ahead by the way round, not by the short cut."""
     turn = roads.arc(10.0, np.pi, (60.0, 0.0), step=0.5)
