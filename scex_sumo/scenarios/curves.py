@@ -146,9 +146,14 @@ def join(start: Pose, end: Pose) -> Curve:
             for pose in (start, end)
         )
     chord = float(np.hypot(end.x - start.x, end.y - start.y))
-    scales = chord * np.arange(0.8, 2.41, 0.05)
-    options = ((_peak(_quintic(start, end, a, b)), a, b) for a in scales for b in scales)
-    _, a, b = min(options)
+    scales = chord * np.arange(0.8, 2.41, 0.1)
+    # Mirror images tie up to rounding: the order must not depend on it.
+    options = (
+        (round(_peak(_quintic(start, end, a, b)), 9), round(abs(a - b), 6), a, b)
+        for a in scales
+        for b in scales
+    )
+    _, _, a, b = min(options)
     return _quintic(start, end, a, b, count=int(np.ceil(2 * chord / SAMPLE_M)) + 1)
 
 
