@@ -67,6 +67,10 @@ def run(
     assign: Annotated[
         list[str] | None, typer.Option(metavar="TRACK=MODEL", help="A vehicle's model; repeatable.")
     ] = None,
+    design: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="How assignments are drawn: balanced (default), random, ..."),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
     batch: Annotated[int | None, typer.Option(help="Children side by side in one SUMO; else chosen.")] = None,
@@ -91,6 +95,7 @@ def run(
             replan=replan,
             models=models,
             assign=tuple(assign or ()),
+            design=design,
             seed=seed,
             workers=workers,
             batch=batch,

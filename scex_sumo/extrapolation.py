@@ -19,6 +19,7 @@ from scex_sumo.colors import model_colors
 from scex_sumo.converters.sumo_net import convert
 from scex_sumo.converters.tracks import write_tracks
 from scex_sumo.density import THRESHOLDS
+from scex_sumo.designs import DEFAULT_DESIGN
 from scex_sumo.errors import UsageError
 from scex_sumo.job import Job, batches_of, run_batches
 from scex_sumo.measure import measure_recorded
@@ -46,6 +47,7 @@ def extrapolate(
     assign: Mapping[int, str] | None = None,
     steps: int = DEFAULT_STEPS,
     replan: int = DEFAULT_REPLAN,
+    design: str = DEFAULT_DESIGN,
     seed: int = 0,
     workers: int = 1,
     batch: int = DEFAULT_BATCH,
@@ -66,6 +68,7 @@ def extrapolate(
         assign: model by track id for vehicles that are not to be drawn.
         steps: steps of 0.1 s per child.
         replan: steps that a plan is followed before the next, 1 to 30.
+        design: how the assignments are drawn, one of `scex_sumo.designs.DESIGNS`.
         seed: the same seed gives the same result.
         workers: processes that share the children; the result does not depend on it.
         batch: children side by side in one world; the result does not depend on it.
@@ -93,6 +96,7 @@ def extrapolate(
         children=_children(children),
         seed=seed,
         fixed=fixed,
+        design=design,
     )
     temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
     configuration = {
@@ -103,6 +107,7 @@ def extrapolate(
         "children": len(assignment),
         "steps": steps,
         "replan": replan,
+        "design": "all" if children == "all" else design,
         "seed": seed,
     }
     folder = ResultFolder(Path(temporary.name if temporary else str(out)), configuration, overwrite=overwrite)
@@ -137,6 +142,7 @@ def extrapolate(
             "children": len(assignment),
             "steps": steps,
             "replan": replan,
+            "design": configuration["design"],
             "seed": seed,
             "thresholds": limits,
             "net_notes": list(net.notes),

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from scex_sumo.designs import DESIGNS, check_design
 from scex_sumo.errors import UsageError
 from scex_sumo.scene import FloatArray, IntArray
 
 MAX_COMBINATIONS = 1_000_000
-_ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM = range(3)
+_ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM = range(4)
 
 
 def child_generator(seed: int, child: int, stream: int = _PLAN_STREAM) -> np.random.Generator:
@@ -42,6 +43,28 @@ def random_assignments(
     upper /= upper[-1]
     draws = np.stack([child_generator(seed, int(c), _ASSIGNMENT_STREAM).random(vehicles) for c in children])
     return np.searchsorted(upper, draws, side="right").astype(np.int64)
+
+
+def designed_assignments(
+    weights: Sequence[float], children: int, vehicles: int, *, seed: int, design: str
+) -> IntArray:
+    """Models for the vehicles of all children together, spread more evenly than independent draws.
+
+    Args:
+        weights: (M,) relative frequency of each model, not all zero.
+        children: number of children.
+        vehicles: number of vehicles V, at least 1.
+        seed: the run's seed.
+        design: one of `scex_sumo.designs.DESIGNS`.
+
+    Returns:
+        (C, V) index of the model.
+    """
+    drawn = np.flatnonzero(np.asarray(weights, dtype=np.float64) > 0)
+    shares = np.asarray(weights, dtype=np.float64)[drawn]
+    shares /= shares.sum()
+    rng = child_generator(seed, 0, _DESIGN_STREAM)
+    return drawn[DESIGNS[design]([shares] * vehicles, children, rng)].astype(np.int64)
 
 
 def all_assignments(choices: Sequence[int]) -> IntArray:
@@ -76,6 +99,7 @@ def assignments(
     children: int | None,
     seed: int,
     fixed: Mapping[int, int] | None = None,
+    design: str = "random",
 ) -> IntArray:
     """The assignment of every child of a run.
 
@@ -85,13 +109,16 @@ def assignments(
         children: number of children, or None for all combinations.
         seed: the run's seed.
         fixed: model (index, may lie beyond ``weights``) by track id, the same in all children.
+        design: how a number of children is drawn, one of `scex_sumo.designs.DESIGNS`; fixed vehicles take
+            no part in it. With ``random`` and ``balanced``, fewer children are the first of more.
 
     Returns:
         (C, V) index of the model.
 
     Raises:
-        UsageError: an unknown track id, no children, or too many combinations.
+        UsageError: an unknown track id or design, no children, or too many combinations.
     """
+    check_design(design)
     ids = [int(t) for t in track_ids]
     fixed = dict(fixed or {})
     unknown = sorted(set(fixed) - set(ids))
@@ -106,7 +133,13 @@ def assignments(
     else:
         if children < 1:
             raise UsageError(f"--children: got {children}, needs at least 1 (or 'all')")
-        result = random_assignments(weights, range(children), len(ids), seed=seed)
+        if design == "random":
+            result = random_assignments(weights, range(children), len(ids), seed=seed)
+        else:
+            free = [v for v, t in enumerate(ids) if t not in fixed]
+            result = np.zeros((children, len(ids)), dtype=np.int64)
+            if free:
+                result[:, free] = designed_assignments(weights, children, len(free), seed=seed, design=design)
     for track, model in fixed.items():
         result[:, ids.index(track)] = model
     return result

@@ -27,6 +27,7 @@ class RunRequest:
     replan: int
     models: str | None
     assign: tuple[str, ...]
+    design: str | None
     seed: int
     workers: int
     batch: int | None
@@ -41,6 +42,7 @@ def run_command(request: RunRequest) -> None:
     from rich.console import Console
 
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
+    from scex_sumo.designs import DEFAULT_DESIGN
     from scex_sumo.extrapolation import DEFAULT_BATCH, extrapolate
     from scex_sumo.routes import off_road
     from scex_sumo.summary import summary_table
@@ -60,6 +62,7 @@ def run_command(request: RunRequest) -> None:
                 assign=assign,
                 steps=request.steps,
                 replan=request.replan,
+                design=request.design if request.design is not None else DEFAULT_DESIGN,
                 seed=request.seed,
                 workers=request.workers,
                 batch=request.batch if request.batch is not None else DEFAULT_BATCH,

@@ -1,0 +1,222 @@
+"""Assignment designs that need fewer runs than independent draws: every model equally often per vehicle, ...
+
+A design says for every run (row) which level each factor has: which of its models each vehicle gets. Rows are
+judged by how far the shares of all level combinations are from what independent draws would give on average,
+few factors counting more than many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from scex_sumo.errors import UsageError
+from scex_sumo.scene import FloatArray, IntArray
+
+DECAY: Final = 0.3
+"""How much a combination of k + 1 factors counts against one of k; found by ``benchmarks/designs.py``."""
+
+BLOCK_ROWS: Final = 1024
+_STARTS, _SWEEPS = 3, 3
+_TIE: Final = 1e-9  # scores this close are equal, whatever the order in which a machine adds them up
+
+Shares = Sequence[Sequence[float]] | Sequence[FloatArray]
+
+
+def balanced(shares: Shares, rows: int, rng: np.random.Generator, *, decay: float = DECAY) -> IntArray:
+    """Rows that are balanced wherever one stops: one by one, each where it is missing most.
+
+    With the product kernel k(x, z) = prod over factors of (1 + decay * ([x = z] / share - 1)), the squared
+    discrepancy of the rows from the product of the shares is the mean of k over all pairs of rows, less one;
+    it adds up the squared deviations of the shares of all combinations of k factors, weighted by decay^k.
+    Every next row is the best one that a coordinate search from random starts finds (kernel herding). The
+    first rows of a longer design are the shorter design. Blocks of 1024 rows are independent of each other.
+
+    Args:
+        shares: per factor, the share of each of its levels; each sums to 1, none is 0.
+        rows: number of rows R.
+        rng: the randomness; ties and starts are drawn from it. With equal shares all levels of a factor are
+            alike, so that each single row is distributed as an independent draw.
+        decay: above 0 and below 1.
+
+    Returns:
+        (R, F) level of each factor in each row.
+
+    Source: kernel herding, Chen, Welling, Smola 2010; discrepancies of designs with qualitative factors as
+    reproducing kernels, Hickernell, Liu 2002.
+    """
+    if not 0 < decay < 1:
+        raise UsageError(f"decay of a design: got {decay}, needs to be between 0 and 1")
+    weights = [np.asarray(s, dtype=np.float64) for s in shares]
+    own = [1 - decay + decay / w for w in weights]
+    out = np.empty((rows, len(weights)), dtype=np.int64)
+    for start in range(0, rows, BLOCK_ROWS):
+        block = out[start : start + BLOCK_ROWS]
+        kernels = [np.full((len(w), len(block)), 1 - decay) for w in weights]
+        for row in range(len(block)):
+            block[row] = _next_row([k[:, :row] for k in kernels], own, weights, rng)
+            for factor, level in enumerate(block[row]):
+                kernels[factor][level, row] = own[factor][level]
+    return out
+
+
+def _next_row(
+    kernels: Sequence[FloatArray],
+    own: Sequence[FloatArray],
+    weights: Sequence[FloatArray],
+    rng: np.random.Generator,
+) -> IntArray:
+    """The row that lowers the discrepancy most, as far as a search from a few random rows finds it.
+
+    Args:
+        kernels: per factor, (L, R) of its levels with those of the rows so far.
+        own: per factor, (L,) of its levels with themselves.
+        weights: per factor, (L,) shares.
+        rng: the randomness.
+
+    Returns:
+        (F,) levels.
+    """
+    rows = independent(weights, _STARTS if kernels[0].shape[1] else 1, rng)
+    if len(rows) == 1:
+        return rows.reshape(-1)
+    at = np.arange(_STARTS)
+    like = [k[rows[:, f]] for f, k in enumerate(kernels)]
+    like_own = [k[rows[:, f]] for f, k in enumerate(own)]
+    product, product_own = np.prod(like, axis=0), np.prod(like_own, axis=0)
+    added = np.zeros(_STARTS)
+    for factor in [int(f) for _ in range(_SWEEPS) for f in rng.permutation(len(kernels))]:
+        rest, rest_own = product / like[factor], product_own / like_own[factor]
+        scores = rest @ kernels[factor].T + 0.5 * rest_own[:, None] * own[factor]
+        added = scores.min(axis=1)
+        lowest = scores <= added[:, None] + _TIE
+        drawn = np.argmax(rng.random(scores.shape) * lowest, axis=1)
+        rows[:, factor] = np.where(lowest[at, rows[:, factor]], rows[:, factor], drawn)
+        like[factor], like_own[factor] = kernels[factor][rows[:, factor]], own[factor][rows[:, factor]]
+        product, product_own = rest * like[factor], rest_own * like_own[factor]
+    best: IntArray = rows[int(np.flatnonzero(added <= added.min() + _TIE)[0])]
+    return best
+
+
+def latin(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
+    """Every level as often as its share says, per factor; factors independent (Latin hypercube).
+
+    Args:
+        shares: per factor, the share of each of its levels.
+        rows: number of rows R.
+        rng: the randomness.
+
+    Returns:
+        (R, F) level of each factor in each row.
+
+    Source: McKay, Beckman, Conover 1979.
+    """
+    strata = np.stack([rng.permutation(rows) for _ in shares], axis=1)
+    return _levels(shares, (strata + rng.random(strata.shape)) / rows)
+
+
+def sobol(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
+    """Levels from a scrambled Sobol' sequence, one dimension per factor.
+
+    Args:
+        shares: per factor, the share of each of its levels.
+        rows: number of rows R; balance is best at powers of two.
+        rng: the randomness.
+
+    Returns:
+        (R, F) level of each factor in each row.
+
+    Source: Owen 1998 (scrambling); scipy's generator.
+    """
+    from scipy.stats import qmc
+
+    exponent = max(int(rows - 1).bit_length(), 0)
+    points = qmc.Sobol(len(shares), scramble=True, seed=rng).random_base2(exponent)[:rows]
+    return _levels(shares, points)
+
+
+def halton(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
+    """Levels from a scrambled Halton sequence, one dimension per factor.
+
+    Args:
+        shares: per factor, the share of each of its levels.
+        rows: number of rows R.
+        rng: the randomness.
+
+    Returns:
+        (R, F) level of each factor in each row.
+
+    Source: Owen 2017 (scrambling); scipy's generator.
+    """
+    from scipy.stats import qmc
+
+    return _levels(shares, qmc.Halton(len(shares), scramble=True, seed=rng).random(rows))
+
+
+def orthogonal(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
+    """Levels from a Latin hypercube on an orthogonal array of strength two.
+
+    The array has p² rows for a prime p and takes p + 1 factors at most; the smallest one with enough rows and
+    factors is drawn and its first rows, in random order, are taken.
+
+    Args:
+        shares: per factor, the share of each of its levels.
+        rows: number of rows R.
+        rng: the randomness.
+
+    Returns:
+        (R, F) level of each factor in each row.
+
+    Source: Tang 1993; scipy's generator.
+    """
+    from scipy.stats import qmc
+
+    prime = max(int(np.ceil(np.sqrt(rows))), len(shares) - 1, 2)
+    while any(prime % k == 0 for k in range(2, int(prime**0.5) + 1)):
+        prime += 1
+    points = qmc.LatinHypercube(len(shares), strength=2, seed=rng).random(prime * prime)
+    return _levels(shares, rng.permutation(points)[:rows])
+
+
+def independent(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
+    """Independent draws: the baseline.
+
+    Args:
+        shares: per factor, the share of each of its levels.
+        rows: number of rows R.
+        rng: the randomness.
+
+    Returns:
+        (R, F) level of each factor in each row.
+    """
+    return _levels(shares, rng.random((rows, len(shares))))
+
+
+DESIGNS: Final[Mapping[str, Callable[[Shares, int, np.random.Generator], IntArray]]] = {
+    "random": independent,
+    "balanced": balanced,
+    "latin": latin,
+    "orthogonal": orthogonal,
+    "sobol": sobol,
+    "halton": halton,
+}
+"""Designs by name. The rows of a shorter ``random`` or ``balanced`` design begin a longer one."""
+
+DEFAULT_DESIGN: Final = "balanced"
+
+
+def check_design(name: str) -> None:
+    """Raise a `UsageError` for an unknown design."""
+    if name not in DESIGNS:
+        raise UsageError(f"--design: unknown design {name!r}; known: {', '.join(DESIGNS)}")
+
+
+def _levels(shares: Shares, points: FloatArray) -> IntArray:
+    """Numbers in [0, 1) as levels, by their shares."""
+    levels = np.empty(points.shape, dtype=np.int64)
+    for factor, share in enumerate(shares):
+        upper = np.cumsum(np.asarray(share, dtype=np.float64))
+        levels[:, factor] = np.searchsorted(upper[:-1] / upper[-1], points[:, factor], side="right")
+    return levels
