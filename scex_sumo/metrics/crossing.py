@@ -88,15 +88,30 @@ def boxes_meet(first: FloatArray, second: FloatArray) -> BoolArray:
 
 def octagon(x: FloatArray, y: FloatArray) -> FloatArray:
     """(4, N...) coordinates along the four directions of an octagon: x, y, x + y, x - y."""
-    return np.stack([x, y, x + y, x - y])
+    directions = np.empty((4, *x.shape))
+    directions[0], directions[1] = x, y
+    np.add(x, y, out=directions[2])
+    np.subtract(x, y, out=directions[3])
+    return directions
 
 
 def segment_boxes(x: FloatArray, y: FloatArray, end_x: FloatArray, end_y: FloatArray) -> FloatArray:
     """(4, 2, N...) octagons around segments, a hair wider than they are, so that touching is not lost."""
-    start, end = octagon(x, y), octagon(end_x, end_y)
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    margin = TOUCH * (1 + high - low)
-    return np.stack([low - margin, high + margin], axis=1)
+    return _around(octagon(x, y), octagon(end_x, end_y))
+
+
+def _around(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Octagons around two points given by their octagon coordinates, (4, N...) each."""
+    boxes = np.empty((4, 2, *start.shape[1:]))
+    low, high = boxes[:, 0], boxes[:, 1]
+    np.minimum(start, end, out=low)
+    np.maximum(start, end, out=high)
+    margin = high - low
+    margin += 1.0
+    margin *= TOUCH
+    low -= margin
+    high += margin
+    return boxes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,6 +121,7 @@ class Polylines:
     Attributes:
         x: (N, H) m.
         y: (N, H) m.
+        octagons: (4, N, H) of the nodes.
         arc: (N, H) length from the first node, m.
         start: (2, N, M) start of each segment, M a multiple of the block size; the surplus has no length.
         delta: (2, N, M) from start to end, m.
@@ -114,6 +130,7 @@ class Polylines:
 
     x: FloatArray
     y: FloatArray
+    octagons: FloatArray
     arc: FloatArray
     start: FloatArray
     delta: FloatArray
@@ -122,20 +139,23 @@ class Polylines:
     @classmethod
     def build(cls, x: FloatArray, y: FloatArray) -> Polylines:
         """Prepare (N, H) nodes, all finite."""
-        nodes = np.stack([x, y])
-        count = nodes.shape[2] - 1
+        count = x.shape[1] - 1
         levels = 1
         while BLOCK**levels < count:
             levels += 1
         padded = BLOCK * -(-max(count, 1) // BLOCK)
-        full = np.concatenate([nodes, np.repeat(nodes[:, :, -1:], padded - count, axis=2)], axis=2)
+        full = np.empty((2, len(x), padded + 1))
+        full[0, :, : count + 1], full[1, :, : count + 1] = x, y
+        full[:, :, count + 1 :] = full[:, :, count : count + 1]
+        nodes = octagon(full[0], full[1])
         start, delta = full[:, :, :-1], np.diff(full, axis=2)
-        boxes = [segment_boxes(full[0, :, :-1], full[1, :, :-1], full[0, :, 1:], full[1, :, 1:])]
+        boxes = [_around(nodes[:, :, :-1], nodes[:, :, 1:])]
         for _ in range(levels):
             boxes.append(_merge(boxes[-1]))
         arc = np.zeros(x.shape)
         np.cumsum(np.hypot(delta[0], delta[1])[:, :count], axis=1, out=arc[:, 1:])
-        return cls(x=x, y=y, arc=arc, start=start, delta=delta, boxes=tuple(boxes))
+        octagons = nodes[:, :, : count + 1]
+        return cls(x=x, y=y, octagons=octagons, arc=arc, start=start, delta=delta, boxes=tuple(boxes))
 
     def arc_at(self, line: IntArray, segment: IntArray, share: FloatArray) -> FloatArray:
         """(N,) length from the first node to a share of a segment, m."""
@@ -185,10 +205,15 @@ class Polylines:
 def _merge(boxes: FloatArray) -> FloatArray:
     """Boxes of blocks of boxes; a last, smaller block is filled up with its last box."""
     count = boxes.shape[3]
-    padded = BLOCK * -(-count // BLOCK)
-    boxes = np.concatenate([boxes, np.repeat(boxes[..., -1:], padded - count, axis=3)], axis=3)
-    blocks = boxes.reshape(*boxes.shape[:3], padded // BLOCK, BLOCK)
-    return np.stack([blocks[:, 0].min(axis=-1), blocks[:, 1].max(axis=-1)], axis=1)
+    missing = -count % BLOCK
+    if missing:
+        boxes = np.concatenate([boxes, np.repeat(boxes[..., -1:], missing, axis=3)], axis=3)
+    merged = boxes[..., ::BLOCK].copy()
+    # Member by member: reducing a short last axis would cost several times as much.
+    for member in range(1, BLOCK):
+        np.minimum(merged[:, 0], boxes[:, 0, :, member::BLOCK], out=merged[:, 0])
+        np.maximum(merged[:, 1], boxes[:, 1, :, member::BLOCK], out=merged[:, 1])
+    return merged
 
 
 def _children(block: IntArray, count: int) -> tuple[IntArray, BoolArray]:

@@ -11,7 +11,6 @@ from scex_sumo.metrics.crossing import (
     Polylines,
     boxes_meet,
     intersect,
-    octagon,
     polyline_crossings,
     segment_boxes,
     segment_crossings,
@@ -184,14 +183,15 @@ class PathsAhead:
 
     def boxes_ahead(self) -> FloatArray:
         """(4, 2, V, C, T) octagons around each path ahead, first segment included."""
-        nodes = octagon(self.lines.x, self.lines.y)[..., ::-1]
-        lowest, highest = np.minimum.accumulate(nodes, axis=-1), np.maximum.accumulate(nodes, axis=-1)
-        rest = np.stack([lowest, highest], axis=1)[..., ::-1]
-        rest = rest[:, :, self.line, np.minimum(self.column, self.planned.x.shape[3] - 1)]
-        first = self.first_boxes
-        low = np.where(self.has_path, np.minimum(rest[:, 0], first[:, 0]), first[:, 0])
-        high = np.where(self.has_path, np.maximum(rest[:, 1], first[:, 1]), first[:, 1])
-        return np.stack([low, high], axis=1)
+        nodes = self.lines.octagons[..., ::-1]
+        at = self.line, nodes.shape[2] - 1 - np.minimum(self.column, nodes.shape[2] - 1)
+        boxes = self.first_boxes.copy()
+        for axis in range(4):
+            low = np.minimum.accumulate(nodes[axis], axis=-1)[at]
+            high = np.maximum.accumulate(nodes[axis], axis=-1)[at]
+            np.minimum(boxes[axis, 0], low, out=boxes[axis, 0], where=self.has_path)
+            np.maximum(boxes[axis, 1], high, out=boxes[axis, 1], where=self.has_path)
+        return boxes
 
     def _near_first_segments(self) -> tuple[IntArray, IntArray, IntArray]:
         """First segments as flat index into (V, C, T), their step, and vehicles whose path may meet them."""
