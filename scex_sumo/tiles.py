@@ -58,7 +58,7 @@ class TileLayout:
 
     Attributes:
         pitch_x: whole metres from a tile to its eastern neighbour.
-        pitch_y: whole metres from a tile to its northern neighbour.
+        pitch_y: whole metres from a tile to its northern neighbour; negative for rows that go south.
         columns: tiles in a row.
     """
 
@@ -137,8 +137,8 @@ class TileTemplate:
         """Tiles that keep at least ``margin_m`` between their maps."""
         left, bottom, right, top = self.bounds
         return TileLayout(
-            pitch_x=math.ceil((right - left + margin_m) / 100) * 100,
-            pitch_y=math.ceil((top - bottom + margin_m) / 100) * 100,
+            pitch_x=math.ceil((right - left + margin_m) / 10) * 10,
+            pitch_y=math.ceil((top - bottom + margin_m) / 10) * 10,
             columns=columns,
         )
 

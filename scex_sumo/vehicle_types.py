@@ -61,6 +61,12 @@ def overridden_type(name: str, kind: str, length: float, width: float) -> str:
     return _element(name, length, width, attributes)
 
 
+def replayed_type(name: str, kind: str, length: float, width: float, rgb: tuple[int, int, int]) -> str:
+    """The ``vType`` element of vehicles that SUMO shows in a colour, 0 to 255, on given trajectories."""
+    attributes = {"vClass": "ignoring", "guiShape": gui_shape(kind), "maxSpeed": "200"}
+    return _element(name, length, width, {**attributes, "color": ",".join(str(c) for c in rgb)})
+
+
 def driven_type(
     name: str, kind: str, length: float, width: float, model: str, parameters: Mapping[str, str]
 ) -> str:
