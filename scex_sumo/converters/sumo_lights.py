@@ -68,7 +68,9 @@ def controlled(plan: NetPlan, rule: Regulation, clashing: set[tuple[int, int]]) 
         for c in node.connections:
             over = plan.lanelets(c)
             for lane in rule.lanes:
-                enters = lane in over[1:]
+                # A lane that begins at the map's border is entered where its first edge ends.
+                begins = over[0] == lane and plan.begins(c)
+                enters = lane in over[1:] or begins
                 leaves = over[0] == lane and len(over) > 1
                 if enters if lane in crossing else leaves:
                     found.append(c)

@@ -85,6 +85,19 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     return SumoNet(path=net_path, extras=extras, lanes=table, notes=tuple(notes))
 
 
+def open_net(net_path: Path) -> SumoNet:
+    """A net that `convert` wrote, with what lies beside it.
+
+    Raises:
+        MapError: the net or its lane table is not there.
+    """
+    table, extras = beside(net_path, ".lanes.csv"), beside(net_path, ".add.xml")
+    for file in (net_path, table):
+        if not file.is_file():
+            raise MapError(f"{file}: no such file; convert the map again")
+    return SumoNet(path=net_path, extras=extras if extras.is_file() else None, lanes=LaneTable.read(table))
+
+
 def _side_lanes(road: Road) -> NetPlan:
     """Lanes for buses and bicycles alone; where people walk is drawn, not driven."""
     own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}

@@ -139,6 +139,12 @@ class NetPlan:
         """Lanes that follow a lane."""
         return self._lanes[lane_id].successors
 
+    def begins(self, connection: Connection) -> bool:
+        """Whether a connection comes from the first piece of a lane without predecessors."""
+        row, piece, _ = connection.link.path.start
+        lane = self._lanes[self._topology.lane_id(connection.link.path.start)]
+        return piece == 0 and self._topology.rows[row].pieces > 1 and not lane.predecessors
+
     def lanelets(self, connection: Connection) -> list[int]:
         """Lanelets that a connection runs over, from the road before to the road after, without repeats."""
         ids = [self._topology.lane_id(piece) for piece in connection.link.path.pieces]
