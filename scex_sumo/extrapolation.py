@@ -145,6 +145,7 @@ def extrapolate(
             "design": configuration["design"],
             "seed": seed,
             "thresholds": limits,
+            "net": scene.road.name,
             "net_notes": list(net.notes),
             "versions": _versions(),
             "timings_s": {

@@ -10,7 +10,7 @@ from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
 from scex_sumo.metrics.tables import worst_table
 from scex_sumo.results import LOGGED_HISTORY
 from scex_sumo.rollout import Rollout
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, BoolArray, IntArray, SeedScene, States
+from scex_sumo.scene import STEP_S, BoolArray, IntArray, SeedScene, States
 
 
 def measure_rollout(scene: SeedScene, rollout: Rollout) -> ScenarioValues:
@@ -31,7 +31,7 @@ def worst_of(scene: SeedScene, values: ScenarioValues, children: IntArray) -> pa
         children: (C,) their numbers.
     """
     steps = next(iter(values.scene.values())).value.shape[1]
-    frames = np.arange(LOGGED_HISTORY - HISTORY_STEPS, LOGGED_HISTORY + steps + 1, dtype=np.int64)
+    frames = np.arange(1, LOGGED_HISTORY + steps + 1, dtype=np.int64)
     return worst_table(values, child=children, track_ids=scene.track_ids, timestamp_ms=frames * 100)
 
 
@@ -54,7 +54,8 @@ def measure_recorded(scene: SeedScene, steps: int) -> ScenarioValues | None:
 
 
 def _tracks(scene: SeedScene, history: States, after: States, present: BoolArray | None) -> SceneTracks:
-    past = history.swapaxes(1, 2)
+    # No more than tracks.parquet holds, so that its children can be evaluated again to the same values.
+    past = history[:, :, -LOGGED_HISTORY:].swapaxes(1, 2)
     if present is not None:
         present = np.concatenate([np.ones(past.shape, dtype=bool), present], axis=1)
     return SceneTracks(

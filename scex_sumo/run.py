@@ -6,7 +6,7 @@ import json
 import tempfile
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -14,7 +14,11 @@ import pyarrow.parquet as pq
 
 from scex_sumo.density import SIDES, Density, Interval, density, p_critical
 from scex_sumo.errors import ResultError, UsageError
-from scex_sumo.scene import FloatArray
+from scex_sumo.results import LOGGED_HISTORY
+from scex_sumo.scene import FloatArray, SeedScene, States
+
+if TYPE_CHECKING:
+    from scex_sumo.converters.sumo_net import SumoNet
 
 
 class Run:
@@ -54,6 +58,48 @@ class Run:
     def worst(self) -> pa.Table:
         """Where each extremum came from: child, metric, timestamp_ms, track_id, other_id, value."""
         return self._table("worst.parquet")
+
+    @cached_property
+    def scene(self) -> SeedScene:
+        """The seed scene as kept in ``seed.csv``, vehicles in the order of the run; without its road."""
+        from scex_sumo.converters.tracks import read_seed
+
+        known = self.info["seed_scene"]
+        scene = read_seed(
+            self.folder / known["name"], tracks=self.folder / "seed.csv", case="1.0", repair=False
+        )
+        where = {int(track): index for index, track in enumerate(scene.track_ids)}
+        if sorted(where) != sorted(known["track_ids"]):
+            raise ResultError(f"{self.folder}: seed.csv is not that of run.json; run again")
+        return scene.reordered([where[track] for track in known["track_ids"]], name=known["name"])
+
+    @cached_property
+    def net(self) -> SumoNet:
+        """The SUMO net that the run used."""
+        from scex_sumo.converters.sumo_net import open_net
+
+        return open_net(self.folder / "sumo" / f"{self.info['net']}.net.xml")
+
+    def states(self, child: int) -> States:
+        """(V, T) states of a child, frames 1 to 10 the seed's history, 10 the seed scene.
+
+        Raises:
+            UsageError: there is no such child.
+        """
+        if not 0 <= child < self.children:
+            raise UsageError(f"no child {child} in {self.folder}; it has 0 to {self.children - 1}")
+        vehicles = len(self.info["seed_scene"]["track_ids"])
+        frames = LOGGED_HISTORY + int(self.info["steps"])
+        rows = self.tracks.slice(child * vehicles * frames, vehicles * frames)
+        x, y, vx, vy, psi = (
+            np.asarray(rows[name]).reshape(vehicles, frames) for name in ("x", "y", "vx", "vy", "psi_rad")
+        )
+        return States(x=x, y=y, heading=psi, speed=np.hypot(vx, vy))
+
+    def models_of(self, child: int) -> list[str]:
+        """(V,) who drove each vehicle of a child."""
+        vehicles = len(self.info["seed_scene"]["track_ids"])
+        return [str(m) for m in self.assignments["model"].slice(child * vehicles, vehicles).to_pylist()]
 
     @property
     def columns(self) -> list[str]:

@@ -8,7 +8,7 @@ Axes are named C (child), V (vehicle), T (step), H (planned step), n (vehicles t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -163,6 +163,22 @@ class SeedScene:
     def vehicles(self) -> int:
         """Number of vehicles V."""
         return len(self.track_ids)
+
+    def reordered(self, order: Sequence[int], *, name: str) -> SeedScene:
+        """The same scene under another name, its vehicles in another order (indices into the present one)."""
+        index = np.asarray(order, dtype=np.int64)
+        return replace(
+            self,
+            name=name,
+            track_ids=self.track_ids[index],
+            types=tuple(self.types[i] for i in index),
+            length=self.length[index],
+            width=self.width[index],
+            history=self.history[index],
+            recorded_steps=self.recorded_steps[index],
+            future=None if self.future is None else self.future[index],
+            future_valid=None if self.future_valid is None else self.future_valid[index],
+        )
 
     @property
     def now(self) -> States:

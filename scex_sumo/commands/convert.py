@@ -54,12 +54,12 @@ def check_command(net_path: Path, map_path: Path, *, origin: str | None, as_json
         MapError: what is wrong with it, where something is.
     """
     from scex_sumo.converters.fidelity import check_net
-    from scex_sumo.converters.sumo_net import LaneTable
+    from scex_sumo.converters.sumo_net import LaneTable, beside
 
     if not net_path.is_file():
         raise MapError(f"{net_path}: no such file; give the SUMO net to judge")
     road = _read(map_path, origin)
-    table_path = lanes_path(net_path)
+    table_path = beside(net_path, ".lanes.csv")
     table = LaneTable.read(table_path) if table_path.is_file() else None
     report = check_net(net_path, road, table)
     if as_json:
@@ -69,11 +69,6 @@ def check_command(net_path: Path, map_path: Path, *, origin: str | None, as_json
     problems = report.problems()
     if problems:
         raise MapError(f"{net_path}: {len(problems)} of its figures miss what a faithful net has")
-
-
-def lanes_path(net_path: Path) -> Path:
-    """Where the lane table of a net lies: ``NET.lanes.csv``."""
-    return net_path.with_name(net_path.name.removesuffix(".xml").removesuffix(".net") + ".lanes.csv")
 
 
 def _read(map_path: Path, origin: str | None) -> Road:

@@ -80,11 +80,13 @@ def run_command(request: RunRequest) -> None:
     warn(run.info["net_notes"])
     Console(width=None if sys.stdout.isatty() else 110).print(summary_table(run))
     if request.plots:
+        from scex_sumo.commands.view import write_critical
         from scex_sumo.plots import draw_run
 
         draw_run(run, scene)
+        write_critical(run)
     print(f"result: {out}")
-    print(f"look:   scex-sumo view {out} --critical wttc")
+    print(f"look:   scex-sumo view {out} --critical ttc")
 
 
 def parse_assign(entries: tuple[str, ...]) -> dict[int, str]:
