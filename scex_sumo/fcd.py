@@ -126,7 +126,7 @@ def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder, *, fir
                 continue
             names, along = lanes.find(x[n, when], y[n, when], group.states.heading[n, when])
             head = f"        <vehicle id={quoteattr(key)} type={quoteattr(group.types[n])}"
-            for k, t in enumerate(when):
+            for k, t in enumerate(when.tolist()):
                 lane = names[k] if group.tile is None else tile_id(group.tile, names[k])
                 rows[t].append(
                     f'{head} x="{x[n, t] + dx:.6f}" y="{y[n, t] + dy:.6f}" angle="{angle[n, t]:.6f}"'
@@ -135,8 +135,8 @@ def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder, *, fir
                 )
     with path.open("w", encoding="utf-8") as file:
         file.write('<?xml version="1.0" encoding="UTF-8"?>\n<fcd-export>\n')
-        for t, vehicles in enumerate(rows):
+        for step, vehicles in enumerate(rows):
             file.write(
-                f'    <timestep time="{first_s + t * STEP_S:.2f}">\n{"".join(vehicles)}    </timestep>\n'
+                f'    <timestep time="{first_s + step * STEP_S:.2f}">\n{"".join(vehicles)}    </timestep>\n'
             )
         file.write("</fcd-export>\n")

@@ -1,0 +1,160 @@
+"""What sumo-gui shows of a child is what was logged: here plain sumo replays it, without a window."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import sumo
+
+from scex_sumo.scene import Obstacles, SeedScene, States
+from scex_sumo.view import ChildView, write_child_view, write_grid_view
+
+STEPS = 40
+MODELS = ("standard_driver", "sumo:EIDM:tau=1.2")
+COLORS = {"standard_driver": (54, 124, 196), "sumo:EIDM:tau=1.2": (150, 110, 70)}
+
+
+def tracks(shift: float) -> States:
+    """(4, 40): through the junction, around it, across the fields, and standing on one another's place."""
+    t = 0.1 * np.arange(STEPS)
+    s = States.empty((4, STEPS))
+    s.x[0], s.y[0], s.heading[0], s.speed[0] = 960 + shift + 12 * t, 998.4, 0.0, 12.0
+    angle = 0.5 * t + shift
+    s.x[1], s.y[1] = 1000 + 20 * np.cos(angle), 1000 + 20 * np.sin(angle)
+    s.heading[1], s.speed[1] = angle + np.pi / 2, 10.0
+    s.x[2], s.y[2], s.heading[2], s.speed[2] = 1060 + 9 * t, 1060 + 9 * t, np.pi / 4, 9 * np.sqrt(2)
+    s.x[3], s.y[3], s.heading[3], s.speed[3] = 962.0, 998.0, 0.2, 0.0
+    return s
+
+
+def seed() -> SeedScene:
+    """Four vehicles, and somebody who walks from frame 3 to frame 20."""
+    states, walk = tracks(0.0), States.empty((1, 11 + 30))
+    walk.x[0], walk.y[0] = 1010 + 0.13 * np.arange(41), 1012.0
+    walk.heading[0], walk.speed[0] = 0.0, 1.3
+    present = np.zeros((1, 41), dtype=bool)
+    present[0, 3:21] = True
+    present[0, 7] = False  # lost from sight for a moment: shown all the same
+    return SeedScene(
+        name="test",
+        location="test",
+        time_s=0.0,
+        track_ids=np.array([3, 12, 7, 1]),
+        types=("car", "truck", "bus", "motorcycle"),
+        length=np.array([4.5, 12.0, 11.0, 2.2]),
+        width=np.array([1.8, 2.5, 2.5, 0.8]),
+        history=states[:, :11],
+        recorded_steps=np.full(4, 10),
+        obstacles=Obstacles(
+            ids=("P1",),
+            types=("pedestrian/bicycle",),
+            length=np.array([0.6]),
+            width=np.array([0.6]),
+            states=walk,
+            present=present,
+        ),
+    )
+
+
+def child(number: int, shift: float = 0.0) -> ChildView:
+    models = [MODELS[(number + v) % 2] for v in range(4)]
+    return ChildView(number=number, states=tracks(shift), models=models, title="wttc, 0.26 s")
+
+
+def replay(configuration: Path) -> dict[str, dict[int, tuple[float, ...]]]:
+    """What sumo makes of it: x, y, angle, speed by id and frame."""
+    out = configuration.with_suffix(".out.xml")
+    command = [str(Path(sumo.SUMO_HOME) / "bin" / "sumo"), "-c", configuration.name, "--precision", "9"]
+    subprocess.run(
+        [*command, "--fcd-output", out.name],
+        cwd=configuration.parent,
+        check=True,
+        capture_output=True,
+        timeout=60,
+    )
+    seen: dict[str, dict[int, tuple[float, ...]]] = {}
+    for step in ElementTree.parse(out).getroot():
+        for v in step:
+            frame = round(10 * float(step.get("time", "nan")))
+            values = tuple(float(v.get(key, "nan")) for key in ("x", "y", "angle", "speed"))
+            seen.setdefault(v.get("id", ""), {})[frame] = values
+    return seen
+
+
+def agree(seen: dict[int, tuple[float, ...]], states: States, length: float) -> None:
+    """All frames are there, and those after the first, in which SUMO inserts a vehicle, are exact."""
+    assert sorted(seen) == list(range(1, STEPS + 1))
+    x = states.x + length / 2 * np.cos(states.heading)
+    y = states.y + length / 2 * np.sin(states.heading)
+    angle = np.mod(90 - np.degrees(states.heading), 360)
+    expected = np.stack([x, y, angle, states.speed], axis=1)
+    actual = np.array([seen[frame] for frame in range(1, STEPS + 1)])
+    # The file has six decimals.
+    np.testing.assert_allclose(actual[1:], expected[1:], rtol=0, atol=1e-6)
+
+
+def test_a_child_is_replayed_as_logged(crossing: SimpleNamespace, tmp_path: Path) -> None:
+    configuration = write_child_view(tmp_path / "sumo", crossing, seed(), child(7), COLORS)
+    assert configuration.name == "child_0007.sumocfg"
+    seen = replay(configuration)
+    assert set(seen) == {"3", "12", "7", "1", "PP1"}
+    for v, key in enumerate(("3", "12", "7", "1")):
+        agree(seen[key], tracks(0.0)[v], float(seed().length[v]))
+    assert sorted(seen["PP1"]) == list(range(3, 21))
+
+
+def test_children_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path: Path) -> None:
+    children = [child(n, shift) for n, shift in ((4, 0.0), (8, 1.0), (15, 2.0))]
+    configuration = write_grid_view(tmp_path, crossing, seed(), children, COLORS)
+    assert configuration.name == "grid_3.sumocfg"
+    seen = replay(configuration)
+    assert len(seen) == 3 * 5
+    # The map is 250 m by 260.5 m; 15 m and what is missing to tens stay free: 270 m, 280 m. Two in a row.
+    for slot, (dx, dy) in enumerate(((0, 0), (270, 0), (0, -280))):
+        for v, key in enumerate(("3", "12", "7", "1")):
+            states = children[slot].states[v]
+            moved = States(x=states.x + dx, y=states.y + dy, heading=states.heading, speed=states.speed)
+            agree(seen[f"t{slot}_{key}"], moved, float(seed().length[v]))
+
+
+def test_vehicles_have_the_colour_of_their_model(crossing: SimpleNamespace, tmp_path: Path) -> None:
+    write_child_view(tmp_path, crossing, seed(), child(2), COLORS)
+    types = {
+        t.get("id"): t.get("color")
+        for t in ElementTree.parse(tmp_path / "child_0002.add.xml").getroot().iter("vType")
+    }
+    first = ElementTree.parse(tmp_path / "child_0002.fcd.xml").getroot()[0]
+    colors = {v.get("id"): types[v.get("type")] for v in first}
+    assert colors == {"3": "54,124,196", "12": "150,110,70", "7": "54,124,196", "1": "150,110,70"}
+
+
+def test_the_files_may_move_with_their_net(crossing: SimpleNamespace, tmp_path: Path) -> None:
+    net = tmp_path / "before" / "sumo" / "map.net.xml"
+    net.parent.mkdir(parents=True)
+    net.write_bytes(crossing.path.read_bytes())
+    write_child_view(net.parent, SimpleNamespace(path=net, extras=None), seed(), child(0), COLORS)
+    (tmp_path / "before").rename(tmp_path / "after")
+    seen = replay(tmp_path / "after" / "sumo" / "child_0000.sumocfg")
+    assert len(seen) == 5
+
+
+@pytest.mark.parametrize("kind", ["td", "ds", "xy"])
+def test_sumos_own_tool_plots_a_child(crossing: SimpleNamespace, tmp_path: Path, kind: str) -> None:
+    write_child_view(tmp_path, crossing, seed(), child(0), COLORS)
+    tool = Path(sumo.SUMO_HOME) / "tools" / "plot_trajectories.py"
+    picture = tmp_path / f"{kind}.png"
+    command = [sys.executable, str(tool), "-t", kind, "-o", str(picture), "--blind"]
+    subprocess.run(
+        [*command, str(tmp_path / "child_0000.fcd.xml")],
+        check=True,
+        capture_output=True,
+        env={"SUMO_HOME": sumo.SUMO_HOME, "MPLBACKEND": "agg", "HOME": str(tmp_path)},
+        timeout=120,
+    )
+    assert picture.read_bytes().startswith(b"\x89PNG")
