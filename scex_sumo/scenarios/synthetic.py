@@ -21,6 +21,8 @@ FUTURE_STEPS = 100
 _ATTEMPTS = ((150.0, (40.0, 3.0)), (240.0, (6.0, 1.5)))
 MOMENTS_TRIED = 200
 CHECKED_STEPS, CHECKED_STRIDE = 30, 2
+SHARPEST = 0.25  # 1/m; a passenger car's turning circle has 5 m radius
+SLOW_M = 0.1  # per step: 1 m/s
 
 
 class Net(Protocol):
@@ -56,7 +58,7 @@ def synthetic_seed(road: Road, net: Net, *, vehicles: int, seed: int = 0, name: 
     if vehicles < 1:
         raise UsageError(f"a synthetic seed needs at least 1 vehicle, not {vehicles}")
     rng = np.random.default_rng([seed, vehicles])
-    most = 0
+    most, spare = 0, None
     for duration_s, every_s in _ATTEMPTS:
         at_most = vehicles + max(3, vehicles // 2)  # more would only take time
         recording = record(net.path, at_most=at_most, duration_s=duration_s, every_s=every_s, rng=rng)
@@ -66,7 +68,11 @@ def synthetic_seed(road: Road, net: Net, *, vehicles: int, seed: int = 0, name: 
         for step, chosen in _moments(recording, ready, vehicles, rng):
             scene = _scene(recording, step, chosen, name=name, location=road.name)
             if not _overlap(scene):
-                return scene
+                spare = spare or scene
+                if _sharpest(scene) <= SHARPEST:
+                    return scene
+    if spare is not None:
+        return spare
     raise SimulationError(
         f"{road.name}: SUMO gets at most {most} vehicles onto the map at once, not {vehicles}; ask for fewer"
     )
@@ -97,7 +103,7 @@ def _scene(recording: Recording, step: int, chosen: IntArray, *, name: str, loca
         recorded_steps=np.full(len(chosen), HISTORY_STEPS, dtype=np.int64),
         future=states[:, now:],
         future_valid=np.stack([valid for _, valid in tracks]),
-        source={"synthetic": "SUMO demand and car-following (EIDM)", "step": step},
+        source={"synthetic": "SUMO demand and car-following (EIDM)"},
     )
 
 
@@ -128,6 +134,15 @@ def _track(recording: Recording, vehicle: int, step: int) -> tuple[States, BoolA
     )
     valid = np.arange(now, now + FUTURE_STEPS) < kept.shape[0]
     return States.concatenate([kept, onwards], 0), valid
+
+
+def _sharpest(scene: SeedScene) -> float:
+    """Largest curvature that a moving vehicle drives, 1/m; maps have kinks that no car could follow."""
+    assert scene.future is not None
+    states = States.concatenate([scene.history, scene.future], 1)
+    turned = np.abs(np.angle(np.exp(1j * np.diff(states.heading))))
+    driven = states.speed[:, 1:] * STEP_S
+    return float((turned / np.maximum(driven, SLOW_M)).max())
 
 
 def _overlap(scene: SeedScene) -> bool:
