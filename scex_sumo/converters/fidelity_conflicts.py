@@ -111,9 +111,9 @@ def _classify(lanes: Mapping[int, Lane], one: _Trace, other: _Trace) -> Conflict
     _, kind, at, at_ends = best
     partner = int(np.argmin(np.hypot(*(other.points - one.points[at]).T)))
     turn = float(np.angle(np.exp(1j * (other.directions[partner] - one.directions[at]))))
-    if kind == "overlap" and (
-        abs(turn) > BACK_TO_BACK_RAD or one.area.intersection(other.area).area < OVERLAP_M2
-    ):
+    if abs(turn) > BACK_TO_BACK_RAD and (kind == "overlap" or not one.line.crosses(other.line)):
+        return None  # no right of way helps where two lanelets run against each other
+    if kind == "overlap" and one.area.intersection(other.area).area < OVERLAP_M2:
         return None
     return Conflict(
         first=one.lane.lane_id, second=other.lane.lane_id, kind=kind, turn_rad=turn, at_ends=at_ends
@@ -138,6 +138,8 @@ def _kind_of_run(
         return "touch", False
     begins = start == 0 or span[0] == 0
     ends = end == len(one.points) - 1 or span[-1] == len(other.points) - 1
+    if _in_a_row(a, b) and begins and ends:
+        return "follow", False
     if ends and _merged(lanes, a, b, CHAIN):
         length = min((end - start) * LOOK_M, len(span) * LOOK_M)
         direct = _share_end(a, b)
@@ -145,10 +147,8 @@ def _kind_of_run(
         return ("merge" if direct or length >= BRUSH_M else "touch"), at_ends
     if begins and _parted(lanes, a, b, CHAIN):
         return "diverge", False
-    if _in_a_row(a, b) and (begins or ends):
-        return "follow", False
     middle = one.line.intersection(other.line)
-    if not middle.is_empty and piece.distance(middle) <= NEAR_M:
+    if middle.length < NEAR_M and not middle.is_empty and piece.distance(middle) <= NEAR_M:
         return "cross", False
     return "overlap", False
 
@@ -159,11 +159,13 @@ def _in_a_row(a: Lane, b: Lane) -> bool:
 
 def _share_end(a: Lane, b: Lane) -> bool:
     together = float(np.hypot(*(a.centreline[-1] - b.centreline[-1]))) <= JOINT_M
+    together &= _turn(a.centreline[-2:], b.centreline[-2:]) < BACK_TO_BACK_RAD
     return together or bool(set(a.successors) & set(b.successors))
 
 
 def _share_start(a: Lane, b: Lane) -> bool:
     together = float(np.hypot(*(a.centreline[0] - b.centreline[0]))) <= JOINT_M
+    together &= _turn(a.centreline[:2], b.centreline[:2]) < BACK_TO_BACK_RAD
     return together or bool(set(a.predecessors) & set(b.predecessors))
 
 
@@ -197,3 +199,10 @@ def _parts_behind(lanes: Mapping[int, Lane], a: Lane, b: Lane, depth: int) -> bo
 
 def _gap(point: FloatArray, lane: Lane) -> float:
     return float(shapely.distance(shapely.Point(point), shapely.LineString(lane.centreline)))
+
+
+def _turn(one: FloatArray, other: FloatArray) -> float:
+    """Angle in [0, pi] between two pieces of line."""
+    ways = (one[-1] - one[0], other[-1] - other[0])
+    angles = [float(np.arctan2(way[1], way[0])) for way in ways]
+    return abs(float(np.angle(np.exp(1j * (angles[1] - angles[0])))))

@@ -27,6 +27,8 @@ WAIT_S = 120.0  # standing longer than this ends in a teleport: a deadlock
 SHRINK_M = 0.02  # positions are written in centimetres
 DRAIN_S = 600.0  # for the last vehicles to arrive
 LIMIT_S = 300.0  # wall clock
+EMERGENCY = "emergency braking"
+COUNTED = ("collision", "eleport", EMERGENCY)  # in SUMO's warnings about what has a figure of its own
 NAMED = 6
 
 
@@ -43,6 +45,7 @@ class DrivingReport:
         collisions: collisions that SUMO reports.
         overlapping_pairs: pairs of vehicles whose footprints overlapped at some time.
         overlaps: (vehicle, lane, vehicle, lane, time in s) where each pair first did.
+        emergency_brakings: vehicles that had to brake beyond their comfort's limit; SUMO's drivers do.
         warnings: what else SUMO wrote to its error stream.
         duration_s: simulated time until the last arrival, or the end.
     """
@@ -55,6 +58,7 @@ class DrivingReport:
     collisions: int
     overlapping_pairs: int
     overlaps: tuple[tuple[str, str, str, str, float], ...]
+    emergency_brakings: int
     warnings: tuple[str, ...]
     duration_s: float
 
@@ -117,7 +121,8 @@ def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0, se
         collisions=_count(counts, "safety", "collisions"),
         overlapping_pairs=len(overlaps),
         overlaps=tuple(overlaps),
-        warnings=tuple(line for line in said if "collision" not in line and "eleport" not in line),
+        emergency_brakings=sum(EMERGENCY in line for line in said),
+        warnings=tuple(line for line in said if not any(word in line for word in COUNTED)),
         duration_s=max((float(trip.get("arrival", 0.0)) for trip in trips), default=0.0),
     )
 
@@ -133,10 +138,13 @@ def border_routes(net: Net) -> list[tuple[str, ...]]:
     left = {net.lanes[link.from_lane].edge_id for link in links}
     starts, ends = edges - entered or edges, edges - left or edges
     moves = _lane_moves(net)
+    alone = edges - entered - left
     routes = []
     for start in sorted(starts):
         routes += [
-            path for end, path in sorted(_paths(net, moves, start).items()) if end in ends and end != start
+            path
+            for end, path in sorted(_paths(net, moves, start).items())
+            if end in ends and (end != start or start in alone)
         ]
     return routes
 

@@ -18,6 +18,9 @@ SAMPLE_M = 0.5
 # Found by geometry, a SUMO lane follows a lanelet when it stays this near; larger radii are for foreign nets,
 # and tried only for lanelets that the smaller ones leave uncovered.
 RADII_M = (0.05, 0.3, 1.0, 2.0)
+ENDS_NEAR_M = (
+    2.5  # a lanelet begins or ends beside a SUMO lane when it does so within this, above every radius
+)
 COVERED = 0.9  # share of a lanelet's length from which it counts as covered
 AHEAD_RAD = np.deg2rad(60.0)
 
@@ -103,10 +106,15 @@ def match(net: Net, road: Road, lanes: LaneNames | None) -> Matching:
 
 def _stretch(lane: Lane, sumo_lane: str, shape: FloatArray) -> Stretch:
     line = shapely.LineString(shape)
-    ends = shapely.points(lane.centreline[[0, -1]])
-    # A lane of one point twice (SUMO's connectors of 1 cm, rounded) has no direction to measure along.
-    start, end = shapely.line_locate_point(line, ends) if line.length > 0.0 else (0.0, 0.0)
-    return Stretch(lane_id=lane.lane_id, sumo_lane=sumo_lane, start_m=float(start), end_m=float(end))
+    start, end = 0.0, float(line.length)
+    if line.length > 0.0:  # SUMO's shortest connectors are one point twice once they are rounded
+        ends = shapely.points(lane.centreline[[0, -1]])
+        at = shapely.line_locate_point(line, ends)
+        # Where an end of the lanelet is far away, the SUMO lane is a piece of it up to its own end.
+        begins, stops = shapely.distance(line, ends) <= ENDS_NEAR_M
+        start = float(at[0]) if begins else start
+        end = float(at[1]) if stops else end
+    return Stretch(lane_id=lane.lane_id, sumo_lane=sumo_lane, start_m=start, end_m=end)
 
 
 def _by_table(net: Net, road: Road, lanes: LaneNames) -> list[tuple[int, str]]:
