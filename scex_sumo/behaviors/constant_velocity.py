@@ -22,7 +22,7 @@ class ConstantVelocityProfile:
         path: which path to take, as in `IdmProfile`.
     """
 
-    path: PathChoice = "random"
+    path: PathChoice = "straight"
 
     def __post_init__(self) -> None:
         check_path(self.path)

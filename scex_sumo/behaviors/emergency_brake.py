@@ -24,7 +24,7 @@ class EmergencyBrakeProfile:
     """
 
     deceleration: float = 5.0
-    path: PathChoice = "random"
+    path: PathChoice = "straight"
 
     def __post_init__(self) -> None:
         check_positive(self, "deceleration")

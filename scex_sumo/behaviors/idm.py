@@ -37,7 +37,8 @@ class IdmProfile:
         curve_acceleration: comfortable lateral acceleration in curves, m/s²; 0 does not slow down for them.
         curve_deceleration: braking before a curve, m/s².
         path: which path to take: index from left to right (clamped to the last; -1 is the rightmost),
-            ``random`` (a fixed draw per child and vehicle), lane ids, or points.
+            ``straight`` (the straightest from the lane it most probably is on), ``random`` (a fixed draw
+            per child and vehicle), lane ids, or points.
     """
 
     comfort_deceleration: float
@@ -52,7 +53,7 @@ class IdmProfile:
     radius: float = 100.0
     curve_acceleration: float = 0.0
     curve_deceleration: float = 1.0
-    path: PathChoice = "random"
+    path: PathChoice = "straight"
 
     def __post_init__(self) -> None:
         check_positive(

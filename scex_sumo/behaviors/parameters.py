@@ -19,10 +19,10 @@ def check_positive(parameters: Any, *names: str, zero: bool = False) -> None:
 
 
 def check_path(path: Any) -> None:
-    """Raise a `UsageError` unless a path is an index, ``random``, lane ids, or points."""
+    """Raise a `UsageError` unless a path is an index, ``straight``, ``random``, lane ids, or points."""
     if isinstance(path, bool):
-        raise UsageError(f"path: got {path!r}; give an index from left to right, or random")
-    if isinstance(path, int) or path == "random":
+        raise UsageError(f"path: got {path!r}; give an index from left to right, straight, or random")
+    if isinstance(path, int) or path in ("straight", "random"):
         return
     if isinstance(path, tuple) and path:
         if all(isinstance(p, int) for p in path):
@@ -31,6 +31,6 @@ def check_path(path: Any) -> None:
         if points and len(path) >= 2:
             return
     raise UsageError(
-        f"path: got {path!r}; give an index from left to right, random, a tuple of lane ids, "
+        f"path: got {path!r}; give an index from left to right, straight, random, a tuple of lane ids, "
         "or a tuple of at least two (x, y) points"
     )

@@ -27,7 +27,9 @@ HORIZON_STEP_S = 5.0  # longer children get longer tables, in steps of so much
 ROUTE_M = 500.0  # of the routes for SUMO
 COARSE = 8  # one point in so many for the first step of a projection
 COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
-PathChoice: TypeAlias = int | Literal["random"] | tuple[int, ...] | tuple[tuple[float, float], ...]
+PathChoice: TypeAlias = (
+    int | Literal["straight", "random"] | tuple[int, ...] | tuple[tuple[float, float], ...]
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,6 +39,7 @@ class SeedPaths:
     Attributes:
         first: (V,) row of the vehicle's first path; its paths are consecutive, left to right.
         count: (V,) number of its paths, at least 1.
+        straight: (V,) which of its paths goes on straightest from the lane that it most probably is on.
         draw_edges: (P,) upper edge in [0, 1] of the path's share of `SceneHistory.route_draw`.
         lanes: (P) lane ids of each path; empty for a vehicle off the mapped lanes.
         on_road: (V,) False for vehicles off the mapped lanes, whose path is a straight line.
@@ -49,6 +52,7 @@ class SeedPaths:
 
     first: IntArray
     count: IntArray
+    straight: IntArray
     draw_edges: FloatArray
     lanes: tuple[tuple[int, ...], ...]
     on_road: BoolArray
@@ -63,7 +67,8 @@ class SeedPaths:
 
         Args:
             path: index from left to right, clamped to the vehicle's last path (-1 is the rightmost);
-                ``random`` picks by `draw`; anything else means that there is but one path.
+                ``straight`` is `straight`; ``random`` picks by `draw`; anything else means that there is
+                but one path.
             vehicle: (n,) index into the seed scene.
             draw: (n,) in [0, 1).
         """
@@ -75,6 +80,8 @@ class SeedPaths:
                 row = first + np.minimum(k, count - 1)
                 passed += (k < count - 1) & (draw >= self.draw_edges[row])
             return np.asarray(first + passed)
+        if path == "straight":
+            return np.asarray(first + self.straight[vehicle])
         if isinstance(path, int):
             index = path if path >= 0 else count + path
             return np.asarray(first + np.clip(index, 0, count - 1))
@@ -143,7 +150,12 @@ def seed_paths(
             mine = [_given(road, given, pose, ahead)]
         else:
             mine = [
-                _Line(*centreline(road, path.lanes, path.s, BEHIND_M, ahead), path.lanes, path.probability)
+                _Line(
+                    *centreline(road, path.lanes, path.s, BEHIND_M, ahead),
+                    path.lanes,
+                    path.probability,
+                    path.angle,
+                )
                 for path in candidates[v]
             ] or [_straight(pose, ahead)]
         count[v] = len(mine)
@@ -153,7 +165,7 @@ def seed_paths(
 
 @dataclass(frozen=True)
 class _Line:
-    """A path before it is smoothed: points, the lane under each, its lanes, its probability.
+    """A path before it is smoothed: points, the lane under each, its lanes, its probability, its angle.
 
     Attributes:
         on_road: False for a vehicle off the mapped lanes.
@@ -163,6 +175,7 @@ class _Line:
     owner: IntArray | None
     lanes: tuple[int, ...]
     share: float = 1.0
+    angle: float = 0.0
     on_road: bool = True
 
 
@@ -219,6 +232,7 @@ def _tabulate(
     return SeedPaths(
         first=first,
         count=count,
+        straight=np.array([_straightest(lines[f : f + n]) for f, n in zip(first, count, strict=True)]),
         draw_edges=edges,
         lanes=tuple(line.lanes for line in lines),
         on_road=np.array([line.on_road for line in lines])[first],
@@ -228,6 +242,15 @@ def _tabulate(
         coarse=np.stack([-2 * some[..., 0], -2 * some[..., 1], (some**2).sum(-1)], 1),
         centre=centre,
     )
+
+
+def _straightest(lines: list[_Line]) -> int:
+    """Which path goes on straightest from the lane that is the likeliest start; the leftmost of equals."""
+    by_lane: dict[tuple[int, ...], float] = {}
+    for line in lines:
+        by_lane[line.lanes[:1]] = by_lane.get(line.lanes[:1], 0.0) + line.share
+    likeliest = max(by_lane, key=lambda lane: by_lane[lane])
+    return min((abs(line.angle), k) for k, line in enumerate(lines) if line.lanes[:1] == likeliest)[1]
 
 
 def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> tuple[FloatArray, FloatArray]:

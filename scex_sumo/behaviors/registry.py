@@ -110,7 +110,7 @@ def known_models() -> list[ModelInfo]:
     ]
     for model in SUMO_MODELS:
         summary = f"SUMO's own {model}; parameters are SUMO's vehicle type attributes, e.g. tau"
-        infos.append(ModelInfo(name=f"{SUMO}:{model}", parameters=("path=random",), summary=summary))
+        infos.append(ModelInfo(name=f"{SUMO}:{model}", parameters=("path=straight",), summary=summary))
     for name in sorted({*_registered, *_entry_points()}):
         constructor = _user_model(name)
         words = (inspect.getdoc(constructor) or "").strip().splitlines()
@@ -199,7 +199,7 @@ def build(spec: ModelSpec) -> Behavior:
         )
     if spec.name.startswith(f"{SUMO}:"):
         given = {k: str(v) for k, v in spec.parameters.items() if k != "path"}
-        path = _converted(spec, "path", "random", spec.parameters.get("path", "random"))
+        path = _converted(spec, "path", "straight", spec.parameters.get("path", "straight"))
         return SumoDriver(spec.name.partition(":")[2], given, path=path)
     if spec.name in _MODELS:
         return _MODELS[spec.name][0](_profile(spec))
@@ -236,7 +236,11 @@ def _converted(spec: ModelSpec, key: str, default: Any, value: Any) -> Any:
     if not isinstance(value, str):
         return value
     if key == "path":
-        return value if value == "random" else _number(spec, key, value, int, "an index or random")
+        return (
+            value
+            if value in ("straight", "random")
+            else _number(spec, key, value, int, "an index, straight or random")
+        )
     if isinstance(default, bool):
         if value.lower() not in ("true", "false", "0", "1"):
             raise UsageError(f"{spec.name}: {key}={value} is neither true nor false")

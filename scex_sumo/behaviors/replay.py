@@ -24,7 +24,7 @@ class ReplayProfile:
         path: which path to take once the recording has ended, as in `IdmProfile`.
     """
 
-    path: PathChoice = "random"
+    path: PathChoice = "straight"
 
     def __post_init__(self) -> None:
         check_path(self.path)

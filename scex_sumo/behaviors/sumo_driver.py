@@ -24,7 +24,7 @@ class SumoDriver:
     """
 
     def __init__(
-        self, model: str, parameters: Mapping[str, str] | None = None, *, path: PathChoice = "random"
+        self, model: str, parameters: Mapping[str, str] | None = None, *, path: PathChoice = "straight"
     ) -> None:
         """Check and keep the model.
 

@@ -61,7 +61,7 @@ def test_the_default_models_can_be_built() -> None:
         ("standard_driver:time_headway=1:time_headway=2", "parameter time_headway is given twice"),
         ("standard_driver:time_headway=long", "time_headway=long is not a number"),
         ("standard_driver:time_headway=-1", "standard_driver: time_headway: got -1.0"),
-        ("standard_driver:path=left", "path=left is not an index or random"),
+        ("standard_driver:path=left", "path=left is not an index, straight or random"),
         ("sumo", "name the SUMO model, one of Krauss"),
         ("sumo:tau=2", "name the SUMO model"),
         ("sumo:Newell", "unknown SUMO model 'Newell'; known: Krauss"),

@@ -10,10 +10,16 @@ from scex_sumo.errors import UsageError
 from tests.behaviors import roads
 
 
+def test_without_a_choice_the_route_goes_straight_on_whatever_the_draw() -> None:
+    scene = roads.seed((20.0, 0.0, 0.0, 10.0))
+    routes = SumoDriver("EIDM").routes(scene, roads.fork(), np.array([0, 0]), np.array([0.1, 0.9]))
+    assert routes == [(1, 12), (1, 12)]
+
+
 def test_each_vehicle_gets_the_route_of_its_draw() -> None:
     scene = roads.seed((20.0, 0.0, 0.0, 10.0), (20.0, 60.0, 0.0, 10.0))
     vehicle, draw = np.array([0, 0, 0, 1]), np.array([0.1, 0.5, 0.9, 0.5])
-    routes = SumoDriver("EIDM").routes(scene, roads.fork(), vehicle, draw)
+    routes = SumoDriver("EIDM", path="random").routes(scene, roads.fork(), vehicle, draw)
     assert routes == [(1, 11), (1, 12), (1, 13), ()]
     assert SumoDriver("EIDM", path=2).routes(scene, roads.fork(), vehicle, draw)[:3] == [(1, 13)] * 3
 
