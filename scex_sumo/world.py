@@ -8,10 +8,8 @@ vehicles: nothing is left of one that could colour the next, not even the time (
 from __future__ import annotations
 
 import importlib
-import math
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -21,7 +19,8 @@ import numpy as np
 from scex_sumo.errors import SimulationError
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, BoolArray, FloatArray, IntArray, SeedScene, States
 from scex_sumo.sumo_frame import from_sumo, to_sumo
-from scex_sumo.tiles import TILE_COLUMNS, TILE_MARGIN_M, TILE_SLOTS, TileTemplate, tile_id
+from scex_sumo.sumo_session import ANY_ROUTE, SumoSession
+from scex_sumo.tiles import TILE_SLOTS, tile_id
 from scex_sumo.vehicle_types import TypeBook
 from scex_sumo.world_batch import Batch, SumoDriven
 
@@ -37,21 +36,6 @@ _OWN_ROUTE = 2 + 1
 # Distance at which SUMO takes a vehicle to be on a lane, m: 5 to 25 times faster than the default of 100 m.
 _MATCH_M = 5.0
 _NO_LANE = -1
-# Tiles of a world shown in sumo-gui stand close together, to be seen at a glance.
-_GUI_MARGIN_M = 30.0
-_ANY_ROUTE = "anywhere"  # vehicles that are moved need a route to exist, and never follow it
-
-_OPTIONS = (
-    *("--step-length", str(STEP_S), "--seed", "0", "--xml-validation", "never"),
-    *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true"),
-    # SUMO must not take away, stop or push what is where it was put.
-    *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
-    *("--default.speeddev", "0"),
-    # SUMO's drivers change lanes in this many seconds instead of jumping sideways.
-    *("--lanechange.duration", "3"),
-)
-
-_world_open = False
 
 
 class World:
@@ -82,24 +66,22 @@ class World:
             SimulationError: the net cannot be read.
         """
         self._seed = seed
-        self._slots = sorted({int(slot) for slot in slots})
-        self._gui = gui
-        self._delay_ms = delay_ms
         self._temporary = tempfile.TemporaryDirectory(prefix="scex-world-")
-        self._folder = Path(self._temporary.name) if folder is None else folder
-        self._length = np.asarray(seed.length, dtype=np.float64)
         self._types = TypeBook(seed)
+        self._session = SumoSession(
+            net,
+            slots,
+            self._types,
+            Path(self._temporary.name) if folder is None else folder,
+            gui=gui,
+            delay_ms=delay_ms,
+        )
+        self._gui = gui
+        self._length = np.asarray(seed.length, dtype=np.float64)
         self._sumo: Any = None
-        self._errors: tuple[type[Exception], ...] = ()
         self._running: Batch | None = None
         self._speeds: list[tuple[str, float, float]] = []  # to be set after the next step
         self._routes = 0
-        self._folder.mkdir(parents=True, exist_ok=True)
-        self._template = TileTemplate(net.path)
-        self._layout = self._template.layout(
-            margin_m=_GUI_MARGIN_M if gui else TILE_MARGIN_M,
-            columns=math.ceil(math.sqrt(max(self._slots) + 1)) if gui else TILE_COLUMNS,
-        )
 
     def __enter__(self) -> World:
         return self
@@ -111,7 +93,8 @@ class World:
 
     def close(self) -> None:
         """End the simulation; may be called again."""
-        self._stop()
+        self._session.stop()
+        self._running = None
         self._temporary.cleanup()
 
     def begin(self, start: States, slots: IntArray, driven: Sequence[SumoDriven] = ()) -> None:
@@ -126,36 +109,41 @@ class World:
             SimulationError: a slot without a tile, a route that the net does not hold, or a refusal by SUMO.
             UsageError: an unknown SUMO model or parameter.
         """
-        wanted = [int(slot) for slot in slots]
-        if missing := sorted(set(wanted) - set(self._slots)):
-            raise SimulationError(f"no tile for slots {missing}; this world has tiles for {self._slots}")
+        wanted, tiles = [int(slot) for slot in slots], self._session.slots
+        if missing := sorted(set(wanted) - set(tiles)):
+            raise SimulationError(f"no tile for slots {missing}; this world has tiles for {tiles}")
         for d in driven:
             self._types.enter(d.model, d.parameters)
-        self._ready()
+        self._running = None
+        self._speeds.clear()
+        self._sumo = self._session.ready(importlib.import_module("traci" if self._gui else "libsumo"))
+        batch = self._running = self._new_batch(start, wanted, driven)
+        with self._session.refusals(f"set up a batch of {len(wanted)} children"):
+            self._add_vehicles(batch, driven)
+            self._place(start, np.ones(start.shape, dtype=bool), np.zeros(start.shape))
+        if others := self._seed.obstacles:
+            self.move_obstacles(others.states[:, HISTORY_STEPS], others.present[:, HISTORY_STEPS])
+        self._advance(batch)
+        with self._session.refusals("hand vehicles over to its drivers"):
+            batch.hand_over(driven, self._sumo)
+
+    def _new_batch(self, start: States, slots: list[int], driven: Sequence[SumoDriven]) -> Batch:
         overridden = np.ones(start.shape, dtype=bool)
         for d in driven:
             overridden[d.child, d.vehicle] = False
         # Looking for lanes takes three quarters of the time, and is of use only to the drivers of SUMO's who
         # look for vehicles on their lanes: where there are none, SUMO need not look beyond one lane.
-        mixed = np.full(len(wanted), self._gui) | ~overridden.all(axis=1)
-        self._running = Batch(
-            slots=wanted,
-            ids=[tile_id(slot, str(track)) for slot in wanted for track in self._seed.track_ids],
-            offset=np.array([self._layout.offset(slot) for slot in wanted], dtype=np.float64).T[..., None],
+        mixed = np.full(len(slots), self._gui) | ~overridden.all(axis=1)
+        offsets = np.array([self._session.layout.offset(slot) for slot in slots], dtype=np.float64)
+        return Batch(
+            slots=slots,
+            ids=[tile_id(slot, str(track)) for slot in slots for track in self._seed.track_ids],
+            offset=offsets.T[..., None],
             overridden=overridden,
             mixed=mixed,
             lanes=np.where(mixed[:, None] & overridden, _ANY_LANE, _OWN_ROUTE),
             speed=start.speed.copy(),
         )
-        with self._refusals(f"set up a batch of {len(wanted)} children"):
-            self._add_vehicles(self._running, driven)
-            self._place(start, np.ones(start.shape, dtype=bool), np.zeros(start.shape))
-        if others := self._seed.obstacles:
-            self.move_obstacles(others.states[:, HISTORY_STEPS], others.present[:, HISTORY_STEPS])
-        self._advance(self._running)
-        with self._refusals("hand vehicles over to its drivers"):
-            self._running.hand_over(driven, self._sumo)
-        self._frame(self._running)
 
     def move(self, states: States, mask: BoolArray) -> None:
         """Say where vehicles are after the next step.
@@ -175,7 +163,7 @@ class World:
                 f"{int((mask & ~batch.overridden).sum())} vehicles moved that SUMO drives, "
                 f"{int((~mask & batch.overridden).sum())} not moved that it does not drive"
             )
-        with self._refusals("move vehicles"):
+        with self._session.refusals("move vehicles"):
             self._place(states, mask, (states.speed - batch.speed) / STEP_S)
         np.copyto(batch.speed, states.speed, where=mask)
 
@@ -193,14 +181,14 @@ class World:
         if others is None:
             return
         front_x, front_y, angle = to_sumo(states, others.length)
-        with self._refusals("move pedestrians and cyclists"):
+        with self._session.refusals("move pedestrians and cyclists"):
             for child in np.flatnonzero(batch.mixed):
                 slot, (dx, dy) = batch.slots[child], batch.offset[:, child, 0]
                 for o, name in enumerate(others.ids):
                     key = tile_id(slot, f"other{name}")
                     if present[o]:
                         if key not in batch.obstacles:
-                            self._add(key, tile_id(slot, _ANY_ROUTE), self._types.obstacle(o))
+                            self._add(key, tile_id(slot, ANY_ROUTE), self._types.obstacle(o))
                             batch.obstacles.add(key)
                         self._put(key, float(front_x[o] + dx), float(front_y[o] + dy), float(angle[o]))
                     elif key in batch.obstacles:
@@ -214,19 +202,19 @@ class World:
             SimulationError: SUMO lost a vehicle, or stopped.
         """
         batch = self._batch
-        with self._refusals("move vehicles on beyond the end of their route"):
+        with self._session.refusals("move vehicles on beyond the end of their route"):
             for pose in batch.go_straight_on():
                 self._put(pose.key, pose.x, pose.y, pose.angle)
                 self._speeds.append((pose.key, pose.speed, 0.0))
         self._advance(batch)
-        with self._refusals("follow routes"):
+        with self._session.refusals("follow routes"):
             batch.watch_route_ends(self._sumo)
 
     def read(self) -> States:
         """What SUMO holds now: (C, V) centres, headings in (-pi, pi], speeds."""
         batch, vehicle = self._batch, self._sumo.vehicle
         shape = batch.overridden.shape
-        with self._refusals("read vehicles"):
+        with self._session.refusals("read vehicles"):
             front = np.array([vehicle.getPosition(key) for key in batch.ids]).reshape(*shape, 2)
             angle = np.array([vehicle.getAngle(key) for key in batch.ids]).reshape(shape)
             speed = np.array([vehicle.getSpeed(key) for key in batch.ids]).reshape(shape)
@@ -236,7 +224,7 @@ class World:
     def color(self, child: int, vehicle: int, rgb: tuple[int, int, int]) -> None:
         """Colour a vehicle of the batch in sumo-gui; without it nobody looks, and nothing happens."""
         if self._gui:
-            with self._refusals("colour a vehicle"):
+            with self._session.refusals("colour a vehicle"):
                 self._sumo.vehicle.setColor(self._batch.id_of(child, vehicle), (*rgb, 255))
 
     @property
@@ -270,7 +258,7 @@ class World:
         to it. What is set here is what SUMO goes on with, and what its drivers see of a vehicle.
         """
         expected = len(batch.ids) + len(batch.obstacles)
-        with self._refusals("advance"):
+        with self._session.refusals("advance"):
             self._sumo.simulationStep()
             if self._sumo.vehicle.getIDCount() != expected:
                 lost = sorted({*batch.ids, *batch.obstacles} - set(self._sumo.vehicle.getIDList()))
@@ -295,56 +283,7 @@ class World:
                 self._sumo.route.add(route, [tile_id(slot, edge) for edge in d.edges])
                 self._add(key, route, self._types.driven(v, d.model, d.parameters))
             else:
-                self._add(key, tile_id(slot, _ANY_ROUTE), self._types.overridden(v))
+                self._add(key, tile_id(slot, ANY_ROUTE), self._types.overridden(v))
                 if batch.mixed[child]:
                     # Or SUMO makes others give way to lane changes that this vehicle will never make.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)
-
-    def _ready(self) -> None:
-        """An empty simulation at time 0 that knows all vehicle types wanted."""
-        self._running = None
-        self._speeds.clear()
-        if self._sumo is not None and self._types.complete and not self._types.random:
-            with self._refusals("return to the start"):
-                self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
-            return
-        self._stop()
-        # SUMO numbers its lanes and gives each a random generator: with all tiles always there, and as many
-        # generators as lanes, a random driver meets the same numbers in its slot in whatever company.
-        self._slots = list(range(TILE_SLOTS)) if self._types.random else self._slots
-        generators = str(self._template.lanes * TILE_SLOTS) if self._types.random else "1"
-        self._template.write(self._folder / "tiles.net.xml", self._slots, self._layout)
-        self._types.write(self._folder / "types.add.xml")
-        self._start(["--thread-rngs", generators])
-
-    def _start(self, options: list[str]) -> None:
-        global _world_open
-        if _world_open:
-            raise SimulationError("SUMO runs one simulation per process and one is open; close that world")
-        self._sumo = importlib.import_module("traci" if self._gui else "libsumo")
-        self._errors = (self._sumo.TraCIException, self._sumo.exceptions.FatalTraCIError)
-        files = ["-n", str(self._folder / "tiles.net.xml"), "-a", str(self._folder / "types.add.xml")]
-        with self._refusals("start"):
-            self._sumo.start(["sumo", *files, *_OPTIONS, *options])
-            _world_open = True
-            for slot in self._slots:
-                self._sumo.route.add(tile_id(slot, _ANY_ROUTE), [tile_id(slot, self._template.first_edge)])
-            self._sumo.simulation.saveState(str(self._folder / "empty.xml"))
-
-    def _stop(self) -> None:
-        global _world_open
-        if _world_open and self._sumo is not None:
-            with suppress(*self._errors):
-                self._sumo.close()
-            _world_open = False
-        self._sumo, self._running = None, None
-
-    def _frame(self, batch: Batch) -> None:
-        pass
-
-    @contextmanager
-    def _refusals(self, what: str) -> Iterator[None]:
-        try:
-            yield
-        except self._errors as error:
-            raise SimulationError(f"SUMO refused to {what}: {error}") from error

@@ -1,0 +1,147 @@
+"""One running SUMO: its files, its start and end, its errors; what talks to it is the world's to choose."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import sumo
+
+from scex_sumo.errors import SimulationError
+from scex_sumo.scene import STEP_S
+from scex_sumo.tiles import TILE_COLUMNS, TILE_MARGIN_M, TILE_SLOTS, TileTemplate, tile_id
+from scex_sumo.vehicle_types import TypeBook
+from scex_sumo.view_settings import write_view_settings
+
+if TYPE_CHECKING:
+    from scex_sumo.converters.sumo_net import SumoNet
+
+ANY_ROUTE = "anywhere"  # vehicles that are moved need a route to exist, and never follow it
+
+# Tiles of a world shown in sumo-gui stand close together, to be seen at a glance.
+_GUI_MARGIN_M = 30.0
+
+_OPTIONS = (
+    *("--step-length", str(STEP_S), "--seed", "0", "--xml-validation", "never"),
+    *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true"),
+    # SUMO must not take away, stop or push what is where it was put.
+    *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
+    *("--default.speeddev", "0"),
+    # SUMO's drivers change lanes in this many seconds instead of jumping sideways.
+    *("--lanechange.duration", "3"),
+)
+
+_open = False
+
+
+class SumoSession:
+    """SUMO with the tiles of a net: started when needed, returned to time 0 between batches."""
+
+    def __init__(
+        self, net: SumoNet, slots: Sequence[int], types: TypeBook, folder: Path, *, gui: bool, delay_ms: int
+    ) -> None:
+        """Take the net apart; nothing is started.
+
+        Args:
+            net: the converted road.
+            slots: the tile slots that batches will use.
+            types: the vehicle types; drivers may be entered later.
+            folder: where SUMO's files go.
+            gui: sumo-gui in libsumo's place.
+            delay_ms: pause of sumo-gui after each step.
+
+        Raises:
+            SimulationError: the net cannot be read.
+        """
+        self.slots = sorted({int(slot) for slot in slots})
+        self._types = types
+        self._folder = folder
+        self._gui = gui
+        self._delay_ms = delay_ms
+        self._template = TileTemplate(net.path)
+        self._extras = TileTemplate(net.extras) if gui and net.extras is not None else None
+        self.layout = self._template.layout(
+            margin_m=_GUI_MARGIN_M if gui else TILE_MARGIN_M,
+            columns=math.ceil(math.sqrt(max(self.slots) + 1)) if gui else TILE_COLUMNS,
+        )
+        self._sumo: Any = None
+        self._errors: tuple[type[Exception], ...] = ()
+
+    def ready(self, module: Any) -> Any:
+        """An empty simulation at time 0 that knows all vehicle types entered.
+
+        Args:
+            module: libsumo or traci.
+
+        Returns:
+            The module, connected.
+
+        Raises:
+            SimulationError: SUMO does not start, or another simulation runs in this process.
+        """
+        if self._sumo is not None and self._types.complete and not self._types.random:
+            with self.refusals("return to the start"):
+                self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
+            return self._sumo
+        self.stop()
+        # SUMO numbers its lanes and gives each a random generator: with all tiles always there, and as many
+        # generators as lanes, a random driver meets the same numbers in its slot in whatever company.
+        self.slots = list(range(TILE_SLOTS)) if self._types.random else self.slots
+        generators = self._template.lanes * TILE_SLOTS if self._types.random else 1
+        self._start(module, [*self._write_files(), "--thread-rngs", str(generators)])
+        return self._sumo
+
+    def stop(self) -> None:
+        """End the simulation if it runs."""
+        global _open
+        if self._sumo is not None:
+            with suppress(*self._errors):
+                self._sumo.close()
+            self._sumo, _open = None, False
+
+    @contextmanager
+    def refusals(self, what: str) -> Iterator[None]:
+        """Turn SUMO's errors into ours: SUMO refused to do ``what``."""
+        try:
+            yield
+        except self._errors as error:
+            reason = str(error).strip() or type(error).__name__
+            raise SimulationError(f"SUMO refused to {what}: {reason}") from error
+
+    def _write_files(self) -> list[str]:
+        """SUMO's input; returns the options that name it."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        net, types = self._folder / "tiles.net.xml", self._folder / "types.add.xml"
+        self._template.write(net, self.slots, self.layout)
+        self._types.write(types)
+        additional, options = [types], ["-n", str(net)]
+        if self._gui:
+            if self._extras is not None:
+                additional.append(self._folder / "tiles.add.xml")
+                self._extras.write(additional[-1], self.slots, self.layout)
+            view = self._folder / "view.xml"
+            write_view_settings(view, delay_ms=self._delay_ms, names=len(self.slots) == 1)
+            options += ["--gui-settings-file", str(view), "--start", "true", "--quit-on-end", "true"]
+        return [*options, "-a", ",".join(str(path) for path in additional)]
+
+    def _start(self, module: Any, options: list[str]) -> None:
+        global _open
+        if _open:
+            raise SimulationError("SUMO runs one simulation per process and one is open; close that world")
+        os.environ.setdefault("SUMO_HOME", sumo.SUMO_HOME)
+        if self._gui and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            raise SimulationError("sumo-gui needs a display and DISPLAY is not set; run without --gui")
+        program = str(Path(sumo.SUMO_HOME) / "bin" / "sumo-gui") if self._gui else "sumo"
+        self._errors = (module.TraCIException, module.exceptions.FatalTraCIError)
+        with self.refusals("start"):
+            with redirect_stdout(StringIO()):  # traci reports each attempt to connect
+                module.start([program, *options, *_OPTIONS])
+            self._sumo, _open = module, True
+            for slot in self.slots:
+                module.route.add(tile_id(slot, ANY_ROUTE), [tile_id(slot, self._template.first_edge)])
+            module.simulation.saveState(str(self._folder / "empty.xml"))
