@@ -239,7 +239,8 @@ def _trip(depart_s: float, lane: int, edges: tuple[str, ...], rng: np.random.Gen
         # Cars change lanes by driving, not by sliding: lateral speed in proportion to speed.
         "lcMaxSpeedLatStanding": "0",
         "lcMaxSpeedLatFactor": "0.15",
-        "jmTimegapMinor": f"{np.clip(rng.normal(1.2, 0.3), 0.6, 2.0):.2f}",
+        "jmTimegapMinor": f"{np.clip(rng.normal(1.0, 0.3), 0.4, 2.0):.2f}",
+        "impatience": f"{rng.uniform(0.0, 0.8):.2f}",
     }
     kind = "truck" if truck else "car"
     return Trip(

@@ -19,7 +19,7 @@ FUTURE_STEPS = 100
 # Traffic grows until the map holds enough: duration, and time between vehicles on a lane into the map at both
 # ends. The second attempt is as much as gets in.
 _ATTEMPTS = ((150.0, (40.0, 3.0)), (240.0, (6.0, 1.5)))
-MOMENTS_TRIED = 200
+MOMENTS_TRIED = 100  # of each surplus
 CHECKED_STEPS, CHECKED_STRIDE = 30, 2
 SHARPEST = 0.25  # 1/m; a passenger car's turning circle has 5 m radius
 SLOW_M = 0.1  # per step: 1 m/s
@@ -39,7 +39,8 @@ def synthetic_seed(road: Road, net: Net, *, vehicles: int, seed: int = 0, name: 
 
     Traffic enters on all lanes into the map at random, ever denser, and follows random routes with different
     drivers (EIDM). After the warm-up a moment is drawn among those with just enough vehicles that have been
-    there for a second; where all moments have more, the seed's vehicles are drawn from them.
+    there for a second, and with livelier traffic than half of these; where all have more vehicles, the
+    seed's are drawn from them.
 
     Args:
         road: the map.
@@ -110,12 +111,21 @@ def _scene(recording: Recording, step: int, chosen: IntArray, *, name: str, loca
 def _moments(
     recording: Recording, ready: BoolArray, vehicles: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, IntArray]]:
-    """Moments with enough vehicles in random order, those without surplus vehicles first, and a choice."""
+    """Moments with enough vehicles, and which of these: first those without surplus, in random order.
+
+    Only the half in which traffic is faster: where a map is full, most moments are queues that stand still.
+    """
     steps = np.arange(round(WARM_UP_S / STEP_S), len(ready) - FUTURE_STEPS)
-    steps = rng.permutation(steps[ready[steps].sum(axis=1) >= vehicles])
+    steps = steps[ready[steps].sum(axis=1) >= vehicles]
+    if not len(steps):
+        return
     surplus = recording.present[steps].sum(axis=1) - vehicles
-    for step in steps[np.argsort(surplus, kind="stable")][:MOMENTS_TRIED]:
-        yield int(step), np.sort(rng.choice(np.flatnonzero(ready[step]), vehicles, replace=False))
+    speed = np.nanmean(recording.speed[steps], axis=1)
+    for extra in np.unique(surplus):
+        of_these = steps[surplus == extra]
+        fast = of_these[speed[surplus == extra] >= np.median(speed[surplus == extra])]
+        for step in rng.permutation(fast)[:MOMENTS_TRIED]:
+            yield int(step), np.sort(rng.choice(np.flatnonzero(ready[step]), vehicles, replace=False))
 
 
 def _track(recording: Recording, vehicle: int, step: int) -> tuple[States, BoolArray]:
