@@ -207,6 +207,28 @@ def metrics(
     )
 
 
+@app.command(epilog="Example: scex-sumo compare out/k733 out/k729 out/merge -o out/compared")
+def compare(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="OUT...", help="Result folders, at least two.", show_default=False)
+    ],
+    nearest: Annotated[
+        Path | None, typer.Option(metavar="OUT", help="List the others by their distance to this one.")
+    ] = None,
+    distance: Annotated[str, typer.Option(metavar="w1|jsd", help="What is measured.")] = "w1",
+    groups: Annotated[
+        int | None, typer.Option(metavar="N", help="Number of groups; else where they are clearest.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FOLDER", help="Write tables and pictures here.")
+    ] = None,
+) -> None:
+    """Compare seed scenes by the densities of their metrics: distances, groups, nearest neighbours."""
+    from scex_sumo.commands.compare import compare_command
+
+    compare_command(folders, nearest=nearest, distance=distance, groups=groups, out=out)
+
+
 @app.command(epilog="Example: scex-sumo models")
 def models() -> None:
     """List the behaviour models and their parameters."""
