@@ -207,6 +207,60 @@ def metrics(
     )
 
 
+@app.command("sample-size", epilog="Example: scex-sumo sample-size roundabout.osm -o out/enough")
+def sample_size(
+    map_path: MapPath,
+    tracks: Annotated[
+        Path | None, typer.Option(metavar="CSV", help="Recorded tracks; else looked for beside the map.")
+    ] = None,
+    case: Annotated[str | None, typer.Option(metavar="ID", help="Case of a file with case_id.")] = None,
+    time: Annotated[
+        float | None, typer.Option(metavar="S", help="Moment in seconds of the recording.")
+    ] = None,
+    synthetic: Annotated[
+        int | None, typer.Option(metavar="N", help="Populate the map with N vehicles by SUMO instead.")
+    ] = None,
+    origin: Origin = None,
+    vehicles: Annotated[int, typer.Option(help="How many take part, those nearest to each other.")] = 5,
+    models: Annotated[
+        str | None, typer.Option(metavar="MODEL,...", help="Models; else six as in the paper's study.")
+    ] = None,
+    sizes: Annotated[str, typer.Option(metavar="N,...", help="Sizes of the samples.")] = "1000,385,100,10",
+    draws: Annotated[int, typer.Option(help="Samples of each size.")] = 200,
+    designs: Annotated[
+        str, typer.Option(metavar="NAME,...", help="random: subsets; others as --design of run.")
+    ] = "random",
+    seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
+    workers: Annotated[int, typer.Option(help="Processes.")] = 1,
+    plots: Annotated[bool, typer.Option(help="Draw the densities and errors.")] = True,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")] = False,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", help="Result folder.")] = None,
+) -> None:
+    """Run every assignment of a small seed scene, and see how few of them would have been enough."""
+    from scex_sumo.commands.sample_size import StudyRequest, sample_size_command
+
+    sample_size_command(
+        StudyRequest(
+            map_path=map_path,
+            tracks=tracks,
+            case=case,
+            time_s=time,
+            synthetic=synthetic,
+            origin=origin,
+            vehicles=vehicles,
+            models=models,
+            sizes=sizes,
+            draws=draws,
+            designs=designs,
+            seed=seed,
+            workers=workers,
+            plots=plots,
+            overwrite=overwrite,
+            out=out,
+        )
+    )
+
+
 @app.command(epilog="Example: scex-sumo compare out/k733 out/k729 out/merge -o out/compared")
 def compare(
     folders: Annotated[

@@ -69,12 +69,12 @@ def draw_densities(run: Run, stem: Path) -> list[Path]:
         run: a finished run.
         stem: path without ending.
     """
-    return _save(_panels(run, "density", _density_panel), stem)
+    return _save(_panels(run, "density", density_panel), stem)
 
 
 def draw_cumulative(run: Run, stem: Path) -> list[Path]:
     """Write the cumulative density of each column with its 95 % band as SVG and PNG."""
-    return _save(_panels(run, "cumulative density", _cumulative_panel), stem)
+    return _save(_panels(run, "cumulative density", cumulative_panel), stem)
 
 
 def _panels(run: Run, what: str, draw: Callable[[Run, str, Axes], None]) -> Figure:
@@ -121,7 +121,8 @@ def _legend(run: Run) -> tuple[list[Line2D], list[str]]:
     return handles, labels
 
 
-def _density_panel(run: Run, column: str, axes: Axes) -> None:
+def density_panel(run: Run, column: str, axes: Axes) -> None:
+    """Draw the density of a metric with its threshold and recorded value."""
     curve = run.density(column)
     axes.fill_between(curve.x, curve.pdf, color=_CURVE, alpha=0.18, linewidth=0)
     axes.plot(curve.x, curve.pdf, color=_CURVE, linewidth=1.2)
@@ -129,7 +130,8 @@ def _density_panel(run: Run, column: str, axes: Axes) -> None:
     _mark(run, column, axes, curve.x)
 
 
-def _cumulative_panel(run: Run, column: str, axes: Axes) -> None:
+def cumulative_panel(run: Run, column: str, axes: Axes) -> None:
+    """Draw the cumulative density of a metric with its band, threshold and recorded value."""
     curve = run.density(column)
     low, high = curve.band
     axes.fill_between(curve.x, low, high, color=_CURVE, alpha=0.18, linewidth=0)
