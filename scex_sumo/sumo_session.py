@@ -16,6 +16,7 @@ from scex_sumo.errors import SimulationError
 from scex_sumo.scene import STEP_S
 from scex_sumo.tiles import TILE_COLUMNS, TILE_MARGIN_M, TILE_SLOTS, TileTemplate, tile_id
 from scex_sumo.vehicle_types import TypeBook
+from scex_sumo.view_drawings import Rgb, draw_legend, frame_of
 from scex_sumo.view_settings import write_view_settings
 
 if TYPE_CHECKING:
@@ -43,7 +44,15 @@ class SumoSession:
     """SUMO with the tiles of a net: started when needed, returned to time 0 between batches."""
 
     def __init__(
-        self, net: SumoNet, slots: Sequence[int], types: TypeBook, folder: Path, *, gui: bool, delay_ms: int
+        self,
+        net: SumoNet,
+        slots: Sequence[int],
+        types: TypeBook,
+        folder: Path,
+        *,
+        gui: bool,
+        delay_ms: int,
+        legend: Sequence[tuple[str, Rgb]],
     ) -> None:
         """Take the net apart; nothing is started.
 
@@ -54,6 +63,7 @@ class SumoSession:
             folder: where SUMO's files go.
             gui: sumo-gui in libsumo's place.
             delay_ms: pause of sumo-gui after each step.
+            legend: what the colours of vehicles mean in sumo-gui.
 
         Raises:
             SimulationError: the net cannot be read.
@@ -63,6 +73,7 @@ class SumoSession:
         self._folder = folder
         self._gui = gui
         self._delay_ms = delay_ms
+        self._legend = legend
         self._template = TileTemplate(net.path)
         self._extras = TileTemplate(net.extras) if gui and net.extras is not None else None
         self.layout = self._template.layout(
@@ -124,8 +135,19 @@ class SumoSession:
             if self._extras is not None:
                 additional.append(self._folder / "tiles.add.xml")
                 self._extras.write(additional[-1], self.slots, self.layout)
+            offsets = [self.layout.offset(slot) for slot in self.slots]
+            frame = frame_of(self._template.bounds, offsets, self._legend)
+            additional.append(self._folder / "legend.add.xml")
+            text = f"<additional>\n{draw_legend(frame)}</additional>\n"
+            additional[-1].write_text(text, encoding="utf-8")
             view = self._folder / "view.xml"
-            write_view_settings(view, delay_ms=self._delay_ms, names=len(self.slots) == 1)
+            write_view_settings(
+                view,
+                delay_ms=self._delay_ms,
+                viewport=frame.viewport,
+                names=len(self.slots) == 1,
+                text_m=frame.line_m,
+            )
             options += ["--gui-settings-file", str(view), "--start", "true", "--quit-on-end", "true"]
         return [*options, "-a", ",".join(str(path) for path in additional)]
 

@@ -11,6 +11,7 @@ from xml.sax.saxutils import quoteattr
 
 from scex_sumo.errors import UsageError
 from scex_sumo.scene import SeedScene
+from scex_sumo.view_drawings import OTHER_RGB
 
 SUMO_MODELS = ("Krauss", "KraussPS", "IDM", "IDMM", "EIDM", "ACC", "CACC", "W99")
 """SUMO's car-following models that repeat themselves in their tile; all but W99 do the same in any tile."""
@@ -182,10 +183,9 @@ class TypeBook:
 
     def write(self, path: Path) -> None:
         """Write SUMO's additional file with all types."""
-        lines = {
-            _type_name(*size): overridden_type(_type_name(*size), *size)
-            for size in self._vehicles + self._obstacles
-        }
+        lines = {_type_name(*size): overridden_type(_type_name(*size), *size) for size in self._vehicles}
+        for size in self._obstacles:
+            lines[_type_name(*size)] = replayed_type(_type_name(*size), *size, OTHER_RGB)
         for (model, parameters), index in self._drivers.items():
             for size in self._vehicles:
                 name = f"{_type_name(*size)}_{model}{index}"

@@ -21,7 +21,16 @@ from scex_sumo.fcd import FcdTracks, LaneFinder, write_fcd
 from scex_sumo.scene import STEP_S, BoolArray, SeedScene
 from scex_sumo.tiles import TileTemplate
 from scex_sumo.vehicle_types import replayed_type
-from scex_sumo.view_drawings import OTHER_RGB, ChildView, Rgb, Shown, drawings, frame_of
+from scex_sumo.view_drawings import (
+    OTHER_RGB,
+    ChildView,
+    Rgb,
+    Shown,
+    draw_children,
+    draw_legend,
+    frame_of,
+    legend_entries,
+)
 from scex_sumo.view_settings import write_view_settings
 
 if TYPE_CHECKING:
@@ -109,10 +118,12 @@ def _write(
         for slot, child in enumerate(children)
     ]
     write_fcd(folder / f"{name}.fcd.xml", [g for s in shown for g in _groups(seed, s)], LaneFinder(net.path))
-    frame = frame_of(seed, shown, colors, template.bounds)
-    drawn = _types(seed, children, colors) + drawings(shown, colors, frame, template.bounds[3])
+    entries = legend_entries(seed, [model for child in children for model in child.models], colors)
+    frame = frame_of(template.bounds, [s.offset for s in shown], entries)
+    drawn = draw_children(shown, colors, frame, template.bounds[3]) + draw_legend(frame)
     additional.append(folder / f"{name}.add.xml")
-    additional[-1].write_text(f"<additional>\n{drawn}</additional>\n", encoding="utf-8")
+    types = _types(seed, children, colors)
+    additional[-1].write_text(f"<additional>\n{types}{drawn}</additional>\n", encoding="utf-8")
     write_view_settings(
         folder / f"{name}.view.xml",
         delay_ms=delay_ms,

@@ -87,25 +87,37 @@ class Frame:
 
 
 def frame_of(
-    seed: SeedScene,
-    shown: Sequence[Shown],
-    colors: Mapping[str, Rgb],
     bounds: tuple[float, float, float, float],
+    offsets: Sequence[tuple[int, int]],
+    entries: Sequence[tuple[str, Rgb]],
 ) -> Frame:
-    """The frame of some children in tiles of a map with these bounds."""
+    """The frame of tiles.
+
+    Args:
+        bounds: smallest x, y and largest x, y of the map, m.
+        offsets: of the tiles, m.
+        entries: names and colours of the legend.
+    """
     left, bottom, right, top = bounds
-    right += max(s.offset[0] for s in shown)
-    bottom += min(s.offset[1] for s in shown)
-    entries = [(model, colors[model]) for model in sorted({model for s in shown for model in s.child.models})]
-    if seed.obstacles is not None and seed.obstacles.present.any():
-        entries.append(("pedestrians and cyclists", OTHER_RGB))
+    left, right = left + min(dx for dx, _ in offsets), right + max(dx for dx, _ in offsets)
+    bottom, top = bottom + min(dy for _, dy in offsets), top + max(dy for _, dy in offsets)
     line_m = 0.02 * math.hypot(right - left, top - bottom)
     return Frame(left=left, bottom=bottom, right=right, top=top, line_m=line_m, entries=tuple(entries))
 
 
-def drawings(shown: Sequence[Shown], colors: Mapping[str, Rgb], frame: Frame, top: float) -> str:
-    """The way of each vehicle, the children's titles, and below them which colour is whose."""
-    lines, line_m = [], frame.line_m
+def legend_entries(
+    seed: SeedScene, models: Sequence[str], colors: Mapping[str, Rgb]
+) -> list[tuple[str, Rgb]]:
+    """Models in alphabetical order, and pedestrians and cyclists where there are any."""
+    entries = [(model, colors[model]) for model in sorted(set(models))]
+    if seed.obstacles is not None and seed.obstacles.present.any():
+        entries.append(("pedestrians and cyclists", OTHER_RGB))
+    return entries
+
+
+def draw_children(shown: Sequence[Shown], colors: Mapping[str, Rgb], frame: Frame, map_top: float) -> str:
+    """The way of each vehicle, and the children's titles above their tiles."""
+    lines = []
     for s in shown:
         dx, dy = s.offset
         for v, model in enumerate(s.child.models):
@@ -114,8 +126,14 @@ def drawings(shown: Sequence[Shown], colors: Mapping[str, Rgb], frame: Frame, to
             shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in way)
             lines.append(_poly(s.id(f"way.{v}"), shape, colors[model], fill=False))
         title = f"child {s.child.number}" + (f" · {s.child.title}" if s.child.title else "")
-        lines.append(_text(title, frame.left + dx, top + dy + 0.5 * line_m, line_m))
-    widest = max(len(name) for name, _ in frame.entries)
+        lines.append(_text(title, frame.left + dx, map_top + dy + 0.5 * frame.line_m, frame.line_m))
+    return "".join(lines)
+
+
+def draw_legend(frame: Frame) -> str:
+    """Below the tiles: which colour is whose."""
+    lines, line_m = [], frame.line_m
+    widest = max((len(name) for name, _ in frame.entries), default=0)
     for n, (name, rgb) in enumerate(frame.entries):
         row, column = divmod(n, _LEGEND_COLUMNS)
         x = frame.left + column * (3.0 + widest * _LETTER) * line_m

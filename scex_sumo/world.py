@@ -22,6 +22,7 @@ from scex_sumo.sumo_frame import from_sumo, to_sumo
 from scex_sumo.sumo_session import ANY_ROUTE, SumoSession
 from scex_sumo.tiles import TILE_SLOTS, tile_id
 from scex_sumo.vehicle_types import TypeBook
+from scex_sumo.view_drawings import Rgb
 from scex_sumo.world_batch import Batch, SumoDriven
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ class World:
         gui: bool = False,
         folder: Path | None = None,
         delay_ms: int = 100,
+        legend: Sequence[tuple[str, Rgb]] = (),
     ) -> None:
         """Build the tiles; SUMO itself starts with the first batch.
 
@@ -61,6 +63,7 @@ class World:
                 positions may differ from a run without.
             folder: where tile nets go; a temporary folder by default.
             delay_ms: pause of sumo-gui after each step.
+            legend: names and colours to be explained in sumo-gui, e.g. the behaviour models.
 
         Raises:
             SimulationError: the net cannot be read.
@@ -75,6 +78,7 @@ class World:
             Path(self._temporary.name) if folder is None else folder,
             gui=gui,
             delay_ms=delay_ms,
+            legend=legend,
         )
         self._gui = gui
         self._length = np.asarray(seed.length, dtype=np.float64)
@@ -221,7 +225,7 @@ class World:
         x, y = front[..., 0] - batch.offset[0], front[..., 1] - batch.offset[1]
         return from_sumo(x, y, angle, speed, self._length)
 
-    def color(self, child: int, vehicle: int, rgb: tuple[int, int, int]) -> None:
+    def color(self, child: int, vehicle: int, rgb: Rgb) -> None:
         """Colour a vehicle of the batch in sumo-gui; without it nobody looks, and nothing happens."""
         if self._gui:
             with self._session.refusals("colour a vehicle"):
