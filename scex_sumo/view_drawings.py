@@ -15,6 +15,7 @@ OTHER_RGB = (255, 0, 200)  # pedestrians and cyclists
 _LINE = 1.4  # from line to line of text, in heights of a letter
 _LETTER = 0.4  # width of a letter likewise
 _LEGEND_COLUMNS = 3
+_WINDOW_ASPECT = 1.5
 _TRACK_LAYER = 30  # above the markings, below the vehicles
 
 
@@ -81,8 +82,9 @@ class Frame:
         """sumo-gui's zoom, in percent of what it takes to show the net, and centre."""
         rows = math.ceil(len(self.entries) / _LEGEND_COLUMNS)
         above, below = 2.0 * self.line_m, (rows * _LINE + 1.0) * self.line_m
-        height = self.top - self.bottom
-        zoom = 100.0 * height / (height + above + below)
+        # sumo-gui's 100 % is what shows the net in a window of, usually, about these proportions.
+        height, needed = self.top - self.bottom, (self.right - self.left) / _WINDOW_ASPECT
+        zoom = 100.0 * max(height, needed) / max(height + above + below, needed)
         return zoom, (self.left + self.right) / 2, (self.top + above + self.bottom - below) / 2
 
 
