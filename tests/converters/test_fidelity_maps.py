@@ -1,0 +1,75 @@
+"""Converted maps reach every figure: the real ones, and maps that are awkward on purpose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scex_sumo.converters.fidelity import FidelityReport, check_net, drive_net
+from scex_sumo.converters.lanelet import read_road
+from scex_sumo.converters.origin import find_origin
+from scex_sumo.converters.sumo_net import convert
+from tests.converters.adversarial import MAPS
+from tests.converters.maps import write_map
+
+REAL = (
+    "interaction/maps/DR_DEU_Merging_MT.osm",
+    "interaction/maps/DR_DEU_Roundabout_OF.osm",
+    "taf_bw/maps/k729_2022-03-16.osm",
+    "taf_bw/maps/k733_2020-09-15.osm",
+)
+# Cars that meet head-on in one lane, or are put into a crossing out of nowhere, are beyond any right of way.
+BEYOND_RIGHT_OF_WAY = {"both_ways", "same_ground_both_ways", "starts_inside"}
+
+
+def converted(map_path: Path, folder: Path) -> tuple[Path, FidelityReport]:
+    road = read_road(map_path, origin=find_origin(map_path, origin=None, own_corner=True))
+    net = convert(road, folder / f"{map_path.stem}.net.xml")
+    return net.path, check_net(net.path, road, net.lanes)
+
+
+def drawn(name: str, folder: Path) -> Path:
+    drawing = MAPS[name]()
+    path = folder / f"{name}.osm"
+    return write_map(path, drawing.lanelets, lines=drawing.lines, relations=drawing.relations)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_a_real_map_is_converted_faithfully(name: str, data: Path, tmp_path: Path) -> None:
+    net, report = converted(data / name, tmp_path)
+    assert report.problems() == []
+    assert report.geometry.lanes_present == report.geometry.lanelets > 0
+    assert report.geometry.deviation_max_m <= 0.10
+    assert report.geometry.deviation_p95_m <= 0.01
+    assert report.geometry.width_error_mean_m <= 0.40
+    assert report.loading.probe_hits >= 0.99 * report.loading.probes
+    driving = drive_net(net)
+    assert (driving.arrived, driving.teleports, driving.overlapping_pairs) == (120, 0, 0)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_a_real_map_gives_the_same_bytes_twice(name: str, data: Path, tmp_path: Path) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    for folder in (first, second):
+        folder.mkdir()
+        road = read_road(data / name, origin=find_origin(data / name, origin=None, own_corner=True))
+        convert(road, folder / "map.net.xml")
+    names = sorted(path.name for path in first.iterdir())
+    assert names == sorted(path.name for path in second.iterdir())
+    assert all((first / name).read_bytes() == (second / name).read_bytes() for name in names)
+
+
+@pytest.mark.parametrize("name", REAL[:2])
+def test_geometry_alone_finds_what_the_table_says(name: str, data: Path, tmp_path: Path) -> None:
+    path, with_table = converted(data / name, tmp_path)
+    without = check_net(path, read_road(data / name, origin=find_origin(data / name, origin=None)))
+    assert without.problems() == with_table.problems() == []
+
+
+@pytest.mark.parametrize("name", sorted(MAPS))
+def test_an_awkward_map_is_converted_faithfully(name: str, tmp_path: Path) -> None:
+    net, report = converted(drawn(name, tmp_path), tmp_path)
+    assert report.problems() == []
+    if name not in BEYOND_RIGHT_OF_WAY:
+        assert drive_net(net, vehicles=40, headway_s=4.0).problems() == []
