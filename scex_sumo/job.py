@@ -89,7 +89,8 @@ def run_batches(
         How many children ran.
     """
     slots = sorted({int(c) % TILE_SLOTS for batch in batches for c in batch})
-    with World(job.net, job.scene, slots=slots, gui=job.gui) as world:
+    legend = tuple(zip(job.names, job.colors, strict=True))
+    with World(job.net, job.scene, slots=slots, gui=job.gui, legend=legend) as world:
         for batch in batches:
             part = run_batch(job, world, batch, on_step=on_step)
             save_part(job.folder, part)
