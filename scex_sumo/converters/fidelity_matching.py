@@ -21,6 +21,7 @@ RADII_M = (0.05, 0.3, 1.0, 2.0)
 ENDS_NEAR_M = (
     2.5  # a lanelet begins or ends beside a SUMO lane when it does so within this, above every radius
 )
+CONNECTOR_M = 0.25  # shorter SUMO lanes only join others; they lie on every lanelet that begins there
 COVERED = 0.9  # share of a lanelet's length from which it counts as covered
 AHEAD_RAD = np.deg2rad(60.0)
 
@@ -122,7 +123,7 @@ def _by_table(net: Net, road: Road, lanes: LaneNames) -> list[tuple[int, str]]:
 
 
 def _by_geometry(net: Net, road: Road) -> list[tuple[int, str]]:
-    names = [name for name, lane in net.lanes.items() if shapely.LineString(lane.shape).length > 0.0]
+    names = [n for n, lane in net.lanes.items() if shapely.LineString(lane.shape).length >= CONNECTOR_M]
     points = [sample(net.lanes[name].shape) for name in names]
     directions = [headings(p) for p in points]
     boxes = shapely.STRtree([shapely.LineString(p) for p in points])

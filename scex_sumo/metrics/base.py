@@ -178,7 +178,8 @@ class MetricParameters:
         standing_speed: at or below it a vehicle never reaches a crossing (gap time) or the position of
             its leader (time headway), m/s.
         path_extension: how far planned paths go on straight beyond their end when preset ``path`` looks for
-            leaders, m.
+            leaders, m, at least.
+        path_extension_time: the same as a time at present speed, s; the longer one counts.
     """
 
     following_angle: float = np.pi / 6
@@ -186,6 +187,7 @@ class MetricParameters:
     max_acceleration_by_type: Mapping[str, float] = field(default_factory=dict)
     standing_speed: float = 1e-4
     path_extension: float = 20.0
+    path_extension_time: float = 2.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.following_angle <= np.pi:
@@ -201,6 +203,8 @@ class MetricParameters:
             raise InputError(f"metrics: standing speed {self.standing_speed} m/s; choose one >= 0")
         if not (np.isfinite(self.path_extension) and self.path_extension > 0):
             raise InputError(f"metrics: path extension {self.path_extension} m; choose one above 0")
+        if not (np.isfinite(self.path_extension_time) and self.path_extension_time >= 0):
+            raise InputError(f"metrics: path extension {self.path_extension_time} s; choose one >= 0")
 
     def accelerations(self, types: tuple[str, ...] | NDArray[np.str_] | None, vehicles: int) -> FloatArray:
         """(V,) or (C, V) largest acceleration of each vehicle, m/s²."""

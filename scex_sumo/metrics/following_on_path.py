@@ -43,7 +43,8 @@ class _Corridors:
     def __init__(self, scenes: Scenes, paths: PathsAhead) -> None:
         self.scenes, self.paths = scenes, paths
         self.count = int(np.prod(scenes.shape))
-        reach = scenes.parameters.path_extension
+        parameters = scenes.parameters
+        reach = np.maximum(parameters.path_extension, parameters.path_extension_time * scenes.speed)
         end = paths.lines.end_of(paths.line)
         path_ends = paths.has_path
         end_x, end_y = np.where(path_ends, end[0], scenes.x), np.where(path_ends, end[1], scenes.y)

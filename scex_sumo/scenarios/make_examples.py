@@ -72,7 +72,7 @@ class Example:
 
 RECIPES = {
     "roundabout": Example(vehicles=14, seed=56, start_s=60.0, every_s=(9.0, 9.0)),
-    "motorway_merge": Example(vehicles=14, seed=58, start_s=66.0, length_s=12.0, every_s=(7.0, 7.0)),
+    "motorway_merge": Example(vehicles=14, seed=58, start_s=60.0, every_s=(7.0, 7.0)),
     "urban_intersection": Example(vehicles=20, seed=20, start_s=60.0, every_s=(10.0, 10.0), on_foot=True),
 }
 _DRAWINGS = {

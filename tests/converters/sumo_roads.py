@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import sumo
-from shapely import LineString, Polygon
+from shapely import Polygon
 
 from scex_sumo.road import Lane, Regulation, Road
 from scex_sumo.scene import FloatArray
@@ -31,7 +31,10 @@ def lane(
 ) -> Lane:
     """A lane of constant width around a centreline; neighbours named here may be changed to."""
     line = np.asarray(points, dtype=float)
-    offsets = [np.asarray(LineString(line).offset_curve(side * width / 2).coords) for side in (1, -1)]
+    headings = np.unwrap(np.arctan2(*np.diff(line, axis=0).T[::-1]))
+    headings = np.concatenate([headings[:1], (headings[1:] + headings[:-1]) / 2, headings[-1:]])
+    across = np.stack([-np.sin(headings), np.cos(headings)], axis=1)
+    offsets = [line + side * width / 2 * across for side in (1, -1)]
     return Lane(
         lane_id=lane_id,
         centreline=line,

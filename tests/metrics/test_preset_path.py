@@ -79,8 +79,8 @@ def test_the_next_vehicle_leads_not_the_one_after_it() -> None:
         ({"x": 30, "psi": math.radians(29)}, True),
         ({"x": 30, "psi": math.radians(31)}, False),  # crosses
         ({"x": 30, "psi": math.pi}, False),  # comes towards it
-        ({"x": 59}, True),  # the path ends at 40 m and goes on straight for 20 m
-        ({"x": 62}, False),
+        ({"x": 79}, True),  # the path ends at 40 m and goes on straight for 2 s
+        ({"x": 81}, False),
     ],
 )
 def test_who_is_on_the_path(leader: dict[str, float], leads: bool) -> None:
@@ -128,7 +128,8 @@ def slow_leader(
         steps = np.diff(path, axis=0)
         direction = steps[np.hypot(*steps.T) > 0][-1]
         direction = direction / np.hypot(*direction)
-    path = np.vstack([path, path[-1] + 20 * direction])
+    reach = max(20.0, 2.0 * states.speed[child, step, follower])
+    path = np.vstack([path, path[-1] + reach * direction])
     best: tuple[float, int, float] | None = None
     for other in range(states.shape[2]):
         if other == follower:
