@@ -283,6 +283,21 @@ def compare(
     compare_command(folders, nearest=nearest, distance=distance, groups=groups, out=out)
 
 
+@app.command(epilog="Example: scex-sumo explain out/k733 --metric ttc")
+def explain(
+    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Result folder.")],
+    metric: Annotated[
+        str | None, typer.Option(metavar="METRIC", help="Print this one, with all its worst children.")
+    ] = None,
+    worst: Annotated[int, typer.Option(metavar="N", help="How many of the worst children are named.")] = 5,
+    plots: Annotated[bool, typer.Option(help="Draw the shares.")] = True,
+) -> None:
+    """Say which vehicles' drivers make a scene critical, and how."""
+    from scex_sumo.commands.explain import explain_command
+
+    explain_command(folder, metric=metric, worst=worst, plots=plots)
+
+
 @app.command(epilog="Example: scex-sumo models")
 def models() -> None:
     """List the behaviour models and their parameters."""

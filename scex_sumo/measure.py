@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 
@@ -43,14 +45,18 @@ def measure_recorded(scene: SeedScene, steps: int) -> ScenarioValues | None:
     """
     if scene.future is None or scene.future_valid is None or scene.future.shape[1] == 0:
         return None
-    known = min(steps, scene.future.shape[1])
-    tracks = _tracks(
-        scene,
-        scene.history.repeat(1),
-        scene.future[:, :known].repeat(1).swapaxes(1, 2),
-        scene.future_valid[None, :, :known].swapaxes(1, 2),
+    after = scene.future.repeat(1).swapaxes(1, 2)
+    whole = _tracks(scene, scene.history.repeat(1), after, scene.future_valid[None].swapaxes(1, 2))
+    paths = PlannedPaths.from_tracks(whole)
+    # The paths go on to the end of the recording, the values only as far as the children's.
+    known = min(steps, after.shape[1])
+    until = whole.first + known
+    tracks = replace(
+        whole,
+        states=whole.states[:, :until],
+        present=None if whole.present is None else whole.present[:, :until],
     )
-    return evaluate(tracks, PlannedPaths.from_tracks(tracks))
+    return evaluate(tracks, replace(paths, index=paths.index[:known], column=paths.column[:known]))
 
 
 def _tracks(scene: SeedScene, history: States, after: States, present: BoolArray | None) -> SceneTracks:

@@ -16,7 +16,7 @@ from scex_sumo.results import LOGGED_HISTORY
 from scex_sumo.run import Run, open_run
 
 if TYPE_CHECKING:
-    from scex_sumo.view import ChildView
+    from scex_sumo.view_drawings import ChildView
 
 FORMATS = ("interaction", "fcd")
 
@@ -108,7 +108,7 @@ def write_grid(run: Run, count: int) -> Path:
 
 
 def _child_view(run: Run, number: int, title: str) -> ChildView:
-    from scex_sumo.view import ChildView
+    from scex_sumo.view_drawings import ChildView
 
     return ChildView(
         number=number,

@@ -1,0 +1,138 @@
+"""``scex-sumo explain``: which vehicles' models make a run's values vary, and what makes them critical."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scex_sumo.errors import ResultError, UsageError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from scex_sumo.effects import Effect
+    from scex_sumo.explain import Explanation
+    from scex_sumo.run import Run
+
+_SHOWN_PAIRS, _SHOWN_CONDITIONS = 6, 3
+
+
+def explain_command(folder: Path, *, metric: str | None, worst: int, plots: bool) -> None:
+    """Print, write and draw where the values of a run come from."""
+    from rich.console import Console
+
+    from scex_sumo.explain import assignment_of, condition_rows, effect_rows, explain, worst_rows
+    from scex_sumo.run import open_run
+
+    if worst < 1:
+        raise UsageError(f"--worst: got {worst}, needs at least 1")
+    run = open_run(folder)
+    if metric is not None:
+        run.samples(metric)
+    levels, names = assignment_of(run)
+    ids = run.info["seed_scene"]["track_ids"]
+    found = [explain(run, column, worst=worst) for column in run.columns]
+    _write(folder / "explain_effects.parquet", [r for e in found for r in effect_rows(e, ids)])
+    _write(folder / "explain_conditions.parquet", [r for e in found for r in condition_rows(e, ids, names)])
+    worst_of = {e.metric: worst_rows(run, e, levels, names) for e in found}
+    _write(folder / "explain_worst.parquet", [r for rows in worst_of.values() for r in rows])
+    shown = [
+        e for e in found if (e.metric == metric if metric is not None else not e.metric.endswith("_mean"))
+    ]
+    Console(width=None if sys.stdout.isatty() else 110).print(_effects_table(run, shown))
+    for explanation in shown:
+        _print_conditions(explanation, ids, names, worst_of[explanation.metric], every=metric is not None)
+    if plots:
+        from scex_sumo.plots_statistics import draw_effects
+
+        draw_effects(found, run, folder / "explain")
+    print(f"result: {folder / 'explain_effects.parquet'}, explain_conditions, explain_worst")
+
+
+def _write(path: Path, rows: list[dict[str, Any]]) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not rows:
+        path.unlink(missing_ok=True)
+        return
+    try:
+        pq.write_table(pa.Table.from_pylist(rows), path)
+    except OSError as error:
+        raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
+
+
+def _effects_table(run: Run, shown: Sequence[Explanation]) -> Table:
+    from rich.table import Table
+
+    ids = run.info["seed_scene"]["track_ids"]
+    table = Table(
+        title=f"{run.info['seed_scene']['name']}: share of the variance over {run.children} children "
+        "that comes from who drives",
+        title_justify="left",
+        caption="pairs: what two vehicles do only together; rest: more vehicles together, and random routes",
+        caption_justify="left",
+    )
+    table.add_column("vehicle", no_wrap=True)
+    for explanation in shown:
+        table.add_column(explanation.metric, justify="right", no_wrap=True)
+    share = [{(e.kind, e.vehicle, e.other): e for e in x.effects} for x in shown]
+    mains = {k for s in share for k in s if k[0] == "main"}
+    pairs = {k for s in share for k in s if k[0] == "pair"}
+    biggest = sorted(pairs, key=lambda k: -max(s[k].share for s in share if k in s))[:_SHOWN_PAIRS]
+    for key in sorted(mains):
+        table.add_row(str(ids[key[1]]), *(_percent(s.get(key)) for s in share))
+    table.add_section()
+    for key in biggest:
+        table.add_row(f"{ids[key[1]]} with {ids[key[2]]}", *(_percent(s.get(key)) for s in share))
+    table.add_row(
+        "other pairs",
+        *(_sum([e for k, e in s.items() if k[0] == "pair" and k not in biggest]) for s in share),
+    )
+    table.add_row("rest", *(_percent(s.get(("rest", -1, -1))) for s in share))
+    return table
+
+
+def _percent(effect: Effect | None) -> str:
+    return "–" if effect is None else f"{max(effect.share, 0.0):.1%}"
+
+
+def _sum(effects: Sequence[Effect]) -> str:
+    return f"{max(sum(e.share for e in effects), 0.0):.1%}" if effects else "–"
+
+
+def _print_conditions(
+    explanation: Explanation,
+    ids: Sequence[int],
+    names: Sequence[str],
+    worst: Sequence[dict[str, Any]],
+    *,
+    every: bool,
+) -> None:
+    """What must happen for this scene to become dangerous, in sentences."""
+    from scex_sumo.explain import minimal
+    from scex_sumo.run import side_of
+
+    if explanation.defined == 0:
+        print(f"{explanation.metric}: defined in no child")
+        return
+    sign = "<=" if side_of(explanation.metric) == "left" else ">="
+    kind = "critical" if explanation.given else "worst tenth"
+    print(
+        f"{explanation.metric} {kind} ({sign} {explanation.threshold:.3g}): "
+        f"{explanation.p_critical:.1%} of {explanation.defined} children"
+    )
+    for c in minimal(explanation.conditions, _SHOWN_CONDITIONS):
+        who = " and ".join(f"{ids[v]}={names[m]}" for v, m in zip(c.vehicles, c.models, strict=True))
+        print(
+            f"  {c.share:.0%} with {who} (95 %: {c.low:.0%} – {c.high:.0%}, "
+            f"{c.critical} of {c.children}; {c.covered:.0%} of the critical ones)"
+        )
+    for row in worst if every else worst[:1]:
+        between = ""
+        if row["track_id"] is not None:
+            other = "" if row["other_id"] is None else f" with {row['other_id']}"
+            between = f", {row['track_id']}{other} after {row['after_s']:.1f} s"
+        print(f"  child {row['child']}: {row['value']:.3g}{between}: {row['assignment']}")
