@@ -12,6 +12,8 @@ from scex_sumo.tiles import tile_id
 
 # No driver of SUMO's gains more speed than this in one step, m/s.
 _MAX_GAIN_MPS = 1.0
+# SUMO takes a vehicle for arrived 0.1 m before the end of its route.
+_ARRIVAL_M = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +105,7 @@ class Batch:
         """Take back vehicles that SUMO would remove at the next step: their route ends there."""
         for key, edge in list(self.route_ends.items()):
             left = sumo.vehicle.getDrivingDistance(key, edge, sumo.lane.getLength(f"{edge}_0"))
-            if 0 <= left <= (sumo.vehicle.getSpeed(key) + _MAX_GAIN_MPS) * STEP_S:
+            if 0 <= left <= (sumo.vehicle.getSpeed(key) + _MAX_GAIN_MPS) * STEP_S + _ARRIVAL_M:
                 del self.route_ends[key]
                 self._take_back(key, sumo)
 
