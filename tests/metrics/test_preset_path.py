@@ -80,7 +80,7 @@ def test_the_next_vehicle_leads_not_the_one_after_it() -> None:
         ({"x": 30, "psi": math.radians(31)}, False),  # crosses
         ({"x": 30, "psi": math.pi}, False),  # comes towards it
         ({"x": 79}, True),  # the path ends at 40 m and goes on straight for 2 s
-        ({"x": 81}, False),
+        ({"x": 82}, False),
     ],
 )
 def test_who_is_on_the_path(leader: dict[str, float], leads: bool) -> None:
