@@ -59,7 +59,8 @@ def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[Conflict, ...]:
     """Classify every pair of lanelets that come within a car's width of each other.
 
     Pairs that follow one another, lie beside each other as neighbours, or only leave the same fork are no
-    conflict; nor are lanelets that run against each other without crossing.
+    conflict; nor are lanelets that run against each other without crossing, or that the map's reader holds to
+    lie on different levels (they cross here and are not among ``Lane.conflicts``).
     """
     traces = {
         i: _trace(lane) for i, lane in lanes.items() if shapely.LineString(lane.centreline).length > 0.0
@@ -113,6 +114,8 @@ def _classify(lanes: Mapping[int, Lane], one: _Trace, other: _Trace) -> Conflict
     turn = float(np.angle(np.exp(1j * (other.directions[partner] - one.directions[at]))))
     if abs(turn) > BACK_TO_BACK_RAD and (kind == "overlap" or not one.line.crosses(other.line)):
         return None  # no right of way helps where two lanelets run against each other
+    if kind != "merge" and other.lane.lane_id not in one.lane.conflicts:
+        return None  # a bridge: the reader has seen heights, which are no longer there
     if kind == "overlap" and one.area.intersection(other.area).area < OVERLAP_M2:
         return None
     return Conflict(

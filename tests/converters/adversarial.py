@@ -6,7 +6,7 @@ Each map is drawn from gates, cross sections of the road that lanelets share, wi
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import cos, pi, radians, sin
 
@@ -63,7 +63,7 @@ def curve(start: Point, start_deg: float, end: Point, end_deg: float, count: int
     u = np.linspace(0.0, 1.0, count)[:, None]
     points = (2 * u**3 - 3 * u**2 + 1) * a + (u**3 - 2 * u**2 + u) * da
     points += (3 * u**2 - 2 * u**3) * b + (u**3 - u**2) * db
-    return [(round(float(x), 4), round(float(y), 4)) for x, y in points]
+    return [(float(x), float(y)) for x, y in points]
 
 
 def row(
@@ -389,15 +389,7 @@ def yields() -> Drawn:
 
 
 def _with_rule(lane: Lanelet, number: int) -> Lanelet:
-    return Lanelet(
-        lane.lanelet_id,
-        lane.left,
-        lane.right,
-        lane.tags,
-        lane.left_tags,
-        lane.right_tags,
-        (*lane.rules, number),
-    )
+    return replace(lane, rules=(*lane.rules, number))
 
 
 def doubled() -> Drawn:
@@ -450,6 +442,60 @@ def spiral() -> Drawn:
     return Drawn([Lanelet(1, left=bound(-0.5 * WIDE), right=bound(0.5 * WIDE))])
 
 
+def bridge() -> Drawn:
+    """A road six metres above another."""
+
+    def raised(points: Sequence[Point]) -> list[Point]:
+        return [(*point[:2], 6.0) for point in points]
+
+    below = chain(1, [centred(x, 0) for x in (-50, -10, 10, 50)])
+    above = chain(11, [centred(0, y, 90) for y in (-50, -10, 10, 50)])
+    return Drawn(below + [replace(lane, left=raised(lane.left), right=raised(lane.right)) for lane in above])
+
+
+def roundabout_of_two_lanes() -> Drawn:
+    """A ring of two lanes with lane changes between them; entries and exits of one lane at four arms."""
+    inner, parts, lanes = 14.0, 8, []
+
+    def at(angle: float) -> Gate:
+        # Driven counter-clockwise: the outer lane lies on the right.
+        outer = inner + 2 * WIDE
+        return Gate(outer * cos(radians(angle)), outer * sin(radians(angle)), angle + 90, (WIDE, WIDE))
+
+    for part in range(parts):
+        angles = [45.0 * part + 45.0 / 6 * k for k in range(7)]
+        gates = [at(angle % 360.0) for angle in angles]
+        edges = [[gate.edge(k) for gate in gates] for k in range(3)]
+        for k in range(2):
+            lanes.append(
+                Lanelet(
+                    10 * part + k + 1,
+                    left=edges[k + 1],
+                    right=edges[k],
+                    left_tags=SOLID if k else DASHED,
+                    right_tags=DASHED if k else SOLID,
+                )
+            )
+    for arm in range(4):
+        angle = 90.0 * arm
+        far = [(60 * cos(radians(angle + side)), 60 * sin(radians(angle + side))) for side in (-5, 5)]
+        # Entries join 45 degrees behind the arm, exits leave 45 degrees before it: no weaving across arms.
+        lanes += row([500 + arm], centred(*far[1], angle + 180), at((angle + 45) % 360).lane(0))
+        lanes += row([600 + arm], at(angle).lane(0), centred(*far[0], angle))
+    return Drawn(lanes)
+
+
+def offset_crossing_with_lights() -> Drawn:
+    """Two lanes crossed by two lanes, lights on one approach only, a stop line beside them."""
+    drawn = intersection(lanes=2)
+    drawn.lines = [Line(910, [(20, 3), (20, 6)], {"type": "traffic_light"}), Line(911, [(17, 0), (17, 7)])]
+    drawn.relations.append(rule(900, "traffic_light", [("refers", 910), ("ref_line", 911)]))
+    drawn.lanelets = [
+        _with_rule(lane, 900) if lane.lanelet_id in (100, 101) else lane for lane in drawn.lanelets
+    ]
+    return drawn
+
+
 MAPS: dict[str, Callable[[], Drawn]] = {
     function.__name__: function
     for function in (
@@ -486,5 +532,8 @@ MAPS: dict[str, Callable[[], Drawn]] = {
         slanted_merge,
         neighbouring_crossings,
         spiral,
+        bridge,
+        roundabout_of_two_lanes,
+        offset_crossing_with_lights,
     )
 }

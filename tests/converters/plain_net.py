@@ -97,13 +97,13 @@ def crossing() -> Road:
     """The road that ``NET`` is faithful to."""
     lanes = [
         lane(1, [(-60, 0), (-15, 0)], successors=(2,), adjacent_left=7),
-        lane(2, [(-15, 0), (15, 0)], successors=(3,), predecessors=(1,)),
+        lane(2, [(-15, 0), (15, 0)], successors=(3,), predecessors=(1,), conflicts=(5,)),
         lane(3, [(15, 0), (60, 0)], predecessors=(2,)),
         lane(4, [(0, -60), (0, -15)], successors=(5,)),
-        lane(5, [(0, -15), (0, 15)], successors=(6,), predecessors=(4,)),
+        lane(5, [(0, -15), (0, 15)], successors=(6,), predecessors=(4,), conflicts=(2, 8)),
         lane(6, [(0, 15), (0, 60)], predecessors=(5, 8)),
         lane(7, [(-60, 3.5), (-15, 3.5)], successors=(8,), right=1, adjacent_right=1),
-        lane(8, TURN, successors=(6,), predecessors=(7,)),
+        lane(8, TURN, successors=(6,), predecessors=(7,), conflicts=(5,)),
         lane(9, [(4, -60), (4, -15)], width_m=2.0, kind="pedestrian", subtype="walkway"),
     ]
     rule = Regulation(element_id=90, kind="right_of_way", lanes=(5, 2, 8), yielding=(5,), priority=(2, 8))

@@ -214,6 +214,13 @@ def test_foes_of_which_neither_yields_are_found(tmp_path: Path) -> None:
     assert report.priority.free_foes == ((":J_0_0", ":J_2_0"),)
 
 
+def test_a_bridge_is_no_crossing(tmp_path: Path) -> None:
+    road = crossing()
+    above = {i: replace(one, conflicts=()) if i in (2, 5) else one for i, one in road.lanes.items()}
+    report = check_net(write_net(tmp_path), replace(road, lanes=above), Table())
+    assert (report.priority.crossing, report.priority.merging) == (0, 1)
+
+
 def test_right_before_left_is_expected_where_no_rule_is(tmp_path: Path) -> None:
     # 5 comes from the right of 2, so without a rule 2 gives way; NET lets 5 give way.
     report = check_net(write_net(tmp_path), replace(crossing(), regulations=()), Table())
