@@ -23,7 +23,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.world import TILE_SLOTS, SumoDriven, World
 
-DEFAULT_MAP = Path("/work/shared/data/interaction/maps/DR_DEU_Roundabout_OF.osm")
+DEFAULT_MAP = Path(__file__).parents[1] / "scex_sumo" / "scenarios" / "data" / "roundabout.osm"
 
 
 def positions(road: Road, vehicles: int, steps: int) -> States:

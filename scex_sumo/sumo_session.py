@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Sequence
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from io import StringIO
 from pathlib import Path
@@ -38,6 +40,28 @@ _OPTIONS = (
 )
 
 _open = False
+
+
+@contextmanager
+def _silence() -> Iterator[Callable[[], list[str]]]:
+    """Keep SUMO and traci from writing to the terminal; gives a way to read what SUMO complained about.
+
+    SUMO writes to the process's own error stream, past Python's: the stream itself is diverted for a while.
+    """
+    sys.stderr.flush()
+    stream = os.dup(2)
+    with tempfile.TemporaryFile() as file, redirect_stdout(StringIO()):
+        os.dup2(file.fileno(), 2)
+
+        def said() -> list[str]:
+            file.seek(0)
+            return file.read().decode("utf-8", errors="replace").splitlines()
+
+        try:
+            yield said
+        finally:
+            os.dup2(stream, 2)
+            os.close(stream)
 
 
 class SumoSession:
@@ -160,10 +184,14 @@ class SumoSession:
             raise SimulationError("sumo-gui needs a display and DISPLAY is not set; run without --gui")
         program = str(Path(sumo.SUMO_HOME) / "bin" / "sumo-gui") if self._gui else "sumo"
         self._errors = (module.TraCIException, module.exceptions.FatalTraCIError)
-        with self.refusals("start"):
-            with redirect_stdout(StringIO()):  # traci reports each attempt to connect
+        with _silence() as said:
+            try:
                 module.start([program, *options, *_OPTIONS])
-            self._sumo, _open = module, True
+            except self._errors as error:
+                reason = next((line for line in said() if line.startswith("Error: ")), f"Error: {error}")
+                raise SimulationError(f"SUMO does not start: {reason.removeprefix('Error: ')}") from error
+        self._sumo, _open = module, True
+        with self.refusals("begin"):
             for slot in self.slots:
                 module.route.add(tile_id(slot, ANY_ROUTE), [tile_id(slot, self._template.first_edge)])
             module.simulation.saveState(str(self._folder / "empty.xml"))

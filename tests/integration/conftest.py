@@ -33,8 +33,17 @@ EDGES = """<edges>
 @pytest.fixture(scope="session")
 def crossing(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     """A curved two-lane main road through (1000, 1000), lanes 3.2 m wide, crossed by a minor road."""
-    folder = tmp_path_factory.mktemp("crossing")
-    (folder / "n.nod.xml").write_text(NODES)
+    return build(tmp_path_factory.mktemp("crossing"), NODES)
+
+
+@pytest.fixture(scope="session")
+def signals(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
+    """The same with traffic lights."""
+    return build(tmp_path_factory.mktemp("signals"), NODES.replace('"priority"', '"traffic_light"'))
+
+
+def build(folder: Path, nodes: str) -> SimpleNamespace:
+    (folder / "n.nod.xml").write_text(nodes)
     (folder / "n.edg.xml").write_text(EDGES)
     command = [str(Path(sumo.SUMO_HOME) / "bin" / "netconvert"), "-n", "n.nod.xml", "-e", "n.edg.xml"]
     options = ["-o", "n.net.xml", "--offset.disable-normalization", "--no-turnarounds", "--no-warnings"]

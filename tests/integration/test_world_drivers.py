@@ -245,6 +245,17 @@ def test_a_driver_of_sumo_does_the_same_to_the_byte_in_its_tile(
         assert getattr(among, key).tobytes() == getattr(alone, key).tobytes()
 
 
+def test_traffic_lights_begin_anew_with_every_batch(signals: SimpleNamespace) -> None:
+    seed = scene(in_north(40.0, 8.0), (950.0, 995.0, 0.32, 10.0))
+    drivers = [driven(0, "Krauss", ("n_in", "s_out")), driven(1, "Krauss", STRAIGHT)]
+    with World(signals, seed, slots=[0]) as world:
+        first = drive(world, seed, [0], drivers, 600)
+        again = drive(world, seed, [0], drivers, 600)
+    assert first.speed[0, 0].min() == 0.0  # waits at the red light
+    assert first.y[0, 0, -1] < 980.0  # and passes when it is green, after three quarters of a minute
+    assert first.x.tobytes() == again.x.tobytes() and first.y.tobytes() == again.y.tobytes()
+
+
 def test_parameters_reach_sumo(crossing: SimpleNamespace) -> None:
     seed = scene((997.0, 1100.0, 0.0, 0.0), (905.0, 975.2 + 1.4, 0.32, 5.0))
     with World(crossing, seed, slots=[0, 1]) as world:
@@ -268,6 +279,18 @@ def test_a_driver_that_sumo_does_not_have_is_an_error(
     seed = mixed()
     with World(crossing, seed, slots=[0]) as world, pytest.raises(UsageError, match=words):
         drive(world, seed, [0], [driven(1, model, **parameters)], 1)
+
+
+def test_a_parameter_that_sumo_refuses_is_an_error_in_its_words_and_in_one_line(
+    crossing: SimpleNamespace, capfd: pytest.CaptureFixture[str]
+) -> None:
+    seed = mixed()
+    with (
+        World(crossing, seed, slots=[0]) as world,
+        pytest.raises(SimulationError, match=r"SUMO does not start: .*tau\. Must be greater than 0"),
+    ):
+        drive(world, seed, [0], [driven(1, "EIDM", tau="-1")], 1)
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_route_that_the_net_does_not_hold_is_an_error(crossing: SimpleNamespace) -> None:
