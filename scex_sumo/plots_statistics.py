@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from scex_sumo.density import density, dkw_half_width
+from scex_sumo.explain import Explanation
 from scex_sumo.plots import LABELS
 from scex_sumo.run import Run, side_of
 from scex_sumo.scene import FloatArray, IntArray
@@ -53,7 +54,8 @@ def draw_subsets(run: Run, subsets: Mapping[int, IntArray], stem: Path) -> list[
                 some = values[children][np.isfinite(values[children])]
                 if len(some):
                     axes.plot(curve.x, density(some, x=curve.x).pdf, color=color, linewidth=1)
-            low, high = np.quantile(known, [0.001, 0.999])
+            low, quarter, middle, three, high = np.quantile(known, [0.001, 0.25, 0.5, 0.75, 0.999])
+            high = min(high, middle + 6 * (three - quarter) + 1)  # a few far values would hide the rest
             axes.set_xlim(low - 0.4, high + 0.4)
             axes.set_ylim(bottom=0)
         handles = [Line2D([], [], color="#bbbbbb", linewidth=6)]
@@ -127,3 +129,49 @@ def _save(figure: Any, stem: Path) -> list[Path]:
     figure.savefig(files[1], dpi=150)
     plt.close(figure)
     return files
+
+
+def draw_effects(found: Sequence[Explanation], run: Run, stem: Path) -> list[Path]:
+    """Main effects (diagonal) and pairs (beside it) of all vehicles, one panel per metric, as SVG and PNG.
+
+    Args:
+        found: of `scex_sumo.explain.explain`, one per metric column.
+        run: the run explained.
+        stem: path without ending.
+    """
+    ids = [str(t) for t in run.info["seed_scene"]["track_ids"]]
+    with plt.rc_context(_STYLE):
+        figure, grid = plt.subplots(3, 4, figsize=(11.5, 8.8), layout="constrained")
+        image = None
+        for axes, explanation in zip(grid.flat, found, strict=True):
+            axes.set_title(_title(explanation.metric), loc="left")
+            if not explanation.effects:
+                axes.text(0.5, 0.5, "nothing to explain", ha="center", va="center", transform=axes.transAxes)
+                axes.set(xticks=[], yticks=[])
+                continue
+            share = np.full((len(ids), len(ids)), np.nan)
+            for e in explanation.effects:
+                if e.kind != "rest":
+                    share[max(e.vehicle, e.other), e.vehicle] = max(e.share, 0.0)
+            image = axes.imshow(100 * share, cmap="Blues", vmin=0, vmax=50)
+            for row, column in zip(*np.nonzero(share >= 0.01), strict=True):
+                value = 100 * share[row, column]
+                color = "white" if value > 30 else "black"
+                axes.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=6, color=color)
+            axes.set_xticks(range(len(ids)), ids, rotation=90 if len(ids) > 8 else 0)
+            axes.set_yticks(range(len(ids)), ids)
+            rest = next(e.share for e in explanation.effects if e.kind == "rest")
+            axes.text(
+                0.98,
+                0.95,
+                f"rest {100 * max(rest, 0):.0f} %",
+                ha="right",
+                va="top",
+                transform=axes.transAxes,
+                color="#666666",
+            )
+        if image is not None:
+            label = "share of the variance [%]: alone (diagonal), in pairs (below)"
+            figure.colorbar(image, ax=grid, shrink=0.5, label=label)
+        _headline(figure, run)
+        return _save(figure, stem)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from scex_sumo.explain import Explanation
     from scex_sumo.run import Run
 
-_SHOWN_PAIRS, _SHOWN_CONDITIONS = 6, 3
+_SHOWN_PAIRS = 6
 
 
 def explain_command(folder: Path, *, metric: str | None, worst: int, plots: bool) -> None:
@@ -41,6 +41,8 @@ def explain_command(folder: Path, *, metric: str | None, worst: int, plots: bool
     shown = [
         e for e in found if (e.metric == metric if metric is not None else not e.metric.endswith("_mean"))
     ]
+    scene = run.info["seed_scene"]["name"]
+    print(f"{scene}: share of the variance over {run.children} children that comes from who drives")
     Console(width=None if sys.stdout.isatty() else 110).print(_effects_table(run, shown))
     for explanation in shown:
         _print_conditions(explanation, ids, names, worst_of[explanation.metric], every=metric is not None)
@@ -69,10 +71,7 @@ def _effects_table(run: Run, shown: Sequence[Explanation]) -> Table:
 
     ids = run.info["seed_scene"]["track_ids"]
     table = Table(
-        title=f"{run.info['seed_scene']['name']}: share of the variance over {run.children} children "
-        "that comes from who drives",
-        title_justify="left",
-        caption="pairs: what two vehicles do only together; rest: more vehicles together, and random routes",
+        caption="with: only together; rest: more together, random routes",
         caption_justify="left",
     )
     table.add_column("vehicle", no_wrap=True)
@@ -112,7 +111,6 @@ def _print_conditions(
     every: bool,
 ) -> None:
     """What must happen for this scene to become dangerous, in sentences."""
-    from scex_sumo.explain import minimal
     from scex_sumo.run import side_of
 
     if explanation.defined == 0:
@@ -124,7 +122,7 @@ def _print_conditions(
         f"{explanation.metric} {kind} ({sign} {explanation.threshold:.3g}): "
         f"{explanation.p_critical:.1%} of {explanation.defined} children"
     )
-    for c in minimal(explanation.conditions, _SHOWN_CONDITIONS):
+    for c in explanation.rules:
         who = " and ".join(f"{ids[v]}={names[m]}" for v, m in zip(c.vehicles, c.models, strict=True))
         print(
             f"  {c.share:.0%} with {who} (95 %: {c.low:.0%} – {c.high:.0%}, "
