@@ -70,16 +70,7 @@ class Chains:
         return all(self._is_simple(p) for p in upstream | downstream)
 
     def _is_simple(self, piece: Piece) -> bool:
-        return self._ways(piece, self.before) < 2 or self._ways(piece, self.after) < 2
-
-    def _ways(self, piece: Piece, step: Callable[[Piece], list[Piece]], depth: int = 50) -> int:
-        """How many ways lead from a piece through the junction to road pieces, counted up to 2."""
-        total = 0
-        for other in step(piece):
-            total += 1 if not self.is_inside(other) or not depth else self._ways(other, step, depth - 1)
-            if total > 1:
-                break
-        return total
+        return any(len(self.reach(piece, step)[1]) < 2 for step in (self.before, self.after))
 
 
 def fill_gaps(

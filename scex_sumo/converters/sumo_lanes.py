@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import csv
+import heapq
 import io
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
+from itertools import pairwise
 from pathlib import Path
+from typing import TypeAlias
 
 from scex_sumo.errors import InputError
+
+_Row: TypeAlias = tuple[int, str]  # lanelet, SUMO lane
 
 HEADER = ["lanelet_id", "lane_id"]
 
@@ -36,6 +41,27 @@ class LaneTable:
         for lanelet, sumo_lane in self._rows:
             self._of.setdefault(lanelet, []).append(sumo_lane)
             self._on.setdefault(sumo_lane, []).append(lanelet)
+        if self._ends:
+            self._of = {lanelet: self._in_order(lanes) for lanelet, lanes in self._of.items()}
+
+    def _in_order(self, lanes: list[str]) -> list[str]:
+        """A lanelet's SUMO lanes by what leads to what; rows alone cannot say that on a ring."""
+        edges = {name.rsplit("_", 1)[0]: name for name in lanes}
+        waiting: dict[str, set[str]] = {name: set() for name in lanes}
+        for name in lanes:
+            before, after = self._ends.get(name, ("", ""))
+            if before in edges:
+                waiting[name].add(edges[before])
+            if after in edges:
+                waiting[edges[after]].add(name)
+        ordered: list[str] = []
+        while waiting:
+            first = next((name for name, others in waiting.items() if not others), next(iter(waiting)))
+            del waiting[first]
+            ordered.append(first)
+            for others in waiting.values():
+                others.discard(first)
+        return ordered
 
     def sumo_lanes(self, lanelet_id: int) -> tuple[str, ...]:
         """SUMO lanes of a lanelet, in driving order; empty for a lanelet that the net leaves out."""
@@ -109,3 +135,60 @@ def read_ends(net: Path) -> dict[str, tuple[str, str]]:
         if via and not before.startswith(":"):
             ends[via] = (before, after)
     return ends
+
+
+def lane_table(
+    places: Iterable[tuple[str, list[tuple[int, float]]]],
+    ends: dict[str, tuple[str, str]],
+    known: Container[int],
+) -> LaneTable:
+    """Build the table, its rows in driving order along lanelets and along internal lanes over several.
+
+    Args:
+        places: each SUMO lane with the lanelets under it, in driving order, and the arc lengths at which it
+            begins on them, m.
+        ends: for each internal SUMO lane the edges before and after it.
+        known: lanelets of the map; others are left out.
+    """
+    along: dict[int, list[tuple[float, str]]] = {}
+    within: dict[_Row, set[_Row]] = {}
+    for sumo_lane, stretches in places:
+        keys = [(lanelet, sumo_lane) for lanelet, _ in stretches if lanelet in known]
+        for k, key in enumerate(keys):
+            within.setdefault(key, set()).update(keys[:k])
+        for lanelet, start in stretches:
+            if lanelet in known:
+                along.setdefault(lanelet, []).append((start, sumo_lane))
+    before: dict[_Row, set[_Row]] = {key: set() for key in within}
+    for lanelet, stations in along.items():
+        rows = [(lanelet, sumo_lane) for _, sumo_lane in sorted(stations)]
+        for earlier, later in pairwise(rows):
+            before[later].add(earlier)
+    return LaneTable(_sorted(within, before), ends)
+
+
+def _sorted(within: dict[_Row, set[_Row]], before: dict[_Row, set[_Row]]) -> list[_Row]:
+    """Topological order, smallest row first; on rings, where there is none, that within SUMO lanes stays."""
+    waiting = {key: within[key] | before[key] for key in within}
+    following: dict[_Row, list[_Row]] = {}
+    for key, others in waiting.items():
+        for other in others:
+            following.setdefault(other, []).append(key)
+    ready = [key for key, others in waiting.items() if not others]
+    heapq.heapify(ready)
+    result: list[_Row] = []
+    while waiting:
+        if ready:
+            key = heapq.heappop(ready)
+        else:
+            key = min(row for row in waiting if waiting.keys().isdisjoint(within[row]))
+        if key not in waiting:
+            continue
+        del waiting[key]
+        result.append(key)
+        for later in following.get(key, ()):
+            if later in waiting:
+                waiting[later].discard(key)
+                if not waiting[later]:
+                    heapq.heappush(ready, later)
+    return result

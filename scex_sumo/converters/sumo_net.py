@@ -11,17 +11,15 @@ and coordinates in it, for whoever copies or moves nets as text:
 
 from __future__ import annotations
 
-import heapq
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 
 from scex_sumo.converters.sumo_borders import add_entries
 from scex_sumo.converters.sumo_conflicts import Conflict, conflicts
 from scex_sumo.converters.sumo_extras import extras_text
 from scex_sumo.converters.sumo_gaps import fill_gaps, open_knots
-from scex_sumo.converters.sumo_lanes import LaneTable
+from scex_sumo.converters.sumo_lanes import LaneTable, lane_table
 from scex_sumo.converters.sumo_lights import Programme, fixed_programmes
 from scex_sumo.converters.sumo_plan import NetPlan
 from scex_sumo.converters.sumo_rows import build_rows, lay_zones
@@ -77,7 +75,7 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     plan.add(_side_lanes(road))
     programmes, notes = _programmes(plan, road, found, signals)
     net_path.write_text(net_text(plan, programmes), encoding="utf-8")
-    table = _table(plan, road)
+    table = lane_table(plan.places(), plan.ends(), road.lanes)
     table.write(beside(net_path, ".lanes.csv"))
     extras = beside(net_path, ".add.xml")
     extras.write_text(extras_text(road), encoding="utf-8")
@@ -141,48 +139,3 @@ def _programmes(
 def beside(net_path: Path, suffix: str) -> Path:
     """The file that belongs to NET.net.xml with another ending: NET + suffix."""
     return net_path.with_name(net_path.name.removesuffix(".xml").removesuffix(".net") + suffix)
-
-
-def _table(plan: NetPlan, road: Road) -> LaneTable:
-    """Rows in driving order, both along a lanelet and along an internal lane over several lanelets."""
-    along: dict[int, list[tuple[float, str]]] = {}
-    after: dict[tuple[int, str], set[tuple[int, str]]] = {}
-    for lane, places in plan.places():
-        places = [(lanelet, start) for lanelet, start in places if lanelet in road.lanes]
-        for lanelet, start in places:
-            along.setdefault(lanelet, []).append((start, lane))
-        keys = [(lanelet, lane) for lanelet, _ in places]
-        for k, key in enumerate(keys):
-            after.setdefault(key, set()).update(keys[:k])
-    for lanelet in sorted(along):
-        keys = [(lanelet, lane) for _, lane in sorted(along[lanelet])]
-        for before, key in pairwise(keys):
-            after[key].add(before)
-    ends = {
-        c.internal.name: (c.from_edge, c.to_edge) for node in plan.nodes.values() for c in node.connections
-    }
-    return LaneTable(_sorted(after), ends)
-
-
-def _sorted(after: dict[tuple[int, str], set[tuple[int, str]]]) -> list[tuple[int, str]]:
-    """Topological order, smallest key first; a ring within one junction has no order and is broken there."""
-    waiting = {key: set(before) for key, before in after.items()}
-    following: dict[tuple[int, str], list[tuple[int, str]]] = {}
-    for key, befores in after.items():
-        for before in befores:
-            following.setdefault(before, []).append(key)
-    ready = [key for key, before in waiting.items() if not before]
-    heapq.heapify(ready)
-    result = []
-    while waiting:
-        key = heapq.heappop(ready) if ready else min(waiting)
-        if key not in waiting:
-            continue
-        del waiting[key]
-        result.append(key)
-        for later in following.get(key, ()):
-            if later in waiting:
-                waiting[later].discard(key)
-                if not waiting[later]:
-                    heapq.heappush(ready, later)
-    return result

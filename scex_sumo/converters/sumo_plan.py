@@ -102,6 +102,11 @@ class NetPlan:
         for cut_, name in self._cuts_by_node().items():
             self.nodes[name].shape = self._outline(cut_, self.nodes[name])
 
+    def ends(self) -> dict[str, tuple[str, str]]:
+        """For each internal lane the edges before and after it."""
+        links = [c for node in self.nodes.values() for c in node.connections]
+        return {c.internal.name: (c.from_edge, c.to_edge) for c in links}
+
     def places(self) -> Iterator[tuple[str, list[tuple[int, float]]]]:
         """Each SUMO lane with the lanelets under it and the arc lengths at which it begins on them, m."""
         for part in self._parts:

@@ -7,7 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from shapely import LineString, Point
 
@@ -17,7 +17,9 @@ from scex_sumo.road import Lane, Road
 from scex_sumo.scene import FloatArray
 from tests.converters.sumo_roads import NetFile, arc, lane, load, road
 
-LIMITED = settings(max_examples=12, deadline=None, derandomize=True)
+# Without shrinking, which would take minutes here; the examples are the same every time.
+PHASES = [Phase.explicit, Phase.generate]
+LIMITED = settings(max_examples=12, deadline=None, derandomize=True, database=None, phases=PHASES)
 
 
 def bent(start: tuple[float, float], angle: float, size: float, bend: float) -> FloatArray:
