@@ -128,6 +128,7 @@ class FidelityReport:
             _list("right of way against the map's rules (should yield, should go)", figures.wrong_priority),
             _list("not right before left (should yield, should go)", figures.wrong_from_the_right),
             _list("lanelets with a traffic light that nothing controls", figures.missing_signals),
+            _list("foes that both have green", figures.clashing_greens),
             _list("links that yield to each other", figures.mutual_yields),
             _list("foes of which neither yields", figures.free_foes),
             _list("junctions whose rows contradict themselves", figures.inconsistent_rows),

@@ -61,6 +61,7 @@ class Link:
         row: its row in the junction's requests, or -1.
         state: SUMO's link state, e.g. ``M``, ``m``, ``=``, ``Z``, ``o``.
         signal: id of the traffic light that controls it, or an empty string.
+        signal_index: its place in that light's phases, or -1.
     """
 
     from_lane: str
@@ -70,6 +71,7 @@ class Link:
     row: int
     state: str
     signal: str
+    signal_index: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,7 +103,7 @@ class Net:
         following: lanes that a car enters right after a lane, internal ones included.
         junctions: by id.
         offset: (2,) m that the file adds to the map's coordinates.
-        signals: ids of the traffic light programmes.
+        phases: states of every phase of each traffic light, all its programmes together.
     """
 
     path: Path
@@ -111,7 +113,7 @@ class Net:
     following: Mapping[str, tuple[str, ...]]
     junctions: Mapping[str, Junction]
     offset: FloatArray
-    signals: frozenset[str]
+    phases: Mapping[str, tuple[str, ...]]
 
     @property
     def car_lanes(self) -> dict[str, NetLane]:
@@ -149,7 +151,7 @@ def read_net(path: Path) -> Net:
         following=following,
         junctions=_junctions(root),
         offset=offset,
-        signals=frozenset(element.get("id", "") for element in root.iter("tlLogic")),
+        phases=_phases(root),
     )
 
 
@@ -225,6 +227,7 @@ def _links(root: Element, following: Mapping[str, tuple[str, ...]]) -> tuple[Lin
                 row=row,
                 state=connection.get("state", ""),
                 signal=connection.get("tl", ""),
+                signal_index=int(connection.get("linkIndex", -1)),
             )
         )
     return tuple(links)
@@ -251,6 +254,13 @@ def _junctions(root: Element) -> dict[str, Junction]:
             foes=_bits(requests, "foes"),
         )
     return junctions
+
+
+def _phases(root: Element) -> dict[str, tuple[str, ...]]:
+    phases: dict[str, list[str]] = defaultdict(list)
+    for programme in root.iter("tlLogic"):
+        phases[programme.attrib["id"]] += [phase.attrib["state"] for phase in programme.iter("phase")]
+    return {i: tuple(states) for i, states in phases.items()}
 
 
 def _bits(requests: list[Element], name: str) -> BoolArray:

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 
-from scex_sumo.converters.fidelity_conflicts import NEAR_M, Conflict, find_conflicts
+from scex_sumo.converters.fidelity_conflicts import Conflict, find_conflicts
+from scex_sumo.converters.fidelity_links import Links
 from scex_sumo.converters.fidelity_matching import Matching
 from scex_sumo.converters.fidelity_net import Link, Net
 from scex_sumo.road import Regulation, Road
 
 Pair = tuple[int, int]
 
-AHEAD_LINKS = 4  # an approach may lie this many plain links before its intersection
 ZIPPER = "Z"  # SUMO's state for links that take turns: both answer the other, and neither waits for ever
+GREENS = "GgoOsu"  # signal states in which a car may go, if need be after looking
 RIGHT_RAD = (np.deg2rad(45.0), np.deg2rad(135.0))  # who crosses from the right, whatever the angle exactly
 
 
@@ -35,9 +34,11 @@ class PriorityFigures:
         wrong_priority: (yielding, priority) pairs where SUMO says otherwise.
         signalled: lanelets that obey a traffic light.
         missing_signals: those that no programme controls.
+        clashing_greens: foes that one phase gives unconditional green to both.
         from_the_right: unregulated crossings at about a right angle.
         wrong_from_the_right: (should yield, should go first) pairs where SUMO says otherwise.
-        mutual_yields: link pairs that wait for each other, outside all-way stops and zippers.
+        mutual_yields: link pairs that wait for each other, outside all-way stops, zippers and
+            lights that never let both go.
         free_foes: foes of which neither gives way, outside signals.
         inconsistent_rows: junctions whose rows contradict themselves.
     """
@@ -51,6 +52,7 @@ class PriorityFigures:
     wrong_priority: tuple[Pair, ...]
     signalled: int
     missing_signals: tuple[int, ...]
+    clashing_greens: tuple[tuple[str, str], ...]
     from_the_right: int
     wrong_from_the_right: tuple[Pair, ...]
     mutual_yields: tuple[tuple[str, str], ...]
@@ -58,95 +60,9 @@ class PriorityFigures:
     inconsistent_rows: tuple[str, ...]
 
 
-class _Links:
-    """The net's links, found by the lanelets they lead through, leave or approach."""
-
-    def __init__(self, net: Net, road: Road, matching: Matching) -> None:
-        self.net = net
-        self.road = road
-        self._lines: dict[Link, shapely.MultiLineString] = {}
-        self.through: dict[int, list[Link]] = defaultdict(list)
-        self.leaving: dict[str, list[Link]] = defaultdict(list)
-        self.lanelets: dict[Link, set[int]] = {}
-        self.matching = matching
-        for link in net.links:
-            on = {stretch.lane_id for lane in link.via for stretch in matching.by_sumo_lane.get(lane, ())}
-            self.lanelets[link] = on
-            self.leaving[link.from_lane].append(link)
-            for lane_id in on:
-                self.through[lane_id].append(link)
-
-    def of(self, lane_id: int) -> list[Link]:
-        """Links through a lanelet, its first and last centimetres included, or leaving it."""
-        leaving = self._from(self._lanes(lane_id))
-        return list(dict.fromkeys([*self.through.get(lane_id, ()), *leaving]))
-
-    def met(self, lane_id: int, other_id: int) -> list[Link]:
-        """Links of a lanelet that come as near to another lanelet as a conflict does."""
-        other = shapely.LineString(self.road.lanes[other_id].centreline)
-        return [link for link in self.of(lane_id) if self._line(link).distance(other) <= NEAR_M]
-
-    def meetings(self, first_id: int, second_id: int) -> list[tuple[Link, Link]]:
-        """Pairs of links with which two lanelets get in each other's way, from different lanes.
-
-        Cars from one lane come one after the other; SUMO needs no foes for them.
-        """
-        return [
-            (one, other)
-            for one in self.met(first_id, second_id)
-            for other in self.met(second_id, first_id)
-            if one.from_lane != other.from_lane and self._line(one).distance(self._line(other)) <= NEAR_M
-        ]
-
-    def one_source(self, first_id: int, second_id: int) -> bool:
-        """Whether cars come to both lanelets from one SUMO lane only."""
-        sources = [{link.from_lane for link in self.of(i)} for i in (first_id, second_id)]
-        return sources[0] == sources[1] and len(sources[0]) == 1
-
-    def ahead(self, lane_id: int) -> list[Link]:
-        """Links of a lanelet that have foes or, for an approach, the first such ahead of it; else its own."""
-        links = self.of(lane_id)
-        for _ in range(AHEAD_LINKS):
-            contested = [link for link in links if self.foes(link)]
-            if contested:
-                return contested
-            links = self._from({link.to_lane for link in links})
-        return self.of(lane_id)
-
-    def _line(self, link: Link) -> shapely.MultiLineString:
-        if link not in self._lines:
-            shapes = [self.net.lanes[lane].shape for lane in link.via]
-            # Nets without internal lanes: the link is the place where its lanes meet.
-            shapes = shapes or [self.net.lanes[link.from_lane].shape[-2:]]
-            self._lines[link] = shapely.MultiLineString(shapes)
-        return self._lines[link]
-
-    def foes(self, link: Link) -> bool:
-        """Whether anything is in a link's way."""
-        return link.row >= 0 and bool(self.net.junctions[link.junction].foes[link.row].any())
-
-    def _lanes(self, lane_id: int) -> set[str]:
-        stretches = self.matching.by_lanelet.get(lane_id, ())
-        return {s.sumo_lane for s in stretches if not self.net.lanes[s.sumo_lane].internal}
-
-    def _from(self, lanes: Iterable[str]) -> list[Link]:
-        return [link for lane in sorted(lanes) for link in self.leaving.get(lane, ())]
-
-    def yields(self, one: Link, other: Link) -> bool:
-        """Whether the first of two links of one junction gives way to the second."""
-        return bool(self.net.junctions[one.junction].response[one.row, other.row])
-
-    def are_foes(self, one: Link, other: Link) -> bool:
-        """Whether two links are foes, in both rows."""
-        if one.junction != other.junction or one.row < 0 or other.row < 0:
-            return False
-        foes = self.net.junctions[one.junction].foes
-        return bool(foes[one.row, other.row] and foes[other.row, one.row])
-
-
 def judge_priority(net: Net, road: Road, matching: Matching) -> PriorityFigures:
     """Compare the requests of the net's junctions with conflicts and rules of the map."""
-    links = _Links(net, road, matching)
+    links = Links(net, road, matching)
     conflicts = find_conflicts(road.vehicle_lanes)
     missing, apart = _missing_foes(links, conflicts)
     regulated, wrong = _regulated(links, road, conflicts)
@@ -164,6 +80,7 @@ def judge_priority(net: Net, road: Road, matching: Matching) -> PriorityFigures:
         wrong_priority=wrong,
         signalled=len(lit),
         missing_signals=tuple(i for i in lit if not all(_lit(net, link) for link in links.of(i))),
+        clashing_greens=tuple(_clashing(links)),
         from_the_right=unregulated,
         wrong_from_the_right=wrong_right,
         mutual_yields=tuple(_mutual(links, stops)),
@@ -173,14 +90,14 @@ def judge_priority(net: Net, road: Road, matching: Matching) -> PriorityFigures:
 
 
 def _lit(net: Net, link: Link) -> bool:
-    return link.signal in net.signals
+    return any(link.signal_index < len(state) for state in net.phases.get(link.signal, ()))
 
 
 def _obliged(rule: Regulation) -> set[int]:
     return set(rule.yielding) or set(rule.lanes)
 
 
-def _missing_foes(links: _Links, conflicts: Iterable[Conflict]) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
+def _missing_foes(links: Links, conflicts: Iterable[Conflict]) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
     missing, apart = [], []
     for conflict in conflicts:
         pair = (conflict.first, conflict.second)
@@ -194,7 +111,7 @@ def _missing_foes(links: _Links, conflicts: Iterable[Conflict]) -> tuple[tuple[P
     return tuple(missing), tuple(apart)
 
 
-def _regulated(links: _Links, road: Road, conflicts: Iterable[Conflict]) -> tuple[int, tuple[Pair, ...]]:
+def _regulated(links: Links, road: Road, conflicts: Iterable[Conflict]) -> tuple[int, tuple[Pair, ...]]:
     """Lanelet pairs of the rules that meet, and those where SUMO does not make the yielding one wait."""
     meeting = {pair for c in conflicts for pair in ((c.first, c.second), (c.second, c.first))}
     ruled = {(y, p) for rule in road.regulations if rule.kind != "all_way_stop" for y, p in _ruled(rule)}
@@ -218,7 +135,7 @@ def _ruled(rule: Regulation) -> Iterator[Pair]:
     return ((y, p) for y in rule.yielding for p in rule.priority if y != p)
 
 
-def _meet(links: _Links, one: Link, other: Link, meeting: set[Pair], yielding: int, priority: int) -> bool:
+def _meet(links: Links, one: Link, other: Link, meeting: set[Pair], yielding: int, priority: int) -> bool:
     """Whether two links get in each other's way behind the places that the rule names."""
     mine, theirs = links.lanelets[one] | {yielding}, links.lanelets[other] | {priority}
     if yielding in mine and priority in theirs and (yielding, priority) in meeting:
@@ -226,17 +143,17 @@ def _meet(links: _Links, one: Link, other: Link, meeting: set[Pair], yielding: i
     return any((a, b) in meeting for a in mine for b in theirs)
 
 
-def _waits(links: _Links, one: Link, other: Link) -> bool:
+def _waits(links: Links, one: Link, other: Link) -> bool:
     return links.are_foes(one, other) and links.yields(one, other) and not links.yields(other, one)
 
 
-def _from_the_right(links: _Links, road: Road, conflicts: Iterable[Conflict]) -> tuple[int, tuple[Pair, ...]]:
+def _from_the_right(links: Links, road: Road, conflicts: Iterable[Conflict]) -> tuple[int, tuple[Pair, ...]]:
     """Crossings that no rule names: who comes from the right goes first (right-hand traffic)."""
     ruled = _ruled_lanes(road)
     count, wrong = 0, []
     for conflict in conflicts:
         first, second = links.of(conflict.first), links.of(conflict.second)
-        named = {i for link in (*first, *second) for i in links.lanelets[link] | _approach(links, link)}
+        named = {i for link in (*first, *second) for i in links.lanelets[link] | links.approach(link)}
         if conflict.kind != "cross" or named & ruled or any(link.signal for link in (*first, *second)):
             continue
         if not RIGHT_RAD[0] <= abs(conflict.turn_rad) <= RIGHT_RAD[1]:
@@ -253,7 +170,7 @@ def _from_the_right(links: _Links, road: Road, conflicts: Iterable[Conflict]) ->
     return count, tuple(wrong)
 
 
-def _opposed(links: _Links, one: Link, other: Link) -> bool:
+def _opposed(links: Links, one: Link, other: Link) -> bool:
     """Whether two links enter the junction against each other, so that the left-turner yields instead."""
     ends = [links.net.lanes[link.from_lane].shape for link in (one, other)]
     ways = [shape[-1] - shape[-2] for shape in ends]
@@ -262,41 +179,43 @@ def _opposed(links: _Links, one: Link, other: Link) -> bool:
     return not RIGHT_RAD[0] <= turn <= RIGHT_RAD[1]
 
 
-def _approach(links: _Links, link: Link) -> set[int]:
-    return {stretch.lane_id for stretch in links.matching.by_sumo_lane.get(link.from_lane, ())}
-
-
 def _ruled_lanes(road: Road) -> set[int]:
     return {i for rule in road.regulations for i in (*rule.lanes, *rule.yielding, *rule.priority)}
 
 
-def _rows(links: _Links) -> Mapping[str, dict[int, Link]]:
-    rows: dict[str, dict[int, Link]] = defaultdict(dict)
-    for link in links.net.links:
-        if link.row >= 0:
-            rows[link.junction][link.row] = link
-    return rows
-
-
-def _pairs(links: _Links) -> Iterator[tuple[Link, Link]]:
-    for rows in _rows(links).values():
-        for i, one in sorted(rows.items()):
-            yield from ((one, other) for j, other in sorted(rows.items()) if j > i)
-
-
-def _mutual(links: _Links, stops: set[int]) -> Iterator[tuple[str, str]]:
-    for one, other in _pairs(links):
+def _mutual(links: Links, stops: set[int]) -> Iterator[tuple[str, str]]:
+    for one, other in links.pairs():
         if not (links.yields(one, other) and links.yields(other, one)):
             continue
         if links.net.junctions[one.junction].kind == "allway_stop" or one.state == other.state == ZIPPER:
             continue
-        if all((links.lanelets[link] | _approach(links, link)) & stops for link in (one, other)):
+        if _both(links.net, one, other, GREENS) is False:
+            continue
+        if all((links.lanelets[link] | links.approach(link)) & stops for link in (one, other)):
             continue
         yield one.via[0], other.via[0]
 
 
-def _free(links: _Links) -> Iterator[tuple[str, str]]:
-    for one, other in _pairs(links):
+def _both(net: Net, one: Link, other: Link, letters: str) -> bool | None:
+    """Whether some phase shows two links one of the letters both; None where no one light controls them."""
+    states = net.phases.get(one.signal)
+    if states is None or one.signal != other.signal:
+        return None
+    last = max(one.signal_index, other.signal_index)
+    return any(
+        last < len(state) and state[one.signal_index] in letters and state[other.signal_index] in letters
+        for state in states
+    )
+
+
+def _clashing(links: Links) -> Iterator[tuple[str, str]]:
+    for one, other in links.pairs():
+        if links.are_foes(one, other) and _both(links.net, one, other, "G"):
+            yield one.via[0], other.via[0]
+
+
+def _free(links: Links) -> Iterator[tuple[str, str]]:
+    for one, other in links.pairs():
         free = not links.yields(one, other) and not links.yields(other, one)
         if free and links.are_foes(one, other) and not (one.signal and other.signal):
             yield one.via[0], other.via[0]

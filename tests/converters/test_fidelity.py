@@ -242,6 +242,30 @@ def test_a_traffic_light_that_controls_nothing_is_found(tmp_path: Path) -> None:
     assert report.priority.missing_signals == (5,)
 
 
+def with_light(*states: str) -> list[tuple[str, str]]:
+    """Edits that put the crossing's three links under one light with these phases."""
+    programme = "".join(f'<phase duration="9" state="{state}"/>' for state in states)
+    light = f'<tlLogic id="J" type="static" programID="0" offset="0">{programme}</tlLogic><junction id="J" '
+    edits = [(f'via=":J_{k}_0"', f'via=":J_{k}_0" tl="J" linkIndex="{k}"') for k in range(3)]
+    return [*edits, ('<junction id="J" type="priority"', light + 'type="traffic_light"')]
+
+
+def test_lights_are_right_when_foes_never_have_green_together(tmp_path: Path) -> None:
+    road = crossing()
+    light = replace(road.regulations[0], kind="traffic_light", lanes=(5, 2, 8), yielding=(), priority=())
+    lit = replace(road, regulations=(light,))
+    mutual = ('<request index="0" response="000"', '<request index="0" response="100"')
+    report = check_net(write_net(tmp_path, *with_light("GGr", "yyr", "rrG", "rry"), mutual), lit, Table())
+    assert report.problems() == []
+    assert report.priority.signalled == 3
+    # Links 0 and 2 both have a green that must look, and each yields to the other: nobody goes.
+    report = check_net(write_net(tmp_path, *with_light("gGg", "yyy"), mutual), lit, Table())
+    assert report.priority.mutual_yields == ((":J_0_0", ":J_2_0"),)
+    assert report.priority.clashing_greens == ()
+    report = check_net(write_net(tmp_path, *with_light("GrG")), lit, Table())
+    assert report.priority.clashing_greens == ((":J_0_0", ":J_2_0"),)
+
+
 def test_what_sumo_says_is_reported(tmp_path: Path) -> None:
     report = judge(tmp_path, ('intLanes=":J_0_0 :J_1_0 :J_2_0"', 'intLanes=":J_0_0 :J_1_0 :J_9_0"'))
     assert any(":J_9_0" in line for line in report.loading.sumo_warnings)
