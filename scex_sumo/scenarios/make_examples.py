@@ -71,9 +71,9 @@ class Example:
 
 
 RECIPES = {
-    "roundabout": Example(vehicles=14, seed=56, start_s=60.0, every_s=(9.0, 9.0)),
-    "motorway_merge": Example(vehicles=14, seed=58, start_s=60.0, every_s=(7.0, 7.0)),
-    "urban_intersection": Example(vehicles=20, seed=20, start_s=60.0, every_s=(10.0, 10.0), on_foot=True),
+    "roundabout": Example(vehicles=14, seed=22, start_s=60.0, every_s=(9.0, 9.0)),
+    "motorway_merge": Example(vehicles=14, seed=42, start_s=60.0, every_s=(7.0, 7.0)),
+    "urban_intersection": Example(vehicles=20, seed=136, start_s=60.0, every_s=(10.0, 10.0), on_foot=True),
 }
 _DRAWINGS = {
     "roundabout": roundabout.draw,

@@ -57,8 +57,8 @@ def test_histories_agree_with_speeds(name: str):
 def test_speeds_are_those_of_the_road(name: str, limit_kmh: float):
     speed = read_seed(example_path(name)).now.speed
     assert speed.max() < 1.25 * limit_kmh / 3.6  # the fastest driver there is
-    assert speed.max() > 0.8 * limit_kmh / 3.6
-    assert (speed > 1.0).sum() >= len(speed) - 2  # traffic flows
+    assert speed.max() > 0.6 * limit_kmh / 3.6
+    assert (speed > 1.0).mean() > 0.5  # some wait, most drive
 
 
 def test_somebody_walks_and_somebody_cycles_at_the_intersection():
