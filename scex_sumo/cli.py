@@ -19,7 +19,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-MapPath = Annotated[Path, typer.Argument(metavar="MAP.osm", help="Lanelet2 map.")]
+MapPath = Annotated[Path, typer.Argument(metavar="MAP.osm", help="Lanelet2 map (CommonRoad: .xml).")]
 Origin = Annotated[
     str | None,
     typer.Option(metavar="LAT,LON", help="Origin of the map's coordinates; else from meta_data.csv."),
@@ -109,7 +109,9 @@ def run(
 
 @app.command(epilog="Example: scex-sumo convert DR_DEU_Roundabout_OF.osm -o roundabout.net.xml")
 def convert(
-    map_path: Annotated[Path | None, typer.Argument(metavar="MAP.osm", help="Lanelet2 map.")] = None,
+    map_path: Annotated[
+        Path | None, typer.Argument(metavar="MAP.osm", help="Lanelet2 map (CommonRoad: .xml).")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="NET.net.xml", help="SUMO net to write.")
     ] = None,
@@ -128,7 +130,7 @@ def convert(
         bool, typer.Option("--json-report", help="Print the fidelity figures as JSON.")
     ] = False,
 ) -> None:
-    """Convert a Lanelet2 map to a SUMO net, or judge a net against its map."""
+    """Convert a Lanelet2 or CommonRoad map to a SUMO net, or judge a net against its map."""
     from scex_sumo.commands.convert import check_command, convert_command
 
     if check is not None:

@@ -20,7 +20,7 @@ def read_seed(
     """Read one moment of a recording, with its map.
 
     Args:
-        map_path: a Lanelet2 map.
+        map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
         tracks: a track file in INTERACTION format; None looks where the dataset's folder layout has it.
         case: the case of a file with ``case_id``; None takes the busiest one.
         time: the moment in seconds of the recording; None takes frame 10 of a case, and of a recording the
@@ -34,16 +34,15 @@ def read_seed(
         MapError: the map cannot be read.
         TrackError: the tracks cannot be read, or hold no such moment.
     """
-    from scex_sumo.converters.lanelet import read_road
-    from scex_sumo.converters.origin import find_origin
+    from scex_sumo.converters.maps import read_map
     from scex_sumo.converters.tracks import find_tracks
     from scex_sumo.converters.tracks import read_seed as read_recorded
 
     map_path = Path(map_path)
     if not map_path.exists():
-        read_road(map_path)  # says what is wrong with the map before the tracks are looked for
+        read_map(map_path)  # says what is wrong with the map before the tracks are looked for
     track_path = Path(tracks) if tracks is not None else find_tracks(map_path)
-    road = read_road(map_path, origin=find_origin(map_path, tracks_path=track_path, origin=origin))
+    road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False)
     scene = read_recorded(map_path, tracks=track_path, case=case, time_s=time)
     return dataclasses.replace(scene, road=road)
 
@@ -58,7 +57,7 @@ def synthetic_seed(
     """Populate a map by SUMO's own demand and car-following, and take one moment of it.
 
     Args:
-        map_path: a Lanelet2 map.
+        map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
         vehicles: how many vehicles the seed scene has.
         seed: the same seed gives the same scene.
         origin: latitude and longitude of the map's coordinates; None looks beside the map.
@@ -70,13 +69,12 @@ def synthetic_seed(
         MapError: the map cannot be read.
         SimulationError: the map cannot hold so many vehicles.
     """
-    from scex_sumo.converters.lanelet import read_road
-    from scex_sumo.converters.origin import find_origin
+    from scex_sumo.converters.maps import read_map
     from scex_sumo.converters.sumo_net import convert
     from scex_sumo.scenarios.synthetic import synthetic_seed as populate
 
     map_path = Path(map_path)
-    road = read_road(map_path, origin=find_origin(map_path, origin=origin) if map_path.exists() else origin)
+    road = read_map(map_path, origin=origin, own_corner=False)
     with tempfile.TemporaryDirectory(prefix="scex-sumo-") as folder:
         net = convert(road, Path(folder) / f"{road.name}.net.xml")
         name = f"{road.name}_synthetic{vehicles}_s{seed}"

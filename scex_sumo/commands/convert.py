@@ -1,4 +1,4 @@
-"""``scex-sumo convert``: a Lanelet2 map as a SUMO net, and the judge of such nets."""
+"""``scex-sumo convert``: a map as a SUMO net, and the judge of such nets."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ def check_command(net_path: Path, map_path: Path, *, origin: str | None, as_json
 
 
 def _read(map_path: Path, origin: str | None) -> Road:
-    from scex_sumo.converters.lanelet import read_road
+    from scex_sumo.converters.maps import read_map
 
-    return read_road(map_path, origin=parse_origin(origin) if origin is not None else None)
+    return read_map(map_path, origin=parse_origin(origin) if origin is not None else None)
 
 
 def _print_report(report: FidelityReport) -> None:
