@@ -39,7 +39,7 @@ def read_seed(
     from scex_sumo.converters.tracks import read_seed as read_recorded
 
     map_path = Path(map_path)
-    if not map_path.exists():
+    if not map_path.is_file():
         read_map(map_path)  # says what is wrong with the map before the tracks are looked for
     track_path = Path(tracks) if tracks is not None else find_tracks(map_path)
     road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False)
@@ -60,7 +60,8 @@ def synthetic_seed(
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
         vehicles: how many vehicles the seed scene has.
         seed: the same seed gives the same scene.
-        origin: latitude and longitude of the map's coordinates; None looks beside the map.
+        origin: latitude and longitude of the map's coordinates; None looks beside the map, and takes its
+            south-west corner where nothing is said: no tracks need to match.
 
     Returns:
         The seed scene with a history and a future from the same SUMO run, its ``road`` set.
@@ -74,7 +75,7 @@ def synthetic_seed(
     from scex_sumo.scenarios.synthetic import synthetic_seed as populate
 
     map_path = Path(map_path)
-    road = read_map(map_path, origin=origin, own_corner=False)
+    road = read_map(map_path, origin=origin, own_corner=True)
     with tempfile.TemporaryDirectory(prefix="scex-sumo-") as folder:
         net = convert(road, Path(folder) / f"{road.name}.net.xml")
         name = f"{road.name}_synthetic{vehicles}_s{seed}"
