@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import sumo
 
+from scex_sumo.colors import Rgb
 from scex_sumo.errors import SimulationError
 from scex_sumo.scene import STEP_S
 from scex_sumo.tiles import TILE_COLUMNS, TILE_MARGIN_M, TILE_SLOTS, TileTemplate, tile_id
 from scex_sumo.vehicle_types import TypeBook
-from scex_sumo.view_drawings import Rgb, draw_legend, frame_of
+from scex_sumo.view_drawings import draw_legend, frame_of
 from scex_sumo.view_settings import write_view_settings
 
 if TYPE_CHECKING:

@@ -17,6 +17,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from scex_sumo.colors import Rgb
 from scex_sumo.fcd import FcdTracks, LaneFinder, write_fcd
 from scex_sumo.scene import STEP_S, BoolArray, SeedScene
 from scex_sumo.tiles import TileTemplate
@@ -24,7 +25,6 @@ from scex_sumo.vehicle_types import replayed_type
 from scex_sumo.view_drawings import (
     OTHER_RGB,
     ChildView,
-    Rgb,
     Shown,
     draw_children,
     draw_legend,
@@ -131,6 +131,8 @@ def _write(
         names=not grid,
         text_m=frame.line_m,
         snapshots=snapshots,
+        # At the end sumo-gui would ask whether to close; who comes for the pictures only wants it to end.
+        pause_s=None if snapshots else children[0].states.shape[1] * STEP_S,
     )
     return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1])
 
@@ -201,7 +203,7 @@ def _write_configuration(folder: Path, name: str, net: Path, additional: Sequenc
         "device.fcd-replay.files": f"{name}.fcd.xml",
         "gui-settings-file": f"{name}.view.xml",
         "step-length": str(STEP_S),
-        "end": f"{(steps + 1) * STEP_S:.1f}",
+        "end": f"{(steps + 3) * STEP_S:.1f}",
         # The trajectories go where they go: on and off the lanes, and through one another.
         "ignore-route-errors": "true",
         "insertion-checks": "none",

@@ -7,10 +7,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from scex_sumo.colors import Rgb
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from scex_sumo.tiles import tile_id
 
-Rgb = tuple[int, int, int]
 OTHER_RGB = (255, 0, 200)  # pedestrians and cyclists
 _LINE = 1.4  # from line to line of text, in heights of a letter
 _LETTER = 0.4  # width of a letter likewise

@@ -63,6 +63,7 @@ def write_view_settings(
     names: bool = True,
     text_m: float = 4.0,
     snapshots: tuple[tuple[float, str], ...] = (),
+    pause_s: float | None = None,
 ) -> None:
     """Write sumo-gui's view settings.
 
@@ -73,11 +74,14 @@ def write_view_settings(
         names: write the vehicles' ids on them.
         text_m: height of texts on the ground.
         snapshots: times in s and names of pictures that sumo-gui writes then.
+        pause_s: time at which sumo-gui pauses.
     """
     view = ""
     if viewport is not None:
         view = '    <viewport zoom="{:.2f}" x="{:.2f}" y="{:.2f}" angle="0"/>\n'.format(*viewport)
     pictures = "".join(f'    <snapshot file="{name}" time="{time:.2f}"/>\n' for time, name in snapshots)
+    if pause_s is not None:
+        pictures += f'    <breakpoint time="{pause_s:.2f}"/>\n'
     text = _SETTINGS.format(
         grass=GRASS,
         asphalt=ASPHALT,

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from scex_sumo.colors import Rgb
 from scex_sumo.errors import SimulationError
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, BoolArray, FloatArray, IntArray, SeedScene, States
 from scex_sumo.sumo_frame import from_sumo, to_sumo
 from scex_sumo.sumo_session import ANY_ROUTE, SumoSession
 from scex_sumo.tiles import TILE_SLOTS, tile_id
 from scex_sumo.vehicle_types import TypeBook
-from scex_sumo.view_drawings import Rgb
 from scex_sumo.world_batch import Batch, SumoDriven
 
 if TYPE_CHECKING:

@@ -90,7 +90,8 @@ class Batch:
 
     def id_of(self, child: int, vehicle: int) -> str:
         """SUMO's id of a vehicle."""
-        return self.ids[child * self.overridden.shape[1] + vehicle]
+        vehicles: int = self.overridden.shape[1]
+        return self.ids[child * vehicles + vehicle]
 
     def hand_over(self, driven: Sequence[SumoDriven], sumo: Any) -> None:
         """Let SUMO drive from here; on its lanes only: a vehicle beside them goes straight on instead."""
