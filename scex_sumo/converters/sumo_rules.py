@@ -114,7 +114,7 @@ def set_right_of_way(
             if frozenset((i, j)) not in ruled and (i in zippers or _by_default(a, links[j], i > j)):
                 a.response.add(j)
     for i, a in enumerate(links):
-        a.state = _state(a, i, rules, zippers, ruled)
+        a.state = _state(a, i, rules, zippers, _waits_for_itself(links, i))
 
 
 def _by_rule(a: Link, b: Link, rules: Sequence[Regulation]) -> str:
@@ -175,9 +175,7 @@ def _by_default(a: Link, b: Link, tie: bool) -> bool:
     return side > 0 if side != 0 else tie
 
 
-def _state(
-    link: Link, index: int, rules: Sequence[Regulation], zippers: set[int], ruled: set[frozenset[int]]
-) -> str:
+def _state(link: Link, index: int, rules: Sequence[Regulation], zippers: set[int], circular: bool) -> str:
     kinds = {rule.kind for rule in rules if link.on & (set(rule.yielding) or set(rule.lanes))}
     if index in zippers:
         return "Z"
@@ -187,7 +185,20 @@ def _state(
         return "s"
     if not link.response:
         return "M"
-    return "m" if any(frozenset((index, j)) in ruled for j in link.response) else "="
+    # SUMO looks for a way out of circular waiting only where the state says right before left.
+    return "=" if circular else "m"
+
+
+def _waits_for_itself(links: Sequence[Link], index: int) -> bool:
+    """Whether a link gives way to one that gives way ... to it, as four at a crossing do."""
+    seen: set[int] = set()
+    stack = list(links[index].response)
+    while stack:
+        i = stack.pop()
+        if i not in seen:
+            seen.add(i)
+            stack += links[i].response
+    return index in seen
 
 
 def bits(indices: set[int], count: int) -> str:
