@@ -57,7 +57,12 @@ def run(
         int | None, typer.Option(metavar="N", help="Populate the map with N vehicles by SUMO instead.")
     ] = None,
     origin: Origin = None,
-    children: Annotated[str, typer.Option(metavar="N|all", help="Number of child scenarios.")] = "385",
+    children: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N|all", help="Number of child scenarios: 385; at most 10000 with --until-band."
+        ),
+    ] = None,
     steps: Annotated[int, typer.Option(help="Steps of 0.1 s per child.")] = 30,
     replan: Annotated[int, typer.Option(help="Steps that a plan is followed.")] = 5,
     models: Annotated[
@@ -70,6 +75,10 @@ def run(
     design: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="How assignments are drawn: balanced (default), random, ..."),
+    ] = None,
+    until_band: Annotated[
+        float | None,
+        typer.Option(metavar="W", help="Go on until all 95 % bands are within +-W, e.g. 0.05."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
@@ -96,6 +105,7 @@ def run(
             models=models,
             assign=tuple(assign or ()),
             design=design,
+            until_band=until_band,
             seed=seed,
             workers=workers,
             batch=batch,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import importlib.metadata
 import platform
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ from scex_sumo.results import Part, ResultFolder, assignments_table, tracks_tabl
 from scex_sumo.run import Run, densities_table
 from scex_sumo.sampling import assignments
 from scex_sumo.scene import SeedScene
+from scex_sumo.sequential import Look, check_band, grow, look
 from scex_sumo.world import TILE_SLOTS
 
 DEFAULT_CHILDREN = 385  # the paper's sample size: a 95 % interval of +-5 % around a share of one half
@@ -48,6 +51,7 @@ def extrapolate(
     steps: int = DEFAULT_STEPS,
     replan: int = DEFAULT_REPLAN,
     design: str = DEFAULT_DESIGN,
+    until_band: float | None = None,
     seed: int = 0,
     workers: int = 1,
     batch: int = DEFAULT_BATCH,
@@ -69,6 +73,8 @@ def extrapolate(
         steps: steps of 0.1 s per child.
         replan: steps that a plan is followed before the next, 1 to 30.
         design: how the assignments are drawn, one of `scex_sumo.designs.DESIGNS`.
+        until_band: go on until the 95 % bands of all cumulative distributions have this half-width, see
+            `scex_sumo.sequential.band_half_width`; ``children`` is then the most that are run.
         seed: the same seed gives the same result.
         workers: processes that share the children; the result does not depend on it.
         batch: children side by side in one world; the result does not depend on it.
@@ -90,26 +96,31 @@ def extrapolate(
     started = time.perf_counter()
     _check(scene, steps, replan, seed, workers, batch)
     drawn, specs, fixed = _casting(models, assign or {})
-    assignment = assignments(
-        [s.weight for s in drawn],
-        scene.track_ids,
-        children=_children(children),
-        seed=seed,
-        fixed=fixed,
-        design=design,
+    most = _children(children)
+    draw = partial(
+        assignments, [s.weight for s in drawn], scene.track_ids, seed=seed, fixed=fixed, design=design
     )
+    if until_band is not None:
+        check_band(until_band, design)
+        if most is None:
+            raise UsageError(
+                "--until-band: all combinations leave nothing to estimate; give no --children all"
+            )
+    assignment = draw(children=most if until_band is None else 1)
     temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
-    configuration = {
+    configuration: dict[str, Any] = {
         "version": __version__,
         "scene": fingerprint(scene),
-        "models": [str(s) for s in drawn],
+        "models": [f"{s}@{s.weight}" for s in drawn],
         "assign": {str(t): str(specs[m]) for t, m in sorted(fixed.items())},
-        "children": len(assignment),
+        "children": len(assignment) if until_band is None else most,
         "steps": steps,
         "replan": replan,
         "design": "all" if children == "all" else design,
         "seed": seed,
     }
+    if until_band is not None:
+        configuration["until_band"] = until_band
     folder = ResultFolder(Path(temporary.name if temporary else str(out)), configuration, overwrite=overwrite)
     assert scene.road is not None
     net = convert(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml")
@@ -127,9 +138,20 @@ def extrapolate(
         folder=folder.path,
         gui=gui,
     )
-    _run_all(job, folder, workers, batch, progress)
+    band = None
+    if until_band is not None and most is not None:
+
+        def measure(count: int) -> Look:
+            part_of = dataclasses.replace(job, assignment=draw(children=count))
+            _run_all(part_of, folder, workers, batch, progress)
+            return look(part_of.assignment, *folder.values(count), COLUMNS, design=design)
+
+        band = grow(measure, band=until_band, most=most)
+        job = dataclasses.replace(job, assignment=draw(children=band.children))
+    else:
+        _run_all(job, folder, workers, batch, progress)
     simulated = time.perf_counter()
-    part = folder.collect(len(assignment))
+    part = folder.collect(len(job.assignment))
     limits = {**THRESHOLDS, **(thresholds or {})}
     _write_tables(folder, job, part)
     folder.finish(
@@ -139,10 +161,11 @@ def extrapolate(
             "seed_scene": _describe(scene),
             "models": [{"model": str(s), "weight": s.weight} for s in drawn],
             "assign": configuration["assign"],
-            "children": len(assignment),
+            "children": len(job.assignment),
             "steps": steps,
             "replan": replan,
             "design": configuration["design"],
+            "band": None if band is None else {"asked": until_band, **dataclasses.asdict(band)},
             "seed": seed,
             "thresholds": limits,
             "net": scene.road.name,

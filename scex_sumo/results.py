@@ -91,7 +91,7 @@ class ResultFolder:
         """Remove what an earlier run wrote, and nothing else."""
         for name in ("run.json", _PENDING, "seed.csv", "report.html", *_TABLES):
             (self.path / name).unlink(missing_ok=True)
-        for pattern in ("densities.*", "cumulative.*"):
+        for pattern in ("densities.*", "cumulative.*", "explain*", "sample_size*"):
             for file in self.path.glob(pattern):
                 file.unlink()
         for name in (_PARTS, "sumo"):
@@ -120,6 +120,18 @@ class ResultFolder:
                     )
                 )
         return parts
+
+    def values(self, children: int) -> tuple[FloatArray, BoolArray]:
+        """(C, 12) metric values of the first children and where they are defined, all of them finished."""
+        parts = self._read_parts()
+        numbers = np.concatenate([p.children for p in parts])
+        _, order = np.unique(numbers, return_index=True)
+        order = order[:children]
+        values, defined = (
+            np.concatenate([p.values for p in parts]),
+            np.concatenate([p.defined for p in parts]),
+        )
+        return values[order], defined[order]
 
     def collect(self, children: int) -> Part:
         """All children in order, whatever the batches they ran in.

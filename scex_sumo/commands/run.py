@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.converters.origin import parse_origin
@@ -22,12 +23,13 @@ class RunRequest:
     time_s: float | None
     synthetic: int | None
     origin: str | None
-    children: str
+    children: str | None
     steps: int
     replan: int
     models: str | None
     assign: tuple[str, ...]
     design: str | None
+    until_band: float | None
     seed: int
     workers: int
     batch: int | None
@@ -43,8 +45,9 @@ def run_command(request: RunRequest) -> None:
 
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.designs import DEFAULT_DESIGN
-    from scex_sumo.extrapolation import DEFAULT_BATCH, extrapolate
+    from scex_sumo.extrapolation import DEFAULT_BATCH, DEFAULT_CHILDREN, extrapolate
     from scex_sumo.routes import off_road
+    from scex_sumo.sequential import MOST_CHILDREN
     from scex_sumo.summary import summary_table
 
     assign = parse_assign(request.assign)
@@ -58,11 +61,12 @@ def run_command(request: RunRequest) -> None:
             run = extrapolate(
                 scene,
                 models=request.models if request.models is not None else DEFAULT_MODELS,
-                children=request.children,
+                children=request.children or (MOST_CHILDREN if request.until_band else DEFAULT_CHILDREN),
                 assign=assign,
                 steps=request.steps,
                 replan=request.replan,
                 design=request.design if request.design is not None else DEFAULT_DESIGN,
+                until_band=request.until_band,
                 seed=request.seed,
                 workers=request.workers,
                 batch=request.batch if request.batch is not None else DEFAULT_BATCH,
@@ -79,6 +83,8 @@ def run_command(request: RunRequest) -> None:
             raise SystemExit(130) from None
     warn(run.info["net_notes"])
     Console(width=None if sys.stdout.isatty() else 110).print(summary_table(run))
+    if request.until_band is not None:
+        _print_band(run.info["band"])
     if request.plots:
         from scex_sumo.commands.view import write_critical
         from scex_sumo.plots import draw_run
@@ -87,6 +93,16 @@ def run_command(request: RunRequest) -> None:
         write_critical(run)
     print(f"result: {out}")
     print(f"look:   scex-sumo view {out} --critical ttc")
+
+
+def _print_band(band: dict[str, Any]) -> None:
+    """How surely the distributions are known after a run until a band."""
+    left_out = f"; defined too rarely to count: {', '.join(band['left_out'])}" if band["left_out"] else ""
+    short = "" if band["width"] <= band["asked"] else f", not the +-{band['asked']:g} asked for"
+    print(
+        f"widest 95 % band: +-{band['width']:.3f} ({band['metric'] or 'no metric'}) "
+        f"after {band['children']} children{short}{left_out}"
+    )
 
 
 def parse_assign(entries: tuple[str, ...]) -> dict[int, str]:
