@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scex_sumo.errors import InputError, MapError, ResultError, UsageError
+from scex_sumo.commands.console import warn
+from scex_sumo.errors import MapError, ResultError, UsageError
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -43,6 +44,7 @@ def metrics_command(
     table = table.replace_schema_metadata({"preset": preset, "level": level})
     if out is None:
         _write_csv(table, sys.stdout.buffer)
+        warn([f"level {level}, preset {preset}"])
     else:
         write_table(table, out)
         print(f"{out}: {table.num_rows} rows, level {level}, preset {preset}")
@@ -80,5 +82,5 @@ def _limits(text: str | None) -> dict[str, float]:
         try:
             limits[name.strip().lower()] = float(value)
         except ValueError:
-            raise InputError(f"--wttc-limits: {part!r} is not TYPE=M/S2, e.g. truck=4.0") from None
+            raise UsageError(f"--wttc-limits: {part!r} is not TYPE=M/S2, e.g. truck=4.0") from None
     return limits

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -44,11 +45,15 @@ def read_parquet(path: Path) -> TrackTable:
     types, kind = np.unique(np.asarray(table["agent_type"]).astype(str), return_inverse=True)
     is_vehicle = np.isin(np.char.lower(types), list(MOTOR_TYPES))[kind]
     cases, case = np.unique(columns["case_id"], return_inverse=True)
+    names, name_of = np.unique(columns["track_id"].astype(str), return_inverse=True)
+    for name in names[np.unique(name_of[is_vehicle])].tolist():
+        if not re.fullmatch(r"-?\d+(\.0*)?", name):
+            raise TrackError(f"{path}: track_id {name!r} of a vehicle is not an integer; number the vehicles")
 
     def rows(keep: BoolArray) -> TrackRows:
-        order = np.lexsort((columns["timestamp_ms"], columns["track_id"], case))
+        order = np.lexsort((columns["timestamp_ms"], name_of, case))
         order = order[keep[order]]
-        ids, at = columns["track_id"][order], case[order]
+        ids, at = name_of[order], case[order]
         first = np.ones(len(order), dtype=bool)
         first[1:] = (np.diff(ids) != 0) | (np.diff(at) != 0)
         track = (np.cumsum(first) - 1).astype(np.int64)
@@ -57,7 +62,7 @@ def read_parquet(path: Path) -> TrackTable:
             case=at.astype(np.int64),
             track=track,
             segment=segments_of(track, flat["timestamp_ms"]),
-            labels=tuple(str(i) for i in ids[first].tolist()),
+            labels=tuple(names[ids[first]].tolist()),
             types=tuple(np.char.lower(types)[kind[order][first]].tolist()),
             frame_id=columns["frame_id"][order].astype(np.int64),
             **flat,

@@ -1,0 +1,131 @@
+"""The command ``metrics`` from its arguments to its exit status."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from pyarrow import csv
+
+from scex_sumo.cli import main
+
+HEADER = "case_id,track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width"
+
+
+@pytest.fixture
+def tracks(tmp_path: Path) -> Path:
+    """Two cars of one case over 12 steps; 1 follows 2 and closes in by 1 m per step from 30 m."""
+    rows = [
+        f"1,{track},{k},{100 * k},car,{start + speed * 0.1 * k},0,{speed},0,0,4.5,1.8"
+        for track, start, speed in ((1, 0.0, 20.0), (2, 31.0, 10.0))
+        for k in range(1, 13)
+    ]
+    path = tmp_path / "tracks.csv"
+    path.write_text("\n".join([HEADER, *rows]) + "\n")
+    return path
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
+    monkeypatch.setattr("sys.argv", ["scex-sumo", "metrics", *map(str, arguments)])
+    try:
+        main()
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def test_without_a_file_the_table_goes_to_standard_output(
+    tracks: Path, monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]
+) -> None:
+    assert call(monkeypatch, tracks, "--level", "scene", "--metrics", "distance,drac") == 0
+    out = capfdbinary.readouterr().out
+    table = csv.read_csv(pa.BufferReader(out))
+    assert table.column_names == ["case_id", "timestamp_ms", "metric", "value"]
+    assert table.num_rows == 24
+    assert table["value"][0].as_py() == pytest.approx(30.0)
+
+
+def test_a_result_folder_is_evaluated_after_its_history(
+    tracks: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ten of the twelve frames are history: what is left is 20 m and 19 m."""
+    folder = tmp_path / "result"
+    folder.mkdir()
+    pq.write_table(csv.read_csv(tracks), folder / "tracks.parquet")
+    assert call(monkeypatch, folder, "-o", tmp_path / "out.parquet") == 0
+    table = pq.read_table(tmp_path / "out.parquet")
+    assert table["distance_mean"].to_pylist() == [pytest.approx(19.5)]
+
+
+def test_the_preset_is_written_into_the_file(
+    tracks: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    values = {}
+    for preset in ("paper", "path"):
+        out = tmp_path / f"{preset}.parquet"
+        assert call(monkeypatch, tracks, "--preset", preset, "--level", "worst", "-o", out) == 0
+        table = pq.read_table(out)
+        assert table.schema.metadata[b"preset"] == preset.encode()
+        values[preset] = {row["metric"]: row["value"] for row in table.to_pylist()}
+    # 19 m between the centres at 10 m/s, or 14.5 m between the bumpers.
+    assert values["paper"]["ttc"] == pytest.approx(10 / 19)
+    assert values["path"]["ttc"] == pytest.approx(10 / 14.5)
+
+
+def test_limits_by_type_reach_wttc(tracks: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    for extra in ((), ("--wttc-limits", "car=1.0,truck=3")):
+        out = tmp_path / "out.csv"
+        assert call(monkeypatch, tracks, "--metrics", "wttc", "-o", out, *extra) == 0
+        found.append(csv.read_csv(out)["wttc"][0].as_py())
+    assert found[0] < found[1] < 14.5 / 10 * 1.1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["--level", "pairs"], 2, "unknown level 'pairs'; known: pair, scene, scenario, worst"),
+        (["--preset", "best"], 2, "unknown preset 'best'; known: paper, path"),
+        (["--metrics", "ttc,speed"], 2, "unknown metric 'speed'; known: distance"),
+        (["--wttc-limits", "car"], 2, "'car' is not TYPE=M/S2"),
+        (["--wttc-limits", "car=-1"], 1, "largest acceleration of type 'car' is -1.0"),
+        (["-o", "out.xlsx"], 2, "unknown format '.xlsx'"),
+        (["--map", "nowhere.osm"], 1, "nowhere.osm: no such file"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(
+    arguments: list[str],
+    status: int,
+    message: str,
+    tracks: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert call(monkeypatch, tracks, *arguments) == status
+    error = capsys.readouterr().err
+    assert message in error and error.count("\n") == 1
+
+
+def test_files_that_cannot_be_read_are_named(
+    tmp_path: Path, tracks: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "broken.parquet").write_text("no parquet")
+    (tmp_path / "empty").mkdir()
+    table = csv.read_csv(tracks)
+    holes = np.where(np.arange(table.num_rows) == 3, np.nan, 1.0)
+    pq.write_table(table.set_column(7, "vx", pa.array(holes)), tmp_path / "holes.parquet")
+    names = pa.array([f"car{i}" for i in table["track_id"].to_pylist()])
+    pq.write_table(table.set_column(1, "track_id", names), tmp_path / "names.parquet")
+    for name, message in (
+        ("missing.csv", "missing.csv"),
+        ("broken.parquet", "cannot be read as Parquet"),
+        ("empty", "no tracks.parquet in it"),
+        ("holes.parquet", "column vx has missing values"),
+        ("names.parquet", "track_id 'car1' of a vehicle is not an integer"),
+    ):
+        assert call(monkeypatch, tmp_path / name) == 1
+        error = capsys.readouterr().err
+        assert message in error and error.count("\n") == 1
