@@ -67,7 +67,7 @@ class Sign:
     values: tuple[str, ...] = ()
 
 
-def lane_kind(types: set[str], users: set[str]) -> str:
+def lane_kind(types: frozenset[str], users: frozenset[str]) -> str:
     """Kind of a lane: ``vehicle``, ``bus``, ``bicycle``, ``pedestrian`` or ``other``.
 
     Args:
@@ -86,7 +86,7 @@ def lane_kind(types: set[str], users: set[str]) -> str:
     return next((kind for kind in ("bus", "bicycle", "pedestrian") if kind in users), "other")
 
 
-def lane_tags(types: set[str]) -> dict[str, str]:
+def lane_tags(types: frozenset[str]) -> dict[str, str]:
     """The same types in Lanelet2's words: ``subtype`` and ``location``."""
     subtype = next((word for name, word in _SUBTYPES.items() if name in types), "road")
     location = "urban" if "urban" in types else "nonurban" if "country" in types else ""

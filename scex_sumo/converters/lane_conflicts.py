@@ -15,7 +15,7 @@ TOUCH_M = 0.1  # how far two mapped areas may reach into each other from either 
 CLEARANCE_M = 3.0  # lanes this far above one another do not conflict; bridges leave 4.5 m and more
 
 
-def overlapping(lanes: Mapping[int, Lane], heights: Mapping[int, FloatArray | None]) -> dict[int, Lane]:
+def overlapping(lanes: Mapping[int, Lane], centres: Mapping[int, FloatArray]) -> dict[int, Lane]:
     """The same lanes with ``conflicts`` set: vehicle lanes that share ground and are not otherwise related.
 
     As in Lanelet2's routing graph, lanes that follow one another or lie side by side in the same direction
@@ -23,7 +23,7 @@ def overlapping(lanes: Mapping[int, Lane], heights: Mapping[int, FloatArray | No
 
     Args:
         lanes: of every kind, connected.
-        heights: (P, 3) centreline by lane id, or None where heights are not known.
+        centres: (P, 3) centreline with heights by lane id, or (P, 2) where they are not known.
     """
     ids = [i for i, lane in lanes.items() if lane.kind == "vehicle"]
     areas = [_area(lanes[i]) for i in ids]
@@ -34,7 +34,7 @@ def overlapping(lanes: Mapping[int, Lane], heights: Mapping[int, FloatArray | No
             a, b = ids[one], ids[other]
             if a < b and not _related(lanes[a], lanes[b]):
                 shared = shapely.centroid(shapely.intersection(areas[one], areas[other]))
-                if _on_one_level(heights.get(a), heights.get(b), shared):
+                if _on_one_level(centres[a], centres[b], shared):
                     found[a].add(b)
                     found[b].add(a)
     return {i: replace(lane, conflicts=tuple(sorted(found.get(i, ())))) for i, lane in lanes.items()}
@@ -51,8 +51,8 @@ def _related(a: Lane, b: Lane) -> bool:
     return b.lane_id in (*beside, *a.successors, *a.predecessors)
 
 
-def _on_one_level(a: FloatArray | None, b: FloatArray | None, where: shapely.Point) -> bool:
-    if a is None or b is None or where.is_empty:
+def _on_one_level(a: FloatArray, b: FloatArray, where: shapely.Point) -> bool:
+    if a.shape[1] < 3 or b.shape[1] < 3 or where.is_empty:
         return True
     place = np.array([where.x, where.y])
     levels = [line[np.argmin(np.hypot(*(line[:, :2] - place).T)), 2] for line in (a, b)]
