@@ -25,7 +25,7 @@ from scex_sumo.designs import DEFAULT_DESIGN
 from scex_sumo.errors import UsageError
 from scex_sumo.job import Job, batches_of, run_batches
 from scex_sumo.measure import measure_recorded
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.evaluate import COLUMNS, PAPER_PRESET
 from scex_sumo.results import Part, ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.run import Run, densities_table
 from scex_sumo.sampling import assignments
@@ -168,6 +168,7 @@ def extrapolate(
             "band": None if band is None else {"asked": until_band, **dataclasses.asdict(band)},
             "seed": seed,
             "thresholds": limits,
+            "preset": PAPER_PRESET,
             "net": scene.road.name,
             "net_notes": list(net.notes),
             "versions": _versions(),

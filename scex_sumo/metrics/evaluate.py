@@ -20,6 +20,7 @@ COLUMNS: Final[tuple[str, ...]] = tuple(column for name in PAPER_METRICS for col
 BATCH_PAIR_STEPS = 1 << 16  # unordered pair-steps per batch: the working arrays stay in the processor's cache
 
 PAPER: Final = MetricParameters()
+PAPER_PRESET: Final = "paper"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,7 +104,7 @@ def evaluate(
     tracks: SceneTracks,
     planned: PlannedPaths | None,
     *,
-    preset: str = "paper",
+    preset: str = PAPER_PRESET,
     parameters: MetricParameters = PAPER,
     metrics: tuple[str, ...] | None = None,
 ) -> ScenarioValues:
@@ -144,7 +145,7 @@ def evaluate_pairs(
     tracks: SceneTracks,
     planned: PlannedPaths | None,
     *,
-    preset: str = "paper",
+    preset: str = PAPER_PRESET,
     parameters: MetricParameters = PAPER,
     metrics: tuple[str, ...] | None = None,
 ) -> dict[str, PairValues]:
