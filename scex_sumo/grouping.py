@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from math import comb
+from typing import Final
 
 import numpy as np
 
 from scex_sumo.errors import UsageError
 from scex_sumo.scene import FloatArray, IntArray
+
+METHODS: Final = ("ward", "average")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -17,7 +20,8 @@ class Grouping:
     """Groups of runs and the tree they were cut from.
 
     Attributes:
-        linkage: (R - 1, 4) as scipy writes trees: the two parts joined, height, size.
+        linkage: (R - 1, 4) as scipy writes trees: the two parts joined, height, size. Heights are in units of
+            the distance: two runs that join have theirs.
         order: (R,) the runs as the tree's leaves, similar ones side by side.
         group: (R,) number of each run's group, from 1 on in the order of the leaves.
         silhouette: (R,) how much better each run fits its own group than the next one, -1 to 1.
@@ -34,19 +38,25 @@ class Grouping:
         return int(self.group.max())
 
 
-def group_runs(distance: FloatArray, labels: Sequence[str], *, groups: int | None = None) -> Grouping:
-    """Hierarchical clustering by the mean distance between groups (average linkage, UPGMA).
+def group_runs(
+    distance: FloatArray, labels: Sequence[str], *, groups: int | None = None, method: str = "ward"
+) -> Grouping:
+    """Hierarchical clustering of runs.
 
-    The result does not depend on the order of the runs: ties are broken by name.
+    ``ward`` joins the two groups that then spread least, on the root of the distance: distances that are
+    areas between distributions become squared Euclidean ones by that, which is what Ward's criterion needs.
+    ``average`` joins the two whose runs are nearest on average, and tends to leave single runs alone. The
+    result does not depend on the order of the runs: ties are broken by name.
 
     Args:
         distance: (R, R) symmetric, 0 on the diagonal.
         labels: (R,) different names.
         groups: how many to cut the tree into, 1 to R; None takes 2 to R - 1, whichever has the largest mean
             silhouette (two runs are two groups).
+        method: ``ward`` or ``average``.
 
     Raises:
-        UsageError: a number of groups that is not there.
+        UsageError: a number of groups that is not there, or an unknown method.
     """
     from scipy.cluster.hierarchy import fcluster, leaves_list, linkage
     from scipy.spatial.distance import squareform
@@ -54,9 +64,13 @@ def group_runs(distance: FloatArray, labels: Sequence[str], *, groups: int | Non
     count = len(labels)
     if groups is not None and not 1 <= groups <= count:
         raise UsageError(f"--groups: got {groups}, needs 1 to {count}, the number of runs")
+    if method not in METHODS:
+        raise UsageError(f"unknown linkage {method!r}; known: {', '.join(METHODS)}")
     by_name = np.argsort(np.asarray(labels), kind="stable")
     condensed = squareform(distance[np.ix_(by_name, by_name)], checks=False)
-    tree = linkage(condensed, method="average", optimal_ordering=True)
+    power = 2 if method == "ward" else 1
+    tree = linkage(condensed ** (1 / power), method=method, optimal_ordering=True)
+    tree[:, 2] **= power
     leaves = np.asarray(leaves_list(tree), dtype=np.int64)
     choices = range(2, max(count, 3)) if groups is None else (groups,)
     best: tuple[float, IntArray, FloatArray] | None = None
@@ -68,7 +82,6 @@ def group_runs(distance: FloatArray, labels: Sequence[str], *, groups: int | Non
         if best is None or fit.mean() > best[0] + 1e-12:
             best = (float(fit.mean()), group, fit)
     assert best is not None
-    tree = tree.copy()
     joined = tree[:, :2]
     joined[joined < count] = by_name[joined[joined < count].astype(np.int64)]
     return Grouping(linkage=tree, order=by_name[leaves], group=best[1], silhouette=best[2])

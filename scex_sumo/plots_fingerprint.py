@@ -69,7 +69,7 @@ def draw_dendrogram(
             fontsize=10,
         )
         _kind_legend(figure, kinds)
-    return _save(figure, stem)
+        return _save(figure, stem)
 
 
 def _draw_tree(axes: Axes, comparison: Comparison, grouping: Grouping) -> None:
@@ -95,7 +95,7 @@ def _draw_tree(axes: Axes, comparison: Comparison, grouping: Grouping) -> None:
     top = float(grouping.linkage[-1, 2])
     axes.set(xlim=(max(top, noise) * 1.05 or 1.0, 0), ylim=(count - 0.5, -0.5), yticks=[])
     axes.spines["left"].set_visible(False)
-    axes.set_xlabel("mean distance at which groups join")
+    axes.set_xlabel("distance at which groups join (Ward)")
 
 
 def _draw_matrix(
@@ -163,7 +163,7 @@ def draw_fingerprints(
             tick.set_color(colors[run])
         figure.suptitle(_READING, x=0.01, ha="left", fontsize=8.5)
         _kind_legend(figure, kinds)
-    return _save(figure, stem)
+        return _save(figure, stem)
 
 
 _READING = (

@@ -33,11 +33,12 @@ def compare_command(
     if distance not in KINDS:
         raise UsageError(f"--distance: unknown distance {distance!r}; known: {', '.join(KINDS)}")
     wanted = _folders(folders, nearest)
-    labels = short_names(wanted)
     if len(wanted) < 2:
         raise UsageError(f"compare: needs at least two result folders, got {len(wanted)}")
     if out is not None and any((out / name).exists() for name in ("run.json", "incomplete.json")):
         raise UsageError(f"-o {out}: is the result folder of a run; give a folder of its own")
+    # By name, so that the same folders in another order give the same bytes.
+    labels, wanted = map(list, zip(*sorted(zip(short_names(wanted), wanted, strict=True)), strict=True))
     runs = [open_run(folder) for folder in wanted]
     warn([*comparable(runs, labels), *_copies(runs, labels)])
     comparison = compare(runs, labels=labels, distance=distance)
@@ -96,7 +97,8 @@ def _report(
     yield f"by chance alone, two runs of one seed scene differ by about {noise:.2f}"
     yield ""
     yield from _matrix(comparison, grouping)
-    yield from _groups(comparison, grouping)
+    if count > 2:
+        yield from _groups(comparison, grouping)
     if centre is not None:
         yield f"nearest to {names[centre]}:"
         for place, other in enumerate(comparison.nearest(centre), 1):
@@ -141,7 +143,7 @@ def _matrix(comparison: Comparison, grouping: Grouping) -> Iterable[str]:
 def _groups(comparison: Comparison, grouping: Grouping) -> Iterable[str]:
     fit = float(grouping.silhouette.mean())
     quality = f"mean silhouette {fit:.2f}" + (", not clearly apart" if fit < 0.25 else "")
-    yield f"{grouping.groups} groups (average linkage, {quality}):"
+    yield f"{grouping.groups} groups (Ward, {quality}):"
     for number in range(1, grouping.groups + 1):
         members = [comparison.labels[r] for r in grouping.order if grouping.group[r] == number]
         yield f"  {number}: {', '.join(members)}"
