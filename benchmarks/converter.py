@@ -98,7 +98,12 @@ def rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
         ("traffic lights", right("signalled", "missing_signals")),
         ("mutual yields", str(len(figures["mutual_yields"]))),
         ("closed lanelets open to cars", str(len(figures["non_vehicle_as_cars"]))),
-        ("warnings sumo / sumolib", f"{len(figures['sumo_warnings'])} / {len(figures['sumolib_warnings'])}"),
+        (
+            "complaints sumo / sumolib / netconvert",
+            " / ".join(
+                str(len(figures[k])) for k in ("sumo_warnings", "sumolib_warnings", "netconvert_errors")
+            ),
+        ),
         ("moveToXY hits", part(figures["probe_hits"], figures["probes"])),
         (
             "read / convert / check [s]",

@@ -94,6 +94,9 @@ class FidelityReport:
         found = [
             _list("lanelets without a SUMO lane", figures.missing_lanes),
             _list("wrong speed limits (lanelet, map, net in m/s)", figures.wrong_speeds),
+            _list(
+                "edges whose length is not their lanes' (edge, length, lanes' mean)", figures.wrong_lengths
+            ),
             _list("lanes against their lanelet", figures.reversed_lanes),
             _list("car lanes that stand for no lanelet", figures.invented_lanes),
             _list("lanelets closed to cars that became car lanes", figures.non_vehicle_as_cars),
@@ -140,6 +143,7 @@ class FidelityReport:
         found = [
             _list("sumo says", figures.sumo_warnings),
             _list("sumolib says", figures.sumolib_warnings),
+            _list("netconvert refuses the net", figures.netconvert_errors),
         ]
         if figures.probe_hits < wanted.probe_hit_share * figures.probes:
             lost = _list("lost (lanelet, points)", figures.lost_probes)

@@ -17,6 +17,7 @@ PRESENT_M = (
 )
 STUB_M = 2.0  # a border lanelet inside an intersection gets an approach of at most this
 SPEED_TOLERANCE_MPS = 0.01  # nets are written with two or three decimals
+LENGTH_TOLERANCE_M = 0.25  # SUMO rounds shapes to centimetres, and lanes up to its shortest length of 0.1 m
 REVERSED_M = 0.5  # lanelets much shorter than a step have no direction worth arguing about
 
 
@@ -36,6 +37,8 @@ class GeometryFigures:
         worst_deviations: (lanelet, m), the worst first, above 0.1 m.
         overhang_max_m: how far a SUMO lane runs on beyond the ends of its lanelets.
         overhangs: (SUMO lane, m) of more than a stub.
+        wrong_lengths: (SUMO edge, its length in m, its lanes' mean): SUMO's drivers go by the length, so
+            their cars stand elsewhere than they think.
         reversed_lanes: (lanelet, SUMO lane) that run against each other.
         invented_lanes: car lanes of more than a stub that stand for no lanelet.
         non_vehicle_as_cars: lanelets closed to cars whose own SUMO lane is open to them.
@@ -55,6 +58,7 @@ class GeometryFigures:
     worst_deviations: tuple[tuple[int, float], ...]
     overhang_max_m: float
     overhangs: tuple[tuple[str, float], ...]
+    wrong_lengths: tuple[tuple[str, float, float], ...]
     reversed_lanes: tuple[tuple[int, str], ...]
     invented_lanes: tuple[str, ...]
     non_vehicle_as_cars: tuple[int, ...]
@@ -95,6 +99,7 @@ def judge_geometry(net: Net, road: Road, matching: Matching) -> GeometryFigures:
         ),
         overhang_max_m=max(overhang.values(), default=0.0),
         overhangs=tuple(sorted((name, m) for name, m in overhang.items() if m > STUB_M + 0.05)),
+        wrong_lengths=_wrong_lengths(net),
         reversed_lanes=_reversed(road, matching),
         invented_lanes=_invented(net, road, matching),
         non_vehicle_as_cars=_non_vehicle_as_cars(net, road, matching),
@@ -157,6 +162,17 @@ def _widths(road: Road, present: dict[int, list[NetLane]]) -> tuple[FloatArray, 
         floors.append(np.abs(width - np.median(width)))
     skip = 1 if len(errors) > 1 else 0
     return np.concatenate(errors[skip:]), np.concatenate(floors[skip:])
+
+
+def _wrong_lengths(net: Net) -> tuple[tuple[str, float, float], ...]:
+    found = []
+    for edge, names in net.edges.items():
+        lanes = [net.lanes[name] for name in names]
+        drawn = float(np.mean([shapely.LineString(lane.shape).length for lane in lanes]))
+        written = lanes[0].length_m  # SUMO gives all lanes of an edge one length
+        if any(lane.cars for lane in lanes) and abs(written - drawn) > LENGTH_TOLERANCE_M:
+            found.append((edge, written, drawn))
+    return tuple(sorted(found))
 
 
 def _reversed(road: Road, matching: Matching) -> tuple[tuple[int, str], ...]:

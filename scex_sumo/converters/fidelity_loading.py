@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import subprocess
 import sys
 import warnings
@@ -41,6 +42,7 @@ class LoadingFigures:
     Attributes:
         sumo_warnings: lines that ``sumo`` writes to its error stream when it loads the net and does a step.
         sumolib_warnings: what sumolib says, internal lanes included.
+        netconvert_errors: why netconvert, and with it netedit and every export, refuses the net.
         probes: centreline points of vehicle lanelets that moveToXY was asked for.
         probe_hits: those where it found a SUMO lane of the lanelet.
         lost_probes: (lanelet, misses) of the others, the most first.
@@ -48,6 +50,7 @@ class LoadingFigures:
 
     sumo_warnings: tuple[str, ...]
     sumolib_warnings: tuple[str, ...]
+    netconvert_errors: tuple[str, ...]
     probes: int
     probe_hits: int
     lost_probes: tuple[tuple[int, int], ...]
@@ -80,6 +83,7 @@ def judge_loading(net: Net, road: Road, matching: Matching) -> LoadingFigures:
     return LoadingFigures(
         sumo_warnings=said,
         sumolib_warnings=_sumolib_warnings(net.path),
+        netconvert_errors=_netconvert_errors(net.path),
         probes=len(owners),
         probe_hits=len(owners) - sum(misses.values()),
         lost_probes=tuple(sorted(misses.items(), key=lambda entry: (-entry[1], entry[0]))),
@@ -93,6 +97,15 @@ def _sumo_warnings(path: Path) -> tuple[str, ...]:
     if done.returncode != 0 and not lines:
         lines = [f"Error: sumo ended with status {done.returncode}"]
     return tuple(lines)
+
+
+def _netconvert_errors(path: Path) -> tuple[str, ...]:
+    command = [sumo_binary("netconvert"), "-s", str(path), "-o", os.devnull, "--offset.disable-normalization"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LOAD_LIMIT_S, check=False)
+    if done.returncode == 0:
+        return ()
+    said = [line.strip() for line in done.stderr.splitlines() if line.startswith("Error")]
+    return tuple(said or [f"Error: netconvert ended with status {done.returncode}"])
 
 
 def _sumolib_warnings(path: Path) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ NET = """<net version="1.20">
 <location netOffset="0.00,0.00" convBoundary="-60,-60,60,60" origBoundary="-60,-60,60,60" projParameter="!"/>
 <edge id=":J_0" function="internal">
 <lane id=":J_0_0" index="0" speed="13.89" length="30.00" width="3.50" shape="-15.00,0.00 15.00,0.00"/></edge>
-<edge id=":J_1" function="internal"><lane id=":J_1_0" index="0" speed="13.89" length="20.83" width="3.50"
+<edge id=":J_1" function="internal"><lane id=":J_1_0" index="0" speed="13.89" length="21.88" width="3.50"
  shape="-15.00,3.50 -10.00,3.60 -5.00,5.00 -1.50,8.50 -0.20,12.00 0.00,15.00"/></edge>
 <edge id=":J_2" function="internal">
 <lane id=":J_2_0" index="0" speed="13.89" length="30.00" width="3.50" shape="0.00,-15.00 0.00,15.00"/></edge>

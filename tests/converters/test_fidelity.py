@@ -100,6 +100,20 @@ def test_a_stub_is_no_invented_lane(tmp_path: Path) -> None:
     assert report.geometry.invented_lanes == ()
 
 
+def test_a_length_that_is_not_the_shapes_is_found(tmp_path: Path) -> None:
+    text = '<lane id="east_0" index="0" speed="13.89" length="45.00"'
+    report = judge(tmp_path, (text, text.replace("45.00", "50.00")))
+    assert report.geometry.wrong_lengths == (("east", 50.0, pytest.approx(45.0)),)
+
+
+def test_a_net_that_netconvert_refuses_is_found(tmp_path: Path) -> None:
+    # An edge from a junction to itself is a lane for sumo and a mistake for netconvert.
+    loop = SPARE.replace('from="S" to="E"', 'from="J" to="J"').format(shape="20,-40 50,-40", rules="")
+    report = judge(tmp_path, ('<edge id="south"', loop))
+    assert any("spare" in line for line in report.loading.netconvert_errors)
+    assert report.loading.sumo_warnings == ()
+
+
 def test_a_reversed_lane_is_found(tmp_path: Path) -> None:
     report = judge(tmp_path, ('shape="15.00,0.00 60.00,0.00"', 'shape="60.00,0.00 15.00,0.00"'))
     assert report.geometry.reversed_lanes == ((3, "east_0"),)
