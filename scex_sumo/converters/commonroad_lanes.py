@@ -174,7 +174,21 @@ def _left_neighbours(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[in
     other = {(i, j) for i, j in backed if i is not None and i in driven}
     for i, j in beside ^ other:
         file.note("neighbours that only one of the two lanelets knows, left out", f"{i}-{j}")
-    return dict(sorted(beside & other))
+    left_of = dict(sorted(beside & other))
+    for i in [i for i in left_of if _in_ring(left_of, i)]:
+        file.note("neighbours in a ring, left out", i)
+        del left_of[i]
+    return left_of
+
+
+def _in_ring(left_of: Mapping[int, int], start: int) -> bool:
+    """Whether going left from a lane leads back to it."""
+    lane: int | None = left_of.get(start)
+    for _ in left_of:
+        if lane is None or lane == start:
+            break
+        lane = left_of.get(lane)
+    return lane == start
 
 
 def _may_change(left: Lanelet, right: Lanelet, *, leftwards: bool) -> bool:
