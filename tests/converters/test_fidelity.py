@@ -46,6 +46,14 @@ def test_without_a_table_lanelets_are_found_by_geometry(tmp_path: Path) -> None:
     assert without == with_table
 
 
+def test_a_net_that_lies_half_a_metre_off_is_measured_without_a_table(tmp_path: Path) -> None:
+    # As another converter's may: an offset of half a metre to the north that is not there.
+    report = check_net(write_net(tmp_path, ('netOffset="0.00,0.00"', 'netOffset="0.00,-0.50"')), crossing())
+    assert report.geometry.missing_lanes == ()
+    assert report.geometry.deviation_max_m == pytest.approx(0.5, abs=1e-6)
+    assert report.topology.missing_successors == report.topology.invented_successors == ()
+
+
 def test_a_net_offset_is_taken_off(tmp_path: Path) -> None:
     road = crossing()
     shift = np.array([1000.0, -500.0])
