@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 import tempfile
@@ -17,7 +16,7 @@ import sumo
 from scex_sumo.colors import Rgb
 from scex_sumo.errors import SimulationError
 from scex_sumo.scene import STEP_S
-from scex_sumo.tiles import TILE_COLUMNS, TILE_MARGIN_M, TILE_SLOTS, TileTemplate, tile_id
+from scex_sumo.tiles import TILE_SLOTS, TileTemplate, tile_id
 from scex_sumo.vehicle_types import TypeBook
 from scex_sumo.view_drawings import draw_legend, frame_of
 from scex_sumo.view_settings import write_view_settings
@@ -101,9 +100,9 @@ class SumoSession:
         self._legend = legend
         self._template = TileTemplate(net.path)
         self._extras = TileTemplate(net.extras) if gui and net.extras is not None else None
-        self.layout = self._template.layout(
-            margin_m=_GUI_MARGIN_M if gui else TILE_MARGIN_M,
-            columns=math.ceil(math.sqrt(max(self.slots) + 1)) if gui else TILE_COLUMNS,
+        count = max(self.slots, default=0) + 1
+        self.layout = (
+            self._template.window_layout(count, margin_m=_GUI_MARGIN_M) if gui else self._template.layout()
         )
         self._sumo: Any = None
         self._errors: tuple[type[Exception], ...] = ()
@@ -172,6 +171,7 @@ class SumoSession:
                 viewport=frame.viewport,
                 names=len(self.slots) == 1,
                 text_m=frame.line_m,
+                exaggeration=frame.exaggeration,
             )
             options += ["--gui-settings-file", str(view), "--start", "true", "--quit-on-end", "true"]
         return [*options, "-a", ",".join(str(path) for path in additional)]

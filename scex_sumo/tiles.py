@@ -21,6 +21,7 @@ TILE_SLOTS = 64
 """Number of tile slots; child i always lives in slot ``i % TILE_SLOTS``."""
 
 TILE_COLUMNS = 8
+WINDOW_ASPECT = 1.5  # width by height of what is visible in a window of sumo-gui
 TILE_MARGIN_M = 1000.0  # a vehicle at 50 m/s needs 20 s from the edge of one map to the next
 
 # Attributes that hold ids, per element; "via" and the rest are absent or empty where they do not apply.
@@ -30,6 +31,7 @@ _IDS: dict[str, tuple[str, ...]] = {
     "neigh": ("lane",),
     "junction": ("id", "incLanes", "intLanes"),
     "connection": ("from", "to", "via", "tl"),
+    "conflict": ("from", "to"),
     "tlLogic": ("id",),
     "roundabout": ("nodes", "edges"),
     "poly": ("id",),
@@ -141,6 +143,12 @@ class TileTemplate:
             pitch_y=math.ceil((top - bottom + margin_m) / 10) * 10,
             columns=columns,
         )
+
+    def window_layout(self, count: int, *, margin_m: float) -> TileLayout:
+        """Tiles in reading order that together have about the proportions of a window."""
+        wide = self.layout(margin_m=margin_m)
+        columns = round(math.sqrt(count * WINDOW_ASPECT * wide.pitch_y / wide.pitch_x))
+        return TileLayout(pitch_x=wide.pitch_x, pitch_y=-wide.pitch_y, columns=min(max(columns, 1), count))
 
     def write(self, path: Path, slots: Sequence[int], layout: TileLayout) -> None:
         """Write the copies of some slots.

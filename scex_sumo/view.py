@@ -6,11 +6,9 @@ colour of their behaviour model, thin lines show where each of them goes from th
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
@@ -104,8 +102,7 @@ def _write(
 ) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     template, grid = TileTemplate(net.path), len(children) > 1
-    layout = template.layout(margin_m=_GRID_MARGIN_M, columns=math.ceil(math.sqrt(len(children))))
-    layout = replace(layout, pitch_y=-layout.pitch_y)  # in reading order
+    layout = template.window_layout(len(children), margin_m=_GRID_MARGIN_M)
     net_file, additional = net.path, [net.extras] if net.extras is not None else []
     if grid:
         net_file = folder / f"{name}.net.xml"
@@ -120,7 +117,9 @@ def _write(
     write_fcd(folder / f"{name}.fcd.xml", [g for s in shown for g in _groups(seed, s)], LaneFinder(net.path))
     entries = legend_entries(seed, [model for child in children for model in child.models], colors)
     frame = frame_of(template.bounds, [s.offset for s in shown], entries)
-    drawn = draw_children(shown, colors, frame, template.bounds[3]) + draw_legend(frame)
+    if not grid:
+        frame = frame.closer(children[0].states)
+    drawn = draw_children(shown, colors, frame) + draw_legend(frame)
     additional.append(folder / f"{name}.add.xml")
     types = _types(seed, children, colors)
     additional[-1].write_text(f"<additional>\n{types}{drawn}</additional>\n", encoding="utf-8")
@@ -130,6 +129,7 @@ def _write(
         viewport=frame.viewport,
         names=not grid,
         text_m=frame.line_m,
+        exaggeration=frame.exaggeration,
         snapshots=snapshots,
         # At the end sumo-gui would ask whether to close; who comes for the pictures only wants it to end.
         pause_s=None if snapshots else children[0].states.shape[1] * STEP_S,
@@ -203,7 +203,7 @@ def _write_configuration(folder: Path, name: str, net: Path, additional: Sequenc
         "device.fcd-replay.files": f"{name}.fcd.xml",
         "gui-settings-file": f"{name}.view.xml",
         "step-length": str(STEP_S),
-        "end": f"{(steps + 3) * STEP_S:.1f}",
+        "end": f"{(steps + 2) * STEP_S:.1f}",
         # The trajectories go where they go: on and off the lanes, and through one another.
         "ignore-route-errors": "true",
         "insertion-checks": "none",

@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from scex_sumo.colors import Rgb
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
-from scex_sumo.tiles import tile_id
+from scex_sumo.tiles import WINDOW_ASPECT, tile_id
 
+Bounds = tuple[float, float, float, float]
 OTHER_RGB = (255, 0, 200)  # pedestrians and cyclists
 _LINE = 1.4  # from line to line of text, in heights of a letter
 _LETTER = 0.4  # width of a letter likewise
 _LEGEND_COLUMNS = 3
-_WINDOW_ASPECT = 1.5
+_WINDOW_ASPECTS = (1.2, 1.5, 1.8, 2.1)  # widths by heights of windows that people use
+_LETTER_SHARE = 0.03  # height of a letter in a window
+_AROUND_M = 25.0  # of the map to be seen around vehicles
 _TRACK_LAYER = 30  # above the markings, below the vehicles
 
 
@@ -59,37 +62,67 @@ class Shown:
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """What is in view: all tiles, titles above them and a legend below.
+    """What is in view: tiles, titles above them and a legend below.
 
     Attributes:
-        left: edge of the westernmost map, m.
-        bottom: edge of the southernmost map, m.
-        right: edge of the easternmost map, m.
-        top: edge of the northernmost map, m.
+        net: smallest x, y and largest x, y of all tiles, m: what sumo-gui shows at a zoom of 100 %.
+        view: the same of what is to be seen.
         line_m: height of a letter, m.
         entries: names and colours of the legend.
     """
 
-    left: float
-    bottom: float
-    right: float
-    top: float
+    net: Bounds
+    view: Bounds
     line_m: float
     entries: tuple[tuple[str, Rgb], ...]
 
     @property
     def viewport(self) -> tuple[float, float, float]:
-        """sumo-gui's zoom, in percent of what it takes to show the net, and centre."""
+        """sumo-gui's zoom in percent, and the centre."""
         rows = math.ceil(len(self.entries) / _LEGEND_COLUMNS)
-        above, below = 2.0 * self.line_m, (rows * _LINE + 1.0) * self.line_m
-        # sumo-gui's 100 % is what shows the net in a window of, usually, about these proportions.
-        height, needed = self.top - self.bottom, (self.right - self.left) / _WINDOW_ASPECT
-        zoom = 100.0 * max(height, needed) / max(height + above + below, needed)
-        return zoom, (self.left + self.right) / 2, (self.top + above + self.bottom - below) / 2
+        left, bottom, right, top = self.view
+        top, bottom = top + 2.0 * self.line_m, bottom - (rows * _LINE + 1.0) * self.line_m
+        view = left, bottom, right, top
+        zoom = min(100.0 * _window_height(self.net, a) / _window_height(view, a) for a in _WINDOW_ASPECTS)
+        return zoom, (left + right) / 2, (top + bottom) / 2
+
+    @property
+    def exaggeration(self) -> float:
+        """How much larger than they are vehicles must be drawn to be seen at all, 1 to 3."""
+        return min(max(_window_height(self.view) / 200.0, 1.0), 3.0)
+
+    @property
+    def way_m(self) -> float:
+        """Width of lines that can be seen."""
+        return max(0.25, 0.003 * _window_height(self.view))
+
+    def closer(self, states: States) -> Frame:
+        """The part of the map where vehicles are and go.
+
+        Args:
+            states: of all vehicles, of any shape.
+        """
+        around = (
+            float(states.x.min()) - _AROUND_M,
+            float(states.y.min()) - _AROUND_M,
+            float(states.x.max()) + _AROUND_M,
+            float(states.y.max()) + _AROUND_M,
+        )
+        left, bottom, right, top = self.net
+        view = max(left, around[0]), max(bottom, around[1]), min(right, around[2]), min(top, around[3])
+        if view[0] >= view[2] or view[1] >= view[3]:  # all are off the map
+            view = around
+        return replace(self, view=view, line_m=_LETTER_SHARE * _window_height(view))
+
+
+def _window_height(bounds: Bounds, aspect: float = WINDOW_ASPECT) -> float:
+    """Height in m of a window of some width by height that shows all of it."""
+    left, bottom, right, top = bounds
+    return max(top - bottom, (right - left) / aspect)
 
 
 def frame_of(
-    bounds: tuple[float, float, float, float],
+    bounds: Bounds,
     offsets: Sequence[tuple[int, int]],
     entries: Sequence[tuple[str, Rgb]],
 ) -> Frame:
@@ -101,10 +134,13 @@ def frame_of(
         entries: names and colours of the legend.
     """
     left, bottom, right, top = bounds
-    left, right = left + min(dx for dx, _ in offsets), right + max(dx for dx, _ in offsets)
-    bottom, top = bottom + min(dy for _, dy in offsets), top + max(dy for _, dy in offsets)
-    line_m = 0.02 * math.hypot(right - left, top - bottom)
-    return Frame(left=left, bottom=bottom, right=right, top=top, line_m=line_m, entries=tuple(entries))
+    net = (
+        left + min(dx for dx, _ in offsets),
+        bottom + min(dy for _, dy in offsets),
+        right + max(dx for dx, _ in offsets),
+        top + max(dy for _, dy in offsets),
+    )
+    return Frame(net=net, view=net, line_m=_LETTER_SHARE * _window_height(net), entries=tuple(entries))
 
 
 def legend_entries(
@@ -117,7 +153,7 @@ def legend_entries(
     return entries
 
 
-def draw_children(shown: Sequence[Shown], colors: Mapping[str, Rgb], frame: Frame, map_top: float) -> str:
+def draw_children(shown: Sequence[Shown], colors: Mapping[str, Rgb], frame: Frame) -> str:
     """The way of each vehicle, and the children's titles above their tiles."""
     lines = []
     for s in shown:
@@ -126,9 +162,10 @@ def draw_children(shown: Sequence[Shown], colors: Mapping[str, Rgb], frame: Fram
             track = s.child.states[v, max(s.child.past - 1, 0) :]
             way = zip((track.x + dx).tolist(), (track.y + dy).tolist(), strict=True)
             shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in way)
-            lines.append(_poly(s.id(f"way.{v}"), shape, colors[model], fill=False))
+            lines.append(_poly(s.id(f"way.{v}"), shape, colors[model], line_m=frame.way_m))
         title = f"child {s.child.number}" + (f" · {s.child.title}" if s.child.title else "")
-        lines.append(_text(title, frame.left + dx, map_top + dy + 0.5 * frame.line_m, frame.line_m))
+        x, y = frame.view[0] + dx, frame.view[3] + dy + 0.5 * frame.line_m
+        lines.append(_text(title, x, y, frame.line_m))
     return "".join(lines)
 
 
@@ -138,18 +175,19 @@ def draw_legend(frame: Frame) -> str:
     widest = max((len(name) for name, _ in frame.entries), default=0)
     for n, (name, rgb) in enumerate(frame.entries):
         row, column = divmod(n, _LEGEND_COLUMNS)
-        x = frame.left + column * (3.0 + widest * _LETTER) * line_m
-        y = frame.bottom - (row + 1) * _LINE * line_m
+        x = frame.view[0] + column * (3.0 + widest * _LETTER) * line_m
+        y = frame.view[1] - (row + 1) * _LINE * line_m
         corners = ((0.0, 0.0), (1.5, 0.0), (1.5, 0.8), (0.0, 0.8))
         square = " ".join(f"{x + cx * line_m:.2f},{y + (cy - 0.4) * line_m:.2f}" for cx, cy in corners)
-        lines.append(_poly(f"legend.{n}", square, rgb, fill=True))
+        lines.append(_poly(f"legend.{n}", square, rgb))
         lines.append(_text(name, x + 2.0 * line_m, y, line_m))
     return "".join(lines)
 
 
-def _poly(key: str, shape: str, rgb: Rgb, *, fill: bool) -> str:
+def _poly(key: str, shape: str, rgb: Rgb, *, line_m: float | None = None) -> str:
+    """A filled polygon, or a line of some width."""
     color = ",".join(str(c) for c in rgb)
-    style = 'fill="1"' if fill else 'fill="0" lineWidth="0.25"'
+    style = 'fill="1"' if line_m is None else f'fill="0" lineWidth="{line_m:.2f}"'
     return f'    <poly id="{key}" color="{color}" {style} layer="{_TRACK_LAYER}" shape="{shape}"/>\n'
 
 

@@ -29,8 +29,9 @@ _SETTINGS = """<viewsettings>
                 <entry color="{asphalt}" name="walkingarea"/>
             </colorScheme>
         </edges>
-        <vehicles vehicleMode="0" vehicleQuality="2" vehicle_minSize="1" vehicle_exaggeration="1"
-                  vehicle_constantSize="0" showBlinker="0" drawMinGap="0" drawBrakeGap="0"
+        <vehicles vehicleMode="0" vehicleQuality="2" vehicle_minSize="1"
+                  vehicle_exaggeration="{exaggeration:.2f}" vehicle_constantSize="0" showBlinker="0"
+                  drawMinGap="0" drawBrakeGap="0"
                   vehicleName_show="{names}" vehicleName_size="{name_size}" vehicleName_color="20,22,26"
                   vehicleName_bgColor="255,255,255,170" vehicleName_constantSize="1"/>
         <persons personMode="0" personQuality="2" person_minSize="1" person_exaggeration="1"/>
@@ -45,7 +46,7 @@ _SETTINGS = """<viewsettings>
         </junctions>
         <additionals addMode="0" addName_show="0"/>
         <pois poiMode="0" poi_minSize="0" poi_exaggeration="1" poiName_show="1"
-              poiName_size="{text_size}" poiName_color="20,22,26" poiName_bgColor="255,255,255,0"
+              poiName_size="{text_size}" poiName_color="20,22,26" poiName_bgColor="{grass},170"
               poiName_constantSize="0"/>
         <polys polyMode="0" poly_minSize="0" polyName_show="0"/>
         <legend showSizeLegend="1" showColorLegend="0"/>
@@ -62,6 +63,7 @@ def write_view_settings(
     viewport: tuple[float, float, float] | None = None,
     names: bool = True,
     text_m: float = 4.0,
+    exaggeration: float = 1.0,
     snapshots: tuple[tuple[float, str], ...] = (),
     pause_s: float | None = None,
 ) -> None:
@@ -73,6 +75,7 @@ def write_view_settings(
         viewport: zoom in percent, x and y of the centre in m; None leaves sumo-gui's choice, the whole net.
         names: write the vehicles' ids on them.
         text_m: height of texts on the ground.
+        exaggeration: how much larger than they are vehicles are drawn.
         snapshots: times in s and names of pictures that sumo-gui writes then.
         pause_s: time at which sumo-gui pauses.
     """
@@ -91,6 +94,7 @@ def write_view_settings(
         text_size=f"{_SIZE_PER_M * text_m:.2f}",
         delay=delay_ms,
         viewport=view,
+        exaggeration=exaggeration,
         snapshots=pictures,
     )
     path.write_text(text, encoding="utf-8")
