@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import scex_sumo
 from scex_sumo.density import dkw_half_width
 from scex_sumo.designs import balanced
 from scex_sumo.errors import UsageError
@@ -111,3 +117,22 @@ def test_a_band_that_makes_no_sense_is_refused(band: float) -> None:
 def test_a_design_that_cannot_grow_is_refused() -> None:
     with pytest.raises(UsageError, match="a design of sobol cannot grow"):
         check_band(0.05, "sobol")
+
+
+def test_a_run_until_a_band_is_the_same_whatever_the_batches_and_workers(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "scex_sumo", "run", str(scex_sumo.example_path("motorway_merge"))]
+    command += ["--until-band", "0.01", "--children", "130", "--steps", "3", "--no-plots", "-o"]
+    for name, options in (("one", []), ("two", ["--workers", "2", "--batch", "32"])):
+        done = subprocess.run(
+            [*command, str(tmp_path / name), *options],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert "after 130 children, not the +-0.01 asked for" in done.stdout
+    info = json.loads((tmp_path / "one" / "run.json").read_text())
+    assert info["children"] == info["band"]["children"] == 130
+    for name in ("metrics.parquet", "assignments.parquet", "tracks.parquet"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
