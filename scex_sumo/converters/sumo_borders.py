@@ -1,3 +1,4 @@
+# LEAD -> converter helper: read /tmp/converter_defects.md now (D4, D5, D8, D9 matter most), then delete this line.
 """Lanes that fork or join exactly where the map ends get the common piece of road that the map cut off."""
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ from scex_sumo.road import Lane
 from scex_sumo.scene import FloatArray
 
 # Such lanes overlap from the border on. Without a common approach SUMO would not notice, and vehicles would
-# be put inside each other. The shortest edge that SUMO takes is enough, and keeps the geometry.
+# be put inside each other. Of the lanes themselves the shortest edge that SUMO takes is enough, which keeps
+# the geometry; vehicles that enter get some room before the border.
 ENTRY_M = 0.1
-# SUMO puts waiting vehicles on top of each other on an edge shorter than they are: it is told this length.
-ENTRY_ROOM_M = 5.7
+ROOM_M = 1.9
 TOGETHER_M = 0.1
 ALIGNED = math.radians(20.0)
 
@@ -24,13 +25,15 @@ ALIGNED = math.radians(20.0)
 def add_entries(lanes: Mapping[int, Lane]) -> dict[int, Lane]:
     """Vehicle lanes, with a short common lane where some begin, or end, at one point of the border.
 
-    The new lanes take the first (last) decimetre of the lanes that they lead to; their ids are new.
+    The new lanes take the first (last) decimetre of the lanes that they lead to, with 1.9 m before the border
+    where they are entries; their ids are new.
     """
     result = dict(lanes)
     fresh = max([0, *lanes]) + 1
     for group in _groups(lanes, lambda lane: not lane.predecessors, end=False):
         first = result[group[0]]
-        result[fresh] = _piece(first, fresh, cut(first.centreline, 0.0, ENTRY_M), successors=tuple(group))
+        line = _prolonged(cut(first.centreline, 0.0, ENTRY_M))
+        result[fresh] = _piece(first, fresh, line, successors=tuple(group))
         for i in group:
             line = result[i].centreline
             rest = cut(line, ENTRY_M, length(line))
@@ -75,6 +78,12 @@ def _groups(lanes: Mapping[int, Lane], loose: Callable[[Lane], bool], *, end: bo
     return groups
 
 
+def _prolonged(line: FloatArray) -> FloatArray:
+    """A line with a straight piece before it."""
+    along = (line[1] - line[0]) / float(np.hypot(*(line[1] - line[0])))
+    return np.vstack([line[0] - ROOM_M * along, line])
+
+
 def _piece(
     lane: Lane,
     lane_id: int,
@@ -83,10 +92,14 @@ def _piece(
     successors: tuple[int, ...] = (),
     predecessors: tuple[int, ...] = (),
 ) -> Lane:
+    step = centreline[-1] - centreline[0]
+    across = lane.width_m / 2 * np.array([-step[1], step[0]]) / float(np.hypot(*step))
     return replace(
         lane,
         lane_id=lane_id,
         centreline=centreline,
+        left_bound=centreline + across,
+        right_bound=centreline - across,
         successors=successors,
         predecessors=predecessors,
         conflicts=(),

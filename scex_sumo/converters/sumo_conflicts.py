@@ -59,7 +59,7 @@ def _kin(lanes: Mapping[int, Lane], found: list[Conflict]) -> list[Conflict]:
         forks = {c.lanes for c in found if c.kind == "diverge"}
         merges = {c.lanes for c in found if c.kind == "merge"}
         for k, c in enumerate(found):
-            if c.kind != "cross" or _intersect(*(lanes[i].centreline for i in c.lanes)):
+            if c.kind != "cross" or intersect(*(lanes[i].centreline for i in c.lanes)):
                 continue
             a, b = (lanes[i] for i in c.lanes)
             if max(c.spans[0][0], c.spans[1][0]) < 2 * STEP_M and _related(
@@ -78,7 +78,7 @@ def _related(a: tuple[int, ...], b: tuple[int, ...], pairs: set[tuple[int, int]]
     return any(i == j or (min(i, j), max(i, j)) in pairs for i in a for j in b)
 
 
-def _intersect(a: FloatArray, b: FloatArray) -> bool:
+def intersect(a: FloatArray, b: FloatArray) -> bool:
     """Whether two polylines cross, common end points aside."""
     p, q = a[:-1, None], b[None, :-1]
     u, v = np.diff(a, axis=0)[:, None], np.diff(b, axis=0)[None]
@@ -133,7 +133,7 @@ def _run_around(s: FloatArray, close: BoolArray, low: float, high: float) -> tup
 
 def _kind(a: Lane, b: Lane, span_a: tuple[float, float], span_b: tuple[float, float], gap: FloatArray) -> str:
     """Tell crossing, merging and diverging apart by the stretch alone; chains of short lanes need that."""
-    if _opposed(a, b, span_a, span_b):
+    if opposed(a.centreline, b.centreline, span_a, span_b):
         return "cross"
     ends = [length(a.centreline) - span_a[1], length(b.centreline) - span_b[1]]
     starts = [span_a[0], span_b[0]]
@@ -152,9 +152,9 @@ def _kind(a: Lane, b: Lane, span_a: tuple[float, float], span_b: tuple[float, fl
     return "cross"
 
 
-def _opposed(a: Lane, b: Lane, span_a: tuple[float, float], span_b: tuple[float, float]) -> bool:
-    """Whether the lanes run against each other (by more than 120 degrees) along the stretch."""
-    da = at(a.centreline, span_a[1]) - at(a.centreline, span_a[0])
-    db = at(b.centreline, span_b[1]) - at(b.centreline, span_b[0])
+def opposed(a: FloatArray, b: FloatArray, span_a: tuple[float, float], span_b: tuple[float, float]) -> bool:
+    """Whether two polylines run against each other (by more than 120 degrees) along a stretch of each."""
+    da = at(a, span_a[1]) - at(a, span_a[0])
+    db = at(b, span_b[1]) - at(b, span_b[0])
     size = math.hypot(*da) * math.hypot(*db)
     return size > 0 and float(da @ db) / size < -0.5

@@ -8,9 +8,12 @@ again: a junction piece must not have several ways in and several ways out at on
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from typing import TypeAlias
 
 from scex_sumo.converters.sumo_rows import STUB_M, Piece, Row
 from scex_sumo.road import Lane
+
+NodeOf: TypeAlias = Callable[[int, int], tuple[int, int]]  # row and cut to the junction there
 
 ROOM_M = 7.5  # a car of 5 m and SUMO's default gap of 2.5 m
 NARROW_M = 4.0
@@ -73,9 +76,7 @@ class Chains:
         return any(len(self.reach(piece, step)[1]) < 2 for step in (self.before, self.after))
 
 
-def fill_gaps(
-    rows: list[Row], lanes: Mapping[int, Lane], node: Callable[[int, int], tuple[int, int]]
-) -> None:
+def fill_gaps(rows: list[Row], lanes: Mapping[int, Lane], node: NodeOf) -> None:
     """Leave short road pieces between junction pieces to the junction, shortest first, where sound.
 
     Args:
@@ -94,6 +95,15 @@ def fill_gaps(
         row.inside[k] = True
         if not all(chains.is_sound((r, k, at)) for at in range(len(row.lanes))):
             row.inside[k] = False
+
+
+def split_loops(rows: list[Row], node: NodeOf) -> None:
+    """Halve the road pieces that leave a junction and enter it again: netconvert refuses such edges."""
+    for r, row in enumerate(rows):
+        for k in reversed(range(row.pieces)):
+            if not row.inside[k] and node(r, k) == node(r, k + 1):
+                row.cuts.insert(k + 1, (row.cuts[k] + row.cuts[k + 1]) / 2)
+                row.inside.insert(k + 1, False)
 
 
 def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:

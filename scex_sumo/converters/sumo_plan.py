@@ -9,7 +9,6 @@ from itertools import pairwise
 import numpy as np
 from shapely import MultiPoint, Polygon, unary_union
 
-from scex_sumo.converters.sumo_borders import ENTRY_ROOM_M
 from scex_sumo.converters.sumo_conflicts import Conflict
 from scex_sumo.converters.sumo_rows import Piece
 from scex_sumo.converters.sumo_rules import Link, approach, links_by_node, set_foes, set_right_of_way
@@ -197,8 +196,6 @@ class NetPlan:
                 start, end = (self._node_name(self._topology.node(r, c)) for c in (k, k + 1))
                 shapes = [self._road_shape((r, k, at_)) for at_ in range(len(row.lanes))]
                 nominal = float(np.mean([length(shape) for shape in shapes]))
-                if row.lanes[0] not in self._road.lanes and not self._lanes[row.lanes[0]].predecessors:
-                    nominal = ENTRY_ROOM_M
                 lanes = tuple(
                     self._road_lane(f"{name}_{at_}", (r, k, at_), shape, nominal)
                     for at_, shape in enumerate(shapes)
@@ -230,8 +227,11 @@ class NetPlan:
         start, end = row.span(piece[1], piece[2])
         joint = min(JOINT_M, (end - start) / 4)
         known = self._topology.where
-        first = piece[1] == 0 and any(i in known for i in lane.predecessors)
-        last = piece[1] + 1 == row.pieces and any(i in known for i in lane.successors)
+        first = not row.inside[piece[1] - 1] if piece[1] else any(i in known for i in lane.predecessors)
+        if piece[1] + 1 < row.pieces:
+            last = not row.inside[piece[1] + 1]
+        else:
+            last = any(i in known for i in lane.successors)
         return start + joint * first, end - joint * last
 
     def _road_shape(self, piece: Piece) -> FloatArray:
@@ -240,11 +240,12 @@ class NetPlan:
     def _inner_shape(self, path: Path) -> FloatArray:
         """The end of the road before, the junction pieces, the beginning of the road after."""
         topology, parts = self._topology, []
-        for piece in path.pieces:
+        last = len(path.pieces) - 1
+        for k, piece in enumerate(path.pieces):
             start, end = topology.rows[piece[0]].span(piece[1], piece[2])
-            if piece == path.start:
+            if k == 0:
                 start = self._trims(piece)[1]
-            if piece == path.end:
+            if k == last:
                 end = self._trims(piece)[0]
             if end - start > 1e-9:
                 parts.append(cut(self._lanes[topology.lane_id(piece)].centreline, start, end))

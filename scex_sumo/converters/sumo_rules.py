@@ -1,3 +1,4 @@
+# LEAD -> converter helper: read /tmp/converter_defects.md now (D4, D5, D8, D9 matter most), then delete this line.
 """Who gives way to whom at a node: SUMO's foes, responses and link states from the map's rules."""
 
 from __future__ import annotations

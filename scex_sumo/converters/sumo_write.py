@@ -1,3 +1,4 @@
+# LEAD -> converter helper: read /tmp/converter_defects.md now (D4, D5, D8, D9 matter most), then delete this line.
 """A planned net as SUMO's net.xml."""
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from scex_sumo.converters.sumo_lights import Programme
 from scex_sumo.converters.sumo_plan import Connection, Edge, NetPlan, Node, SumoLane
 from scex_sumo.converters.sumo_rules import bits, direction
 from scex_sumo.converters.sumo_shapes import DECIMALS, text
+from scex_sumo.converters.sumo_stretches import stretches
 
 Lights: TypeAlias = Mapping[str, tuple[str, int]]  # internal lane: its traffic light and link index there
 
@@ -34,6 +36,10 @@ def _body(plan: NetPlan, programmes: Sequence[Programme], lights: Lights, projec
         f' projParameter="{projection}"/>'
     )
     nodes = [plan.nodes[name] for name in sorted(plan.nodes)]
+    told: dict[str, list[str]] = {}
+    for node in nodes:
+        for one, other, span in stretches(node):
+            told.setdefault(one.internal.name, []).append(_conflict(other, span))
     for node in nodes:
         for connection in node.connections:
             yield from _internal(connection.internal)
@@ -49,7 +55,7 @@ def _body(plan: NetPlan, programmes: Sequence[Programme], lights: Lights, projec
         yield from _junction(node, lights)
     for node in nodes:
         for connection in node.connections:
-            yield _connection(connection, lights)
+            yield from _connection(connection, lights, told.get(connection.internal.name, ()))
     for node in nodes:
         for connection in node.connections:
             yield _exit(connection)
@@ -118,14 +124,27 @@ def _type(node: Node, lights: Lights) -> str:
     return next((kind for state, kind in kinds.items() if state in states), "priority")
 
 
-def _connection(c: Connection, lights: Lights) -> str:
+def _connection(c: Connection, lights: Lights, conflicts: Sequence[str]) -> Iterator[str]:
     light, state = "", c.link.state
     if c.internal.name in lights:
         name, index = lights[c.internal.name]
         light, state = f' tl="{name}" linkIndex="{index}"', "o" if c.link.response else "O"
-    return (
+    head = (
         f'    <connection from="{c.from_edge}" to="{c.to_edge}" fromLane="{c.from_lane}" toLane="{c.to_lane}"'
-        f' via="{c.internal.name}"{light} dir="{direction(c.link.bend)}" state="{state}"/>'
+        f' via="{c.internal.name}"{light} dir="{direction(c.link.bend)}" state="{state}"'
+    )
+    if not conflicts:
+        yield f"{head}/>"
+        return
+    yield f"{head}>"
+    yield from conflicts
+    yield "    </connection>"
+
+
+def _conflict(other: Connection, span: tuple[float, float]) -> str:
+    return (
+        f'        <conflict from="{other.from_edge}" to="{other.to_edge}" fromLane="{other.from_lane}"'
+        f' toLane="{other.to_lane}" startPos="{span[0]:.2f}" endPos="{span[1]:.2f}"/>'
     )
 
 

@@ -12,7 +12,7 @@ import pytest
 import sumolib
 from shapely import LineString, Point
 
-from scex_sumo.converters.fidelity import check_net
+from scex_sumo.converters.fidelity import check_net, drive_net
 from scex_sumo.converters.lanelet import read_road
 from scex_sumo.converters.sumo_net import SumoNet, convert
 from scex_sumo.road import Road
@@ -38,6 +38,12 @@ def converted(
 def test_the_checker_finds_nothing(converted: tuple[Road, SumoNet]) -> None:
     drawn, net = converted
     assert check_net(net.path, drawn, net.lanes).problems() == []
+
+
+def test_everyone_arrives_and_nobody_overlaps(converted: tuple[Road, SumoNet]) -> None:
+    report = drive_net(converted[1].path)
+    assert report.arrived == report.vehicles == 120
+    assert report.teleports == report.collisions == report.overlapping_pairs == 0
 
 
 def test_sumo_and_sumolib_load_it_without_a_warning(

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scex_sumo.converters.fidelity import drive_net
 from scex_sumo.converters.sumo_net import convert
 from scex_sumo.errors import MapError
 from scex_sumo.road import Lane, Regulation, Road
@@ -170,6 +171,35 @@ def test_a_ring_without_an_edge_of_its_own_keeps_every_way(tmp_path: Path) -> No
                 seen.add(edge)
                 stack += following.get(edge, set())
         assert {net.lanes.edges([end])[-1] for end in range(30, 34)} <= seen
+
+
+def test_one_lane_for_both_ways_lets_one_way_through_at_a_time(tmp_path: Path) -> None:
+    """Lanes 1 and 2 are one strip of road, driven in both directions."""
+    lanes = [
+        lane(5, [(-90, -3), (0, 0)], to=(1,)),
+        lane(1, [(0, 0), (50, 0)], to=(6,)),
+        lane(6, [(50, 0), (140, -3)]),
+        lane(7, [(140, 3), (50, 0)], to=(2,)),
+        lane(2, [(50, 0), (0, 0)], to=(8,)),
+        lane(8, [(0, 0), (-90, 3)]),
+    ]
+    net = convert(road(lanes), tmp_path / "strip.net.xml")
+    assert load(net.path) == ""
+    report = drive_net(net.path, vehicles=40)
+    assert report.arrived == 40
+    assert report.overlapping_pairs == 0
+
+
+def test_no_edge_leaves_a_junction_and_enters_it_again(tmp_path: Path) -> None:
+    """A loop: lane 1 crosses itself by way of lanes 2 and 3; netconvert refuses edges from a node to itself."""
+    lanes = [
+        lane(1, [(-40, 0), (30, 0)], to=(2,)),
+        lane(2, arc((30, 15), 15, -90, 180), to=(3,)),
+        lane(3, [(15, 15), (15, -50)]),
+    ]
+    net = net_of(road(lanes), tmp_path)
+    edges = [x for x in net.root.iter("edge") if x.get("function") is None]
+    assert [x.get("id") for x in edges if x.get("from") == x.get("to")] == []
 
 
 def test_lanes_for_bicycles_are_closed_to_cars(tmp_path: Path) -> None:
