@@ -11,6 +11,7 @@ from scipy import stats
 from scex_sumo.density import (
     SIDES,
     THRESHOLDS,
+    bootstrap_band,
     defined_fraction,
     density,
     dkw_half_width,
@@ -98,6 +99,27 @@ def test_the_band_covers_the_smoothed_truth_19_times_in_20() -> None:
         inside += bool(np.all((low <= truth) & (truth <= high)))
     # 300 draws: a true coverage of 0.95 stays above 0.91 in all but 1 of 1000 cases.
     assert inside / 300 > 0.91
+
+
+def test_the_bootstrap_band_covers_the_truth_at_each_point() -> None:
+    """The median of a normal lies within the band at 0 in about 95 % of 300 sample sets."""
+    rng = np.random.default_rng(2)
+    inside = 0
+    for _ in range(300):
+        low, high = bootstrap_band(rng.normal(size=100), [0.0], rng, draws=300)
+        inside += bool(low[0] <= 0.5 <= high[0])
+    # Four standard deviations of a binomial share of 0.95, plus 0.02 for the percentile method's own bias.
+    assert abs(inside / 300 - 0.95) < 0.07
+
+
+def test_the_bootstrap_band_is_reproducible_and_keeps_infinite_samples() -> None:
+    x = [0.0, 1.0, 100.0]
+    bands = [bootstrap_band([0.5, INF], x, np.random.default_rng(0), draws=500) for _ in range(2)]
+    np.testing.assert_array_equal(bands[0], bands[1])
+    # Two samples, one at infinity: resamples have 0, 1 or 2 of them.
+    assert bands[0][0][-1] == 0.0 and bands[0][1][-1] == 1.0
+    with pytest.raises(InputError, match="0 samples"):
+        bootstrap_band([], x, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(("successes", "count"), [(0, 385), (1, 10), (16, 385), (200, 385), (385, 385)])

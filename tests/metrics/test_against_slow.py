@@ -11,6 +11,7 @@ import pytest
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import PairValues, evaluate_pairs
 from scex_sumo.metrics.wttc import worst_time_to_collision
+from scex_sumo.scene import FloatArray
 from tests.metrics import slow
 from tests.metrics.scenes import random_run
 
@@ -186,3 +187,31 @@ def test_wttc_is_the_smallest_root_at_every_scale(scale: float) -> None:
             "v": v[index],
         }
         assert time[index] == pytest.approx(slow.wttc(still, other), rel=EXACT), index
+
+
+@pytest.mark.parametrize("speed", [30.0, 45.0, 60.0, 90.0])
+@pytest.mark.parametrize("off", [-1e-3, -1e-6, -1e-8, 1e-8, 1e-6, 1e-3])
+def test_wttc_where_two_roots_are_about_to_vanish(speed: float, off: float) -> None:
+    """Passing by at an offset where the discs just touch or just miss: the answer jumps there."""
+
+    def times_at(offsets: FloatArray) -> FloatArray:
+        arrays = (np.full(offsets.shape, value) for value in (60.0, -speed, 0.0, 4.8, 13.8))
+        names = ("dx", "dvx", "dvy", "radius", "acceleration")
+        return worst_time_to_collision(dy=offsets, **dict(zip(names, arrays, strict=True)))
+
+    def time(offset: float) -> float:
+        return float(times_at(np.array([offset]))[0])
+
+    offsets = np.linspace(0, 60, 3000)
+    times = times_at(offsets)
+    jump = int(np.argmax(np.diff(times)))
+    low, high, middle = offsets[jump], offsets[jump + 1], times[jump : jump + 2].mean()
+    for _ in range(60):
+        centre = (low + high) / 2
+        low, high = (centre, high) if time(centre) < middle else (low, centre)
+    offset = low * (1 + off)
+    length = 4.8 / math.hypot(1, 0.4)  # both half diagonals together make the radius
+    still = {"x": 0.0, "y": 0.0, "psi": 0.0, "v": 0.0, "length": length, "width": 0.4 * length}
+    passing = {**still, "x": 60.0, "y": offset, "psi": math.pi, "v": speed}
+    # Two roots this close know half as many digits.
+    assert time(offset) == pytest.approx(slow.wttc(still, passing), rel=EXACT)
