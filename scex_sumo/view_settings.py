@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 _SIZE_PER_M = 10.0  # sumo-gui's text size for letters of 1 m
+_NAME_M = 2.0  # leaves the ends of a car free
 GRASS = "214,219,209"
 ASPHALT = "74,78,84"
 _JUNCTION = "80,84,90"
@@ -33,7 +34,7 @@ _SETTINGS = """<viewsettings>
                   vehicle_exaggeration="{exaggeration:.2f}" vehicle_constantSize="0" showBlinker="0"
                   drawMinGap="0" drawBrakeGap="0"
                   vehicleName_show="{names}" vehicleName_size="{name_size}" vehicleName_color="20,22,26"
-                  vehicleName_bgColor="255,255,255,170" vehicleName_constantSize="1"/>
+                  vehicleName_bgColor="255,255,255,200" vehicleName_constantSize="0"/>
         <persons personMode="0" personQuality="2" person_minSize="1" person_exaggeration="1"/>
         <junctions junctionMode="0" drawLinkTLIndex_show="0" drawLinkJunctionIndex_show="0" drawShape="1"
                    junctionName_show="0">
@@ -90,7 +91,7 @@ def write_view_settings(
         asphalt=ASPHALT,
         junction=_JUNCTION,
         names=int(names),
-        name_size=40,
+        name_size=f"{_SIZE_PER_M * _NAME_M * exaggeration:.2f}",
         text_size=f"{_SIZE_PER_M * text_m:.2f}",
         delay=delay_ms,
         viewport=view,
