@@ -16,6 +16,7 @@ from scex_sumo.converters.commonroad_file import CommonRoadFile, read_commonroad
 from scex_sumo.converters.commonroad_lanes import Lanelet, areas, connected, lanes_of, markings, regulations
 from scex_sumo.converters.commonroad_rules import Sign
 from scex_sumo.converters.lane_conflicts import overlapping
+from scex_sumo.converters.maps import map_name
 from scex_sumo.errors import MissingExtraError
 from scex_sumo.road import Road
 from scex_sumo.scene import FloatArray
@@ -65,7 +66,7 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
     lanes = connected(file, lanelets, lanes_of(file, lanelets, signs))
     lanes = overlapping(lanes, {i: lanelet.centre for i, lanelet in lanelets.items()})
     return Road(
-        name=Path(path).name.removesuffix(".gz").removesuffix(".xml"),
+        name=map_name(path),
         lanes=lanes,
         regulations=regulations(file, lanelets, lanes, signs),
         markings=markings(lanelets),

@@ -92,16 +92,7 @@ def read_commonroad_file(path: str | Path) -> CommonRoadFile:
             usable lanelet.
     """
     path = Path(path)
-    root = _parse(path)
-    if root.tag != "commonRoad":
-        what = _ROOTS.get(root.tag, "name a CommonRoad scenario")
-        raise MapError(f"{path}: no CommonRoad file, its root is <{root.tag}>: {what}")
-    version = root.get("commonRoadVersion", "")
-    if version not in VERSIONS:
-        raise MapError(
-            f"{path}: CommonRoad version {version[:24]!r}; {' and '.join(VERSIONS)} can be read, write it "
-            "anew with commonroad-io"
-        )
+    root = parse_commonroad(path)
     file = CommonRoadFile(path=path, root=root)
     if root.find("lanelet") is None:
         raise MapError(f"{path}: a CommonRoad file without lanelets; name one with a road network")
@@ -113,6 +104,25 @@ def read_commonroad_file(path: str | Path) -> CommonRoadFile:
         )
     _drop_broken_links(file)
     return file
+
+
+def parse_commonroad(path: Path) -> ElementTree.Element:
+    """Root of a CommonRoad file.
+
+    Raises:
+        MapError: the file is missing, not XML, no CommonRoad file, or of an unknown version.
+    """
+    root = _parse(path)
+    if root.tag != "commonRoad":
+        what = _ROOTS.get(root.tag, "name a CommonRoad scenario")
+        raise MapError(f"{path}: no CommonRoad file, its root is <{root.tag}>: {what}")
+    version = root.get("commonRoadVersion", "")
+    if version not in VERSIONS:
+        raise MapError(
+            f"{path}: CommonRoad version {version[:24]!r}; {' and '.join(VERSIONS)} can be read, write it "
+            "anew with commonroad-io"
+        )
+    return root
 
 
 def element_id(element: ElementTree.Element, attribute: str = "id") -> int | None:

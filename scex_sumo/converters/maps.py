@@ -16,6 +16,11 @@ def is_commonroad(map_path: str | Path) -> bool:
     return str(map_path).lower().endswith(COMMONROAD)
 
 
+def map_name(map_path: str | Path) -> str:
+    """Name of a map: its file's name without the ending."""
+    return Path(Path(map_path).name.removesuffix(".gz")).stem
+
+
 def read_map(
     map_path: str | Path,
     *,
@@ -40,8 +45,8 @@ def read_map(
     path = Path(map_path)
     if str(path).lower().endswith(OPENDRIVE):
         raise MapError(
-            f"{path}: OpenDRIVE cannot be read; convert it to Lanelet2 (.osm) or CommonRoad (.xml) first, "
-            "e.g. with CommonRoad's scenario designer (crdesigner), and look the result over"
+            f"{path}: OpenDRIVE cannot be read; convert it to CommonRoad (.xml) or Lanelet2 (.osm) first, "
+            "e.g. with commonroad-scenario-designer's crdesigner, and look the result over (docs/maps.md)"
         )
     if is_commonroad(path):
         from scex_sumo.converters.commonroad import read_commonroad_road

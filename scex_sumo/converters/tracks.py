@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from scex_sumo.converters.commonroad_tracks import read_commonroad_tracks, repair_commonroad
+from scex_sumo.converters.maps import is_commonroad, map_name
 from scex_sumo.converters.tracks_find import find_tracks
 from scex_sumo.converters.tracks_moments import CASE_FRAME, STAMP_MS, Moment, busiest, moments
 from scex_sumo.converters.tracks_repair import repair_tracks
@@ -51,8 +53,9 @@ def read_seed(
     A time without a case is looked up in the first case.
 
     Args:
-        map_path: the Lanelet2 map; names the seed scene, and finds the tracks where none are given.
-        tracks: CSV file in INTERACTION format; None looks for it, see ``find_tracks``.
+        map_path: the map; names the seed scene, and finds the tracks where none are given.
+        tracks: CSV file in INTERACTION format, or a CommonRoad scenario; None looks for it, see
+            ``find_tracks``.
         case: id of a case; ``1``, ``1.0`` and ``"1.0"`` are the same.
         time_s: the moment in the recording's clock (``timestamp_ms`` / 1000); the nearest frame is taken.
         min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
@@ -65,7 +68,7 @@ def read_seed(
     """
     map_path = Path(map_path)
     path = find_tracks(map_path) if tracks is None else Path(tracks)
-    table = read_tracks(path)
+    table = read_commonroad_tracks(path) if is_commonroad(path) else read_tracks(path)
     if not len(table.vehicles):
         kinds = sorted(set(table.others.types))
         raise TrackError(f"{path}: no motor vehicle among the tracks (only {', '.join(kinds)}); give others")
@@ -79,7 +82,9 @@ def read_seed(
         case_id = ""
     findings: tuple[str, ...] = ()
     if repair:
+        table, before = repair_commonroad(table) if is_commonroad(path) else (table, ())
         table, findings = repair_tracks(table)
+        findings = (*before, *findings)
     moment_ms = _choose_moment(table, case_id, time_s)
     return _build(map_path, table, case_id, moment_ms, min_history, future_steps, findings)
 
@@ -166,7 +171,7 @@ def _build(
     ids = [int(float(rows.labels[k])) for k in cars.track[keep]]
     return SeedScene(
         name=_name(map_path, table, case_id, moment_ms),
-        location=map_path.stem,
+        location=map_name(map_path),
         time_s=moment_ms / 1000.0,
         track_ids=np.array(ids, np.int64),
         types=tuple(rows.types[k] for k in cars.track[keep]),
@@ -221,8 +226,8 @@ def _notes(
 
 
 def _name(map_path: Path, table: TrackTable, case_id: str, moment_ms: float) -> str:
-    stem = re.sub(r"^vehicle_tracks_", "", table.path.stem)
-    name = stem if stem.startswith(map_path.stem) else f"{map_path.stem}_{stem}"
+    stem = re.sub(r"^vehicle_tracks_", "", map_name(table.path))
+    name = stem if stem.startswith(map_name(map_path)) else f"{map_name(map_path)}_{stem}"
     time_s = moment_ms / 1000.0
     when = f"{time_s:.1f}" if abs(time_s - round(time_s, 1)) < 1e-6 else f"{time_s:.3f}"
     name += f"_case{case_id}" if case_id else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from scex_sumo.converters.maps import is_commonroad
 from scex_sumo.errors import MapError, TrackError
 
 
@@ -12,7 +13,7 @@ def find_tracks(map_path: str | Path) -> Path:
 
     Looked for, in this order: ``MAP.csv`` beside the map; then, in the folder above ``maps/`` (and in the
     map's own), ``recorded_trackfiles/MAP/vehicle_tracks_*.csv`` (the first of them), ``train/MAP_train.csv``,
-    ``val/MAP_val.csv``.
+    ``val/MAP_val.csv``. A CommonRoad scenario holds its own, unless ``MAP.csv`` lies beside it.
 
     Raises:
         MapError: the map does not exist.
@@ -28,6 +29,8 @@ def find_tracks(map_path: str | Path) -> Path:
     looked = [path.with_suffix(".csv")]
     if looked[0].is_file():
         return looked[0]
+    if is_commonroad(path):
+        return path
     for folder in folders:
         recordings = folder / "recorded_trackfiles" / name
         found = sorted(recordings.glob("vehicle_tracks_*.csv"))
