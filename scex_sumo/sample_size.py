@@ -68,7 +68,8 @@ def truth(
     """
     from scex_sumo import __version__
     from scex_sumo.behaviors.registry import parse_models
-    from scex_sumo.extrapolation import extrapolate, fingerprint
+    from scex_sumo.extrapolation import extrapolate
+    from scex_sumo.provenance import fingerprint
     from scex_sumo.run import open_run
 
     if (Path(out) / "run.json").is_file() and not overwrite:
