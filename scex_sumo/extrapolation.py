@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import importlib.metadata
-import platform
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -13,10 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from scex_sumo import __version__
-from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, build, parse_models
+from scex_sumo.behaviors.registry import DEFAULT_MODELS, build
+from scex_sumo.casting import Models, cast_models, number_of_children
 from scex_sumo.colors import model_colors
 from scex_sumo.converters.sumo_net import convert
 from scex_sumo.converters.tracks import write_tracks
@@ -26,10 +22,11 @@ from scex_sumo.errors import UsageError
 from scex_sumo.job import Job, batches_of, run_batches
 from scex_sumo.measure import measure_recorded
 from scex_sumo.metrics.evaluate import COLUMNS, PAPER_PRESET
+from scex_sumo.provenance import describe, fingerprint, versions
 from scex_sumo.results import Part, ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.run import Run, densities_table
 from scex_sumo.sampling import assignments
-from scex_sumo.scene import SeedScene
+from scex_sumo.scene import IntArray, SeedScene
 from scex_sumo.sequential import Look, check_band, grow, look
 from scex_sumo.world import TILE_SLOTS
 
@@ -38,8 +35,6 @@ DEFAULT_STEPS = 30
 DEFAULT_REPLAN = 5
 DEFAULT_BATCH = TILE_SLOTS
 MAX_REPLAN = 30  # models plan at least 30 steps
-
-Models = str | Sequence[str | ModelSpec]
 
 
 def extrapolate(
@@ -74,7 +69,7 @@ def extrapolate(
         replan: steps that a plan is followed before the next, 1 to 30.
         design: how the assignments are drawn, one of `scex_sumo.designs.DESIGNS`.
         until_band: go on until the 95 % bands of all cumulative distributions have this half-width, see
-            `scex_sumo.sequential.band_half_width`; ``children`` is then the most that are run.
+            `scex_sumo.sequential.Bands`; ``children`` is then the most that are run.
         seed: the same seed gives the same result.
         workers: processes that share the children; the result does not depend on it.
         batch: children side by side in one world; the result does not depend on it.
@@ -95,42 +90,36 @@ def extrapolate(
     """
     started = time.perf_counter()
     _check(scene, steps, replan, seed, workers, batch)
-    drawn, specs, fixed = _casting(models, assign or {})
-    most = _children(children)
+    casting, most = cast_models(models, assign or {}), number_of_children(children)
     draw = partial(
-        assignments, [s.weight for s in drawn], scene.track_ids, seed=seed, fixed=fixed, design=design
+        assignments, casting.weights, scene.track_ids, seed=seed, fixed=casting.fixed, design=design
     )
     if until_band is not None:
-        check_band(until_band, design)
-        if most is None:
-            raise UsageError(
-                "--until-band: all combinations leave nothing to estimate; give no --children all"
-            )
+        _check_until(until_band, design, most)
     assignment = draw(children=most if until_band is None else 1)
     temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
-    configuration: dict[str, Any] = {
-        "version": __version__,
-        "scene": fingerprint(scene),
-        "models": [f"{s}@{s.weight}" for s in drawn],
-        "assign": {str(t): str(specs[m]) for t, m in sorted(fixed.items())},
+    settings: dict[str, Any] = {
+        "models": [{"model": str(s), "weight": s.weight} for s in casting.drawn],
+        "assign": {str(t): casting.names[m] for t, m in sorted(casting.fixed.items())},
         "children": len(assignment) if until_band is None else most,
         "steps": steps,
         "replan": replan,
-        "design": "all" if children == "all" else design,
+        "design": "all" if most is None else design,
+        "until_band": until_band,
         "seed": seed,
+        "preset": PAPER_PRESET,
     }
-    if until_band is not None:
-        configuration["until_band"] = until_band
-    folder = ResultFolder(Path(temporary.name if temporary else str(out)), configuration, overwrite=overwrite)
+    identity = {"version": __version__, "scene": fingerprint(scene), **settings}
+    folder = ResultFolder(Path(temporary.name if temporary else str(out)), identity, overwrite=overwrite)
     assert scene.road is not None
     net = convert(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml")
     converted = time.perf_counter()
     job = Job(
         scene=scene,
         net=net,
-        models=tuple(build(s) for s in specs),
-        names=tuple(str(s) for s in specs),
-        colors=model_colors([str(s) for s in specs]),
+        models=tuple(build(s) for s in casting.specs),
+        names=casting.names,
+        colors=model_colors(casting.names),
         assignment=assignment,
         seed=seed,
         steps=steps,
@@ -138,40 +127,26 @@ def extrapolate(
         folder=folder.path,
         gui=gui,
     )
+    go = partial(_run_all, folder=folder, workers=workers, batch=batch, progress=progress)
     band = None
-    if until_band is not None and most is not None:
-
-        def measure(count: int) -> Look:
-            part_of = dataclasses.replace(job, assignment=draw(children=count))
-            _run_all(part_of, folder, workers, batch, progress)
-            return look(part_of.assignment, *folder.values(count), COLUMNS, design=design)
-
-        band = grow(measure, band=until_band, most=most)
-        job = dataclasses.replace(job, assignment=draw(children=band.children))
+    if until_band is None or most is None:
+        go(job)
     else:
-        _run_all(job, folder, workers, batch, progress)
+        job, band = _run_until(job, folder, go, draw, until_band, most, design)
     simulated = time.perf_counter()
-    part = folder.collect(len(job.assignment))
-    limits = {**THRESHOLDS, **(thresholds or {})}
-    _write_tables(folder, job, part)
+    _write_tables(folder, job, folder.collect(len(job.assignment)))
     folder.finish(
         {
             "scex_sumo": __version__,
             "command": list(command) if command else None,
-            "seed_scene": _describe(scene),
-            "models": [{"model": str(s), "weight": s.weight} for s in drawn],
-            "assign": configuration["assign"],
+            "seed_scene": describe(scene),
+            **settings,
             "children": len(job.assignment),
-            "steps": steps,
-            "replan": replan,
-            "design": configuration["design"],
             "band": None if band is None else {"asked": until_band, **dataclasses.asdict(band)},
-            "seed": seed,
-            "thresholds": limits,
-            "preset": PAPER_PRESET,
+            "thresholds": {**THRESHOLDS, **(thresholds or {})},
             "net": scene.road.name,
             "net_notes": list(net.notes),
-            "versions": _versions(),
+            "versions": versions(),
             "timings_s": {
                 "convert": round(converted - started, 3),
                 "simulate_and_measure": round(simulated - converted, 3),
@@ -182,20 +157,30 @@ def extrapolate(
     return Run(folder.path, temporary)
 
 
-def fingerprint(scene: SeedScene) -> str:
-    """SHA-256 over everything of a seed scene that its children depend on."""
-    digest = hashlib.sha256()
-    for array in (scene.track_ids, scene.length, scene.width):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    for states in (scene.history, scene.future, scene.obstacles.states if scene.obstacles else None):
-        if states is not None:
-            for array in (states.x, states.y, states.heading, states.speed):
-                digest.update(np.ascontiguousarray(array).tobytes())
-    digest.update(repr(scene.types).encode())
-    for lane in scene.road.lanes.values() if scene.road is not None else ():
-        digest.update(repr((lane.lane_id, lane.kind, lane.speed_limit_mps, lane.successors)).encode())
-        digest.update(np.ascontiguousarray(lane.centreline).tobytes())
-    return digest.hexdigest()
+def _check_until(until_band: float, design: str, most: int | None) -> None:
+    check_band(until_band, design)
+    if most is None:
+        raise UsageError("--until-band: all combinations leave nothing to estimate; give no --children all")
+
+
+def _run_until(
+    job: Job,
+    folder: ResultFolder,
+    go: Callable[[Job], None],
+    draw: Callable[..., IntArray],
+    until_band: float,
+    most: int,
+    design: str,
+) -> tuple[Job, Look]:
+    """Run more and more children until the bands are narrow enough; the last job, and how wide they are."""
+
+    def measure(count: int) -> Look:
+        grown = dataclasses.replace(job, assignment=draw(children=count))
+        go(grown)
+        return look(grown.assignment, *folder.values(count), COLUMNS, design=design)
+
+    band = grow(measure, band=until_band, most=most)
+    return dataclasses.replace(job, assignment=draw(children=band.children)), band
 
 
 def _check(scene: SeedScene, steps: int, replan: int, seed: int, workers: int, batch: int) -> None:
@@ -211,36 +196,6 @@ def _check(scene: SeedScene, steps: int, replan: int, seed: int, workers: int, b
         raise UsageError(f"--workers: got {workers}, needs at least 1")
     if not 1 <= batch <= TILE_SLOTS:
         raise UsageError(f"--batch: got {batch}, needs 1 to {TILE_SLOTS}")
-
-
-def _children(children: int | str) -> int | None:
-    if children == "all":
-        return None
-    try:
-        return int(children)
-    except ValueError:
-        raise UsageError(f"--children: got {children!r}, needs a number or 'all'") from None
-
-
-def _casting(
-    models: Models, assign: Mapping[int, str]
-) -> tuple[list[ModelSpec], list[ModelSpec], dict[int, int]]:
-    """Models to draw from, all models of the run, and the index of the model of each fixed vehicle."""
-    drawn: list[ModelSpec] = []
-    for entry in [models] if isinstance(models, str) else models:
-        drawn += parse_models(entry) if isinstance(entry, str) else [entry]
-    if not drawn:
-        raise UsageError("--models: names no model")
-    specs = list(drawn)
-    names = [str(s) for s in specs]
-    fixed = {}
-    for track, text in assign.items():
-        (spec,) = parse_models(text)
-        if str(spec) not in names:
-            specs.append(spec)
-            names.append(str(spec))
-        fixed[int(track)] = names.index(str(spec))
-    return drawn, specs, fixed
 
 
 def _run_all(
@@ -286,24 +241,3 @@ def _write_tables(folder: ResultFolder, job: Job, part: Part) -> None:
     if recorded is not None:
         folder.write_table("recorded.parquet", values_table(COLUMNS, recorded.values, recorded.defined))
     write_tracks(folder.path / "seed.csv", job.scene)
-
-
-def _describe(scene: SeedScene) -> dict[str, Any]:
-    return {
-        "name": scene.name,
-        "location": scene.location,
-        "time_s": scene.time_s,
-        "vehicles": scene.vehicles,
-        "track_ids": [int(t) for t in scene.track_ids],
-        "obstacles": len(scene.obstacles.ids) if scene.obstacles is not None else 0,
-        "recorded_future_steps": int(scene.future.shape[1]) if scene.future is not None else 0,
-        "notes": list(scene.notes),
-        "source": scene.source,
-        "origin": list(scene.road.origin) if scene.road is not None else None,
-        "fingerprint": fingerprint(scene),
-    }
-
-
-def _versions() -> dict[str, str]:
-    names = ("libsumo", "eclipse-sumo", "lanelet2", "numpy", "scipy", "shapely", "pyarrow")
-    return {"python": platform.python_version(), **{n: importlib.metadata.version(n) for n in names}}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Final
 
 import numpy as np
@@ -14,12 +15,13 @@ from scex_sumo.scene import BoolArray, FloatArray, IntArray
 
 FIRST_LOOK: Final = 100
 MOST_CHILDREN: Final = 10_000
-RARE: Final = 0.05
+RARE: Final = 0.2
 """A metric that is defined in a smaller share of the children does not hold up a run."""
 
 DESIGNS_THAT_GROW: Final = ("random", "balanced")
 _THRESHOLDS = 99
 _SPARE_CHILDREN = 30
+_CHILDREN_PER_PARAMETER = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,63 +51,107 @@ def check_band(band: float, design: str) -> None:
         )
 
 
-def band_half_width(
-    levels: IntArray, values: FloatArray, *, design: str, confidence: float = CONFIDENCE
-) -> float:
-    """Half-width of the band around the cumulative distribution of a metric.
+class Bands:
+    """Bands around the cumulative distributions of metrics, given who drives whom.
 
     Independent draws: Dvoretzky-Kiefer-Wolfowitz with the number of children in which the metric is defined;
     it holds for every distribution and number of children, also when a run stops by it, because it does not
     depend on the values.
 
-    Balanced draws: the part of the variance that comes from single vehicles' models is balanced out, so that
-    only the rest makes the distribution vary from run to run. The half-width is that of independent draws
-    times the largest residual standard deviation, over 99 thresholds, of the shares below a threshold, fitted
-    by the vehicles' models, relative to 1/2. It is an estimate: no bound, and it counts nothing of what
-    balanced pairs gain further. How often it holds is measured by ``benchmarks/designs.py``. It is never
-    wider than the half-width of independent draws.
-
-    Args:
-        levels: (C, V) model of each vehicle in each child.
-        values: (C,) NaN where undefined.
-        design: ``random`` or ``balanced``.
-        confidence: of the band.
-
-    Returns:
-        Half-width, 0 to 1; 1 where the metric is defined nowhere.
+    Balanced draws: what comes from single vehicles' models and from pairs of them is balanced out as far as
+    the design goes, so that little else than the rest makes the distribution vary from run to run. For the
+    shares below each of 99 thresholds, least squares on the models of the vehicles, and of their pairs where
+    there are twice as many children as that needs, divide the variance into these parts. Each counts as much
+    as the design leaves it: by its imbalance, the chi-squared per degree of freedom of how often the models,
+    or pairs of them, come (1 on average for independent draws, 0 for perfect balance). The half-width is that
+    of independent draws times the largest remaining standard deviation, relative to 1/2. It is an estimate,
+    no bound; how often it holds is measured by ``benchmarks/designs.py``. It is never wider than the
+    half-width of independent draws.
     """
-    known = ~np.isnan(values)
-    count = int(known.sum())
-    if count == 0:
-        return 1.0
-    independent = dkw_half_width(count, confidence)
-    spread = _residual_deviation(levels, values, known) if design == "balanced" else None
-    if spread is None:
-        return min(independent, 1.0)
-    return min(independent, 2 * spread * dkw_half_width(len(values), confidence), 1.0)
+
+    def __init__(self, levels: IntArray, *, design: str, confidence: float = CONFIDENCE) -> None:
+        """Prepare for children.
+
+        Args:
+            levels: (C, V) model of each vehicle in each child.
+            design: ``random`` or ``balanced``.
+            confidence: of the bands.
+        """
+        self._confidence = confidence
+        self._count = len(levels)
+        self._fits: list[tuple[FloatArray, FloatArray, int, float]] = []
+        if design == "random":
+            return
+        parts = [_indicators(levels[:, v]) for v in range(levels.shape[1])]
+        parts = [p for p in parts if p.shape[1] > 1]
+        one = np.concatenate([np.ones((self._count, 1)), *parts], axis=1)
+        rank = 1 + sum(p.shape[1] - 1 for p in parts)
+        if self._count - rank < _SPARE_CHILDREN:
+            return
+        self._fits.append((*_solver(one), _imbalance(parts)))
+        rank += sum((p.shape[1] - 1) * (q.shape[1] - 1) for p, q in combinations(parts, 2))
+        if len(parts) > 1 and self._count >= _CHILDREN_PER_PARAMETER * rank:
+            cells = [(p[:, :, None] * q[:, None, :]).reshape(len(p), -1) for p, q in combinations(parts, 2)]
+            two = np.concatenate([one, *cells], axis=1)
+            self._fits.append((*_solver(two), _imbalance(cells)))
+
+    def half_width(self, values: FloatArray) -> float:
+        """Half-width of the band of a metric, 0 to 1; 1 where it is defined nowhere.
+
+        Args:
+            values: (C,) NaN where undefined.
+        """
+        known = ~np.isnan(values)
+        if not known.any():
+            return 1.0
+        independent = min(dkw_half_width(int(known.sum()), self._confidence), 1.0)
+        if not self._fits:
+            return independent
+        spread = self._deviation(values, known)
+        return min(independent, 2 * spread * dkw_half_width(self._count, self._confidence))
+
+    def _deviation(self, values: FloatArray, known: BoolArray) -> float:
+        """Largest standard deviation of a share below a threshold that the design leaves.
+
+        Undefined children count as in a ratio of two means: with d = 1 where defined and F the share below
+        the threshold among those, the linearised value of a child is d (below - F) / mean d.
+        """
+        shares = np.arange(1, _THRESHOLDS + 1) / (_THRESHOLDS + 1)
+        limits = np.unique(np.quantile(values[known], shares, method="inverted_cdf"))
+        below = np.where(known[:, None], values[:, None] <= limits, 0.0)
+        linear = np.where(known[:, None], below - below.sum(axis=0) / known.sum(), 0.0) / known.mean()
+        variance = (linear**2).mean(axis=0)
+        remaining = np.zeros_like(variance)
+        for regressors, inverse, rank, imbalance in self._fits:
+            residual = linear - regressors @ (inverse @ (regressors.T @ linear))
+            left = np.minimum((residual**2).sum(axis=0) / (self._count - rank), variance)
+            remaining += min(imbalance, 1.0) * (variance - left)
+            variance = left
+        return float(np.sqrt((remaining + variance).max()))
 
 
-def _residual_deviation(levels: IntArray, values: FloatArray, known: BoolArray) -> float | None:
-    """Largest standard deviation that the vehicles' models leave of a share below a threshold.
+def _indicators(levels: IntArray) -> FloatArray:
+    return np.asarray(levels[:, None] == np.unique(levels)[None], dtype=np.float64)
 
-    Undefined children count as in a ratio of two means: with d = 1 where defined and F the share below the
-    threshold among those, the linearised value of a child is d (below - F) / mean d.
-    """
-    columns = [levels[:, v] for v in range(levels.shape[1]) if len(np.unique(levels[:, v])) > 1]
-    indicators = [c[:, None] == np.unique(c)[None] for c in columns]
-    regressors = np.concatenate([np.ones((len(levels), 1)), *indicators], axis=1)
+
+def _solver(regressors: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+    """Regressors, the pseudo-inverse of their normal equations, and their rank."""
     size, vectors = np.linalg.eigh(regressors.T @ regressors)
     some = size > 1e-10 * size[-1]
-    spare = len(levels) - int(some.sum())
-    if spare < _SPARE_CHILDREN:
-        return None
-    inverse = (vectors[:, some] / size[some]) @ vectors[:, some].T
-    shares = np.arange(1, _THRESHOLDS + 1) / (_THRESHOLDS + 1)
-    limits = np.unique(np.quantile(values[known], shares, method="inverted_cdf"))
-    below = np.where(known[:, None], values[:, None] <= limits, 0.0)
-    linear = np.where(known[:, None], below - below.sum(axis=0) / known.sum(), 0.0) / known.mean()
-    residual = linear - regressors @ (inverse @ (regressors.T @ linear))
-    return float(np.sqrt((residual**2).sum(axis=0).max() / spare))
+    return regressors, (vectors[:, some] / size[some]) @ vectors[:, some].T, int(some.sum())
+
+
+def _imbalance(parts: Sequence[FloatArray]) -> float:
+    """Mean chi-squared per degree of freedom of how often levels come, against equal counts.
+
+    Levels that are meant to be of different frequency seem imbalanced; that widens the band.
+    """
+    ratios = []
+    for part in parts:
+        counts = part.sum(axis=0)
+        mean = counts.mean()
+        ratios.append(float(((counts - mean) ** 2).sum() / mean / max(len(counts) - 1, 1)))
+    return float(np.mean(ratios)) if ratios else 0.0
 
 
 def look(
@@ -122,10 +168,8 @@ def look(
     """
     share = defined.mean(axis=0)
     counted = [m for m in range(len(columns)) if share[m] >= RARE]
-    widths = {
-        columns[m]: band_half_width(levels, np.where(defined[:, m], values[:, m], np.nan), design=design)
-        for m in counted
-    }
+    bands = Bands(levels, design=design)
+    widths = {columns[m]: bands.half_width(np.where(defined[:, m], values[:, m], np.nan)) for m in counted}
     widest = max(widths, key=lambda name: widths[name], default="")
     return Look(
         children=len(levels),

@@ -12,12 +12,17 @@ import pytest
 
 import scex_sumo
 from scex_sumo.density import dkw_half_width
-from scex_sumo.designs import balanced
+from scex_sumo.designs import balanced, independent
 from scex_sumo.errors import UsageError
 from scex_sumo.sampling import all_assignments
-from scex_sumo.sequential import Look, band_half_width, check_band, grow, look
+from scex_sumo.scene import FloatArray, IntArray
+from scex_sumo.sequential import Bands, Look, check_band, grow, look
 
 FOURS = [[0.25] * 4] * 4
+
+
+def band_half_width(levels: IntArray, values: FloatArray, *, design: str) -> float:
+    return Bands(levels, design=design).half_width(values)
 
 
 def test_independent_draws_have_the_dkw_band_of_the_defined_children() -> None:
@@ -29,8 +34,11 @@ def test_independent_draws_have_the_dkw_band_of_the_defined_children() -> None:
 
 
 def test_a_metric_of_one_vehicle_is_known_at_once_from_balanced_draws() -> None:
-    levels = balanced(FOURS, 80, np.random.default_rng(0))
+    levels = all_assignments([4, 4, 4])
     assert band_half_width(levels, levels[:, 2] ** 2.0, design="balanced") < 1e-6
+    # 80 runs have each model 20 times, or nearly so.
+    levels = balanced(FOURS, 80, np.random.default_rng(0))
+    assert band_half_width(levels, levels[:, 2] ** 2.0, design="balanced") < 0.2 * dkw_half_width(80)
 
 
 def test_where_no_vehicle_matters_balance_narrows_nothing() -> None:
@@ -48,6 +56,27 @@ def test_half_the_variance_from_single_vehicles_narrows_the_band_by_the_root_of_
     values = np.where(hidden, levels[:, 0], 1 - levels[:, 0]).astype(float)
     width = band_half_width(levels, values, design="balanced")
     assert width == pytest.approx(dkw_half_width(1000) / np.sqrt(2), rel=0.05)
+
+
+def test_a_metric_of_two_vehicles_together_is_known_as_well_as_their_pairs_are_balanced() -> None:
+    # 64 runs have each of the 8 combinations of 3 coins 8 times.
+    levels = balanced([[0.5, 0.5]] * 3, 64, np.random.default_rng(0))
+    values = (levels[:, 0] ^ levels[:, 2]).astype(float)
+    assert band_half_width(levels, values, design="balanced") < 1e-6
+    # Seven more runs leave the pairs uneven by one run, which the band has to show.
+    levels = balanced([[0.5, 0.5]] * 3, 71, np.random.default_rng(0))
+    uneven = band_half_width(levels, (levels[:, 0] ^ levels[:, 2]).astype(float), design="balanced")
+    assert 0.001 < uneven < 0.2 * dkw_half_width(71)
+
+
+def test_independent_draws_taken_for_balanced_keep_nearly_their_band() -> None:
+    # Their imbalance is 1 on average: nothing of a vehicle's share is balanced out.
+    rng = np.random.default_rng(1)
+    ratios = []
+    for _ in range(40):
+        levels = independent([[0.25] * 4] * 4, 200, rng)
+        ratios.append(band_half_width(levels, levels[:, 0] * 1.0, design="balanced") / dkw_half_width(200))
+    assert np.mean(ratios) > 0.8
 
 
 def test_a_metric_defined_nowhere_is_not_known_at_all() -> None:
@@ -79,7 +108,7 @@ def test_a_look_names_the_widest_band_and_leaves_out_what_is_rare() -> None:
     rng = np.random.default_rng(1)
     values = np.stack([levels[:, 0] * 1.0, rng.normal(size=200), rng.normal(size=200)], axis=1)
     defined = np.ones((200, 3), dtype=bool)
-    defined[9:, 2] = False  # 9 of 200 are below 5 %
+    defined[39:, 2] = False  # 39 of 200 are below 20 %
     found = look(levels, values, defined, ("a", "b", "c"), design="balanced")
     assert found.metric == "b"
     assert found.left_out == ("c",)
