@@ -1,0 +1,51 @@
+"""What a result says of where it came from."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import platform
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.scene import SeedScene
+
+
+def fingerprint(scene: SeedScene) -> str:
+    """SHA-256 over everything of a seed scene that its children depend on."""
+    digest = hashlib.sha256()
+    for array in (scene.track_ids, scene.length, scene.width):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    for states in (scene.history, scene.future, scene.obstacles.states if scene.obstacles else None):
+        if states is not None:
+            for array in (states.x, states.y, states.heading, states.speed):
+                digest.update(np.ascontiguousarray(array).tobytes())
+    digest.update(repr(scene.types).encode())
+    for lane in scene.road.lanes.values() if scene.road is not None else ():
+        digest.update(repr((lane.lane_id, lane.kind, lane.speed_limit_mps, lane.successors)).encode())
+        digest.update(np.ascontiguousarray(lane.centreline).tobytes())
+    return digest.hexdigest()
+
+
+def describe(scene: SeedScene) -> dict[str, Any]:
+    """The seed scene's part of ``run.json``."""
+    return {
+        "name": scene.name,
+        "location": scene.location,
+        "time_s": scene.time_s,
+        "vehicles": scene.vehicles,
+        "track_ids": [int(t) for t in scene.track_ids],
+        "obstacles": len(scene.obstacles.ids) if scene.obstacles is not None else 0,
+        "recorded_future_steps": int(scene.future.shape[1]) if scene.future is not None else 0,
+        "notes": list(scene.notes),
+        "source": scene.source,
+        "origin": list(scene.road.origin) if scene.road is not None else None,
+        "fingerprint": fingerprint(scene),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of what the numbers depend on."""
+    names = ("libsumo", "eclipse-sumo", "lanelet2", "numpy", "scipy", "shapely", "pyarrow")
+    return {"python": platform.python_version(), **{n: importlib.metadata.version(n) for n in names}}
