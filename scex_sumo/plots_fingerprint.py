@@ -23,7 +23,7 @@ from scex_sumo.run import Run
 from scex_sumo.scene import FloatArray
 
 _COLORS = ("#1f77b4", "#d95f02", "#2a9d5c", "#8e44ad", "#b8860b", "#c2185b", "#00838f", "#6d4c41")
-_JOINING, _THRESHOLD, _TEXT = "#8a8a8a", "#c0392b", "#444444"
+_JOINING, _BRANCH, _THRESHOLD, _TEXT = "#b0b0b0", "#333333", "#c0392b", "#444444"
 _STYLE: dict[Any, Any] = {
     "font.size": 8,
     "axes.spines.top": False,
@@ -31,6 +31,7 @@ _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "scex-sumo",  # the same picture has the same bytes
     "figure.dpi": 100,
 }
+_TICKS = (0, 0.05, 0.2, 0.5, 1, 2, 4, 8, 16)  # of the tree, far enough apart on its axis
 _NUMBERS_UP_TO = 14  # runs whose distances are written into the heat map
 _FINEST = 1 / 60  # of the axis: a bandwidth below this is a comb, not a curve
 
@@ -56,9 +57,9 @@ def draw_dendrogram(
     with plt.rc_context(_STYLE):
         height = max(2.2, 0.24 * count) + 1.3
         figure, (tree, map_) = plt.subplots(
-            1, 2, figsize=(5.0 + height, height), layout="constrained", width_ratios=(4.2, height)
+            1, 2, figsize=(5.6 + height, height), layout="constrained", width_ratios=(3.4, height)
         )
-        _draw_tree(tree, comparison, grouping)
+        _draw_tree(tree, comparison, grouping, colored=kinds is None)
         _draw_matrix(figure, map_, comparison, grouping, kinds)
         fit = float(grouping.silhouette.mean())
         figure.suptitle(
@@ -72,8 +73,12 @@ def draw_dendrogram(
         return _save(figure, stem)
 
 
-def _draw_tree(axes: Axes, comparison: Comparison, grouping: Grouping) -> None:
-    """Leaves at the right, in the rows of the heat map; branches within a group in its colour."""
+def _draw_tree(axes: Axes, comparison: Comparison, grouping: Grouping, *, colored: bool) -> None:
+    """Leaves at the right, in the rows of the heat map; branches within a group dark or in its colour."""
+
+    def color_of(number: int) -> str:
+        return _JOINING if number == 0 else group_color(number) if colored else _BRANCH
+
     count = len(comparison.labels)
     place = {int(run): float(row) for row, run in enumerate(grouping.order)}
     height = dict.fromkeys(place, 0.0)
@@ -81,11 +86,9 @@ def _draw_tree(axes: Axes, comparison: Comparison, grouping: Grouping) -> None:
     for step, (one, two, at, _) in enumerate(grouping.linkage):
         parts, joined = (int(one), int(two)), count + step
         same = group[parts[0]] if group[parts[0]] == group[parts[1]] else 0
-        color = group_color(same) if same else _JOINING
         for part in parts:
-            part_color = group_color(group[part]) if group[part] else _JOINING
-            axes.plot([height[part], at], [place[part]] * 2, color=part_color, linewidth=1.3)
-        axes.plot([at, at], [place[p] for p in parts], color=color, linewidth=1.3)
+            axes.plot([height[part], at], [place[part]] * 2, color=color_of(group[part]), linewidth=1.3)
+        axes.plot([at, at], [place[p] for p in parts], color=color_of(same), linewidth=1.3)
         place[joined] = (place[parts[0]] + place[parts[1]]) / 2
         height[joined], group[joined] = float(at), same
     noise = float(np.nanmedian(comparison.noise)) if not np.isnan(comparison.noise).all() else 0.0
@@ -93,9 +96,17 @@ def _draw_tree(axes: Axes, comparison: Comparison, grouping: Grouping) -> None:
         axes.axvspan(0, noise, color="#000000", alpha=0.08, linewidth=0)
         axes.text(noise, -0.62, "by chance ", fontsize=6.5, color=_TEXT, ha="center", va="bottom")
     top = float(grouping.linkage[-1, 2])
-    axes.set(xlim=(max(top, noise) * 1.05 or 1.0, 0), ylim=(count - 0.5, -0.5), yticks=[])
+    # Ward's heights grow with the size of the groups: the root gives the small ones room.
+    axes.set_xscale("function", functions=(_root, np.square))
+    right = max(top, noise) * 1.05 or 1.0
+    axes.set(xlim=(right, 0), ylim=(count - 0.5, -0.5), yticks=[])
+    axes.set_xticks([tick for tick in _TICKS if tick <= right], [f"{t:g}" for t in _TICKS if t <= right])
     axes.spines["left"].set_visible(False)
     axes.set_xlabel("distance at which groups join (Ward)")
+
+
+def _root(values: FloatArray) -> FloatArray:
+    return np.sqrt(np.maximum(values, 0.0))
 
 
 def _draw_matrix(
@@ -103,7 +114,7 @@ def _draw_matrix(
 ) -> None:
     order = grouping.order
     total = comparison.total[np.ix_(order, order)]
-    image = axes.imshow(total, cmap="viridis_r", vmin=0, aspect="equal", interpolation="nearest")
+    image = axes.imshow(total, cmap="viridis_r", vmin=0, aspect="auto", interpolation="nearest")
     colors = _label_colors(grouping, kinds)
     axes.set_yticks(range(len(order)), [comparison.labels[r] for r in order])
     for tick, run in zip(axes.get_yticklabels(), order, strict=True):
