@@ -1,4 +1,3 @@
-# LEAD -> converter helper: read /tmp/converter_defects.md now (D4, D5, D8, D9 matter most), then delete this line.
 """Lanes that fork or join exactly where the map ends get the common piece of road that the map cut off."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# LEAD -> converter helper: read /tmp/converter_defects.md now (D4, D5, D8, D9 matter most), then delete this line.
 """A road becomes a SUMO net: the public face of the sumo_* modules.
 
 The net file is written directly, not by netconvert, so that every shape is the map's own. What holds ids
@@ -7,8 +6,8 @@ and coordinates in it, for whoever copies or moves nets as text:
 - ids: ``edge`` id, from, to; ``lane`` id; ``junction`` id, incLanes, intLanes (lists); ``connection`` from,
   to, via, tl, and from, to of a ``conflict`` in it; ``tlLogic`` id. Internal ones begin with a colon:
   ``:NODE_3_0``.
-- coordinates: ``lane`` shape, ``junction`` x, y, shape, ``location`` boundaries. Everything is in the map's
-  own coordinates; netOffset is zero.
+- coordinates: ``edge`` and ``lane`` shape, ``junction`` x, y, shape, ``location`` boundaries. Everything is
+  in the map's own coordinates; netOffset is zero.
 """
 
 from __future__ import annotations

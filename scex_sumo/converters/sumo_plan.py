@@ -10,9 +10,27 @@ import numpy as np
 from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.converters.sumo_conflicts import Conflict
+from scex_sumo.converters.sumo_rings import ring_lanes
 from scex_sumo.converters.sumo_rows import Piece
-from scex_sumo.converters.sumo_rules import Link, approach, links_by_node, set_foes, set_right_of_way
-from scex_sumo.converters.sumo_shapes import at, cut, heading, join, length, mean_width, project, turn
+from scex_sumo.converters.sumo_rules import (
+    Link,
+    approach,
+    clashing_pieces,
+    links_by_node,
+    set_foes,
+    set_right_of_way,
+)
+from scex_sumo.converters.sumo_shapes import (
+    at,
+    cut,
+    heading,
+    join,
+    length,
+    mean_line,
+    mean_width,
+    project,
+    turn,
+)
 from scex_sumo.converters.sumo_topology import Cut, Path, Topology
 from scex_sumo.road import Road
 from scex_sumo.scene import FloatArray
@@ -56,6 +74,11 @@ class Edge:
     end: str
     lanes: tuple[SumoLane, ...]
 
+    @property
+    def shape(self) -> FloatArray:
+        """(P, 2) mean line of the lanes; SUMO itself goes by the lanes, exports by this."""
+        return mean_line([lane.shape for lane in self.lanes])
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Connection:
@@ -91,6 +114,7 @@ class NetPlan:
         self._road = road
         self._topology = topology
         self._lanes = topology.lanes
+        self._ring = ring_lanes(topology.lanes)
         self.nodes: dict[str, Node] = {}
         self.edges = tuple(self._edges())
         self._parts = [self]
@@ -264,13 +288,14 @@ class NetPlan:
         return max(float(np.average(widths, weights=sizes)), 0.5)
 
     def _connect(self, found: Sequence[Conflict]) -> None:
+        clashes = clashing_pieces(self._topology, found)
         for cut_, paths in links_by_node(self._topology).items():
             node = self.nodes[self._node_name(cut_)]
             order = {name: k for k, name in enumerate(node.incoming)}
             shapes = {path: self._inner_shape(path) for path in paths}
             paths = sorted(paths, key=lambda p: (order[self._lane_name(p.start)], self._lane_name(p.end)))
             links = [self._link(path, shapes[path]) for path in paths]
-            merging = set_foes(links, self._topology, found)
+            merging = set_foes(links, clashes)
             set_right_of_way(links, merging, self._road.regulations)
             for k, link in enumerate(links):
                 connection = self._connection(node.name, k, link, shapes[link.path])
@@ -280,7 +305,13 @@ class NetPlan:
     def _link(self, path: Path, shape: FloatArray) -> Link:
         start = self._road_shape(path.start)
         bend = _bend(shape)
-        return Link(path=path, entry=heading(start, end=True), bend=bend, on=approach(self._topology, path))
+        return Link(
+            path=path,
+            entry=heading(start, end=True),
+            bend=bend,
+            on=approach(self._topology, path),
+            on_ring=self._topology.lane_id(path.start) in self._ring,
+        )
 
     def _lane_name(self, piece: Piece) -> str:
         return f"{self._edge_name(*piece[:2])}_{piece[2]}"

@@ -1,4 +1,3 @@
-# LEAD -> converter helper: read /tmp/converter_defects.md now (D4, D5, D8, D9 matter most), then delete this line.
 """Who gives way to whom at a node: SUMO's foes, responses and link states from the map's rules."""
 
 from __future__ import annotations
@@ -28,6 +27,7 @@ class Link:
         entry: heading where the path enters the node, rad.
         bend: signed change of heading along the path, rad, positive to the left.
         on: lanelets whose rules apply: those of the path and the approach.
+        on_ring: whether it comes from within a roundabout.
         foes: indices of links in the way of this one.
         response: indices of foes that this one gives way to.
         state: SUMO's link state, e.g. ``M`` (priority), ``m`` (yields), ``Z`` (zipper).
@@ -37,6 +37,7 @@ class Link:
     entry: float
     bend: float
     on: frozenset[int]
+    on_ring: bool = False
     foes: set[int] = field(default_factory=set)
     response: set[int] = field(default_factory=set)
     state: str = "M"
@@ -59,11 +60,16 @@ def approach(topology: Topology, path: Path) -> frozenset[int]:
     return frozenset(found)
 
 
-def set_foes(
-    links: Sequence[Link], topology: Topology, found: Sequence[Conflict]
-) -> list[set[frozenset[int]]]:
-    """Fill ``foes``; returns nothing but the pairs that merely merge, one set per link for zipper tests."""
-    clashes = _clashes(topology, found)
+def set_foes(links: Sequence[Link], clashes: Mapping[tuple[Piece, Piece], str]) -> list[set[frozenset[int]]]:
+    """Fill ``foes``.
+
+    Args:
+        links: the links of one node.
+        clashes: kind of conflict between junction pieces, from `clashing_pieces`.
+
+    Returns:
+        For each link the pairs of it and a foe that merely merge.
+    """
     merging: list[set[frozenset[int]]] = [set() for _ in links]
     for i, a in enumerate(links):
         for j in range(i):
@@ -82,7 +88,8 @@ def set_foes(
     return merging
 
 
-def _clashes(topology: Topology, found: Sequence[Conflict]) -> dict[tuple[Piece, Piece], str]:
+def clashing_pieces(topology: Topology, found: Sequence[Conflict]) -> dict[tuple[Piece, Piece], str]:
+    """Kind of conflict between junction pieces, both ways round; crossing wins over merging."""
     kinds: dict[tuple[Piece, Piece], str] = {}
     for c in found:
         first, second = (topology.pieces_on(lane, *s) for lane, s in zip(c.lanes, c.spans, strict=True))
@@ -98,8 +105,9 @@ def set_right_of_way(
 ) -> None:
     """Fill ``response`` and ``state`` from the regulations, and from the defaults where there are none.
 
-    Defaults: equal merges are zippers, crossings are right before left, left turns give way to oncoming
-    traffic. Only all-way stops and zippers make two links give way to each other.
+    Defaults: a roundabout goes before its entries, equal merges are zippers, crossings are right before
+    left, left turns give way to oncoming traffic. Only all-way stops and zippers make two links give way to
+    each other.
     """
     ruled: set[frozenset[int]] = set()
     for i, a in enumerate(links):
@@ -154,6 +162,7 @@ def _zippers(
         and all(
             frozenset((i, j)) in merging[i]
             and frozenset((i, j)) not in ruled
+            and a.on_ring == links[j].on_ring
             and abs(turn(a.entry, links[j].entry)) < SAME_WAY
             for j in a.foes
         )
@@ -167,6 +176,8 @@ def _zippers(
 
 def _by_default(a: Link, b: Link, tie: bool) -> bool:
     """Whether a gives way to b where no rule says so; exactly one of the two does."""
+    if a.on_ring != b.on_ring:
+        return b.on_ring
     side = turn(a.entry, b.entry)
     if SAME_WAY <= abs(side) <= ONCOMING:
         return side > 0  # b heads to a's left: it comes from the right

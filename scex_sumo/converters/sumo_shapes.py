@@ -73,6 +73,14 @@ def mean_width(left: FloatArray, right: FloatArray, centreline: FloatArray) -> f
     return float(np.mean(distances(points, left) + distances(points, right)))
 
 
+def mean_line(lines: Sequence[FloatArray]) -> FloatArray:
+    """The line in the middle of some lines side by side, taken at equal fractions of their lengths."""
+    if len(lines) == 1:
+        return lines[0]
+    share = np.unique(np.concatenate([arc(line) / length(line) for line in lines]).round(9))
+    return np.asarray(np.mean([at(line, share * length(line)) for line in lines], axis=0))
+
+
 def distances(points: FloatArray, line: FloatArray) -> FloatArray:
     """(N,) distance of points (N, 2) to a polyline (P, 2), m."""
     return project(points, line)[1]

@@ -1,4 +1,3 @@
-# LEAD -> converter helper: read /tmp/converter_defects.md now (D4, D5, D8, D9 matter most), then delete this line.
 """A planned net as SUMO's net.xml."""
 
 from __future__ import annotations
@@ -81,7 +80,10 @@ def _internal(lane: SumoLane) -> Iterator[str]:
 
 
 def _edge(edge: Edge) -> Iterator[str]:
-    yield f'    <edge id="{edge.name}" from="{edge.start}" to="{edge.end}" priority="-1">'
+    yield (
+        f'    <edge id="{edge.name}" from="{edge.start}" to="{edge.end}" priority="-1" spreadType="center"'
+        f' shape="{text(edge.shape)}">'
+    )
     for index, lane in enumerate(edge.lanes):
         yield _lane(lane, index, bans=len(edge.lanes) > 1)
     yield "    </edge>"

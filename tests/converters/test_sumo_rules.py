@@ -191,7 +191,7 @@ def test_one_lane_for_both_ways_lets_one_way_through_at_a_time(tmp_path: Path) -
 
 
 def test_no_edge_leaves_a_junction_and_enters_it_again(tmp_path: Path) -> None:
-    """A loop: lane 1 crosses itself by way of lanes 2 and 3; netconvert refuses edges from a node to itself."""
+    """Lane 1 comes back as lane 3 and is crossed by it; netconvert refuses edges from a node to itself."""
     lanes = [
         lane(1, [(-40, 0), (30, 0)], to=(2,)),
         lane(2, arc((30, 15), 15, -90, 180), to=(3,)),
