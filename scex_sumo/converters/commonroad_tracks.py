@@ -21,6 +21,7 @@ from scex_sumo.scene import BoolArray, FloatArray
 _TYPES = {"priorityVehicle": "vehicle", "unknown": "vehicle", "train": "tram", "parkedVehicle": "parked"}
 _MOTOR = {"car", "truck", "bus", "motorcycle", "taxi", "vehicle"}
 _BESIDE_THE_ROAD = {"roadBoundary", "building", "medianStrip", "pillar"}
+LAST_STEP = 1e6  # a day at 10 Hz; what is beyond is no time step
 LATE_START_M = 0.1  # a first state this far from where its speed puts it was taken at another time
 TURNED_RAD = math.radians(0.3)  # headings turned by less are within what vehicles slip
 AGREE_RAD = math.radians(0.2)  # half of all headings must be turned alike for it to be the recording's doing
@@ -38,7 +39,7 @@ class _Track:
     states: FloatArray
 
 
-def read_commonroad_tracks(path: str | Path) -> TrackTable:
+def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
     """Read the obstacles of a CommonRoad scenario; nothing is repaired.
 
     Dynamic obstacles with a trajectory are tracks; static ones stand there all the time, except what lies
@@ -48,29 +49,39 @@ def read_commonroad_tracks(path: str | Path) -> TrackTable:
     Args:
         path: an ``.xml`` or ``.xml.gz`` file.
 
+    Returns:
+        The recording, and one phrase that names the obstacles left out as unusable, if any.
+
     Raises:
         MapError: it cannot be read or is no CommonRoad file.
-        TrackError: it has no road user that moves, or no time step.
+        TrackError: it has no usable road user that moves, or no time step.
     """
     path = Path(path)
     root = parse_commonroad(path)
     step_s = _number(root.get("timeStepSize"))
     if not 0.0 < step_s < 10.0:
         raise TrackError(f"{path}: timeStepSize is {root.get('timeStepSize')!r}; a time in seconds expected")
-    moving, standing = _tracks(root, path)
+    moving, standing, broken = _tracks(root)
+    left_out = (
+        f"obstacles without a usable id, shape or states, or twice: {list_ids(broken)}" if broken else ""
+    )
     if not moving:
-        raise TrackError(f"{path}: no vehicle with a trajectory in it; give --tracks CSV, or --synthetic N")
+        why = f" ({left_out})" if left_out else ""
+        raise TrackError(
+            f"{path}: no vehicle with a trajectory in it{why}; give --tracks CSV, or --synthetic N"
+        )
     first = min(track.states[0, 0] for track in moving)
     last = max(track.states[-1, 0] for track in moving)
     steps = np.arange(first, last + 1)
     standing = [replace(track, states=_held(track.states[0], steps)) for track in standing]
-    return TrackTable(
+    table = TrackTable(
         path=path,
         cases=("",),
         vehicles=_rows([track for track in moving if track.motor], step_s),
         others=_rows([track for track in (*moving, *standing) if not track.motor], step_s),
         step_s=step_s,
     )
+    return table, (f"{left_out}: left out",) if left_out else ()
 
 
 def repair_commonroad(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
@@ -98,8 +109,8 @@ def repair_commonroad(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
     return table, tuple(findings)
 
 
-def _tracks(root: ElementTree.Element, path: Path) -> tuple[list[_Track], list[_Track]]:
-    """Those that move and those that stand, by ascending id."""
+def _tracks(root: ElementTree.Element) -> tuple[list[_Track], list[_Track], list[int | str]]:
+    """Those that move, those that stand, each by ascending id, and ids of those that are unusable."""
     moving: dict[int, _Track] = {}
     standing: dict[int, _Track] = {}
     broken: list[int | str] = []
@@ -117,12 +128,7 @@ def _tracks(root: ElementTree.Element, path: Path) -> tuple[list[_Track], list[_
         motor = dynamic and word in _MOTOR
         track = _Track(label=number, kind=word, motor=motor, length=size[0], width=size[1], states=states)
         (moving if dynamic else standing)[number] = track
-    if broken:
-        raise TrackError(
-            f"{path}: obstacles without a usable id, shape or states, or twice: {list_ids(broken)}; mend or "
-            "remove them"
-        )
-    return [moving[i] for i in sorted(moving)], [standing[i] for i in sorted(standing)]
+    return [moving[i] for i in sorted(moving)], [standing[i] for i in sorted(standing)], broken
 
 
 def _obstacles(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, bool]]:
@@ -138,7 +144,8 @@ def _states(obstacle: ElementTree.Element) -> FloatArray:
     """(N, 5) states in order of time, one for each time step; empty where one is unusable."""
     elements = [*obstacle.findall("initialState"), *obstacle.findall("trajectory/state")]
     rows = [_state(element) for element in elements]
-    if not rows or not np.isfinite([row[:3] for row in rows]).all():
+    usable = np.isfinite([row[:3] for row in rows]).all() and all(abs(row[0]) < LAST_STEP for row in rows)
+    if not rows or not usable:
         return np.empty((0, 5))
     by_time = {row[0]: row for row in reversed(rows)}
     return np.array([by_time[time] for time in sorted(by_time)])

@@ -68,7 +68,7 @@ def read_seed(
     """
     map_path = Path(map_path)
     path = find_tracks(map_path) if tracks is None else Path(tracks)
-    table = read_commonroad_tracks(path) if is_commonroad(path) else read_tracks(path)
+    table, left_out = read_commonroad_tracks(path) if is_commonroad(path) else (read_tracks(path), ())
     if not len(table.vehicles):
         kinds = sorted(set(table.others.types))
         raise TrackError(f"{path}: no motor vehicle among the tracks (only {', '.join(kinds)}); give others")
@@ -80,11 +80,11 @@ def read_seed(
         raise TrackError(f"{path}: no case_id column, so no case {case}; choose the moment with --time S")
     else:
         case_id = ""
-    findings: tuple[str, ...] = ()
+    findings: tuple[str, ...] = left_out
     if repair:
         table, before = repair_commonroad(table) if is_commonroad(path) else (table, ())
-        table, findings = repair_tracks(table)
-        findings = (*before, *findings)
+        table, after = repair_tracks(table)
+        findings = (*left_out, *before, *after)
     moment_ms = _choose_moment(table, case_id, time_s)
     return _build(map_path, table, case_id, moment_ms, min_history, future_steps, findings)
 

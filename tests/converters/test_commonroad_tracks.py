@@ -49,7 +49,7 @@ def test_a_scenario_is_map_and_recording_in_one(tmp_path: Path) -> None:
 def test_a_first_state_taken_at_another_time_is_dropped(tmp_path: Path) -> None:
     entering = eastbound(11, 0.0, 10.0, range(5, 30))
     late = Vehicle(11, [(5, 11.2, 0.0, 0.0, 10.0), *entering.states[1:]])  # 1.2 m from where it belongs
-    table = read_commonroad_tracks(recorded(tmp_path, [late, eastbound(12, 40.0, 10.0, range(30))]))
+    table, _ = read_commonroad_tracks(recorded(tmp_path, [late, eastbound(12, 40.0, 10.0, range(30))]))
     repaired, findings = repair_commonroad(table)
     assert repaired.vehicles.timestamp_ms[repaired.vehicles.track == 0][0] == 1200.0
     assert repaired.vehicles.timestamp_ms[repaired.vehicles.track == 1][0] == 0.0
@@ -69,7 +69,7 @@ def test_headings_turned_against_the_motion_are_turned_back(tmp_path: Path) -> N
 def test_one_vehicle_that_slides_turns_nobody(tmp_path: Path) -> None:
     vehicles = [eastbound(1, 0.0, 10.0, range(30), 0.1), eastbound(2, 20.0, 10.0, range(30))]
     vehicles.append(eastbound(3, 60.0, 10.0, range(30)))
-    table, findings = repair_commonroad(read_commonroad_tracks(recorded(tmp_path, vehicles)))
+    table, findings = repair_commonroad(read_commonroad_tracks(recorded(tmp_path, vehicles))[0])
     assert findings == ()
     assert_allclose(table.vehicles.psi_rad[table.vehicles.track == 0], 0.1)
 
@@ -80,7 +80,7 @@ def test_headings_and_speeds_that_the_file_leaves_out_are_those_of_the_motion(tm
     for tag, value in (("orientation", "0.0"), ("velocity", "10.0")):
         text = text.replace(f"<{tag}><exact>{value}</exact></{tag}>", "")
     path.write_text(text, encoding="utf-8")
-    rows = read_commonroad_tracks(path).vehicles
+    rows = read_commonroad_tracks(path)[0].vehicles
     assert_allclose(rows.psi_rad, 0.0, atol=1e-12)
     assert_allclose(rows.speed, 10.0)
 
@@ -112,6 +112,7 @@ def test_pedestrians_and_parked_cars_are_obstacles(tmp_path: Path) -> None:
         ('timeStepSize="0.2"', 'timeStepSize="soon"', "timeStepSize is 'soon'"),
         ('dynamicObstacle id="11"', 'dynamicObstacle id="-1"', "without a usable id, shape or states.*: -1"),
         ("<length>4.5</length>", "<length>0</length>", "without a usable id, shape or states.*: 11"),
+        ("<exact>8</exact>", "<exact>1e8</exact>", "without a usable id, shape or states.*: 11"),
         ("<x>0.0</x>", "<x>nan</x>", "without a usable id, shape or states.*: 11"),
         ("trajectory>", "occupancySet>", "no vehicle with a trajectory"),
     ],
@@ -124,6 +125,13 @@ def test_unusable_recordings_are_refused(old: str, new: str, said: str, tmp_path
     with pytest.raises(TrackError, match=said) as refused:
         read_recorded(path)
     assert "\n" not in str(refused.value)
+
+
+def test_an_unusable_vehicle_is_left_out_and_named(tmp_path: Path) -> None:
+    vehicles = [eastbound(11, 0.0, 10.0, range(30)), eastbound(12, float("nan"), 10.0, range(30))]
+    scene = read_recorded(recorded(tmp_path, vehicles), time_s=3.0)
+    assert list(scene.track_ids) == [11]
+    assert any("states, or twice: 12: left out" in note for note in scene.notes)
 
 
 def test_a_moment_outside_the_recording_and_a_file_of_another_kind_are_refused(tmp_path: Path) -> None:
