@@ -80,6 +80,10 @@ def run(
         float | None,
         typer.Option(metavar="W", help="Go on until all 95 % bands are within +-W, e.g. 0.05."),
     ] = None,
+    threshold: Annotated[
+        list[str] | None,
+        typer.Option(metavar="METRIC=VALUE", help="Where a metric becomes critical; repeatable."),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
     batch: Annotated[int | None, typer.Option(help="Children side by side in one SUMO; else chosen.")] = None,
@@ -104,6 +108,7 @@ def run(
             replan=replan,
             models=models,
             assign=tuple(assign or ()),
+            thresholds=tuple(threshold or ()),
             design=design,
             until_band=until_band,
             seed=seed,

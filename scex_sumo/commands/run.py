@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +29,7 @@ class RunRequest:
     replan: int
     models: str | None
     assign: tuple[str, ...]
+    thresholds: tuple[str, ...]
     design: str | None
     until_band: float | None
     seed: int
@@ -51,6 +53,7 @@ def run_command(request: RunRequest) -> None:
     from scex_sumo.summary import summary_table
 
     assign = parse_assign(request.assign)
+    thresholds = parse_thresholds(request.thresholds)
     scene = _seed_scene(request)
     warn([*(scene.road.notes if scene.road else ()), *scene.notes])
     assert scene.road is not None
@@ -63,6 +66,7 @@ def run_command(request: RunRequest) -> None:
                 models=request.models if request.models is not None else DEFAULT_MODELS,
                 children=request.children or (MOST_CHILDREN if request.until_band else DEFAULT_CHILDREN),
                 assign=assign,
+                thresholds=thresholds,
                 steps=request.steps,
                 replan=request.replan,
                 design=request.design if request.design is not None else DEFAULT_DESIGN,
@@ -117,6 +121,28 @@ def parse_assign(entries: tuple[str, ...]) -> dict[int, str]:
         if not equals or not model or not track.strip().lstrip("-").isdigit():
             raise UsageError(f"--assign {entry}: needs TRACK=MODEL, e.g. --assign 17=emergency_brake")
         result[int(track)] = model
+    return result
+
+
+def parse_thresholds(entries: tuple[str, ...]) -> dict[str, float]:
+    """``METRIC=VALUE`` entries as a mapping.
+
+    Raises:
+        UsageError: an entry is not of that form, or names no metric column.
+    """
+    from scex_sumo.metrics.evaluate import COLUMNS
+
+    result = {}
+    for entry in entries:
+        column, _, value = entry.partition("=")
+        try:
+            result[column] = float(value)
+        except ValueError:
+            raise UsageError(f"--threshold {entry}: needs METRIC=VALUE, e.g. --threshold ttc=0.5") from None
+        if column not in COLUMNS:
+            raise UsageError(f"--threshold {entry}: unknown metric {column!r}; known: {', '.join(COLUMNS)}")
+        if not math.isfinite(result[column]):
+            raise UsageError(f"--threshold {entry}: {value} is no threshold; give a number")
     return result
 
 

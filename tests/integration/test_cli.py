@@ -103,6 +103,16 @@ def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path:
     assert (out / "tracks.parquet").read_bytes() == (result / "tracks.parquet").read_bytes()
 
 
+def test_thresholds_are_the_users_where_given(tmp_path: Path) -> None:
+    options = ["--children", 3, "--threshold", "pttc=100", "--threshold", "distance=0", "--no-plots"]
+    done = scex("run", ROUNDABOUT, *options, "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    run = scex_sumo.open_run(tmp_path / "out")
+    assert run.p_critical("pttc").value == 1.0
+    assert run.p_critical("distance").value == 0.0
+    assert run.thresholds["tq"] == 1.2
+
+
 def test_every_combination_is_run_on_request(tmp_path: Path) -> None:
     vehicles = scex_sumo.read_seed(ROUNDABOUT).track_ids.tolist()
     fixed = [f"--assign={track}=constant_velocity" for track in vehicles[3:]]
@@ -164,6 +174,9 @@ def test_what_is_no_map_is_said(tmp_path: Path, content: str, words: str) -> Non
         (["--replan", "31"], "--replan"),
         (["--steps", "0"], "--steps"),
         (["--assign", "17"], "TRACK=MODEL"),
+        (["--threshold", "ttc"], "METRIC=VALUE"),
+        (["--threshold", "speed=3"], "unknown metric 'speed'"),
+        (["--threshold", "ttc=nan"], "ttc=nan"),
         (["--assign", "99999=replay"], "99999"),
         (["--synthetic", "3", "--case", "1"], "--case"),
         (["--origin", "here"], "here"),
