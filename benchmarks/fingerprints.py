@@ -5,8 +5,8 @@
 Synthetic seed scenes on all maps that are there, with the same number of vehicles on each; every one is run,
 the runs are compared and clustered, and the groups are held against the kind of place (roundabout, merge,
 intersection). ``--data`` (else SCEX_DATA, else ../shared/data) has the real maps; without it there are only
-the three examples. Finished runs are kept in ``--cache`` and used again as long as the map's file is the same;
-empty it after changing drivers or metrics. ``--out`` gets the figures.
+the three examples. Finished runs are kept in ``--cache`` and used again as long as the map's file is the
+same; empty it after changing drivers or metrics. ``--out`` gets the figures.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ KIND_OF = {
     "k729_2022-03-16": "intersection",
 }
 SHORT = {"DR_DEU_Roundabout_OF": "Roundabout_OF", "DR_DEU_Merging_MT": "Merging_MT"}
-DRAWS = 10  # ways to take the seeds of a map together
+DRAWS = 5  # ways to take the seeds of a map together
 EXAMPLES = ("roundabout", "motorway_merge", "urban_intersection")
 
 
@@ -86,9 +86,8 @@ def gather(options: argparse.Namespace) -> Seeds:
     runs, labels, names = [], [], []
     for name, path in map_files(options.data).items():
         for seed in range(options.seeds):
-            runs.append(
-                run_of(path, options.cache, vehicles=options.vehicles, seed=seed, children=options.children)
-            )
+            size = {"vehicles": options.vehicles, "children": options.children}
+            runs.append(run_of(path, options.cache, seed=seed, **size))
             labels.append(f"{SHORT.get(name, name.split('_20')[0])} {seed}")
             names.append(name)
     facts = np.array([speed_and_separation(run) for run in runs])
@@ -200,7 +199,7 @@ def explain(seeds: Seeds, kind: str, comparison: Comparison) -> None:
 
 
 def kind_effect(values: FloatArray, seeds: Seeds) -> tuple[dict[str, float], float]:
-    """Means of the pairs' values by what the two seeds share, and how likely chance makes kinds matter as much.
+    """Means of the pairs' values by what the two seeds share, and how likely chance does as much.
 
     The chance is exact: the share of all ways to give the kinds to the maps in which seeds of one kind, but
     other maps, are as near to each other, compared to seeds of other kinds, as they are.
@@ -291,8 +290,9 @@ def main() -> None:
             grouping = group_runs(comparison.total, seeds.labels, groups=len(set(seeds.kinds)))
             index = adjusted_rand_index(grouping.group.tolist(), seeds.kinds)
             title = (
-                f"{len(seeds.runs)} seed scenes by distance {kind}: cut into {grouping.groups} groups, "
-                f"adjusted Rand index over the kind of place {index:.2f} (1 same, 0 chance)"
+                f"{len(seeds.runs)} seed scenes of {len(set(seeds.maps))} maps by distance {kind}: cut into "
+                f"{grouping.groups} groups, adjusted Rand index over the kind of place {index:.2f} "
+                "(1: the same, 0: chance)"
             )
             stem = options.out / f"dendrogram_{kind}"
             draw_dendrogram(comparison, grouping, stem, kinds=seeds.kinds, title=title)

@@ -245,9 +245,10 @@ def wasserstein_distances(columns: Columns, scale: Scale) -> FloatArray:
     at = np.unique(np.concatenate(placed))
     shares = np.stack([np.searchsorted(p, at, side="right") / p.size for p in placed])
     width = np.diff(at)
-    areas = [np.abs(shares[:, :-1] - shares[r, :-1]) @ width for r in range(len(placed))]
-    # A product of matrix and vector may round differently in the two orders of a pair.
-    return _symmetric(np.stack(areas))
+    areas = np.zeros((len(placed), len(placed)))
+    for r in range(len(placed) - 1):
+        areas[r, r + 1 :] = np.abs(shares[r + 1 :, :-1] - shares[r, :-1]) @ width
+    return areas + areas.T
 
 
 def jensen_shannon_distances(columns: Columns, bandwidth: float = BANDWIDTH) -> FloatArray:
@@ -264,15 +265,16 @@ def jensen_shannon_distances(columns: Columns, bandwidth: float = BANDWIDTH) -> 
         if values.size:
             heights = density(values, bandwidth, x=grid).pdf
             row[: grid.size] = heights / heights.sum() * (values.size / column.size)
-        others = (np.isnan(column), column == np.inf, column == -np.inf)
-        row[grid.size :] = [np.count_nonzero(which) / column.size for which in others]
+        classes = (np.isnan(column), column == np.inf, column == -np.inf)
+        row[grid.size :] = [np.count_nonzero(which) / column.size for which in classes]
     entropy = _entropy(masses)
-    rows = []
-    for r in range(len(columns)):
-        rows.append(_entropy((masses + masses[r]) / 2) - (entropy + entropy[r]) / 2)
+    divergence = np.zeros((len(columns), len(columns)))
+    for r in range(len(columns) - 1):
+        others = masses[r + 1 :]
+        divergence[r, r + 1 :] = _entropy((others + masses[r]) / 2) - (entropy[r + 1 :] + entropy[r]) / 2
     # Differences of entropies leave 1e-16 where nothing differs, and its root would be 1e-8.
-    divergence = np.where(np.stack(rows) < 1e-14, 0.0, np.stack(rows))
-    return _symmetric(np.sqrt(np.minimum(divergence, 1.0)))
+    divergence = np.where(divergence < 1e-14, 0.0, np.minimum(divergence, 1.0))
+    return np.asarray(np.sqrt(divergence + divergence.T))
 
 
 def _distances(columns: Columns, scale: Scale, kind: Kind) -> tuple[FloatArray, FloatArray]:
@@ -317,13 +319,6 @@ def _entropy(masses: FloatArray) -> FloatArray:
     """(R,) entropy in bits of the rows."""
     logarithm = np.log2(masses, where=masses > 0, out=np.zeros_like(masses))
     return np.asarray(-np.sum(masses * logarithm, axis=1))
-
-
-def _symmetric(matrix: FloatArray) -> FloatArray:
-    """The mean of a matrix and its transpose, with zeros on the diagonal."""
-    result = (matrix + matrix.T) / 2
-    np.fill_diagonal(result, 0.0)
-    return np.asarray(result)
 
 
 def _listing(names: Sequence[str], most: int = 4) -> str:

@@ -32,6 +32,7 @@ _STYLE: dict[Any, Any] = {
     "figure.dpi": 100,
 }
 _TICKS = (0, 0.05, 0.2, 0.5, 1, 2, 4, 8, 16)  # of the tree, far enough apart on its axis
+_LARGE_ROWS_UP_TO = 30
 _NUMBERS_UP_TO = 14  # runs whose distances are written into the heat map
 _FINEST = 1 / 60  # of the axis: a bandwidth below this is a comb, not a curve
 
@@ -55,20 +56,19 @@ def draw_dendrogram(
     """
     count = len(comparison.labels)
     with plt.rc_context(_STYLE):
-        height = max(2.2, 0.24 * count) + 1.3
+        row_height, font = (0.24, 8.0) if count <= _LARGE_ROWS_UP_TO else (0.15, 6.0)
+        height = max(2.2, row_height * count) + 1.3
         figure, (tree, map_) = plt.subplots(
             1, 2, figsize=(5.6 + height, height), layout="constrained", width_ratios=(3.4, height)
         )
         _draw_tree(tree, comparison, grouping, colored=kinds is None)
         _draw_matrix(figure, map_, comparison, grouping, kinds)
+        map_.tick_params(labelsize=font)
         fit = float(grouping.silhouette.mean())
-        figure.suptitle(
-            title
-            or f"Which of {count} seed scenes are alike: {grouping.groups} groups, silhouette {fit:.2f}",
-            x=0.01,
-            ha="left",
-            fontsize=10,
-        )
+        plain = f"Which of {count} seed scenes are alike: {grouping.groups} groups, silhouette {fit:.2f}"
+        colors = "names: kind of place" if kinds is not None else "one colour: one group"
+        reading = f"yellow: alike, dark: far apart; {colors}; grey: what chance alone makes"
+        figure.suptitle(f"{title or plain}\n{reading}", x=0.01, ha="left", fontsize=9)
         _kind_legend(figure, kinds)
         return _save(figure, stem)
 
@@ -178,10 +178,10 @@ def draw_fingerprints(
 
 
 _READING = (
-    "Fingerprints of seed scenes: how often (height) each metric value (x) occurs among the child scenarios; "
-    "tick: median; red: threshold.\n"
-    "Rows: seed scenes, alike ones side by side. Curves are scaled to one height, or, where a metric is "
-    "undefined in some children, to the share of the others (printed)."
+    "Fingerprints of seed scenes: how often (height) each metric value (x) occurs among the child scenarios. "
+    "Rows: seed scenes, alike ones side by side.\n"
+    "Tick: median. Red line: threshold, critical to its left (tq, ttc: to its right). Curves are scaled to "
+    "one height, or to the share of children in which the metric is defined (printed)."
 )
 
 
@@ -191,7 +191,7 @@ def _ridge(
     axes.axhline(row, color="#dddddd", linewidth=0.5, zorder=1)
     left, right = span
     if share < 1:
-        axes.text(right, row - 0.06, f"{share:.0%}", ha="right", va="bottom", fontsize=5.5, color=_TEXT)
+        axes.text(right, row - 0.5, f"{share:.0%}", ha="right", va="bottom", fontsize=5.5, color=_TEXT)
     finite = samples[np.isfinite(samples)]
     if finite.size == 0:
         return
