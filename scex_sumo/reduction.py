@@ -13,6 +13,8 @@ from scex_sumo.scene import FloatArray, IntArray, SeedScene
 
 VEHICLES: Final = 5
 _LOOK_AHEAD_S = 3.0
+_STANDING_MPS = 0.5
+_BOTH_STAND_M = 1e3
 _OFF_ROAD_M = 1e6  # farther than any vehicle on the road
 
 
@@ -20,8 +22,8 @@ def choose_vehicles(scene: SeedScene, count: int = VEHICLES) -> IntArray:
     """The vehicles that have most to do with each other: a group around the closest encounter.
 
     Everybody is thought to go straight on for 3 s. The two vehicles on the mapped lanes that come nearest to
-    each other are taken first, then always the one that comes nearest to any of those taken; vehicles off the
-    lanes come last.
+    each other are taken first, then always the one that comes nearest to any of those taken. Vehicles that both
+    stand count as 1 km apart, or every queue would be the closest encounter; vehicles off the lanes come last.
 
     Args:
         scene: the seed scene, with its road.
@@ -41,6 +43,8 @@ def choose_vehicles(scene: SeedScene, count: int = VEHICLES) -> IntArray:
             "ask for 1 to so many, or for another seed scene with --time or --synthetic"
         )
     apart = _nearest_approach(scene)
+    stands = scene.now.speed < _STANDING_MPS
+    apart[stands[:, None] & stands] += _BOTH_STAND_M
     if scene.road is not None:
         off = off_road(scene.road, scene)
         apart[off, :] += _OFF_ROAD_M

@@ -90,6 +90,14 @@ def test_vehicles_that_will_meet_are_closer_than_vehicles_that_part() -> None:
     assert choose_vehicles(seed, 2).tolist() == [1, 2]
 
 
+def test_a_standing_queue_is_not_the_closest_encounter() -> None:
+    seed = row_of_vehicles(0, 4, 8, 50, 70)
+    speed = np.repeat(np.array([0.0, 0.0, 0.0, 10.0, 10.0])[:, None], 11, axis=1)
+    seed = dataclasses.replace(seed, history=dataclasses.replace(seed.history, speed=speed))
+    assert choose_vehicles(seed, 2).tolist() == [3, 4]
+    assert choose_vehicles(seed, 3).tolist() == [2, 3, 4]
+
+
 @pytest.mark.parametrize("count", [0, 4])
 def test_more_vehicles_than_there_are_are_refused(count: int) -> None:
     with pytest.raises(UsageError, match=f"--vehicles: got {count}, straight has 3"):
