@@ -32,6 +32,10 @@ class Chains:
         """Whether a piece lies in a junction."""
         return self.rows[piece[0]].inside[piece[1]]
 
+    def size(self, piece: Piece) -> float:
+        """Mean length of a piece over its row, m."""
+        return self.rows[piece[0]].size(piece[1])
+
     def after(self, piece: Piece) -> list[Piece]:
         """Pieces that follow."""
         row, k, at = piece
@@ -124,8 +128,9 @@ def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
 def open_knots(rows: list[Row], lanes: Mapping[int, Lane]) -> list[int]:
     """Cut edges into junction pieces until every junction is one that SUMO can handle.
 
-    Cut are: pieces where traffic comes together and parts again within one junction; one of two ways
-    through a junction between the same two road pieces; rows without any place for changing lanes.
+    Cut are: pieces where traffic comes together and parts again within one junction; two ways through a
+    junction between the same two road pieces, which SUMO could not tell apart; rows without any place for
+    changing lanes.
 
     Returns:
         The lanes that were cut.
@@ -137,11 +142,15 @@ def open_knots(rows: list[Row], lanes: Mapping[int, Lane]) -> list[int]:
             cut += row.lanes
     chains = Chains(rows, lanes)
     for _ in range(sum(row.pieces for row in rows)):
-        knot = _knot(chains) or _double_way(chains)
-        if knot is None:
+        knot = _knot(chains)
+        twins = [] if knot else _double_way(chains)
+        if knot:
+            _insert_road(rows[knot[0]], knot[1], STUB_M)
+        elif not twins:
             break
-        _insert_road(rows[knot[0]], knot[1], STUB_M)
-        cut += rows[knot[0]].lanes
+        for r, k in twins:
+            rows[r].inside[k] = False
+        cut += [i for r, _ in ([knot] if knot else twins) for i in rows[r].lanes]
     return cut
 
 
@@ -160,17 +169,21 @@ def _knot(chains: Chains) -> tuple[int, int] | None:
     return -r, -k
 
 
-def _double_way(chains: Chains) -> tuple[int, int] | None:
-    """A piece on one of two ways through a junction that begin and end on the same road pieces."""
+def _double_way(chains: Chains) -> list[tuple[int, int]]:
+    """Two ways through a junction that begin and end on the same road pieces: the longest piece of each."""
     for r, row in enumerate(chains.rows):
         for k in range(row.pieces):
             for at in range(len(row.lanes)):
-                ways: dict[Piece, set[Piece]] = {}
+                ways: dict[Piece, tuple[Piece, ...]] = {}
                 for end, way in [] if row.inside[k] else _ways_from(chains, (r, k, at)):
-                    apart = ways.setdefault(end, set(way)) ^ set(way)
-                    if apart:
-                        return max(apart, key=lambda p: (chains.rows[p[0]].size(p[1]), p))[:2]
-    return None
+                    other = ways.setdefault(end, way)
+                    if other != way:
+                        apart = [[p for p in a if p not in b] for a, b in ((way, other), (other, way))]
+                        longest = [
+                            max(p, key=lambda q: (chains.rows[q[0]].size(q[1]), q)) for p in apart if p
+                        ]
+                        return sorted({piece[:2] for piece in longest})
+    return []
 
 
 def _ways_from(chains: Chains, start: Piece) -> Iterator[tuple[Piece, tuple[Piece, ...]]]:

@@ -88,7 +88,7 @@ def test_roads_that_cross_anyhow(roads: list[tuple[float, float, float, float]])
 
 
 @LIMITED
-@given(st.integers(3, 5), st.floats(8, 30), st.floats(3.0, 4.5), st.floats(0.25, 0.6), st.floats(15, 60))
+@given(st.integers(3, 4), st.floats(19, 30), st.floats(3.0, 4.5), st.floats(0.5, 0.65), st.floats(15, 60))
 def test_roundabouts(arms: int, radius: float, width: float, share: float, reach: float) -> None:
     check(roundabout(arms, radius, width, share, reach))
 
@@ -109,12 +109,18 @@ def roundabout(arms: int, radius: float, width: float, share: float, reach: floa
             )
         )
         tip, heading = radius * _unit(a), np.radians(a + 90)
-        lanes.append(lane(300 + k, bent((tip[0], tip[1]), heading, reach, -1.2), width=width))
+        lanes.append(lane(300 + k, _arm(tip, heading, reach, -1.3), width=width))
         # Driven backwards from where it joins, an entry is an exit of the mirrored ring.
         tip, heading = radius * _unit(b), np.radians(b - 90)
-        line = bent((tip[0], tip[1]), heading, reach, 1.2)[::-1]
+        line = _arm(tip, heading, reach, 1.3)[::-1]
         lanes.append(lane(400 + k, line, to=(200 + k,), width=width))
     return road(lanes)
+
+
+def _arm(tip: FloatArray, heading: float, reach: float, bend: float) -> FloatArray:
+    """Off the ring within 8 m, then straight: exits and entries of an arm do not cross."""
+    turned = bent((tip[0], tip[1]), heading, 8.0, bend)
+    return np.vstack([turned, turned[-1] + reach * _unit(np.degrees(heading + bend))])
 
 
 def _unit(degrees: float) -> FloatArray:
