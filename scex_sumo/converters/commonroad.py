@@ -13,9 +13,18 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scex_sumo.converters.commonroad_file import CommonRoadFile, read_commonroad_file
-from scex_sumo.converters.commonroad_lanes import Lanelet, areas, connected, lanes_of, markings, regulations
+from scex_sumo.converters.commonroad_lanes import (
+    Lanelet,
+    areas,
+    connected,
+    driven_both_ways,
+    lanes_of,
+    markings,
+    regulations,
+)
 from scex_sumo.converters.commonroad_rules import Sign
 from scex_sumo.converters.lane_conflicts import overlapping
+from scex_sumo.converters.lane_reverse import with_reverse
 from scex_sumo.converters.maps import map_name
 from scex_sumo.errors import MissingExtraError
 from scex_sumo.road import Road
@@ -46,8 +55,9 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
     Bounds, successors and neighbours are the file's own; centrelines are commonroad-io's, half-way between
     the bounds point by point. A lane change is allowed across every marking but a solid line or a curb.
     Speed limits are the signs' (2018b: the lanelets' own), else Germany's for the lanelet's type. Conflicts,
-    which the format does not have, are found by geometry. What is broken is mended or left out, and said in
-    the road's notes.
+    which the format does not have, are found by geometry. A lanelet that cars may use both ways gives two
+    lanes; the second has ``reverse_of`` set. What is broken is mended or left out, and said in the road's
+    notes.
 
     Args:
         path: an ``.xml`` or ``.xml.gz`` file, version 2018b or 2020a.
@@ -64,7 +74,8 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
         lanelets = _lanelets(file, library)
         signs = _signs(file, library)
     lanes = connected(file, lanelets, lanes_of(file, lanelets, signs))
-    lanes = overlapping(lanes, {i: lanelet.centre for i, lanelet in lanelets.items()})
+    lanes = with_reverse(lanes, driven_both_ways(lanelets, lanes))
+    lanes = overlapping(lanes, {i: lanelets[lane.reverse_of or i].centre for i, lane in lanes.items()})
     return Road(
         name=map_name(path),
         lanes=lanes,

@@ -83,8 +83,6 @@ def lanes_of(file: CommonRoadFile, lanelets: Lanelets, signs: Signs) -> dict[int
         if bounds_cross(left, right):
             file.note("bounds cross each other or themselves, the lane's shape may be off", i)
         kind = lane_kind(lanelet.types, lanelet.one_way | lanelet.both_ways)
-        if kind == "vehicle" and lanelet.both_ways & CARS:
-            file.note("lanelets that cars may drive both ways, taken one way", i)
         tags = lane_tags(lanelet.types)
         speed = _speed(file, i, lanelet, signs)
         if speed is not None:
@@ -152,6 +150,11 @@ def connected(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane
     return result
 
 
+def driven_both_ways(lanelets: Lanelets, lanes: Mapping[int, Lane]) -> list[int]:
+    """Vehicle lanes that cars may use in both directions."""
+    return [i for i, lane in lanes.items() if lane.kind == "vehicle" and lanelets[i].both_ways & CARS]
+
+
 def _successors(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane]) -> set[tuple[int, int]]:
     """Pairs (lane, successor) of vehicle lanes; what one of both says counts."""
     driven = {i for i, lane in lanes.items() if lane.kind == "vehicle"}
@@ -200,7 +203,8 @@ def regulations(
     file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane], signs: Signs
 ) -> tuple[Regulation, ...]:
     """Signs, priority at intersections, and lights, by ascending id of their element."""
-    driven = {i: lanelets[i] for i, lane in lanes.items() if lane.kind == "vehicle"}
+    one_way = [i for i, lane in lanes.items() if lane.kind == "vehicle" and lane.reverse_of is None]
+    driven = {i: lanelets[i] for i in one_way}
     stop_lines = {i: lanelet.stop_line for i, lanelet in driven.items() if lanelet.stop_line is not None}
     users = {s: tuple(i for i, lanelet in driven.items() if s in lanelet.signs) for s in signs}
     lane_signs = {

@@ -47,8 +47,8 @@ def _area(lane: Lane) -> shapely.Geometry:
 
 
 def _related(a: Lane, b: Lane) -> bool:
-    beside = (a.adjacent_left, a.adjacent_right)
-    return b.lane_id in (*beside, *a.successors, *a.predecessors)
+    beside = (a.adjacent_left, a.adjacent_right, a.reverse_of)
+    return a.lane_id == b.reverse_of or b.lane_id in (*beside, *a.successors, *a.predecessors)
 
 
 def _on_one_level(a: FloatArray, b: FloatArray, where: shapely.Point) -> bool:

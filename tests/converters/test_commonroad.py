@@ -146,6 +146,28 @@ def test_cars_neither_follow_onto_a_bicycle_lane_nor_change_to_it(tmp_path: Path
     assert (lane.successors, lane.left, lane.adjacent_left) == ((), None, None)
 
 
+def test_a_lanelet_that_cars_use_both_ways_is_two_lanes(tmp_path: Path) -> None:
+    """1 -> 2 <-> 3: the way back from 3 over 2 ends where 4 leads away beside 1."""
+    both = {"one_way": [], "both_ways": ["vehicle"]}
+    lanelets = [
+        straight(1, 0, 0, 50, successors=[2]),
+        straight(2, 50, 0, 50, predecessors=[1], successors=[3], **both),
+        straight(3, 100, 0, 50, predecessors=[2], **both),
+        Lanelet(4, left=[(50, -1.5), (0, -9)], right=[(50, 1.5), (0, -6)]),
+    ]
+    road = read(tmp_path, lanelets)
+    lanes = road.lanes
+    assert {i: lane.reverse_of for i, lane in lanes.items() if lane.reverse_of} == {5: 2, 6: 3}
+    assert_array_equal(lanes[5].centreline, [(100, 0), (50, 0)])
+    assert_array_equal(lanes[5].left_bound, [(100, -1.5), (50, -1.5)])
+    assert (lanes[6].successors, lanes[5].predecessors) == ((5,), (6,))
+    assert (lanes[5].successors, lanes[4].predecessors) == ((4,), (5,))
+    assert (lanes[1].successors, lanes[2].successors, lanes[3].successors) == ((2,), (3,), ())
+    assert lanes[2].conflicts == lanes[5].conflicts == ()
+    net = convert(road, tmp_path / "both.net.xml")
+    assert check_net(net.path, road, net.lanes).problems() == []
+
+
 def test_limits_are_the_lowest_of_the_signs_in_metres_per_second(tmp_path: Path) -> None:
     signs = [Sign(90, "274", ["13.89"]), Sign(91, "274", ["8.33"])]
     road = read(tmp_path, [straight(1, 0, 0, 50, signs=[90, 91])], signs=signs)
