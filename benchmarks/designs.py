@@ -24,7 +24,7 @@ from scex_sumo.errors import ScexError
 from scex_sumo.reduction import choose_vehicles, reduced
 from scex_sumo.sample_size import designed, errors
 from scex_sumo.scene import FloatArray
-from scex_sumo.sequential import Bands, grow, look
+from scex_sumo.sequential import DESIGNS_THAT_GROW, Bands, grow, look
 
 VEHICLES = 5
 MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake,calibrated_driver"
@@ -96,12 +96,19 @@ def _run(map_path: Path, seed: int, file: Path) -> None:
         np.savez(file, values=values, columns=np.array(run.columns))
 
 
-def distances(found: list[Truth], design: str, size: int, repetitions: int) -> FloatArray:
-    """(S, M, R) distance to the truth of every scene, metric and repetition; NaN where undefined."""
-    draws = designed(design, LEVELS, VEHICLES, size, repetitions, seed=7)
-    return np.stack(
-        [np.stack([errors(t.values[:, m], draws, with_jsd=False).ks for m in range(12)]) for t in found]
-    )
+def distances(found: list[Truth], design: str, repetitions: int) -> list[FloatArray]:
+    """(S, M, R) distance to the truth of every scene, metric and repetition, by size; NaN where undefined."""
+    if design in DESIGNS_THAT_GROW:  # the first runs of a long one are a short one
+        whole = designed(design, LEVELS, VEHICLES, max(SIZES), repetitions, seed=7)
+        by_size = [tuple(d[:size] for d in whole) for size in SIZES]
+    else:
+        by_size = [designed(design, LEVELS, VEHICLES, size, repetitions, seed=7) for size in SIZES]
+    return [
+        np.stack(
+            [np.stack([errors(t.values[:, m], draws, with_jsd=False).ks for m in range(12)]) for t in found]
+        )
+        for draws in by_size
+    ]
 
 
 def needed(error: FloatArray, goal: float) -> float:
@@ -126,7 +133,7 @@ def high_over(distance: FloatArray) -> float:
 
 def compare(found: list[Truth], repetitions: int) -> None:
     """Print how many runs every design needs."""
-    table = {design: [distances(found, design, size, repetitions) for size in SIZES] for design in DESIGNS}
+    table = {design: distances(found, design, repetitions) for design in DESIGNS}
     base = table["random"][SIZES.index(BASELINE)]
     print(f"\nKS distance to the truth: mean over {len(found)} scenes, 12 metrics, {repetitions} repetitions")
     print("| design | " + " | ".join(map(str, SIZES)) + f" | runs for {BASELINE} random (mean) | (95 %) |")

@@ -22,9 +22,8 @@ def choose_vehicles(scene: SeedScene, count: int = VEHICLES) -> IntArray:
     """The vehicles that have most to do with each other: a group around the closest encounter.
 
     Everybody is thought to go straight on for 3 s. The two vehicles on the mapped lanes that come nearest to
-    each other are taken first, then always the one that comes nearest to any of those taken. Two vehicles that
-    stand count as 1 km apart, or every queue would be the closest encounter; vehicles off the lanes come
-    last.
+    each other are taken first, then always the one that comes nearest to any of those taken. Two that stand
+    count as 1 km apart, or every queue would be the closest encounter; vehicles off the lanes come last.
 
     Args:
         scene: the seed scene, with its road.
