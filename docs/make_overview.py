@@ -7,31 +7,36 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib.image as mpimg
 import matplotlib.pyplot as plt
 
 import scex_sumo as scex
-from scex_sumo.plots import cumulative_panel, density_panel, draw_scene, futures_of
+from scex_sumo.plots import cumulative_panel, density_panel, futures_of, scene_panel
 
+MODELS = ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake")
 IMAGES = Path(__file__).resolve().parent / "images"
 
 
 def main() -> None:
-    """Run the roundabout example and put its pictures together."""
+    """Run the example roundabout and put its pictures together."""
     seed = scex.read_seed(scex.example_path("roundabout"))
-    run = scex.extrapolate(seed, models="standard_driver:path=random,risky_driver:path=random,constant_velocity")
+    run = scex.extrapolate(seed, models=[f"{m}:path=random" for m in MODELS])
     assert seed.road is not None
     IMAGES.mkdir(exist_ok=True)
-    scene = draw_scene(seed.road, seed, futures_of(run, seed), run.folder / "scene.png")
-    figure, axes = plt.subplot_mosaic([["scene", "a"], ["scene", "b"]], figsize=(10, 6), layout="constrained")
-    axes["scene"].imshow(mpimg.imread(scene))
-    axes["scene"].set_axis_off()
-    axes["scene"].set_title(f"one moment, {run.children} futures", loc="left", fontsize=10)
+    figure, axes = plt.subplot_mosaic(
+        [["scene", "a"], ["scene", "b"]], figsize=(11, 6), layout="constrained", width_ratios=[1.25, 1]
+    )
+    scene_panel(axes["scene"], seed.road, seed, futures_of(run, seed))
+    axes["scene"].set(xlim=(940, 1080), ylim=(925, 1060), xlabel="x [m]", ylabel="y [m]")
     density_panel(run, "distance_mean", axes["a"])
     cumulative_panel(run, "ttc", axes["b"])
-    axes["a"].set_title("mean of the closest distances [m]: density", loc="left", fontsize=10)
-    axes["b"].set_title("worst 1/TTC [1/s]: cumulative, with 95 % band", loc="left", fontsize=10)
-    figure.savefig(IMAGES / "overview.png", dpi=110)
+    titles = {
+        "scene": f"one moment, {run.children} futures of 3 s",
+        "a": "mean of the closest distances [m]: density; dashed: recorded",
+        "b": "worst 1/TTC [1/s]: cumulative, with its 95 % band",
+    }
+    for name, title in titles.items():
+        axes[name].set_title(title, loc="left", fontsize=10)
+    figure.savefig(IMAGES / "overview.png", dpi=100)
 
 
 if __name__ == "__main__":

@@ -141,35 +141,43 @@ def cumulative_panel(run: Run, column: str, axes: Axes) -> None:
 
 
 def _mark(run: Run, column: str, axes: Axes, x: FloatArray) -> None:
-    """Threshold and recorded value as vertical lines; the view stays on the density."""
-    left, right = float(x[0]), float(x[-1])
-    value = run.recorded_value(column)
-    if value is not None and np.isfinite(value):
-        left, right = min(left, value - 0.1), max(right, value + 0.1)
+    """Threshold and recorded value as vertical lines; the view stays where most of the children are."""
+    left, right = _view(run, column, x)
+    recorded = run.recorded_value(column)
+    if recorded is not None and left <= recorded <= right:
+        axes.axvline(recorded, color=_RECORDED, linewidth=1.2, linestyle="--")
+    elif recorded is not None:
+        note = f"recorded {recorded:.3g} →" if recorded > right else f"← recorded {recorded:.3g}"
+        axes.text(0.98, 0.12, note, ha="right", transform=axes.transAxes, color=_RECORDED, fontsize=7)
     threshold = run.thresholds.get(column)
     if threshold is not None:
-        margin = 0.25 * (right - left)
-        if left - margin <= threshold <= right + margin:
-            left, right = min(left, threshold - 0.1), max(right, threshold + 0.1)
+        if left < threshold < right:
             axes.axvline(threshold, color=_CRITICAL, linewidth=1)
         critical = (left, threshold) if side_of(column) == "left" else (threshold, right)
-        if critical[0] < critical[1]:
-            axes.axvspan(
-                max(critical[0], left), min(critical[1], right), color=_CRITICAL, alpha=0.07, linewidth=0
-            )
-        share = run.p_critical(column)
-        axes.text(
-            0.98,
-            0.95,
-            f"P = {share.value:.1%}",
-            ha="right",
-            va="top",
-            transform=axes.transAxes,
-            color=_CRITICAL,
-        )
-    if value is not None and np.isfinite(value):
-        axes.axvline(value, color=_RECORDED, linewidth=1.2, linestyle="--")
+        low, high = max(critical[0], left), min(critical[1], right)
+        if low < high:
+            axes.axvspan(low, high, color=_CRITICAL, alpha=0.07, linewidth=0)
+        share = f"P = {run.p_critical(column).value:.1%}"
+        axes.text(0.98, 0.95, share, ha="right", va="top", transform=axes.transAxes, color=_CRITICAL)
+    beyond = float(np.mean(run.samples(column) > right))
+    if beyond > 0:
+        note = f"{max(beyond, 0.001):.1%} beyond →"
+        axes.text(0.98, 0.04, note, ha="right", transform=axes.transAxes, color="#666666", fontsize=7)
     axes.set_xlim(left, right)
+
+
+def _view(run: Run, column: str, x: FloatArray) -> tuple[float, float]:
+    """Range of the x axis: the density but for a far tail, with recorded value and threshold if near."""
+    samples = run.samples(column)
+    first, third = np.quantile(samples[np.isfinite(samples)], [0.25, 0.75])
+    spread = max(float(third - first), 0.25)
+    left, right = max(float(x[0]), first - 5 * spread), min(float(x[-1]), third + 5 * spread)
+    marks = [run.recorded_value(column), run.thresholds.get(column)]
+    for mark in marks:
+        margin = 0.5 * (right - left)
+        if mark is not None and left - margin <= mark <= right + margin:
+            left, right = min(left, mark - 0.1), max(right, mark + 0.1)
+    return left, right
 
 
 def draw_scene(
@@ -184,30 +192,40 @@ def draw_scene(
         path: PNG or SVG file.
         title: above the picture.
     """
+    low, high = _extent(seed, futures)
+    wide, tall = (high - low) * 9 / max(high - low)
+    size = (max(wide, 3.5) + 0.8, max(tall, 1.5) + 0.8)
     with plt.rc_context(_STYLE):
-        centre = np.array([seed.now.x, seed.now.y]).T
-        reach = np.concatenate([centre, *[lines.reshape(-1, 2) for lines in futures]]) if futures else centre
-        low, high = reach.min(axis=0) - 10, reach.max(axis=0) + 10
-        wide, tall = (high - low) * 9 / max(high - low)
-        size = (max(wide, 3.5) + 0.8, max(tall, 1.5) + 0.8)
         figure, axes = plt.subplots(figsize=size, layout="constrained")
-        draw_road(axes, road)
-        palette = plt.get_cmap("turbo")
-        for vehicle, lines in enumerate(futures):
-            color = palette((vehicle + 0.5) / max(seed.vehicles, 1))
-            axes.add_collection(
-                LineCollection(list(lines), colors=[color], linewidths=0.7, alpha=0.12, zorder=3)
-            )
-        boxes = list(vehicle_boxes(seed))
-        axes.add_collection(
-            PolyCollection(boxes, facecolors="#222222", edgecolors="white", linewidths=0.6, zorder=5)
-        )
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        scene_panel(axes, road, seed, futures)
         axes.set(xlabel="x [m]", ylabel="y [m]")
         axes.set_title(title, loc="left")
         figure.savefig(path, dpi=150)
         plt.close(figure)
     return path
+
+
+def scene_panel(axes: Axes, road: Road, seed: SeedScene, futures: Sequence[FloatArray]) -> None:
+    """Draw the road, the vehicles of a seed scene, and the paths of its children, as `draw_scene` does."""
+    draw_road(axes, road)
+    palette = plt.get_cmap("turbo")
+    for vehicle, lines in enumerate(futures):
+        color = palette((vehicle + 0.5) / max(seed.vehicles, 1))
+        paths = LineCollection(list(lines), colors=[color], linewidths=0.8, alpha=0.12, zorder=3)
+        axes.add_collection(paths)
+    boxes = list(vehicle_boxes(seed))
+    axes.add_collection(
+        PolyCollection(boxes, facecolors="#222222", edgecolors="white", linewidths=0.6, zorder=5)
+    )
+    low, high = _extent(seed, futures)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+
+
+def _extent(seed: SeedScene, futures: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Lower left and upper right corner of what there is to see, m."""
+    centres = np.array([seed.now.x, seed.now.y]).T
+    reach = np.concatenate([centres, *[lines.reshape(-1, 2) for lines in futures]])
+    return reach.min(axis=0) - 10, reach.max(axis=0) + 10
 
 
 def draw_road(axes: Axes, road: Road) -> None:

@@ -20,6 +20,10 @@ from scex_sumo.scene import FloatArray, SeedScene, States
 if TYPE_CHECKING:
     from scex_sumo.converters.sumo_net import SumoNet
 
+DENSITIES_SCHEMA = pa.schema(
+    [("metric", pa.string()), *((name, pa.float64()) for name in ("x", "pdf", "cdf", "low", "high"))]
+)
+
 
 class Run:
     """Result of a run: tables and statistics, read when asked for.
@@ -190,8 +194,11 @@ def densities_table(metrics: pa.Table) -> pa.Table:
 
     Args:
         metrics: as :attr:`Run.metrics`.
+
+    Returns:
+        Without rows for a metric that is undefined in every child; a single vehicle leaves none.
     """
-    parts = []
+    parts = [DENSITIES_SCHEMA.empty_table()]
     for column in metrics.column_names[1:]:
         samples = np.asarray(metrics[column].drop_null(), dtype=np.float64)
         if len(samples) == 0:
@@ -207,7 +214,8 @@ def densities_table(metrics: pa.Table) -> pa.Table:
                     "cdf": curve.cdf,
                     "low": low,
                     "high": high,
-                }
+                },
+                schema=DENSITIES_SCHEMA,
             )
         )
     return pa.concat_tables(parts)

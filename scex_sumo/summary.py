@@ -25,7 +25,8 @@ def summary_table(run: Run) -> Table:
 
     scene = run.info["seed_scene"]
     table = Table(
-        title=f"{scene['name']}: {scene['vehicles']} vehicles, {run.children} child scenarios",
+        title=f"{scene['name']}: {_counted(scene['vehicles'], 'vehicle')}, "
+        f"{_counted(run.children, 'child scenario')}",
         title_justify="left",
         caption="worst value of each child; interval: 95 %, Wilson",
         caption_justify="left",
@@ -56,6 +57,10 @@ def _critical(run: Run, column: str, threshold: float | None, samples: FloatArra
         return limit, "–", "–"
     share = run.p_critical(column)
     return limit, f"{share.value:.1%}", f"{share.low:.1%} – {share.high:.1%}"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def _number(value: float | None) -> str:

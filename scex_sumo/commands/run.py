@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.converters.origin import parse_origin
 from scex_sumo.errors import TrackError, UsageError
 from scex_sumo.scene import SeedScene
+
+if TYPE_CHECKING:
+    from scex_sumo.run import Run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +100,13 @@ def run_command(request: RunRequest) -> None:
         draw_run(run, scene)
         write_critical(run)
     print(f"result: {out}")
-    print(f"look:   scex-sumo view {out} --critical ttc")
+    print(f"look:   scex-sumo view {shlex.quote(str(out))} {_which_child(run)}")
+
+
+def _which_child(run: Run) -> str:
+    """The option of ``view`` that shows the child most worth a look; any, where no metric is defined."""
+    defined = [column for column in ("ttc", "wttc") if len(run.samples(column))]
+    return f"--critical {defined[0]}" if defined else "--child 0"
 
 
 def _print_band(band: dict[str, Any]) -> None:
