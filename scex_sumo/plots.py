@@ -88,7 +88,7 @@ def _panels(run: Run, what: str, draw: Callable[[Run, str, Axes], None]) -> Figu
             axes.set_title(
                 f"{base}: {'mean of scenes' if column.endswith('_mean') else extremum}", loc="left"
             )
-            if len(run.samples(column)) == 0:
+            if not np.isfinite(run.samples(column)).any():
                 axes.text(0.5, 0.5, "defined in no child", ha="center", va="center", transform=axes.transAxes)
                 axes.set_yticks([])
                 continue
