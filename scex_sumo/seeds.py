@@ -21,7 +21,8 @@ def read_seed(
 
     Args:
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
-        tracks: a track file in INTERACTION format; None looks where the dataset's folder layout has it.
+        tracks: a track file in INTERACTION format, or a CommonRoad scenario; None looks where the dataset's
+            folder layout has it, and takes a CommonRoad map's own vehicles.
         case: the case of a file with ``case_id``; None takes the busiest one.
         time: the moment in seconds of the recording; None takes frame 10 of a case, and of a recording the
             moment with most moving vehicles recorded from 1 s before to 3 s after.
@@ -34,7 +35,7 @@ def read_seed(
         MapError: the map cannot be read.
         TrackError: the tracks cannot be read, or hold no such moment.
     """
-    from scex_sumo.converters.maps import read_map
+    from scex_sumo.converters.maps import OPENDRIVE, read_map
     from scex_sumo.converters.tracks import find_tracks
     from scex_sumo.converters.tracks import read_seed as read_recorded
 

@@ -143,6 +143,12 @@ def test_a_moment_outside_the_recording_and_a_file_of_another_kind_are_refused(t
         read_recorded(tmp_path / "net.xml")
 
 
+def test_an_opendrive_map_is_refused_before_its_tracks_are_looked_for(tmp_path: Path) -> None:
+    (tmp_path / "road.xodr").write_text("<OpenDRIVE/>", encoding="utf-8")
+    with pytest.raises(MapError, match="OpenDRIVE cannot be read"):
+        read_seed(tmp_path / "road.xodr")
+
+
 def test_a_csv_beside_the_scenario_comes_first(tmp_path: Path) -> None:
     path = tmp_path / "scene.xml"
     path.write_text(scenario(ROAD), encoding="utf-8")
