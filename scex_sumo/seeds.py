@@ -40,7 +40,7 @@ def read_seed(
     from scex_sumo.converters.tracks import read_seed as read_recorded
 
     map_path = Path(map_path)
-    if not map_path.is_file():
+    if not map_path.is_file() or map_path.name.lower().endswith(OPENDRIVE):
         read_map(map_path)  # says what is wrong with the map before the tracks are looked for
     track_path = Path(tracks) if tracks is not None else find_tracks(map_path)
     road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scex_sumo.converters.maps import is_commonroad
+from scex_sumo.converters.maps import is_commonroad, map_name
 from scex_sumo.errors import MapError, TrackError
 
 
@@ -22,11 +22,11 @@ def find_tracks(map_path: str | Path) -> Path:
     path = Path(map_path)
     if not path.exists():
         raise MapError(f"{path}: no such file; check the path of the map")
-    name = path.stem
+    name = map_name(path)
     # The folder above may be "..": resolve it, but show what the user can recognise.
     folders = [path.parent.parent] if path.parent.name else [path.parent.resolve().parent]
     folders.append(path.parent)
-    looked = [path.with_suffix(".csv")]
+    looked = [path.with_name(f"{name}.csv")]
     if looked[0].is_file():
         return looked[0]
     if is_commonroad(path):
