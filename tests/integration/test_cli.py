@@ -66,6 +66,18 @@ def test_the_summary_names_every_metric(tmp_path: Path) -> None:
         assert word in done.stdout
 
 
+def test_one_vehicle_is_run_and_its_metrics_of_pairs_are_shown_as_undefined(tmp_path: Path) -> None:
+    out = tmp_path / "a single one"
+    done = scex("run", ROUNDABOUT, "--synthetic", 1, "--children", 2, "-o", out)
+    assert done.returncode == 0, done.stderr
+    assert "1 vehicle, 2 child scenarios" in done.stdout
+    assert done.stdout.count("0/2") == 6
+    assert f"scex-sumo view '{out}' --child 0" in done.stdout  # ttc is defined in no child
+    densities = pq.read_table(out / "densities.parquet")
+    assert densities.num_rows == 0
+    assert densities.column_names == ["metric", "x", "pdf", "cdf", "low", "high"]
+
+
 def test_the_same_seed_gives_the_same_bytes_whatever_the_batches_and_workers(
     result: Path, tmp_path: Path
 ) -> None:
