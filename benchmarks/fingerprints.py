@@ -1,12 +1,15 @@
 """Do seed scenes of one kind of place group together by their densities?
 
     nice -n 10 python benchmarks/fingerprints.py [--seeds 8] [--vehicles 10] [--data FOLDER] [--out FOLDER]
+    nice -n 10 python benchmarks/fingerprints.py --recorded [--vehicles 5|0] [--data FOLDER] [--out FOLDER]
 
-Synthetic seed scenes on all maps that are there, with the same number of vehicles on each; every one is run,
-the runs are compared and clustered, and the groups are held against the kind of place (roundabout, merge,
-intersection). ``--data`` (else SCEX_DATA, else ../shared/data) has the real maps; without it there are only
-the three examples. Finished runs are kept in ``--cache`` and used again as long as the map's file is the
-same; empty it after changing drivers or metrics. ``--out`` gets the figures.
+The first: synthetic seed scenes on all Lanelet2 maps that are there, with the same number of vehicles on
+each, held against the kind of place (roundabout, merge, intersection). The second: recorded moments of MONA and
+TAF-BW, held against the site; of each the vehicles that have most to do with each other, or all with 0.
+
+``--data`` (else SCEX_DATA, else ../shared/data) has the real maps; without it there are only the three
+examples. Finished runs are kept in ``--cache`` and used again as long as the file they came from is the same;
+empty it after changing drivers or metrics. ``--out`` gets the figures.
 """
 
 from __future__ import annotations
@@ -15,21 +18,20 @@ import argparse
 import hashlib
 import os
 import time
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import permutations
 from pathlib import Path
 
 import numpy as np
+from fingerprints_report import Seeds, report
 
 import scex_sumo as scex
 from scex_sumo.errors import SimulationError
-from scex_sumo.fingerprint import Comparison, compare, compare_samples
-from scex_sumo.grouping import adjusted_rand_index, group_runs, neighbour_accuracy, silhouette
+from scex_sumo.fingerprint import compare
+from scex_sumo.grouping import adjusted_rand_index, group_runs
 from scex_sumo.plots_fingerprint import draw_dendrogram, draw_fingerprints
+from scex_sumo.reduction import choose_vehicles, reduced
 from scex_sumo.results import LOGGED_HISTORY
-from scex_sumo.scene import FloatArray
 
 KIND_OF = {
     "roundabout": "roundabout",
@@ -41,63 +43,102 @@ KIND_OF = {
     "k729_2022-03-16": "intersection",
 }
 SHORT = {"DR_DEU_Roundabout_OF": "Roundabout_OF", "DR_DEU_Merging_MT": "Merging_MT"}
-DRAWS = 5  # ways to take the seeds of a map together
 EXAMPLES = ("roundabout", "motorway_merge", "urban_intersection")
+K733_S = np.arange(12.0, 150.0, 17.0)  # moments of its recording of 158 s
+FEWEST = 3  # vehicles of a recorded moment
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seeds:
-    """The runs and what is known of their seed scenes, R each."""
+class Moment:
+    """A seed scene that can be made."""
 
-    runs: list[scex.Run]
-    labels: list[str]
-    maps: list[str]
-    kinds: list[str]
-    speed: FloatArray  # mean of the vehicles, m/s
-    separation: FloatArray  # median over the pairs of vehicles, m
+    place: str
+    kind: str
+    number: int
+    file: Path
+    make: Callable[[], scex.SeedScene]
 
 
-def map_files(data: Path) -> dict[str, Path]:
-    """The maps that are there, by name."""
-    found = {path.stem: path for path in sorted(data.rglob("*.osm"))} if data.is_dir() else {}
+def synthetic(options: argparse.Namespace) -> Iterator[Moment]:
+    """Synthetic seeds on the maps that are there."""
+    found = {path.stem: path for path in sorted(options.data.rglob("*.osm"))}
     found |= {name: scex.example_path(name) for name in EXAMPLES}
-    return {name: found[name] for name in KIND_OF if name in found}
+    for name, kind in KIND_OF.items():
+        for seed in range(options.seeds if name in found else 0):
+            file = found[name]
+            yield Moment(
+                place=SHORT.get(name, name.split("_20")[0]),
+                kind=kind,
+                number=seed,
+                file=file,
+                make=lambda file=file, seed=seed: populated(file, options.vehicles, seed),
+            )
 
 
-def run_of(path: Path, cache: Path, *, vehicles: int, seed: int, children: int) -> scex.Run:
-    """The run of a synthetic seed on a map, with fewer vehicles where the map does not hold so many."""
-    content = hashlib.sha256(path.read_bytes()).hexdigest()[:8]
-    folder = cache / f"{path.stem}-{content}-v{vehicles}-c{children}" / f"s{seed}"
+def populated(file: Path, vehicles: int, seed: int) -> scex.SeedScene:
+    """A synthetic seed, with fewer vehicles where the map does not hold so many."""
+    while True:
+        try:
+            return scex.synthetic_seed(file, vehicles=vehicles, seed=seed)
+        except SimulationError:
+            if vehicles <= FEWEST:
+                raise
+            vehicles -= 1
+
+
+def recorded(options: argparse.Namespace) -> Iterator[Moment]:
+    """Moments of real traffic; of MONA one of every third chunk of 16 s."""
+
+    def moment(place: str, number: int, file: Path, make: Callable[[], scex.SeedScene]) -> Moment:
+        return Moment(place=place, kind=place, number=number, file=file, make=make)
+
+    for folder in sorted((options.data / "mona").glob("MONA-*")):
+        for number, file in enumerate(sorted(folder.glob("*.xml*"))[::3][: options.seeds]):
+            yield moment(folder.name, number, file, lambda file=file: scex.read_seed(file))
+    taf = options.data / "taf_bw"
+    tracks = taf / "recorded_trackfiles" / "k733_2020-09-15" / "vehicle_tracks_000.csv"
+    for number, at in enumerate(K733_S[: options.seeds] if tracks.exists() else ()):
+        yield moment(
+            "k733",
+            number,
+            tracks,
+            lambda at=at: scex.read_seed(taf / "maps" / "k733_2020-09-15.osm", tracks=tracks, time=float(at)),
+        )
+
+
+def run_of(moment: Moment, options: argparse.Namespace) -> scex.Run | None:
+    """The run of a moment, from the cache where it is there; None where it has too few vehicles."""
+    content = hashlib.sha256(moment.file.read_bytes()).hexdigest()[:8]
+    source = "recorded" if options.recorded else "synthetic"
+    parts = f"{moment.place}-{content}-{source}-v{options.vehicles}-c{options.children}"
+    folder = options.cache / parts / f"s{moment.number}"
     if not (folder / "run.json").exists():
-        while True:
-            try:
-                scene = scex.synthetic_seed(path, vehicles=vehicles, seed=seed)
-                break
-            except SimulationError:
-                if vehicles <= 2:
-                    raise
-                vehicles -= 1
-        scex.extrapolate(scene, children=children, seed=seed, out=folder, overwrite=True)
+        scene = moment.make()
+        if options.recorded and options.vehicles and scene.vehicles >= options.vehicles:
+            scene = reduced(scene, choose_vehicles(scene, options.vehicles))
+        if scene.vehicles < max(FEWEST, options.vehicles if options.recorded else 0):
+            return None
+        scex.extrapolate(scene, children=options.children, seed=moment.number, out=folder, overwrite=True)
     return scex.open_run(folder)
 
 
 def gather(options: argparse.Namespace) -> Seeds:
     """Run all seed scenes that are not in the cache."""
-    runs, labels, names = [], [], []
-    for name, path in map_files(options.data).items():
-        for seed in range(options.seeds):
-            size = {"vehicles": options.vehicles, "children": options.children}
-            runs.append(run_of(path, options.cache, seed=seed, **size))
-            labels.append(f"{SHORT.get(name, name.split('_20')[0])} {seed}")
-            names.append(name)
-    facts = np.array([speed_and_separation(run) for run in runs])
+    found = []
+    for moment in recorded(options) if options.recorded else synthetic(options):
+        run = run_of(moment, options)
+        if run is None:
+            print(f"{moment.place} {moment.number}: too few vehicles, left out")
+        else:
+            found.append((moment, run, *speed_and_separation(run)))
+    moments, runs, speed, separation = zip(*found, strict=True)
     return Seeds(
-        runs=runs,
-        labels=labels,
-        maps=names,
-        kinds=[KIND_OF[name] for name in names],
-        speed=facts[:, 0],
-        separation=facts[:, 1],
+        runs=list(runs),
+        labels=[f"{m.place} {m.number}" for m in moments],
+        maps=[m.place for m in moments],
+        kinds=[m.kind for m in moments],
+        speed=np.array(speed),
+        separation=np.array(separation),
     )
 
 
@@ -110,165 +151,6 @@ def speed_and_separation(run: scex.Run) -> tuple[float, float]:
     return float(np.hypot(vx, vy).mean()), float(np.median(np.hypot(x[i] - x[j], y[i] - y[j])))
 
 
-def chance(seeds: Seeds, apart: Sequence[str]) -> float:
-    """Neighbour accuracy of a distance that knows nothing."""
-    shares = []
-    for run, kind in enumerate(seeds.kinds):
-        others = [k for k, a in zip(seeds.kinds, apart, strict=True) if a != apart[run]]
-        shares.append(others.count(kind) / len(others))
-    return float(np.mean(shares))
-
-
-def row(name: str, distance: FloatArray, seeds: Seeds) -> str:
-    """How well kinds and maps are told apart by one distance."""
-    indices = []
-    for method in ("ward", "average"):
-        for truth in (seeds.kinds, seeds.maps):
-            grouping = group_runs(distance, seeds.labels, groups=len(set(truth)), method=method)
-            indices.append(adjusted_rand_index(grouping.group.tolist(), truth))
-    cells = [
-        *indices,
-        float(silhouette(distance, seeds.kinds).mean()),
-        float(silhouette(distance, seeds.maps).mean()),
-        neighbour_accuracy(distance, seeds.kinds),
-        neighbour_accuracy(distance, seeds.maps),
-        neighbour_accuracy(distance, seeds.kinds, apart=seeds.maps),
-    ]
-    return f"{name:24s}" + "".join(f"{cell:9.2f}" for cell in cells)
-
-
-HEAD = f"{'':24s}" + "".join(
-    f"{cell:>9s}"
-    for cell in (
-        *("ARI kind", "ARI map", "kind avg", "map avg", "sil kind", "sil map"),
-        *("NN kind", "NN map", "NN other"),
-    )
-)
-
-
-def report(seeds: Seeds, comparisons: dict[str, Comparison]) -> None:
-    print(f"{'map':24s}{'kind':14s}{'seeds':>6s}{'vehicles':>9s}{'m/s':>7s}{'apart m':>9s}{'within':>8s}")
-    distance = comparisons["w1"].total
-    for name in dict.fromkeys(seeds.maps):
-        own = [r for r, m in enumerate(seeds.maps) if m == name]
-        inside = distance[np.ix_(own, own)][np.triu_indices(len(own), 1)]
-        count = Counter(seeds.runs[r].info["seed_scene"]["vehicles"] for r in own)
-        print(
-            f"{name:24s}{KIND_OF[name]:14s}{len(own):6d}{'/'.join(map(str, sorted(count))):>9s}"
-            f"{seeds.speed[own].mean():7.1f}{seeds.separation[own].mean():9.0f}"
-            f"{inside.mean() if inside.size else np.nan:8.2f}"
-        )
-    print(f"\n{HEAD}")
-    for kind, comparison in comparisons.items():
-        print(row(kind, comparison.total, seeds))
-    speed, separation = np.log(seeds.speed), np.log(seeds.separation)
-    print(row("mean speed alone", np.abs(speed[:, None] - speed), seeds))
-    print(row("separation alone", np.abs(separation[:, None] - separation), seeds))
-    for m, metric in enumerate(comparisons["w1"].metrics):
-        print(row(f"  w1 {metric}", comparisons["w1"].per_metric[:, :, m], seeds))
-    everyone = [str(r) for r in range(len(seeds.runs))]
-    print(f"{'chance':24s}{'':54s}{chance(seeds, everyone):9.2f}{'':9s}{chance(seeds, seeds.maps):9.2f}")
-    for kind, comparison in comparisons.items():
-        explain(seeds, kind, comparison)
-        pooled(seeds, kind)
-
-
-def explain(seeds: Seeds, kind: str, comparison: Comparison) -> None:
-    """What the distances go with: traffic, map, kind; and which maps are in which group."""
-    total = comparison.total
-    upper = np.triu_indices(len(total), 1)
-    speed, separation = np.log(seeds.speed), np.log(seeds.separation)
-    traffic = [np.abs(a[:, None] - a)[upper] for a in (speed, separation)]
-    predictors = np.stack([np.ones(len(upper[0])), *traffic], axis=1)
-    fit = predictors @ np.linalg.lstsq(predictors, total[upper], rcond=None)[0]
-    explained = 1 - np.var(total[upper] - fit) / np.var(total[upper])
-    print(
-        f"\n{kind}: distance by chance alone {np.nanmedian(comparison.noise):.3f}; rank correlation with",
-        end="",
-    )
-    print(f" the difference in speed {correlation(total[upper], traffic[0]):.2f}", end="")
-    print(f", separation {correlation(total[upper], traffic[1]):.2f}; both explain {explained:.0%}")
-    for name, values in (("distance", total[upper]), ("what is left of it", total[upper] - fit)):
-        means, p = kind_effect(values, seeds)
-        shares = ", ".join(f"{what} {mean:.3f}" for what, mean in means.items())
-        print(f"{kind}: {name}: {shares}; p = {p:.2f} for the last two")
-    grouping = group_runs(total, seeds.labels, groups=len(set(seeds.kinds)))
-    for number in range(1, grouping.groups + 1):
-        inside = Counter(m for m, g in zip(seeds.maps, grouping.group, strict=True) if g == number)
-        print(f"  group {number}: " + ", ".join(f"{m} {n}" for m, n in inside.most_common()))
-
-
-def kind_effect(values: FloatArray, seeds: Seeds) -> tuple[dict[str, float], float]:
-    """Means of the pairs' values by what the two seeds share, and how likely chance does as much.
-
-    The chance is exact: the share of all ways to give the kinds to the maps in which seeds of one kind, but
-    other maps, are as near to each other, compared to seeds of other kinds, as they are.
-    """
-    names = list(dict.fromkeys(seeds.maps))
-    place = np.array([names.index(m) for m in seeds.maps])
-    upper = np.triu_indices(len(place), 1)
-    one, two = place[upper[0]], place[upper[1]]
-
-    def difference(kinds: tuple[str, ...]) -> tuple[float, float]:
-        array = np.array(kinds)
-        same = array[one] == array[two]
-        return float(values[same & (one != two)].mean()), float(values[~same].mean())
-
-    actual = tuple(KIND_OF[name] for name in names)
-    if len(set(actual)) == len(actual):
-        return {
-            "same map": float(values[one == two].mean()),
-            "other": float(values[one != two].mean()),
-        }, np.nan
-    near, far = difference(actual)
-    others = [difference(kinds) for kinds in set(permutations(actual))]
-    p = np.mean([b - a >= far - near - 1e-12 for a, b in others])
-    means = {"same map": float(values[one == two].mean()), "same kind, other map": near, "other kind": far}
-    return means, float(p)
-
-
-def pooled(seeds: Seeds, kind: str) -> None:
-    """The same with the children of several seeds of a map taken together: places in place of moments."""
-    rng = np.random.default_rng(0)
-    count = Counter(seeds.maps)[seeds.maps[0]]
-    samples = {
-        m: [np.asarray(r.metrics[m].to_numpy(zero_copy_only=False), dtype=np.float64) for r in seeds.runs]
-        for m in seeds.runs[0].columns
-    }
-    for size in (size for size in (1, 2, 4) if 2 * size <= count):
-        results = []
-        for _ in range(1 if size == 1 else DRAWS):
-            parts, maps = [], []
-            for name in dict.fromkeys(seeds.maps):
-                own = rng.permutation([r for r, m in enumerate(seeds.maps) if m == name])
-                parts += np.array_split(own, count // size)
-                maps += [name] * (count // size)
-            joined = {m: [np.concatenate([c[r] for r in part]) for part in parts] for m, c in samples.items()}
-            distance = compare_samples(joined, [str(p) for p in range(len(parts))], distance=kind).total
-            kinds = [KIND_OF[m] for m in maps]
-            grouping = group_runs(distance, [f"{p:03d}" for p in range(len(parts))], groups=len(set(kinds)))
-            results.append(
-                (
-                    neighbour_accuracy(distance, maps),
-                    neighbour_accuracy(distance, kinds),
-                    neighbour_accuracy(distance, kinds, apart=maps),
-                    adjusted_rand_index(grouping.group.tolist(), kinds),
-                )
-            )
-        cells = dict(
-            zip(("NN map", "NN kind", "NN other", "ARI kind"), np.mean(results, axis=0), strict=True)
-        )
-        words = ", ".join(f"{name} {cell:.2f}" for name, cell in cells.items())
-        print(f"{kind}: {size} seed{'s' * (size > 1)} of a map taken together: {words}")
-
-
-def correlation(one: FloatArray, two: FloatArray) -> float:
-    """Spearman's rank correlation."""
-    from scipy.stats import spearmanr
-
-    return float(spearmanr(one, two).statistic)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -276,28 +158,32 @@ def main() -> None:
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", beside)))
     parser.add_argument("--cache", type=Path, default=Path("out") / "fingerprints")
+    parser.add_argument("--recorded", action="store_true", help="recorded moments in place of synthetic ones")
     parser.add_argument("--seeds", type=int, default=8, help="per map")
-    parser.add_argument("--vehicles", type=int, default=10)
+    parser.add_argument("--vehicles", type=int, help="per seed scene; default 10, recorded 5")
     parser.add_argument("--children", type=int, default=96)
     parser.add_argument("--out", type=Path, help="folder for the figures")
     options = parser.parse_args()
+    if options.vehicles is None:
+        options.vehicles = 5 if options.recorded else 10
     begin = time.perf_counter()
     seeds = gather(options)
     comparisons = {k: compare(seeds.runs, labels=seeds.labels, distance=k) for k in ("w1", "jsd")}
     report(seeds, comparisons)
-    if options.out is not None:
-        for kind, comparison in comparisons.items():
-            grouping = group_runs(comparison.total, seeds.labels, groups=len(set(seeds.kinds)))
-            index = adjusted_rand_index(grouping.group.tolist(), seeds.kinds)
-            title = (
-                f"{len(seeds.runs)} seed scenes of {len(set(seeds.maps))} maps by distance {kind}: cut into "
-                f"{grouping.groups} groups, adjusted Rand index over the kind of place {index:.2f} "
-                "(1: the same, 0: chance)"
-            )
-            stem = options.out / f"dendrogram_{kind}"
-            draw_dendrogram(comparison, grouping, stem, kinds=seeds.kinds, title=title)
-            stem = options.out / f"densities_{kind}"
-            draw_fingerprints(seeds.runs, comparison, grouping, stem, kinds=seeds.kinds)
+    for kind, comparison in comparisons.items() if options.out is not None else ():
+        grouping = group_runs(comparison.total, seeds.labels, groups=len(set(seeds.kinds)))
+        index = adjusted_rand_index(grouping.group.tolist(), seeds.kinds)
+        what = "site" if options.recorded else "kind of place"
+        title = (
+            f"{len(seeds.runs)} seed scenes of {len(set(seeds.maps))} maps by distance {kind}: cut into "
+            f"{grouping.groups} groups, adjusted Rand index over the {what} {index:.2f} (1: same, 0: chance)"
+        )
+        draw_dendrogram(
+            comparison, grouping, options.out / f"dendrogram_{kind}", kinds=seeds.kinds, title=title
+        )
+        draw_fingerprints(
+            seeds.runs, comparison, grouping, options.out / f"densities_{kind}", kinds=seeds.kinds
+        )
     print(f"\n{time.perf_counter() - begin:.0f} s")
 
 

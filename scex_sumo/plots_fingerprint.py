@@ -66,7 +66,7 @@ def draw_dendrogram(
         map_.tick_params(labelsize=font)
         fit = float(grouping.silhouette.mean())
         plain = f"Which of {count} seed scenes are alike: {grouping.groups} groups, silhouette {fit:.2f}"
-        colors = "names: kind of place" if kinds is not None else "one colour: one group"
+        colors = "colour of a name: what is known of it" if kinds is not None else "one colour: one group"
         reading = f"yellow: alike, dark: far apart; {colors}; grey: what chance alone makes"
         figure.suptitle(f"{title or plain}\n{reading}", x=0.01, ha="left", fontsize=9)
         _kind_legend(figure, kinds)
