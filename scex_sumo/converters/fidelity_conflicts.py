@@ -141,7 +141,7 @@ def _kind_of_run(
         return "touch", False
     begins = start == 0 or span[0] == 0
     ends = end == len(one.points) - 1 or span[-1] == len(other.points) - 1
-    if _in_a_row(a, b) and begins and ends:
+    if begins and ends and (_in_a_row(lanes, a, b, CHAIN) or _in_a_row(lanes, b, a, CHAIN)):
         return "follow", False
     if ends and _merged(lanes, a, b, CHAIN):
         length = min((end - start) * LOOK_M, len(span) * LOOK_M)
@@ -156,8 +156,13 @@ def _kind_of_run(
     return "overlap", False
 
 
-def _in_a_row(a: Lane, b: Lane) -> bool:
-    return b.lane_id in a.successors or a.lane_id in b.successors
+def _in_a_row(lanes: Mapping[int, Lane], a: Lane, b: Lane, depth: int) -> bool:
+    """Whether the second follows the first, at once or after lanelets too short to keep them apart."""
+    if b.lane_id in a.successors:
+        return True
+    ahead = [lanes[i] for i in a.successors if i in lanes and i != a.lane_id]
+    short = [lane for lane in ahead if shapely.LineString(lane.centreline).length <= NEAR_M]
+    return depth > 0 and any(_in_a_row(lanes, lane, b, depth - 1) for lane in short)
 
 
 def _share_end(a: Lane, b: Lane) -> bool:

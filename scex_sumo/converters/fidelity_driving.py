@@ -28,7 +28,13 @@ SHRINK_M = 0.02  # positions are written in centimetres
 DRAIN_S = 900.0  # for the last vehicles to arrive, a deadlock included
 LIMIT_S = 300.0  # wall clock
 EMERGENCY = "emergency braking"
-COUNTED = ("collision", "eleport", EMERGENCY)  # in SUMO's warnings about what has a figure of its own
+STANDOFF = "Suspicious right_before_left junction"
+COUNTED = (
+    "collision",
+    "eleport",
+    EMERGENCY,
+    STANDOFF,
+)  # in SUMO's warnings about what has a figure of its own
 NAMED = 6
 
 
@@ -46,6 +52,8 @@ class DrivingReport:
         overlapping_pairs: pairs of vehicles whose footprints overlapped at some time.
         overlaps: (vehicle, lane, vehicle, lane, time in s) where each pair first did.
         emergency_brakings: vehicles that had to brake beyond their comfort's limit; SUMO's drivers do.
+        standoffs: times that everyone at a crossing without rules waited for the one on the right; SUMO lets
+            one of them go.
         warnings: what else SUMO wrote to its error stream.
         duration_s: simulated time until the last arrival, or the end.
     """
@@ -59,6 +67,7 @@ class DrivingReport:
     overlapping_pairs: int
     overlaps: tuple[tuple[str, str, str, str, float], ...]
     emergency_brakings: int
+    standoffs: int
     warnings: tuple[str, ...]
     duration_s: float
 
@@ -122,6 +131,7 @@ def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0, se
         overlapping_pairs=len(overlaps),
         overlaps=tuple(overlaps),
         emergency_brakings=sum(EMERGENCY in line for line in said),
+        standoffs=sum(STANDOFF in line for line in said),
         warnings=tuple(line for line in said if not any(word in line for word in COUNTED)),
         duration_s=max((float(trip.get("arrival", 0.0)) for trip in trips), default=0.0),
     )

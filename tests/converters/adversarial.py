@@ -496,6 +496,34 @@ def offset_crossing_with_lights() -> Drawn:
     return drawn
 
 
+def tiny_lanelets() -> Drawn:
+    """Lanelets of 5 and 10 centimetres, shorter than SUMO's shortest lane, around a crossing."""
+    xs = [-40, -20, -19.95, -5.1, -5, 5, 5.05, 5.1, 40]
+    lanes = chain(1, [centred(x, 0) for x in xs])
+    return Drawn(lanes + chain(51, [centred(0, y, 90) for y in (-40, -5.05, -5, 5, 40)]))
+
+
+def noisy_bounds() -> Drawn:
+    """Bounds with a point every 5 cm and 2 cm of noise, as tracing from pictures leaves them."""
+    rng = np.random.default_rng(0)
+    xs = np.arange(0.0, 60.01, 0.05)
+
+    def bound(y: float) -> list[tuple[float, float]]:
+        noise = rng.normal(0.0, 0.02, len(xs))
+        noise[[0, 400, -1]] = 0.0
+        return [(float(x), float(y + n)) for x, n in zip(xs, noise, strict=True)]
+
+    left, right = bound(WIDE), bound(0.0)
+    lanes = [Lanelet(1, left[:401], right[:401]), Lanelet(2, left[400:], right[400:])]
+    return Drawn(lanes + chain(11, [centred(30, y, 90) for y in (-40, -6, 10, 40)]))
+
+
+def ends_beside() -> Drawn:
+    """A side road that ends at the edge of another road's lane without joining it."""
+    lanes = chain(1, [centred(x, 0) for x in (-60, -20, 20, 60)])
+    return Drawn(lanes + row([11], centred(-5, -40, 90), centred(-5, -2, 90)))
+
+
 MAPS: dict[str, Callable[[], Drawn]] = {
     function.__name__: function
     for function in (
@@ -532,6 +560,9 @@ MAPS: dict[str, Callable[[], Drawn]] = {
         slanted_merge,
         neighbouring_crossings,
         spiral,
+        tiny_lanelets,
+        noisy_bounds,
+        ends_beside,
         bridge,
         roundabout_of_two_lanes,
         offset_crossing_with_lights,
