@@ -32,10 +32,6 @@ class Chains:
         """Whether a piece lies in a junction."""
         return self.rows[piece[0]].inside[piece[1]]
 
-    def size(self, piece: Piece) -> float:
-        """Mean length of a piece over its row, m."""
-        return self.rows[piece[0]].size(piece[1])
-
     def after(self, piece: Piece) -> list[Piece]:
         """Pieces that follow."""
         row, k, at = piece

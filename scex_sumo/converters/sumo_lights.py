@@ -7,7 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from scex_sumo.converters.sumo_conflicts import Conflict
-from scex_sumo.converters.sumo_plan import Connection, NetPlan
+from scex_sumo.converters.sumo_elements import Connection
+from scex_sumo.converters.sumo_plan import NetPlan
 from scex_sumo.converters.sumo_shapes import turn
 from scex_sumo.road import Regulation, Road
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.converters.sumo_conflicts import Conflict
+from scex_sumo.converters.sumo_elements import Connection, Edge, Node, SumoLane
 from scex_sumo.converters.sumo_rings import ring_lanes
 from scex_sumo.converters.sumo_rows import Piece
 from scex_sumo.converters.sumo_rules import (
@@ -26,7 +26,6 @@ from scex_sumo.converters.sumo_shapes import (
     heading,
     join,
     length,
-    mean_line,
     mean_width,
     project,
     turn,
@@ -36,70 +35,6 @@ from scex_sumo.road import Road
 from scex_sumo.scene import FloatArray
 
 JOINT_M = 0.05  # where road follows road, the connection takes this much of both: SUMO wants lengths > 0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SumoLane:
-    """One lane of an edge or of an internal edge.
-
-    Attributes:
-        name: SUMO's lane id.
-        shape: (P, 2) m.
-        length: nominal length, the same for all lanes of an edge, m.
-        width: m.
-        speed: m/s.
-        lanelets: the lanelets it runs over, in driving order.
-        change_left: whether a vehicle may change to the left.
-        change_right: whether a vehicle may change to the right.
-        allow: SUMO's vehicle class where only one may drive here, or an empty string.
-    """
-
-    name: str
-    shape: FloatArray
-    length: float
-    width: float
-    speed: float
-    lanelets: tuple[int, ...]
-    change_left: bool = False
-    change_right: bool = False
-    allow: str = ""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Edge:
-    """A road edge with its lanes, rightmost first, and the nodes at its ends."""
-
-    name: str
-    start: str
-    end: str
-    lanes: tuple[SumoLane, ...]
-
-    @property
-    def shape(self) -> FloatArray:
-        """(P, 2) mean line of the lanes; SUMO itself goes by the lanes, exports by this."""
-        return mean_line([lane.shape for lane in self.lanes])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Connection:
-    """A link, its internal lane and its end points (edge names and lane indices)."""
-
-    link: Link
-    internal: SumoLane
-    from_edge: str
-    from_lane: int
-    to_edge: str
-    to_lane: int
-
-
-@dataclass(kw_only=True, eq=False)
-class Node:
-    """A SUMO junction: its incoming lanes and its connections, in the order of link indices."""
-
-    name: str
-    incoming: list[str] = field(default_factory=list)
-    connections: list[Connection] = field(default_factory=list)
-    shape: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
 
 
 class NetPlan:

@@ -15,8 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+from scex_sumo.converters.sumo_elements import Connection
 from scex_sumo.converters.sumo_lights import Programme, state
-from scex_sumo.converters.sumo_plan import Connection, NetPlan
+from scex_sumo.converters.sumo_plan import NetPlan
 from scex_sumo.converters.sumo_shapes import at, heading, length, project, turn
 from scex_sumo.converters.sumo_utm import to_local
 from scex_sumo.errors import MapError

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from scex_sumo.converters.sumo_conflicts import CLEARANCE_M, STEP_M, intersect, opposed
-from scex_sumo.converters.sumo_plan import Connection, Node, SumoLane
+from scex_sumo.converters.sumo_elements import Connection, Node, SumoLane
 from scex_sumo.converters.sumo_shapes import distances, samples
 
 # SUMO takes a stretch for real only if it begins or ends strictly within the lane.

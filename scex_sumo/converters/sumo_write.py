@@ -7,8 +7,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from scex_sumo.converters.sumo_elements import Connection, Edge, Node, SumoLane
 from scex_sumo.converters.sumo_lights import Programme
-from scex_sumo.converters.sumo_plan import Connection, Edge, NetPlan, Node, SumoLane
+from scex_sumo.converters.sumo_plan import NetPlan
 from scex_sumo.converters.sumo_rules import bits, direction
 from scex_sumo.converters.sumo_shapes import DECIMALS, text
 from scex_sumo.converters.sumo_stretches import stretches

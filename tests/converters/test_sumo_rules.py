@@ -202,6 +202,20 @@ def test_no_edge_leaves_a_junction_and_enters_it_again(tmp_path: Path) -> None:
     assert [x.get("id") for x in edges if x.get("from") == x.get("to")] == []
 
 
+def test_a_roundabout_without_rules_goes_before_its_entry(tmp_path: Path) -> None:
+    """Right before left would let the entry first, and lock the ring."""
+    lanes = [
+        lane(1, arc((0, 0), 20, 0, 180), to=(2,)),
+        lane(2, arc((0, 0), 20, 180, 360), to=(1,)),
+        lane(3, [(60, -30), (35, -25), (24, -12), (20, 0)], to=(1,)),
+    ]
+    net = net_of(road(lanes), tmp_path)
+    [entry] = [v for v, c in net.connections.items() if c.get("from", "").startswith("l3")]
+    [ring] = [other for one, other in net.foes if one == entry]
+    assert (entry, ring) in net.yields
+    assert (ring, entry) not in net.yields
+
+
 def test_lanes_for_bicycles_are_closed_to_cars(tmp_path: Path) -> None:
     lanes = [lane(1, [(0, 0), (50, 0)]), lane(2, [(0, 9), (50, 9)], kind="bicycle")]
     net = net_of(road([*lanes, lane(3, [(0, 15), (50, 15)], kind="pedestrian")]), tmp_path)
