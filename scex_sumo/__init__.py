@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
     from scex_sumo.converters.lanelet import read_road as read_road
+    from scex_sumo.converters.maps import read_map as read_map
     from scex_sumo.converters.sumo_net import SumoNet as SumoNet
     from scex_sumo.converters.sumo_net import convert as convert
     from scex_sumo.errors import ScexError as ScexError
@@ -50,6 +51,7 @@ _HOMES = {
     "extrapolate": "scex_sumo.extrapolation",
     "open_run": "scex_sumo.run",
     "parse_models": "scex_sumo.behaviors.registry",
+    "read_map": "scex_sumo.converters.maps",
     "read_road": "scex_sumo.converters.lanelet",
     "read_seed": "scex_sumo.seeds",
     "synthetic_seed": "scex_sumo.seeds",
