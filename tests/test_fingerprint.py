@@ -56,11 +56,11 @@ def test_the_unit_is_the_width_of_the_middle_80_percent() -> None:
 
 
 def test_every_run_weighs_the_same_in_the_scale() -> None:
-    many, few = np.zeros(98), np.array([1.0, 1.0])
-    # By values 98 % are 0; by runs one half is.
+    # By runs 0 has half of the weight and 1 has 8/18: the 90 % quantile is 1. By values 98 of 107 are 0, over
+    # 90 %, and the range of all would be the unit.
+    many, few = np.zeros(98), np.array([1.0] * 8 + [100.0])
     assert pooled_scale([many, few]).unit == 1.0
-    assert pooled_scale([np.concatenate([many, few])]).unit == 1.0  # all values, as over 80 % agree
-    assert pooled_scale([many, 3 * few]).low == -3.0
+    assert pooled_scale([np.concatenate([many, few])]).unit == 100.0
 
 
 def test_a_metric_with_one_value_everywhere_sets_nothing_apart() -> None:
