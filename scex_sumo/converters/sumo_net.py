@@ -24,6 +24,7 @@ from scex_sumo.converters.sumo_lanes import LaneTable, lane_table
 from scex_sumo.converters.sumo_lights import Programme, fixed_programmes
 from scex_sumo.converters.sumo_plan import NetPlan
 from scex_sumo.converters.sumo_rows import build_rows, lay_zones
+from scex_sumo.converters.sumo_shapes import length
 from scex_sumo.converters.sumo_signals import recorded_programme
 from scex_sumo.converters.sumo_topology import Topology
 from scex_sumo.converters.sumo_write import net_text
@@ -32,6 +33,7 @@ from scex_sumo.road import Road
 
 __all__ = ["LaneTable", "SumoNet", "convert"]
 
+SHORTEST_M = 0.01
 JOINED_M = 0.3  # how far apart bus or bicycle lanes may end and begin and still follow one another
 
 
@@ -61,11 +63,14 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
         signals: recorded signal phases (SPaT) as CSV; the intersection's KML is looked for beside it.
 
     Raises:
-        MapError: the road has no vehicle lanes.
+        MapError: the road has no vehicle lanes, or some without length; the signals cannot be used.
     """
     lanes = road.vehicle_lanes
     if not lanes:
         raise MapError(f"{road.name}: no lanelet that cars may drive on; nothing to convert")
+    points = sorted(i for i, lane in lanes.items() if length(lane.centreline) < SHORTEST_M)
+    if points:
+        raise MapError(f"{road.name}: lanelets without length: {', '.join(map(str, points[:5]))}; drop them")
     lanes = add_entries(lanes)
     found = conflicts(lanes)
     rows, lost = build_rows(lanes)

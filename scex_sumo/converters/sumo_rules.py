@@ -131,7 +131,8 @@ def _by_rule(a: Link, b: Link, rules: Sequence[Regulation]) -> str:
     mine, theirs = 0, 0
     for rule in rules:
         if rule.kind == "all_way_stop":
-            if a.on & set(rule.lanes) and b.on & set(rule.lanes):
+            stopping = {*rule.lanes, *rule.yielding}
+            if a.on & stopping and b.on & stopping:
                 return "both"
             continue
         yielding = set(rule.yielding) or (set(rule.lanes) if rule.kind in ("stop", "yield") else set())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -227,3 +228,10 @@ def test_lanes_for_bicycles_are_closed_to_cars(tmp_path: Path) -> None:
 def test_a_road_without_lanes_for_cars_is_refused(tmp_path: Path) -> None:
     with pytest.raises(MapError, match="no lanelet that cars may drive on"):
         convert(road([lane(2, [(0, 9), (50, 9)], kind="bicycle")]), tmp_path / "none.net.xml")
+
+
+def test_a_lane_without_length_is_named(tmp_path: Path) -> None:
+    drawn = road([lane(1, [(0, 0), (50, 0)])])
+    flat = replace(drawn.lanes[1], lane_id=7, centreline=np.zeros((2, 2)))
+    with pytest.raises(MapError, match="lanelets without length: 7"):
+        convert(replace(drawn, lanes={**drawn.lanes, 7: flat}), tmp_path / "flat.net.xml")
