@@ -206,6 +206,9 @@ DESIGNS: Final[Mapping[str, Callable[[Shares, int, np.random.Generator], IntArra
 
 DEFAULT_DESIGN: Final = "balanced"
 
+DESIGNS_THAT_GROW: Final = ("random", "balanced")
+"""Designs whose first rows are a shorter design."""
+
 
 def check_design(name: str) -> None:
     """Raise a `UsageError` for an unknown design."""

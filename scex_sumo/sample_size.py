@@ -11,7 +11,7 @@ import numpy as np
 
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.density import BANDWIDTH, density
-from scex_sumo.designs import DESIGNS, check_design
+from scex_sumo.designs import DESIGNS, DESIGNS_THAT_GROW, check_design
 from scex_sumo.errors import UsageError
 from scex_sumo.sampling import all_assignments
 from scex_sumo.scene import FloatArray, IntArray, SeedScene
@@ -227,14 +227,20 @@ def study(
     models, vehicles = len(run.info["models"]), run.info["seed_scene"]["vehicles"]
     if run.children != models**vehicles:
         raise UsageError(f"{run.folder}: {run.children} children, not all {models**vehicles} assignments")
-    samples = {
-        (design, size): subsets(run.children, size, draws, seed=seed)
-        if design == "random"
-        else designed(design, models, vehicles, size, draws, seed=seed)
-        for design in designs
-        for size in sizes
-        if size <= run.children
-    }
+    fitting = [size for size in sizes if size <= run.children]
+    samples: dict[tuple[str, int], Sequence[IntArray] | IntArray] = {}
+    for design in designs:
+        check_design(design)
+        whole: tuple[IntArray, ...] = ()
+        if design in DESIGNS_THAT_GROW and design != "random" and fitting:
+            whole = designed(design, models, vehicles, max(fitting), draws, seed=seed)
+        for size in fitting:
+            if design == "random":
+                samples[design, size] = subsets(run.children, size, draws, seed=seed)
+            elif whole:  # the first runs of a long one are a short one
+                samples[design, size] = [d[:size] for d in whole]
+            else:
+                samples[design, size] = designed(design, models, vehicles, size, draws, seed=seed)
     rows = []
     for index, column in enumerate(run.columns):
         values = run.metrics[column].to_numpy(zero_copy_only=False)

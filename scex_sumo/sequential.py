@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.density import CONFIDENCE, dkw_half_width
+from scex_sumo.designs import DESIGNS_THAT_GROW
 from scex_sumo.errors import UsageError
 from scex_sumo.scene import BoolArray, FloatArray, IntArray
 
@@ -18,7 +19,6 @@ MOST_CHILDREN: Final = 10_000
 RARE: Final = 0.2
 """A metric that is defined in a smaller share of the children does not hold up a run."""
 
-DESIGNS_THAT_GROW: Final = ("random", "balanced")
 _THRESHOLDS = 99
 _SPARE_CHILDREN = 30
 _CHILDREN_PER_PARAMETER = 2
