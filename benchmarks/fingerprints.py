@@ -4,8 +4,8 @@
     nice -n 10 python benchmarks/fingerprints.py --recorded [--vehicles 5|0] [--data FOLDER] [--out FOLDER]
 
 The first: synthetic seed scenes on all Lanelet2 maps that are there, with the same number of vehicles on
-each, held against the kind of place (roundabout, merge, intersection). The second: recorded moments of MONA and
-TAF-BW, held against the site; of each the vehicles that have most to do with each other, or all with 0.
+each, held against the kind of place (roundabout, merge, intersection). The second: recorded moments of MONA
+and TAF-BW, held against the site; of each the vehicles that have most to do with each other, or all with 0.
 
 ``--data`` (else SCEX_DATA, else ../shared/data) has the real maps; without it there are only the three
 examples. Finished runs are kept in ``--cache`` and used again as long as the file they came from is the same;

@@ -78,9 +78,10 @@ def report(seeds: Seeds, comparisons: dict[str, Comparison]) -> None:
     for name in dict.fromkeys(seeds.maps):
         own = [r for r, m in enumerate(seeds.maps) if m == name]
         inside = distance[np.ix_(own, own)][np.triu_indices(len(own), 1)]
-        count = Counter(seeds.runs[r].info["seed_scene"]["vehicles"] for r in own)
+        counts = sorted({seeds.runs[r].info["seed_scene"]["vehicles"] for r in own})
+        count = "-".join(map(str, dict.fromkeys((counts[0], counts[-1]))))
         print(
-            f"{name:24s}{kind_of[name]:14s}{len(own):6d}{'/'.join(map(str, sorted(count))):>9s}"
+            f"{name:24s}{kind_of[name]:14s}{len(own):6d}{count:>9s}"
             f"{seeds.speed[own].mean():7.1f}{seeds.separation[own].mean():9.0f}"
             f"{inside.mean() if inside.size else np.nan:8.2f}"
         )
