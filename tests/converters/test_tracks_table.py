@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import time
 from pathlib import Path
 
 import numpy as np
@@ -167,12 +166,9 @@ def test_a_vehicle_needs_a_number(tmp_path: Path) -> None:
         read_tracks(write_rows(tmp_path / "t.csv", straight("A7")))
 
 
-def test_the_real_recordings_are_read_whole_and_fast(data: Path) -> None:
+def test_the_real_recordings_are_read_whole(data: Path) -> None:
     path = data / "taf_bw/recorded_trackfiles/k733_2020-09-15/vehicle_tracks_000.csv"
-    read_tracks(path)  # imports pyarrow
-    start = time.perf_counter()
     table = read_tracks(path)
-    assert time.perf_counter() - start < 0.15  # measured 0.015 s
     assert len(table.vehicles) + len(table.others) == 18_625
     assert (table.vehicles.tracks, table.others.tracks) == (58, 16)
     assert table.step_s == pytest.approx(0.1)
