@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -325,8 +327,13 @@ def models() -> None:
 
 def main() -> None:
     """Entry point: errors become one line and an exit status."""
+    # A scheduler's SIGTERM leaves what Ctrl-C leaves: finished children, and no worker behind.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without – gets ? for it
     try:
-        app(sys.argv[1:] or ["--help"], standalone_mode=False)
+        status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except ScexError as error:
         _fail(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
     except typer.Abort:
@@ -336,11 +343,15 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()
         raise SystemExit(1) from None
+    except OSError as error:  # of the machine, not of the program: a full disk, a file taken away
+        _fail(f"error: {error.filename or 'a file'}: {error.strerror or error}; see to it and try again", 1)
     except Exception as error:
         shown = getattr(error, "format_message", None)
         if shown is None:
             raise
         _fail(f"error: {shown()}", 2)
+    if status:  # Typer turns Ctrl-C into a status
+        _fail("interrupted", int(status))
 
 
 def _fail(message: str, status: int) -> None:

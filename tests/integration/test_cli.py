@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -223,6 +224,42 @@ def test_tracks_far_from_the_map_name_the_origin_as_likely_cause(tmp_path: Path)
         moved.append(",".join(cells))
     (tmp_path / "far.csv").write_text("\n".join(moved))
     assert "origin" in refused("run", ROUNDABOUT, "--tracks", tmp_path / "far.csv", "-o", tmp_path / "out")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_interrupted_while_it_reads_says_so_and_fails(tmp_path: Path, number: int) -> None:
+    code = (
+        "import os, sys, scex_sumo.seeds, scex_sumo.cli\n"
+        f"scex_sumo.seeds.read_seed = lambda *given, **named: os.kill(os.getpid(), {int(number)})\n"
+        f"sys.argv = ['scex-sumo', 'run', {str(ROUNDABOUT)!r}]\n"
+        "scex_sumo.cli.main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert (done.returncode, done.stderr.strip()) == (130, "interrupted")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_disk_that_is_full_is_said_in_one_line(tmp_path: Path, workers: int) -> None:
+    """A limit on the size of files stands for the disk: the tables of 40 children are larger."""
+    limited = f"ulimit -f 100; exec {sys.executable} -m scex_sumo run {ROUNDABOUT} --no-plots"
+    command = ["bash", "-c", f"{limited} --children 40 --batch 20 --workers {workers} -o {tmp_path}/out"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1, done.stdout
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
+    assert len(lines) == 1, done.stderr
+    assert "File too large" in lines[0]
+    assert not (tmp_path / "out" / "run.json").exists()
+
+
+def test_a_terminal_without_unicode_gets_a_summary_too(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), "--children", "2", "--no-plots"]
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "traffic quality" in done.stdout
 
 
 def test_another_runs_result_is_kept(result: Path) -> None:
