@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import signal
 import tempfile
+import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -213,7 +216,9 @@ def _run_all(
 
         shares = [batches[i::workers] for i in range(min(workers, len(batches)))]
         parallel = Parallel(n_jobs=len(shares), return_as="generator_unordered")
-        for finished in parallel(delayed(run_batches)(job, share) for share in shares):
+        with _deaf_to_ctrl_c():
+            results = parallel(delayed(run_batches)(job, share) for share in shares)
+        for finished in results:
             count += finished
             if progress is not None:
                 progress(count * job.steps, total * job.steps)
@@ -228,6 +233,19 @@ def _run_all(
             progress(ticks, total * job.steps)
 
     run_batches(job, batches, on_step=on_step)
+
+
+@contextlib.contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Processes started meanwhile never see Ctrl-C: this one ends them, and only this one speaks of it."""
+    if threading.current_thread() is not threading.main_thread():  # where Python lets nobody set signals
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # inherited, unlike a handler
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _write_tables(folder: ResultFolder, job: Job, part: Part) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -17,6 +18,19 @@ _ROWS = {
     "wttc": "WTTC [s]",
     "ttc": "1/TTC [1/s]",
 }
+
+
+def print_summary(run: Run, console: Console) -> None:
+    """Print the summary, without its frame where the terminal is too narrow, and never cut off."""
+    unlimited = console.options.update(max_width=1000)
+    table = summary_table(run)
+    if console.measure(table, options=unlimited).maximum > console.width:
+        table = summary_table(run)
+        table.box, table.padding, table.pad_edge = None, (0, 1, 0, 0), False
+        for column in table.columns:
+            column.header = str(column.header).replace(" if", "\nif").replace("% inter", "%\ninter")
+        console.width = max(console.width, console.measure(table, options=unlimited).maximum)
+    console.print(table)
 
 
 def summary_table(run: Run) -> Table:

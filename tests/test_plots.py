@@ -16,7 +16,7 @@ from scex_sumo.plots import draw_cumulative, draw_densities, draw_run
 from scex_sumo.results import ResultFolder, tracks_table, values_table
 from scex_sumo.road import Lane, Road
 from scex_sumo.run import Run, open_run
-from scex_sumo.summary import summary_table
+from scex_sumo.summary import print_summary, summary_table
 from tests.seeds import straight_seed
 from tests.test_results import part_of
 
@@ -95,6 +95,17 @@ def test_the_scene_is_drawn_with_its_road(run: Run) -> None:
     names = {file.name for file in draw_run(run, scene)}
     assert names == {"densities.svg", "densities.png", "cumulative.svg", "cumulative.png", "scene.png"}
     assert all((run.folder / name).exists() for name in names)
+
+
+@pytest.mark.parametrize("width", [60, 80])
+def test_a_narrow_terminal_cuts_nothing_off_the_summary(run: Run, width: int) -> None:
+    console = Console(width=width)
+    with console.capture() as capture:
+        print_summary(run, console)
+    lines = capture.get().splitlines()
+    assert "…" not in capture.get()
+    assert any(line.startswith("traffic quality") and line.rstrip().endswith("40/40") for line in lines)
+    assert max(map(len, lines)) < 80  # a terminal of the usual width holds a line
 
 
 def test_the_summary_shows_shares_and_dashes(run: Run) -> None:

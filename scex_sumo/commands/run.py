@@ -54,7 +54,7 @@ def run_command(request: RunRequest) -> None:
     from scex_sumo.extrapolation import DEFAULT_BATCH, DEFAULT_CHILDREN, extrapolate
     from scex_sumo.routes import off_road
     from scex_sumo.sequential import MOST_CHILDREN
-    from scex_sumo.summary import summary_table
+    from scex_sumo.summary import print_summary
 
     assign = parse_assign(request.assign)
     thresholds = parse_thresholds(request.thresholds)
@@ -90,7 +90,7 @@ def run_command(request: RunRequest) -> None:
             )
             raise SystemExit(130) from None
     warn(run.info["net_notes"])
-    Console(width=None if sys.stdout.isatty() else 110).print(summary_table(run))
+    print_summary(run, Console(width=None if sys.stdout.isatty() else 110))
     if request.until_band is not None:
         _print_band(run.info["band"])
     if request.plots:
