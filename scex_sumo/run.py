@@ -38,6 +38,10 @@ class Run:
         self._temporary = temporary  # keeps a folder that nobody asked for until the run is forgotten
         self.info = _read_info(folder)
 
+    def __repr__(self) -> str:
+        name = self.info["seed_scene"]["name"]
+        return f"Run({str(self.folder)!r}: {self.info['children']} children of {name})"
+
     @cached_property
     def metrics(self) -> pa.Table:
         """One row per child: ``child`` and the 12 metric columns, null where undefined."""
