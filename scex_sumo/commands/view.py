@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -38,7 +39,9 @@ def view_command(
         print(file)
         return
     if not os.environ.get("DISPLAY") and sys.platform.startswith("linux"):
-        raise ScexError(f"no display to open sumo-gui on; on a machine that has one: sumo-gui -c {file}")
+        raise ScexError(
+            f"no display to open sumo-gui on; on a machine that has one: sumo-gui -c {shlex.quote(str(file))}"
+        )
     import sumo
 
     gui = Path(sumo.SUMO_HOME) / "bin" / "sumo-gui"
