@@ -91,6 +91,9 @@ def run(
     batch: Annotated[int | None, typer.Option(help="Children side by side in one SUMO; else chosen.")] = None,
     gui: Annotated[bool, typer.Option("--gui", help="Show the run live in sumo-gui.")] = False,
     plots: Annotated[bool, typer.Option(help="Draw the densities.")] = True,
+    keep_plans: Annotated[
+        bool, typer.Option(help="Write plans.parquet, to evaluate gap times again.")
+    ] = True,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")] = False,
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", help="Result folder.")] = None,
 ) -> None:
@@ -118,6 +121,7 @@ def run(
             batch=batch,
             gui=gui,
             plots=plots,
+            keep_plans=keep_plans,
             overwrite=overwrite,
             out=out,
         )

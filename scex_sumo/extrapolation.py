@@ -25,6 +25,7 @@ from scex_sumo.errors import UsageError
 from scex_sumo.job import Job, batches_of, run_batches
 from scex_sumo.measure import measure_recorded
 from scex_sumo.metrics.evaluate import COLUMNS, PAPER_PRESET
+from scex_sumo.plans import PLANS, plans_table
 from scex_sumo.provenance import describe, fingerprint, versions
 from scex_sumo.results import Part, ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.run import Run, densities_table
@@ -55,6 +56,7 @@ def extrapolate(
     batch: int = DEFAULT_BATCH,
     out: str | Path | None = None,
     overwrite: bool = False,
+    keep_plans: bool = True,
     gui: bool = False,
     thresholds: Mapping[str, float] | None = None,
     command: Sequence[str] | None = None,
@@ -78,6 +80,7 @@ def extrapolate(
         batch: children side by side in one world; the result does not depend on it.
         out: result folder; None keeps the result in a temporary one as long as the returned run lives.
         overwrite: replace the result of another run in ``out``.
+        keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
         gui: show the run live in sumo-gui.
         thresholds: by metric column, on top of the defaults.
         command: the command line, for ``run.json``.
@@ -111,6 +114,7 @@ def extrapolate(
         "until_band": until_band,
         "seed": seed,
         "preset": PAPER_PRESET,
+        "keep_plans": keep_plans,
     }
     identity = {"version": __version__, "scene": fingerprint(scene), **settings}
     folder = ResultFolder(Path(temporary.name if temporary else str(out)), identity, overwrite=overwrite)
@@ -128,6 +132,7 @@ def extrapolate(
         steps=steps,
         replan=replan,
         folder=folder.path,
+        keep_plans=keep_plans,
         gui=gui,
     )
     go = partial(_run_all, folder=folder, workers=workers, batch=batch, progress=progress)
@@ -250,6 +255,9 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 
 def _write_tables(folder: ResultFolder, job: Job, part: Part) -> None:
     folder.write_table("tracks.parquet", tracks_table(job.scene, part))
+    plans = plans_table(job.scene, part, job.replan)
+    if plans is not None:
+        folder.write_table(PLANS, plans)
     metrics = values_table(COLUMNS, part.values, part.defined, part.children)
     folder.write_table("metrics.parquet", metrics)
     folder.write_table("worst.parquet", part.worst)

@@ -36,6 +36,7 @@ class Job:
         steps: steps per child.
         replan: steps between plans.
         folder: the result folder.
+        keep_plans: plans are part of the result.
         gui: show the run live in sumo-gui.
     """
 
@@ -49,6 +50,7 @@ class Job:
     steps: int
     replan: int
     folder: Path
+    keep_plans: bool = True
     gui: bool = False
 
     @property
@@ -113,6 +115,8 @@ def run_batch(
         values=values.values,
         defined=values.defined,
         worst=worst_of(job.scene, values, children),
+        plan_x=rollout.plan_x if job.keep_plans else None,
+        plan_y=rollout.plan_y if job.keep_plans else None,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,8 @@ class Part:
         values: (C, 12) metric values.
         defined: (C, 12) False where a metric is defined in no scene of the child.
         worst: where each child's extremum came from, columns of ``worst.parquet``.
+        plan_x: (C, R, V, H) centres planned at each of the R replans, m; None where plans are not kept.
+        plan_y: (C, R, V, H) likewise.
     """
 
     children: IntArray
@@ -40,6 +42,8 @@ class Part:
     values: FloatArray
     defined: BoolArray
     worst: pa.Table
+    plan_x: FloatArray | None = None
+    plan_y: FloatArray | None = None
 
 
 class ResultFolder:
@@ -103,7 +107,13 @@ class ResultFolder:
 
     def done(self) -> set[int]:
         """Numbers of the children that need not run again."""
-        return {int(c) for part in self._read_parts() for c in part.children}
+        return {int(c) for (children,) in self._saved("children") for c in children}
+
+    def _saved(self, *names: str) -> Iterator[tuple[NDArray[Any], ...]]:
+        """Some arrays of each saved part; the rest, plans above all, stays on the disk."""
+        for file in sorted((self.path / _PARTS).glob("*.npz")):
+            with np.load(file) as data:
+                yield tuple(data[name] for name in names)
 
     def _read_parts(self) -> list[Part]:
         parts = []
@@ -117,20 +127,18 @@ class ResultFolder:
                         values=data["values"],
                         defined=data["defined"],
                         worst=pa.ipc.open_stream(data["worst"].tobytes()).read_all(),
+                        plan_x=data.get("plan_x"),
+                        plan_y=data.get("plan_y"),
                     )
                 )
         return parts
 
     def values(self, children: int) -> tuple[FloatArray, BoolArray]:
         """(C, 12) metric values of the first children and where they are defined, all of them finished."""
-        parts = self._read_parts()
-        numbers = np.concatenate([p.children for p in parts])
+        saved = zip(*self._saved("children", "values", "defined"), strict=True)
+        numbers, values, defined = (np.concatenate(parts) for parts in saved)
         _, order = np.unique(numbers, return_index=True)
         order = order[:children]
-        values, defined = (
-            np.concatenate([p.values for p in parts]),
-            np.concatenate([p.defined for p in parts]),
-        )
         return values[order], defined[order]
 
     def collect(self, children: int) -> Part:
@@ -153,14 +161,24 @@ class ResultFolder:
             values=np.concatenate([p.values for p in parts])[order],
             defined=np.concatenate([p.defined for p in parts])[order],
             worst=_by_child([p.worst for p in parts]),
+            plan_x=_joined([p.plan_x for p in parts], order),
+            plan_y=_joined([p.plan_y for p in parts], order),
         )
 
     def write_table(self, name: str, table: pa.Table) -> None:
         """Write one of the folder's Parquet files."""
         path = self.path / name
         temporary = path.with_name(f".{name}.writing")
+        # Floats in lists hardly repeat: their bytes sorted by significance compress better than a dictionary.
+        lists = [field.name for field in table.schema if pa.types.is_fixed_size_list(field.type)]
         try:
-            pq.write_table(table, temporary, compression="zstd")
+            pq.write_table(
+                table,
+                temporary,
+                compression="zstd",
+                use_dictionary=[column for column in table.column_names if column not in lists],
+                use_byte_stream_split=[f"{column}.list.element" for column in lists] or False,
+            )
             temporary.replace(path)
         except OSError as error:
             raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
@@ -173,8 +191,14 @@ class ResultFolder:
 
 
 _TABLES = tuple(
-    f"{name}.parquet" for name in ("tracks", "metrics", "assignments", "recorded", "densities", "worst")
+    f"{name}.parquet"
+    for name in ("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst")
 )
+
+
+def _joined(parts: Sequence[FloatArray | None], order: IntArray) -> FloatArray | None:
+    there = [part for part in parts if part is not None]
+    return np.concatenate(there)[order] if there else None
 
 
 def _by_child(tables: Sequence[pa.Table]) -> pa.Table:
@@ -189,6 +213,8 @@ def save_part(folder: Path, part: Part) -> None:
     name = f"{int(part.children[0]):08d}-{int(part.children[-1]):08d}.npz"
     target = folder / _PARTS / name
     temporary = target.with_name(f".{name}.writing")
+    given = {"plan_x": part.plan_x, "plan_y": part.plan_y}
+    plans: dict[str, Any] = {name: values for name, values in given.items() if values is not None}
     with temporary.open("wb") as file:
         np.savez(
             file,
@@ -200,6 +226,7 @@ def save_part(folder: Path, part: Part) -> None:
             values=part.values,
             defined=part.defined,
             worst=_packed(part.worst),
+            **plans,
         )
     temporary.replace(target)
 

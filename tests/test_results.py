@@ -39,6 +39,25 @@ def test_parts_are_collected_in_order_of_the_children(tmp_path: Path) -> None:
     assert whole.worst["child"].to_pylist() == [0, 1, 2, 3, 4]
 
 
+def test_plans_are_collected_like_the_children_that_made_them(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "out", {"seed": 1})
+    for numbers in ([3, 4], [0, 1, 2]):
+        plan = np.broadcast_to(np.array(numbers, float)[:, None, None, None], (len(numbers), 2, 2, 30))
+        folder.save_part(dataclasses.replace(part_of(numbers), plan_x=plan, plan_y=plan + 0.5))
+    whole = folder.collect(5)
+    assert whole.plan_x is not None
+    assert whole.plan_y is not None
+    assert whole.plan_x.shape == (5, 2, 2, 30)
+    assert whole.plan_x[:, 1, 1, 29].tolist() == [0, 1, 2, 3, 4]
+    assert whole.plan_y[:, 0, 0, 0].tolist() == [0.5, 1.5, 2.5, 3.5, 4.5]
+
+
+def test_parts_without_plans_are_collected_without(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "out", {"seed": 1})
+    folder.save_part(part_of([0, 1]))
+    assert folder.collect(2).plan_x is None
+
+
 def test_missing_children_are_counted(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
     folder.save_part(part_of([0, 1]))

@@ -29,6 +29,7 @@ def metrics_command(
     from scex_sumo.metrics.base import MetricParameters
     from scex_sumo.metrics.sources import read_source
     from scex_sumo.metrics.tables import recording_table
+    from scex_sumo.plans import PLANS, read_plans
 
     if out is not None and out.suffix not in SUFFIXES:
         raise UsageError(f"-o {out}: unknown format {out.suffix!r}; known: {', '.join(SUFFIXES)}")
@@ -37,8 +38,17 @@ def metrics_command(
     names = None if metrics is None else tuple(name.strip() for name in metrics.split(","))
     parameters = MetricParameters(max_acceleration_by_type=_limits(by_type))
     tracks, history = read_source(source)
+    plans = read_plans(source) if source.is_dir() else None
+    if source.is_dir() and plans is None:
+        warn([f"{source}: has no {PLANS}; the tracks driven are the planned paths, so gap times differ"])
     table = recording_table(
-        tracks, level=level, preset=preset, parameters=parameters, metrics=names, history=history
+        tracks,
+        level=level,
+        preset=preset,
+        parameters=parameters,
+        metrics=names,
+        history=history,
+        plans=plans,
     )
     # The preset is part of every number's meaning, so it goes with the file.
     table = table.replace_schema_metadata({"preset": preset, "level": level})

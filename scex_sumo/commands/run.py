@@ -42,6 +42,7 @@ class RunRequest:
     gui: bool
     plots: bool
     overwrite: bool
+    keep_plans: bool
     out: Path | None
 
 
@@ -80,6 +81,7 @@ def run_command(request: RunRequest) -> None:
                 batch=request.batch if request.batch is not None else DEFAULT_BATCH,
                 out=out,
                 overwrite=request.overwrite,
+                keep_plans=request.keep_plans,
                 gui=request.gui,
                 command=["scex-sumo", *sys.argv[1:]],
                 progress=tick,

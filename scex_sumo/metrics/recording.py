@@ -10,11 +10,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scex_sumo.converters.tracks_table import TrackRows, TrackTable
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.tq import WINDOW_S
-from scex_sumo.scene import FloatArray, IntArray, States
+from scex_sumo.plans import StoredPlans
+from scex_sumo.scene import BoolArray, FloatArray, IntArray, States
 
 WINDOW_STEPS = 64
 STACKED_STEPS = 200  # longer cases are cut into windows
@@ -30,7 +32,7 @@ class Block:
         track_id: (C, V) as recorded; meaningless where a case has fewer vehicles.
         timestamp_ms: (C, T) of every step, history included; where no vehicle was seen, as the grid has it.
         tracks: the vehicles.
-        planned: the tracks driven from each step on.
+        planned: the stored plans, or the tracks driven from each step on.
     """
 
     case: IntArray
@@ -57,12 +59,13 @@ class _Timed:
     step_s: float
 
 
-def blocks(table: TrackTable, *, history: int = 0) -> Iterator[Block]:
+def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = None) -> Iterator[Block]:
     """All motor vehicles of a recording or of a file of cases, in blocks ready for evaluation.
 
     Args:
         table: the tracks.
         history: steps at the start of each case that are not evaluated.
+        plans: what the vehicles of the cases planned; None takes the tracks driven.
     """
     if len(table.vehicles) == 0:
         return
@@ -70,9 +73,12 @@ def blocks(table: TrackTable, *, history: int = 0) -> Iterator[Block]:
     case = timed.rows.case
     starts = np.flatnonzero(np.diff(case, prepend=-1))
     ends = np.append(starts[1:], len(case))
+    longest = STACKED_STEPS
     short, sizes = [], []
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        if timed.step[start:end].max() < STACKED_STEPS:
+        # Children are never cut: they were measured whole, and a window would end their tracks early.
+        if plans is not None or timed.step[start:end].max() < STACKED_STEPS:
+            longest = max(longest, int(timed.step[start:end].max()) + 1)
             short.append((start, end))
             sizes.append(len(np.unique(timed.rows.track[start:end])))
         else:
@@ -80,10 +86,11 @@ def blocks(table: TrackTable, *, history: int = 0) -> Iterator[Block]:
     # Cases of like size beside each other leave little of a stack empty.
     order = np.argsort(np.array(sizes, dtype=np.int64), kind="stable")
     while order.size:
-        largest, steps = sizes[order[-1]], STACKED_STEPS
-        count = max(STACKED_VALUES // (steps * max(largest, 1) ** 2), 1)
+        largest = sizes[order[-1]]
+        count = max(STACKED_VALUES // (longest * max(largest, 1) ** 2), 1)
         chosen, order = np.sort(order[-count:]), order[:-count]
-        yield _stacked(timed, [short[i] for i in chosen.tolist()], history)
+        block = _stacked(timed, [short[i] for i in chosen.tolist()], history)
+        yield block if plans is None else _with_plans(block, plans, np.array(table.cases))
 
 
 def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
@@ -120,6 +127,14 @@ def _stacked(timed: _Timed, ranges: list[tuple[int, int]], history: int) -> Bloc
         tracks=tracks,
         planned=PlannedPaths.from_tracks(tracks),
     )
+
+
+def _with_plans(block: Block, plans: StoredPlans, names: NDArray[np.str_]) -> Block:
+    """The same with the plans of the children that the cases are."""
+    tracks = block.tracks
+    assert tracks.present is not None
+    there: BoolArray = np.any(tracks.present, axis=1)
+    return replace(block, planned=plans.paths(names[block.case], block.track_id, there, tracks.steps))
 
 
 def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Block]:

@@ -14,6 +14,7 @@ from scex_sumo.metrics.base import MetricParameters
 from scex_sumo.metrics.evaluate import PAPER, ScenarioValues, Worst, evaluate, evaluate_pairs
 from scex_sumo.metrics.recording import Block, blocks
 from scex_sumo.metrics.registry import metrics_named
+from scex_sumo.plans import StoredPlans
 from scex_sumo.scene import BoolArray, FloatArray, IntArray
 
 Level: TypeAlias = Literal["pair", "scene", "scenario", "worst"]
@@ -28,8 +29,9 @@ def recording_table(
     parameters: MetricParameters = PAPER,
     metrics: tuple[str, ...] | None = None,
     history: int = 0,
+    plans: StoredPlans | None = None,
 ) -> pa.Table:
-    """Metric values of the motor vehicles of a recording; planned paths are the tracks driven.
+    """Metric values of the motor vehicles of a recording or of child scenarios.
 
     Args:
         table: the tracks, taken as they are.
@@ -41,16 +43,18 @@ def recording_table(
         parameters: constants.
         metrics: names; the paper's six by default.
         history: steps at the start of each case that are not evaluated.
+        plans: what the vehicles planned, the cases being children; None takes the tracks driven.
 
     Raises:
         UsageError: an unknown level, preset or metric.
+        ResultError: the plans are not those of the tracks.
     """
     if level not in LEVELS:
         raise UsageError(f"metrics: unknown level {level!r}; known: {', '.join(LEVELS)}")
     names = case_ids(table)
     order = tuple(metric.name for metric in metrics_named(metrics))
     options: dict[str, Any] = {"preset": preset, "parameters": parameters, "metrics": order}
-    parts = list(blocks(table, history=history))
+    parts = list(blocks(table, history=history, plans=plans))
     if level == "pair":
         return _sorted_pairs([_pair_rows(block, order, options) for block in parts], names, order)
     evaluated = [(block, evaluate(block.tracks, block.planned, **options)) for block in parts]

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -87,8 +88,52 @@ def test_the_same_seed_gives_the_same_bytes_whatever_the_batches_and_workers(
         out = tmp_path / options[0].strip("-")
         done = scex("run", ROUNDABOUT, "--children", 12, "--no-plots", "-o", out, *options)
         assert done.returncode == 0, done.stderr
-        for name in ("tracks.parquet", "metrics.parquet", "assignments.parquet", "densities.parquet"):
+        for table in ("tracks", "plans", "metrics", "assignments", "densities"):
+            name = f"{table}.parquet"
             assert (out / name).read_bytes() == (result / name).read_bytes(), (options, name)
+
+
+def same_values(result: Path, evaluated: Path) -> pa.Table:
+    """The run's own metrics, which the evaluated ones equal to the last digits, gap times included."""
+    mine, again = pq.read_table(result / "metrics.parquet"), pq.read_table(evaluated)
+    assert again["case_id"].to_pylist() == mine["child"].to_pylist()
+    for column in COLUMNS:
+        assert again[column].is_null().equals(mine[column].is_null()), column
+        known = mine[column].drop_null().to_pylist()
+        assert again[column].drop_null().to_pylist() == pytest.approx(known, rel=1e-9, abs=1e-9), column
+    return mine
+
+
+def test_evaluated_again_a_result_has_the_runs_values(result: Path, tmp_path: Path) -> None:
+    done = scex("metrics", result, "-o", tmp_path / "again.parquet")
+    assert (done.returncode, done.stderr) == (0, "")
+    mine = same_values(result, tmp_path / "again.parquet")
+    assert mine["gap_time"].null_count < mine.num_rows
+
+
+def test_long_children_with_few_plans_are_evaluated_again_whole(tmp_path: Path) -> None:
+    """Recordings of 200 steps and more are cut into windows; children are not, history included."""
+    options = ("--children", 2, "--steps", 195, "--replan", 17, "--no-plots")
+    done = scex("run", ROUNDABOUT, *options, "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert scex("metrics", tmp_path / "out", "-o", tmp_path / "again.parquet").returncode == 0
+    mine = same_values(tmp_path / "out", tmp_path / "again.parquet")
+    assert mine["gap_time"].null_count == 0
+
+
+def test_without_plans_gap_times_are_of_the_tracks_driven_and_that_is_said(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = scex("run", ROUNDABOUT, "--children", 2, "--no-plots", "--no-keep-plans", "-o", out)
+    assert done.returncode == 0, done.stderr
+    assert not (out / "plans.parquet").exists()
+    done = scex("metrics", out, "-o", tmp_path / "again.parquet")
+    assert done.returncode == 0
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("note: ")
+    assert "has no plans.parquet" in line
+    mine, again = (pq.read_table(file) for file in (out / "metrics.parquet", tmp_path / "again.parquet"))
+    assert again["wttc"].to_pylist() == pytest.approx(mine["wttc"].to_pylist())
+    assert again["gap_time"].to_pylist() != mine["gap_time"].to_pylist()
 
 
 def test_fewer_children_are_the_first_of_more(result: Path, tmp_path: Path) -> None:
