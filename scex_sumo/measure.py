@@ -12,7 +12,7 @@ from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
 from scex_sumo.metrics.tables import worst_table
 from scex_sumo.results import LOGGED_HISTORY
 from scex_sumo.rollout import Rollout
-from scex_sumo.scene import STEP_S, BoolArray, IntArray, SeedScene, States
+from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, SeedScene, States
 
 
 def measure_rollout(scene: SeedScene, rollout: Rollout) -> ScenarioValues:
@@ -57,6 +57,27 @@ def measure_recorded(scene: SeedScene, steps: int) -> ScenarioValues | None:
         present=None if whole.present is None else whole.present[:, :until],
     )
     return evaluate(tracks, replace(paths, index=paths.index[:known], column=paths.column[:known]))
+
+
+def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> FloatArray:
+    """How far SUMO put the vehicles that it drives from where one step of their motion leads.
+
+    SUMO keeps a vehicle parallel to its lane, so that one that stands askew is turned about its front bumper
+    when SUMO takes it over.
+
+    Args:
+        scene: the seed scene.
+        first: (C, V) states after the first step.
+        by_sumo: (C, V) which vehicles SUMO drives.
+
+    Returns:
+        (n,) m, one for each vehicle that SUMO drives.
+    """
+    now = scene.now
+    way = now.speed * STEP_S
+    x, y = now.x + way * np.cos(now.heading), now.y + way * np.sin(now.heading)
+    jumps: FloatArray = np.hypot(first.x - x, first.y - y)[by_sumo]
+    return jumps
 
 
 def _tracks(scene: SeedScene, history: States, after: States, present: BoolArray | None) -> SceneTracks:

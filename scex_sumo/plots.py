@@ -20,6 +20,7 @@ from scex_sumo.results import LOGGED_HISTORY
 from scex_sumo.road import Road
 from scex_sumo.run import Run, side_of
 from scex_sumo.scene import FloatArray, SeedScene
+from scex_sumo.summary import counted
 
 # Name and unit of each metric, as axis label; the column ttc holds the inverse.
 LABELS = {
@@ -47,7 +48,8 @@ def draw_run(run: Run, scene: SeedScene) -> list[Path]:
     files = draw_densities(run, folder / "densities") + draw_cumulative(run, folder / "cumulative")
     if scene.road is not None:
         title = (
-            f"{scene.name}: {run.children} futures of {scene.vehicles} vehicles, {run.info['steps'] / 10:g} s"
+            f"{scene.name}: {run.children} futures of {counted(scene.vehicles, 'vehicle')}, "
+            f"{run.info['steps'] / 10:g} s"
         )
         files.append(draw_scene(scene.road, scene, futures_of(run, scene), folder / "scene.png", title=title))
     return files
@@ -101,7 +103,8 @@ def _panels(run: Run, what: str, draw: Callable[[Run, str, Axes], None]) -> Figu
             axes.set_ylabel(what)
         scene = run.info["seed_scene"]
         figure.suptitle(
-            f"{scene['name']}   {scene['vehicles']} vehicles, {run.children} child scenarios",
+            f"{scene['name']}   {counted(scene['vehicles'], 'vehicle')}, "
+            f"{counted(run.children, 'child scenario')}",
             x=0.01,
             ha="left",
             fontsize=10,

@@ -39,8 +39,8 @@ def summary_table(run: Run) -> Table:
 
     scene = run.info["seed_scene"]
     table = Table(
-        title=f"{scene['name']}: {_counted(scene['vehicles'], 'vehicle')}, "
-        f"{_counted(run.children, 'child scenario')}",
+        title=f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, "
+        f"{counted(run.children, 'child scenario')}",
         title_justify="left",
         caption="worst value of each child; interval: 95 %, Wilson",
         caption_justify="left",
@@ -73,7 +73,8 @@ def _critical(run: Run, column: str, threshold: float | None, samples: FloatArra
     return limit, f"{share.value:.1%}", f"{share.low:.1%} – {share.high:.1%}"
 
 
-def _counted(count: int, noun: str) -> str:
+def counted(count: int, noun: str) -> str:
+    """A number with its noun, in the plural where it is one."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from scex_sumo.measure import measure_recorded, measure_rollout, worst_of
+from scex_sumo.measure import handover_jumps, measure_recorded, measure_rollout, worst_of
 from scex_sumo.rollout import Rollout
 from scex_sumo.scene import SeedScene, States
 from tests.seeds import straight_seed
@@ -62,6 +62,14 @@ def test_vehicles_count_as_long_as_they_were_recorded() -> None:
     values = measure_recorded(dataclasses.replace(scene, future_valid=valid), 30)
     assert values is not None
     assert values.scene["distance"].defined[0].tolist() == [True] * 10 + [False] * 20
+
+
+def test_only_the_vehicles_that_sumo_drives_can_jump_at_its_takeover() -> None:
+    scene = crossing_seed()
+    first = going_on(scene, 1)[:, 0].repeat(2)
+    moved = dataclasses.replace(first, x=first.x + np.array([[0.0, 3.0], [0.0, 0.0]]))
+    by_sumo = np.array([[False, True], [False, True]])
+    assert handover_jumps(scene, moved, by_sumo) == pytest.approx([3.0, 0.0])
 
 
 def test_the_worst_moment_is_named_by_its_frame() -> None:

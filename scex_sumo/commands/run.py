@@ -91,7 +91,7 @@ def run_command(request: RunRequest) -> None:
                 f"interrupted; finished children are kept in {out}, the same command goes on", file=sys.stderr
             )
             raise SystemExit(130) from None
-    warn(run.info["net_notes"])
+    warn([*run.info["net_notes"], *run.info["run_notes"]])
     print_summary(run, Console(width=None if sys.stdout.isatty() else 110))
     if request.until_band is not None:
         _print_band(run.info["band"])
@@ -195,4 +195,4 @@ def _warn_off_road(scene: SeedScene, off: list[int]) -> None:
             f"{scene.name}: none of its {scene.vehicles} vehicles is on a mapped lane; most likely the map's "
             f"origin is not the recording's (used: {origin[0]:g},{origin[1]:g}); give --origin LAT,LON"
         )
-    warn([f"{len(off)} of {scene.vehicles} vehicles are off the mapped lanes and go straight on: {shown}"])
+    warn([f"off the mapped lanes, so going straight on: {len(off)} of {scene.vehicles} vehicles ({shown})"])
