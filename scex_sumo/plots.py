@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from scex_sumo.results import LOGGED_HISTORY
 from scex_sumo.road import Road
 from scex_sumo.run import Run, side_of
-from scex_sumo.scene import FloatArray, SeedScene
+from scex_sumo.scene import HISTORY_STEPS, FloatArray, SeedScene
 from scex_sumo.summary import counted
 
 # Name and unit of each metric, as axis label; the column ttc holds the inverse.
@@ -209,7 +209,10 @@ def draw_scene(
 
 
 def scene_panel(axes: Axes, road: Road, seed: SeedScene, futures: Sequence[FloatArray]) -> None:
-    """Draw the road, the vehicles of a seed scene, and the paths of its children, as `draw_scene` does."""
+    """Draw the road, the vehicles of a seed scene, and the paths of its children, as `draw_scene` does.
+
+    Pedestrians and cyclists are dots.
+    """
     draw_road(axes, road)
     palette = plt.get_cmap("turbo")
     for vehicle, lines in enumerate(futures):
@@ -220,6 +223,11 @@ def scene_panel(axes: Axes, road: Road, seed: SeedScene, futures: Sequence[Float
     axes.add_collection(
         PolyCollection(boxes, facecolors="#222222", edgecolors="white", linewidths=0.6, zorder=5)
     )
+    others = seed.obstacles
+    if others is not None:
+        here = others.present[:, HISTORY_STEPS]
+        at = others.states[here, HISTORY_STEPS]
+        axes.scatter(at.x, at.y, s=14, color="#d6189c", edgecolors="white", linewidths=0.5, zorder=6)
     low, high = _extent(seed, futures)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
 

@@ -6,6 +6,7 @@ import dataclasses
 import tempfile
 from pathlib import Path
 
+from scex_sumo.errors import TrackError
 from scex_sumo.scene import SeedScene
 
 
@@ -35,14 +36,16 @@ def read_seed(
         MapError: the map cannot be read.
         TrackError: the tracks cannot be read, or hold no such moment.
     """
-    from scex_sumo.converters.maps import OPENDRIVE, read_map
+    from scex_sumo.converters.maps import read_map
     from scex_sumo.converters.tracks import find_tracks
     from scex_sumo.converters.tracks import read_seed as read_recorded
 
     map_path = Path(map_path)
-    if not map_path.is_file() or map_path.name.lower().endswith(OPENDRIVE):
-        read_map(map_path)  # says what is wrong with the map before the tracks are looked for
-    track_path = Path(tracks) if tracks is not None else find_tracks(map_path)
+    try:
+        track_path = Path(tracks) if tracks is not None else find_tracks(map_path)
+    except TrackError:
+        read_map(map_path)  # a file that is no map is the likelier reason, and says so
+        raise
     road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False)
     scene = read_recorded(map_path, tracks=track_path, case=case, time_s=time)
     return dataclasses.replace(scene, road=road)

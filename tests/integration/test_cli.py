@@ -219,6 +219,7 @@ def test_what_is_no_map_is_said(tmp_path: Path, content: str, words: str) -> Non
     path = tmp_path / "map.osm"
     path.write_text(content)
     assert words.lower() in refused("run", path, "--synthetic", 3).lower()
+    assert words.lower() in refused("run", path).lower()
 
 
 @pytest.mark.parametrize(
