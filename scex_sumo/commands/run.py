@@ -99,9 +99,11 @@ def run_command(request: RunRequest) -> None:
         from scex_sumo.commands.view import write_critical
         from scex_sumo.plots import draw_run
 
-        draw_run(run, scene)
+        pictures = [file.name for file in draw_run(run, scene) if file.suffix == ".png"]
         write_critical(run)
-    print(f"result: {out}")
+        print(f"result: {out}; pictures in it: {', '.join(pictures)}")
+    else:
+        print(f"result: {out}")
     print(f"look:   scex-sumo view {shlex.quote(str(out))} {_which_child(run)}")
 
 
