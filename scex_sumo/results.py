@@ -95,7 +95,7 @@ class ResultFolder:
         """Remove what an earlier run wrote, and nothing else."""
         for name in ("run.json", _PENDING, "seed.csv", "report.html", *_TABLES):
             (self.path / name).unlink(missing_ok=True)
-        for pattern in ("densities.*", "cumulative.*", "explain*", "sample_size*"):
+        for pattern in ("densities.*", "cumulative.*", "scene.png", "explain*", "sample_size*"):
             for file in self.path.glob(pattern):
                 file.unlink()
         for name in (_PARTS, "sumo"):

@@ -91,7 +91,9 @@ def test_a_folder_of_other_files_is_never_touched(tmp_path: Path) -> None:
 def test_overwriting_leaves_files_of_others_alone(tmp_path: Path) -> None:
     ResultFolder(tmp_path / "out", {"seed": 1}).finish({})
     (tmp_path / "out" / "notes.txt").write_text("mine")
+    (tmp_path / "out" / "scene.png").write_text("of the earlier run")
     ResultFolder(tmp_path / "out", {"seed": 2}, overwrite=True)
+    assert not (tmp_path / "out" / "scene.png").exists()
     assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
 
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.commands.metrics import write_table
+from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -55,15 +56,11 @@ def explain_command(folder: Path, *, metric: str | None, worst: int, plots: bool
 
 def _write(path: Path, rows: list[dict[str, Any]]) -> None:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
-    if not rows:
+    if rows:
+        write_table(pa.Table.from_pylist(rows), path)
+    else:
         path.unlink(missing_ok=True)
-        return
-    try:
-        pq.write_table(pa.Table.from_pylist(rows), path)
-    except OSError as error:
-        raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
 
 
 def _effects_table(run: Run, shown: Sequence[Explanation]) -> Table:

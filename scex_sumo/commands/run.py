@@ -10,24 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scex_sumo.commands.console import progress_bar, warn
-from scex_sumo.converters.origin import parse_origin
-from scex_sumo.errors import TrackError, UsageError
-from scex_sumo.scene import SeedScene
+from scex_sumo.commands.seed import SeedRequest, seed_scene
+from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
     from scex_sumo.run import Run
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunRequest:
+class RunRequest(SeedRequest):
     """The options of ``scex-sumo run`` as given; see its help."""
 
-    map_path: Path
-    tracks: Path | None
-    case: str | None
-    time_s: float | None
-    synthetic: int | None
-    origin: str | None
     children: str | None
     steps: int
     replan: int
@@ -36,7 +29,6 @@ class RunRequest:
     thresholds: tuple[str, ...]
     design: str | None
     until_band: float | None
-    seed: int
     workers: int
     batch: int | None
     gui: bool
@@ -53,16 +45,12 @@ def run_command(request: RunRequest) -> None:
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.designs import DEFAULT_DESIGN
     from scex_sumo.extrapolation import DEFAULT_BATCH, DEFAULT_CHILDREN, extrapolate
-    from scex_sumo.routes import off_road
     from scex_sumo.sequential import MOST_CHILDREN
     from scex_sumo.summary import print_summary
 
     assign = parse_assign(request.assign)
     thresholds = parse_thresholds(request.thresholds)
-    scene = _seed_scene(request)
-    warn([*(scene.road.notes if scene.road else ()), *scene.notes])
-    assert scene.road is not None
-    _warn_off_road(scene, off_road(scene.road, scene))
+    scene = seed_scene(request)
     out = request.out if request.out is not None else Path("out") / scene.name
     with progress_bar(f"{scene.name}") as tick:
         try:
@@ -158,43 +146,3 @@ def parse_thresholds(entries: tuple[str, ...]) -> dict[str, float]:
         if not math.isfinite(result[column]):
             raise UsageError(f"--threshold {entry}: {value} is no threshold; give a number")
     return result
-
-
-def _seed_scene(request: RunRequest) -> SeedScene:
-    from scex_sumo.seeds import read_seed, synthetic_seed
-
-    origin = parse_origin(request.origin) if request.origin is not None else None
-    if request.synthetic is None:
-        return read_seed(
-            request.map_path,
-            tracks=request.tracks,
-            case=request.case,
-            time=request.time_s,
-            origin=origin,
-        )
-    given = [
-        n
-        for n, v in (("--tracks", request.tracks), ("--case", request.case), ("--time", request.time_s))
-        if v is not None
-    ]
-    if given:
-        raise UsageError(f"--synthetic: makes its own tracks; leave out {', '.join(given)}")
-    return synthetic_seed(request.map_path, vehicles=request.synthetic, seed=request.seed, origin=origin)
-
-
-def _warn_off_road(scene: SeedScene, off: list[int]) -> None:
-    """Some vehicles beside the mapped lanes go straight on; all of them mean that the map does not fit.
-
-    Raises:
-        TrackError: no vehicle is on a mapped lane.
-    """
-    if not off:
-        return
-    shown = ", ".join(str(scene.track_ids[v]) for v in off[:8]) + (", ..." if len(off) > 8 else "")
-    if len(off) == scene.vehicles:
-        origin = scene.road.origin if scene.road else (0.0, 0.0)
-        raise TrackError(
-            f"{scene.name}: none of its {scene.vehicles} vehicles is on a mapped lane; most likely the map's "
-            f"origin is not the recording's (used: {origin[0]:g},{origin[1]:g}); give --origin LAT,LON"
-        )
-    warn([f"off the mapped lanes, so going straight on: {len(off)} of {scene.vehicles} vehicles ({shown})"])

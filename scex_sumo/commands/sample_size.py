@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scex_sumo.commands.console import progress_bar, warn
-from scex_sumo.converters.origin import parse_origin
-from scex_sumo.errors import ResultError, UsageError
-from scex_sumo.scene import SeedScene
+from scex_sumo.commands.metrics import write_table
+from scex_sumo.commands.seed import SeedRequest, seed_scene
+from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -20,21 +20,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudyRequest:
+class StudyRequest(SeedRequest):
     """The options of ``scex-sumo sample-size`` as given; see its help."""
 
-    map_path: Path
-    tracks: Path | None
-    case: str | None
-    time_s: float | None
-    synthetic: int | None
-    origin: str | None
     vehicles: int
     models: str | None
     sizes: str
     draws: int
     designs: str
-    seed: int
     workers: int
     plots: bool
     overwrite: bool
@@ -43,6 +36,7 @@ class StudyRequest:
 
 def sample_size_command(request: StudyRequest) -> None:
     """Run all assignments, compare samples with them, print the table, write it and draw it."""
+    import pyarrow as pa
     from rich.console import Console
 
     from scex_sumo.reduction import choose_vehicles, reduced
@@ -52,8 +46,7 @@ def sample_size_command(request: StudyRequest) -> None:
     designs = [d.strip() for d in request.designs.split(",") if d.strip()]
     if request.draws < 1:
         raise UsageError(f"--draws: got {request.draws}, needs at least 1")
-    whole = _seed_scene(request)
-    warn([*(whole.road.notes if whole.road else ()), *whole.notes])
+    whole = seed_scene(request)
     scene = reduced(whole, choose_vehicles(whole, request.vehicles))
     if scene.vehicles < whole.vehicles:
         kept = ", ".join(str(t) for t in scene.track_ids)
@@ -76,7 +69,9 @@ def sample_size_command(request: StudyRequest) -> None:
     simulated = time.perf_counter()
     with progress_bar("samples") as tick:
         rows = study(run, sizes=sizes, draws=request.draws, designs=designs, seed=request.seed, progress=tick)
-    _write(rows, out)
+    table = pa.Table.from_pylist(rows)
+    for name in ("sample_size.parquet", "sample_size.csv"):
+        write_table(table, out / name)
     Console(width=None if sys.stdout.isatty() else 110).print(_table(rows, run, request.draws))
     if request.plots:
         from scex_sumo.plots_statistics import draw_errors, draw_subsets
@@ -96,32 +91,6 @@ def _sizes(text: str) -> tuple[int, ...]:
     if not parts or not all(p.isdigit() and int(p) > 0 for p in parts):
         raise UsageError(f"--sizes {text}: needs whole numbers above 0, e.g. 1000,385,100,10")
     return tuple(int(p) for p in parts)
-
-
-def _seed_scene(request: StudyRequest) -> SeedScene:
-    from scex_sumo.seeds import read_seed, synthetic_seed
-
-    origin = parse_origin(request.origin) if request.origin is not None else None
-    if request.synthetic is not None:
-        if request.tracks is not None or request.case is not None or request.time_s is not None:
-            raise UsageError("--synthetic: makes its own tracks; leave out --tracks, --case, --time")
-        return synthetic_seed(request.map_path, vehicles=request.synthetic, seed=request.seed, origin=origin)
-    return read_seed(
-        request.map_path, tracks=request.tracks, case=request.case, time=request.time_s, origin=origin
-    )
-
-
-def _write(rows: list[dict[str, Any]], out: Path) -> None:
-    import pyarrow as pa
-    import pyarrow.csv as pc
-    import pyarrow.parquet as pq
-
-    table = pa.Table.from_pylist(rows)
-    try:
-        pq.write_table(table, out / "sample_size.parquet")
-        pc.write_csv(table, out / "sample_size.csv", pc.WriteOptions(quoting_style="needed"))
-    except OSError as error:
-        raise ResultError(f"{out}: cannot write the table: {error.strerror or error}") from None
 
 
 def _table(rows: list[dict[str, Any]], run: Run, draws: int) -> Table:

@@ -1,0 +1,81 @@
+"""The seed scene that a command asks for, and what its reader should know about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from scex_sumo.commands.console import warn
+from scex_sumo.converters.origin import parse_origin
+from scex_sumo.errors import TrackError, UsageError
+from scex_sumo.scene import SeedScene
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeedRequest:
+    """The options that name a seed scene, as given; see the help of ``scex-sumo run``."""
+
+    map_path: Path
+    tracks: Path | None
+    case: str | None
+    time_s: float | None
+    synthetic: int | None
+    origin: str | None
+    seed: int
+
+
+def seed_scene(request: SeedRequest) -> SeedScene:
+    """Read or populate the seed scene; notes of map and tracks go to standard error.
+
+    Raises:
+        UsageError: options that exclude one another.
+        TrackError: no vehicle is on a mapped lane.
+        ScexError: map or tracks cannot be read.
+    """
+    from scex_sumo.routes import off_road
+
+    scene = _read(request)
+    assert scene.road is not None
+    warn([*scene.road.notes, *scene.notes])
+    _warn_off_road(scene, off_road(scene.road, scene))
+    return scene
+
+
+def _read(request: SeedRequest) -> SeedScene:
+    from scex_sumo.seeds import read_seed, synthetic_seed
+
+    origin = parse_origin(request.origin) if request.origin is not None else None
+    if request.synthetic is None:
+        return read_seed(
+            request.map_path,
+            tracks=request.tracks,
+            case=request.case,
+            time=request.time_s,
+            origin=origin,
+        )
+    given = [
+        n
+        for n, v in (("--tracks", request.tracks), ("--case", request.case), ("--time", request.time_s))
+        if v is not None
+    ]
+    if given:
+        raise UsageError(f"--synthetic: makes its own tracks; leave out {', '.join(given)}")
+    return synthetic_seed(request.map_path, vehicles=request.synthetic, seed=request.seed, origin=origin)
+
+
+def _warn_off_road(scene: SeedScene, off: list[int]) -> None:
+    """Some vehicles beside the mapped lanes go straight on; all of them mean that the map does not fit.
+
+    Raises:
+        TrackError: no vehicle is on a mapped lane.
+    """
+    if not off:
+        return
+    shown = ", ".join(str(scene.track_ids[v]) for v in off[:8]) + (", ..." if len(off) > 8 else "")
+    if len(off) == scene.vehicles:
+        origin = scene.road.origin if scene.road else (0.0, 0.0)
+        raise TrackError(
+            f"{scene.name}: none of its {scene.vehicles} vehicles is on a mapped lane; most likely the map's "
+            f"origin is not the recording's (used: {origin[0]:g},{origin[1]:g}); give --origin LAT,LON"
+        )
+    warn([f"off the mapped lanes, so going straight on: {len(off)} of {scene.vehicles} vehicles ({shown})"])
