@@ -26,6 +26,18 @@ Origin = Annotated[
     str | None,
     typer.Option(metavar="LAT,LON", help="Origin of the map's coordinates; else from meta_data.csv."),
 ]
+Tracks = Annotated[
+    Path | None, typer.Option(metavar="CSV", help="Recorded tracks; else looked for beside the map.")
+]
+Case = Annotated[str | None, typer.Option(metavar="ID", help="Case of a file with case_id.")]
+Moment = Annotated[float | None, typer.Option(metavar="S", help="Moment in seconds of the recording.")]
+Synthetic = Annotated[
+    int | None, typer.Option(metavar="N", help="Populate the map with N vehicles by SUMO instead.")
+]
+Seed = Annotated[int, typer.Option(help="Random seed.")]
+Workers = Annotated[int, typer.Option(help="Processes.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")]
+ResultPath = Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", help="Result folder.")]
 
 
 def _version(wanted: bool) -> None:
@@ -48,16 +60,10 @@ def _root(
 )
 def run(
     map_path: MapPath,
-    tracks: Annotated[
-        Path | None, typer.Option(metavar="CSV", help="Recorded tracks; else looked for beside the map.")
-    ] = None,
-    case: Annotated[str | None, typer.Option(metavar="ID", help="Case of a file with case_id.")] = None,
-    time: Annotated[
-        float | None, typer.Option(metavar="S", help="Moment in seconds of the recording.")
-    ] = None,
-    synthetic: Annotated[
-        int | None, typer.Option(metavar="N", help="Populate the map with N vehicles by SUMO instead.")
-    ] = None,
+    tracks: Tracks = None,
+    case: Case = None,
+    time: Moment = None,
+    synthetic: Synthetic = None,
     origin: Origin = None,
     children: Annotated[
         str | None,
@@ -86,16 +92,16 @@ def run(
         list[str] | None,
         typer.Option(metavar="METRIC=VALUE", help="Where a metric becomes critical; repeatable."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
-    workers: Annotated[int, typer.Option(help="Processes.")] = 1,
+    seed: Seed = 0,
+    workers: Workers = 1,
     batch: Annotated[int | None, typer.Option(help="Children side by side in one SUMO; else chosen.")] = None,
     gui: Annotated[bool, typer.Option("--gui", help="Show the run live in sumo-gui.")] = False,
     plots: Annotated[bool, typer.Option(help="Draw the densities.")] = True,
     keep_plans: Annotated[
         bool, typer.Option(help="Write plans.parquet, to evaluate gap times again.")
     ] = True,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")] = False,
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", help="Result folder.")] = None,
+    overwrite: Overwrite = False,
+    out: ResultPath = None,
 ) -> None:
     """Let one moment of traffic run on many times, and measure every child scenario."""
     from scex_sumo.commands.run import RunRequest, run_command
@@ -233,16 +239,10 @@ def metrics(
 @app.command("sample-size", epilog="Example: scex-sumo sample-size roundabout.osm -o out/enough")
 def sample_size(
     map_path: MapPath,
-    tracks: Annotated[
-        Path | None, typer.Option(metavar="CSV", help="Recorded tracks; else looked for beside the map.")
-    ] = None,
-    case: Annotated[str | None, typer.Option(metavar="ID", help="Case of a file with case_id.")] = None,
-    time: Annotated[
-        float | None, typer.Option(metavar="S", help="Moment in seconds of the recording.")
-    ] = None,
-    synthetic: Annotated[
-        int | None, typer.Option(metavar="N", help="Populate the map with N vehicles by SUMO instead.")
-    ] = None,
+    tracks: Tracks = None,
+    case: Case = None,
+    time: Moment = None,
+    synthetic: Synthetic = None,
     origin: Origin = None,
     vehicles: Annotated[int, typer.Option(help="How many take part, those nearest to each other.")] = 5,
     models: Annotated[
@@ -253,11 +253,11 @@ def sample_size(
     designs: Annotated[
         str, typer.Option(metavar="NAME,...", help="random: subsets; others as --design of run.")
     ] = "random",
-    seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
-    workers: Annotated[int, typer.Option(help="Processes.")] = 1,
+    seed: Seed = 0,
+    workers: Workers = 1,
     plots: Annotated[bool, typer.Option(help="Draw the densities and errors.")] = True,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")] = False,
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", help="Result folder.")] = None,
+    overwrite: Overwrite = False,
+    out: ResultPath = None,
 ) -> None:
     """Run every assignment of a small seed scene, and see how few of them would have been enough."""
     from scex_sumo.commands.sample_size import StudyRequest, sample_size_command
