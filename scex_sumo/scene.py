@@ -239,9 +239,15 @@ class Plan:
         y: (n, H) centre, m.
         heading: (n, H) rad.
         speed: (n, H) m/s.
+        fallback: (n,) True where the model had no usable plan and the path-following driver planned instead;
+            None where that cannot happen.
+        reasons: (n) why, a phrase for each vehicle, empty where the model's own plan stands; or nothing at
+            all where no reason is known.
     """
 
     x: FloatArray
     y: FloatArray
     heading: FloatArray
     speed: FloatArray
+    fallback: BoolArray | None = None
+    reasons: tuple[str, ...] = ()
