@@ -17,17 +17,21 @@ def read_seed(
     case: str | None = None,
     time: float | None = None,
     origin: tuple[float, float] | None = None,
+    align: bool = True,
 ) -> SeedScene:
     """Read one moment of a recording, with its map.
 
     Args:
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
-        tracks: a track file in INTERACTION format, or a CommonRoad scenario; None looks where the dataset's
+        tracks: a track file in INTERACTION format, a CommonRoad scenario, or a folder with the chunks of one
+            CommonRoad recording; None looks where the dataset's
             folder layout has it, and takes a CommonRoad map's own vehicles.
         case: the case of a file with ``case_id``; None takes the busiest one.
         time: the moment in seconds of the recording; None takes frame 10 of a case, and of a recording the
             moment with most moving vehicles recorded from 1 s before to 3 s after.
         origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
+        align: whether tracks that lie beside the map's lanes are moved onto them, see `align_tracks`; False
+            leaves them where they were recorded.
 
     Returns:
         The seed scene, its ``road`` set.
@@ -47,7 +51,7 @@ def read_seed(
         read_map(map_path)  # a file that is no map is the likelier reason, and says so
         raise
     road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False)
-    scene = read_recorded(map_path, tracks=track_path, case=case, time_s=time)
+    scene = read_recorded(map_path, tracks=track_path, case=case, time_s=time, road=road, align=align)
     return dataclasses.replace(scene, road=road)
 
 

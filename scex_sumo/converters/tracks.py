@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from scex_sumo.converters.commonroad_tracks import read_commonroad_tracks, repair_commonroad
 from scex_sumo.converters.maps import is_commonroad, map_name
+from scex_sumo.converters.recordings_read import chains, clean_tracks, read_recorded
 from scex_sumo.converters.tracks_find import find_tracks
-from scex_sumo.converters.tracks_moments import CASE_FRAME, STAMP_MS, Moment, busiest, moments
+from scex_sumo.converters.tracks_moments import Moment, busiest, moments
 from scex_sumo.converters.tracks_repair import repair_tracks
 from scex_sumo.converters.tracks_rows import TrackRows, TrackTable
-from scex_sumo.converters.tracks_sample import Sampled, sample
+from scex_sumo.converters.tracks_scene import FUTURE_STEPS, recording_name, take_scene
 from scex_sumo.converters.tracks_table import read_tracks
 from scex_sumo.converters.tracks_write import write_tracks
-from scex_sumo.errors import TrackError
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, FloatArray, IntArray, Obstacles, SeedScene
+from scex_sumo.road import Road
+from scex_sumo.scene import SeedScene
 
 __all__ = [
+    "FUTURE_STEPS",
     "Moment",
     "TrackRows",
     "TrackTable",
@@ -33,8 +30,6 @@ __all__ = [
     "write_tracks",
 ]
 
-FUTURE_STEPS = 50
-
 
 def read_seed(
     map_path: str | Path,
@@ -45,6 +40,8 @@ def read_seed(
     min_history: int = 0,
     future_steps: int = FUTURE_STEPS,
     repair: bool = True,
+    road: Road | None = None,
+    align: bool = True,
 ) -> SeedScene:
     """Read one moment of a recording.
 
@@ -54,188 +51,41 @@ def read_seed(
 
     Args:
         map_path: the map; names the seed scene, and finds the tracks where none are given.
-        tracks: CSV file in INTERACTION format, or a CommonRoad scenario; None looks for it, see
-            ``find_tracks``.
+        tracks: CSV file in INTERACTION format, a CommonRoad scenario, or a folder with consecutive chunks of
+            one CommonRoad recording; None looks for it, see ``find_tracks``.
         case: id of a case; ``1``, ``1.0`` and ``"1.0"`` are the same.
         time_s: the moment in the recording's clock (``timestamp_ms`` / 1000); the nearest frame is taken.
         min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
         future_steps: how much of the recorded future is kept, in steps of 0.1 s.
         repair: whether defects are repaired, see ``repair_tracks``.
+        road: the map as read; tracks that lie beside its lanes are then moved onto them.
+        align: False leaves them where they are, see ``align_tracks``.
 
     Raises:
         TrackError: no or unusable tracks, an unknown case, a moment outside the recording or without
             vehicles.
     """
     map_path = Path(map_path)
-    path = find_tracks(map_path) if tracks is None else Path(tracks)
-    table, left_out = read_commonroad_tracks(path) if is_commonroad(path) else (read_tracks(path), ())
-    if not len(table.vehicles):
-        kinds = sorted(set(table.others.types))
-        raise TrackError(f"{path}: no motor vehicle among the tracks (only {', '.join(kinds)}); give others")
-    if table.has_cases:
-        index = _choose_case(table, case, time_s)
-        table = table.case(index)
-        case_id = table.cases[index]
-    elif case is not None:
-        raise TrackError(f"{path}: no case_id column, so no case {case}; choose the moment with --time S")
-    else:
-        case_id = ""
-    findings: tuple[str, ...] = left_out
-    if repair:
-        table, before = repair_commonroad(table) if is_commonroad(path) else (table, ())
-        table, after = repair_tracks(table)
-        findings = (*left_out, *before, *after)
-    moment_ms = _choose_moment(table, case_id, time_s)
-    return _build(map_path, table, case_id, moment_ms, min_history, future_steps, findings)
-
-
-def _choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
-    if case is None:
-        if time_s is not None:
-            return int(table.vehicles.case.min())
-        candidates = moments(table)
-        if not candidates:
-            raise TrackError(
-                f"{table.path}: no case has a vehicle in frame {CASE_FRAME}; choose with --case ID --time S"
-            )
-        return table.cases.index(busiest(candidates).case)
-    for index, name in enumerate(table.cases):
-        if name == str(case) or _number(name) == _number(str(case)):
-            return index
-    examples = ", ".join(table.cases[:3]) + (", ..." if len(table.cases) > 3 else "")
-    raise TrackError(f"{table.path}: no case {case}; it has {len(table.cases)} cases: {examples}")
-
-
-def _number(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def _choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:
-    """Time stamp of the moment, ms."""
-    rows = table.vehicles
-    where = f"{table.path}: case {case_id}" if case_id else f"{table.path}"
-    if not len(rows):
-        raise TrackError(f"{where}: no vehicle (left after repairs); choose another moment or repair=False")
-    if time_s is None:
-        if not table.has_cases:
-            return 1000.0 * busiest(moments(table)).time_s
-        here = rows.timestamp_ms[rows.frame_id == CASE_FRAME]
-        if not len(here):
-            raise TrackError(f"{where}: no vehicle in frame {CASE_FRAME}; choose the moment with --time S")
-        return float(here[0])
-    stamps = np.unique(np.concatenate((rows.timestamp_ms, table.others.timestamp_ms)))
-    half_ms = 500.0 * table.step_s + STAMP_MS
-    if not np.isfinite(time_s) or not stamps[0] - half_ms <= 1000.0 * time_s <= stamps[-1] + half_ms:
-        raise TrackError(
-            f"{where}: no moment at {time_s:g} s, the recording spans {stamps[0] / 1000:.1f} to "
-            f"{stamps[-1] / 1000:.1f} s; choose --time in between"
-        )
-    with_vehicle = np.unique(rows.timestamp_ms)
-    wanted = 1000.0 * time_s
-    nearest = float(with_vehicle[np.argmin(np.abs(with_vehicle - wanted))])
-    if abs(nearest - wanted) > 1000.0 * STEP_S and not len(sample(rows, wanted, np.array([wanted])).track):
-        raise TrackError(
-            f"{where}: no vehicle at {time_s:g} s; the nearest moment with one is {nearest / 1000:.1f} s"
-        )
-    return nearest if abs(nearest - wanted) <= half_ms else wanted
-
-
-def _build(
-    map_path: Path,
-    table: TrackTable,
-    case_id: str,
-    moment_ms: float,
-    min_history: int,
-    future_steps: int,
-    findings: tuple[str, ...],
-) -> SeedScene:
-    steps_ms = 1000.0 * STEP_S * np.arange(-HISTORY_STEPS, future_steps + 1)
-    grid_ms: FloatArray = (moment_ms + steps_ms).astype(np.float64)
-    rows = table.vehicles
-    cars = sample(rows, moment_ms, grid_ms)
-    steps = cars.recorded[:, :HISTORY_STEPS].sum(axis=1).astype(np.int64)
-    keep = steps >= min_history
-    if not keep.any():
-        raise TrackError(
-            f"{table.path}: none of {len(keep)} vehicles at {moment_ms / 1000:g} s has {min_history} "
-            "recorded previous steps; choose a later moment or a smaller min_history"
-        )
-    notes = _notes(table, cars, steps[keep], moment_ms, findings)
-    if not keep.all():
-        notes.append(f"{int((~keep).sum())} vehicles with less than {min_history} previous steps left out")
-    valid = cars.recorded[keep, HISTORY_STEPS + 1 :]
-    states = cars.states[keep]
-    ids = [int(float(rows.labels[k])) for k in cars.track[keep]]
-    return SeedScene(
-        name=_name(map_path, table, case_id, moment_ms),
+    paths = _files(find_tracks(map_path) if tracks is None else Path(tracks))
+    table, found = read_recorded(paths)
+    clean = clean_tracks(
+        table, road, commonroad=is_commonroad(paths[0]), found=found, repair=repair, align=align
+    )
+    return take_scene(
+        clean,
+        name=recording_name(map_path, paths),
         location=map_name(map_path),
-        time_s=moment_ms / 1000.0,
-        track_ids=np.array(ids, np.int64),
-        types=tuple(rows.types[k] for k in cars.track[keep]),
-        length=cars.length[keep],
-        width=cars.width[keep],
-        history=states[:, : HISTORY_STEPS + 1],
-        recorded_steps=steps[keep],
-        future=states[:, HISTORY_STEPS + 1 :] if valid.any() else None,
-        future_valid=valid if valid.any() else None,
-        obstacles=_obstacles(table.others, moment_ms, grid_ms),
-        notes=tuple(notes),
-        source=_source(table, case_id, moment_ms),
+        case=case,
+        time_s=time_s,
+        min_history=min_history,
+        future_steps=future_steps,
     )
 
 
-def _obstacles(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Obstacles | None:
-    found = sample(rows, moment_ms, grid_ms)
-    if not len(found.track):
-        return None
-    present = found.recorded.copy()
-    present[:, HISTORY_STEPS:] = True  # where the recording ends they go on at constant velocity
-    return Obstacles(
-        ids=tuple(rows.labels[k] for k in found.track),
-        types=tuple(rows.types[k] for k in found.track),
-        length=found.length,
-        width=found.width,
-        states=found.states,
-        present=present,
-    )
-
-
-def _notes(
-    table: TrackTable, cars: Sampled, steps: IntArray, moment_ms: float, findings: tuple[str, ...]
-) -> list[str]:
-    notes = []
-    if findings:
-        notes.append(f"{table.path.name} repaired: {'; '.join(findings)}")
-    if abs(table.step_s - STEP_S) > 0.02 * STEP_S:
-        notes.append(f"recorded at {1 / table.step_s:.3g} Hz: interpolated to 10 Hz")
-    elif cars.interpolated:
-        notes.append(f"{cars.interpolated} missing samples interpolated")
-    earliest = float(table.vehicles.timestamp_ms.min())
-    there = min(HISTORY_STEPS, int((moment_ms - earliest + STAMP_MS) // (1000.0 * STEP_S)))
-    if there < HISTORY_STEPS:
-        notes.append(f"{there} of {HISTORY_STEPS} previous steps recorded, constant velocity before")
-    short = int((steps < there).sum())
-    if short:
-        notes.append(
-            f"{short} of {len(steps)} vehicles came within the last second: constant velocity before"
-        )
-    return notes
-
-
-def _name(map_path: Path, table: TrackTable, case_id: str, moment_ms: float) -> str:
-    stem = re.sub(r"^vehicle_tracks_", "", map_name(table.path))
-    name = stem if stem.startswith(map_name(map_path)) else f"{map_name(map_path)}_{stem}"
-    time_s = moment_ms / 1000.0
-    when = f"{time_s:.1f}" if abs(time_s - round(time_s, 1)) < 1e-6 else f"{time_s:.3f}"
-    name += f"_case{case_id}" if case_id else ""
-    if not (case_id and when == "1.0"):
-        name += f"_t{when}"
-    return re.sub(r"[^A-Za-z0-9._+-]+", "-", name)
-
-
-def _source(table: TrackTable, case_id: str, moment_ms: float) -> dict[str, Any]:
-    source: dict[str, Any] = {"kind": "tracks", "tracks": str(table.path), "time_s": moment_ms / 1000.0}
-    return source | ({"case": case_id} if case_id else {})
+def _files(path: Path) -> tuple[Path, ...]:
+    """The chunks of a folder that holds one recording of them; else the path itself."""
+    if path.is_dir():
+        found = chains([file for file in path.iterdir() if is_commonroad(file)])
+        if len(found) == 1:
+            return found[0]
+    return (path,)

@@ -1,0 +1,110 @@
+"""Recordings of traffic: found in a dataset's folders, read, cleaned, and cut into seed scenes."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from scex_sumo.converters.maps import is_commonroad, map_name, read_map
+from scex_sumo.converters.recordings_find import Recording, find_recordings
+from scex_sumo.converters.recordings_read import clean_tracks, read_recorded
+from scex_sumo.converters.tracks_moments import Moment, moments
+from scex_sumo.converters.tracks_rows import TrackTable
+from scex_sumo.converters.tracks_scene import FUTURE_STEPS, Clean, take_scene
+from scex_sumo.road import Road
+from scex_sumo.scene import SeedScene
+
+__all__ = [
+    "LoadedRecording",
+    "Recording",
+    "find_recordings",
+    "load_recording",
+    "recording_moments",
+    "seed_at",
+]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoadedRecording:
+    """A recording with its map, cleaned.
+
+    Attributes:
+        recording: where it came from.
+        road: the map; recordings of one site loaded one after the other share it.
+        table: the tracks, repaired and aligned to the map, at the rate they were recorded with (`seed_at`
+            samples them at 10 Hz). Cases of INTERACTION v1.2 are repaired one by one in `seed_at`.
+        findings: one phrase for each kind of defect that was repaired, with figures.
+    """
+
+    recording: Recording
+    road: Road
+    table: TrackTable
+    findings: tuple[str, ...]
+
+
+def load_recording(recording: Recording) -> LoadedRecording:
+    """Read a recording and its map, repair it and align it to the map.
+
+    Raises:
+        MapError: the map is missing or cannot be read, or its origin is not known.
+        TrackError: the tracks cannot be read.
+    """
+    table, found = read_recorded(recording.track_paths)
+    map_path = recording.map_path
+    stamp = map_path.stat().st_mtime_ns if map_path.exists() else 0
+    road = _read_road(map_path, stamp, recording.track_paths[0].parent)
+    clean = clean_tracks(table, road, commonroad=is_commonroad(recording.track_paths[0]), found=found)
+    return LoadedRecording(recording=recording, road=road, table=clean.table, findings=clean.findings)
+
+
+def seed_at(
+    loaded: LoadedRecording,
+    time_s: float,
+    *,
+    case: str | None = None,
+    min_history: int = 0,
+    future_steps: int = FUTURE_STEPS,
+) -> SeedScene:
+    """The seed scene of one moment, the same as `scex_sumo.read_seed` gives for that file and time.
+
+    Args:
+        loaded: the recording.
+        time_s: the moment in the recording's clock, s.
+        case: id of a case, of a file that holds cases; None takes the first one.
+        min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
+        future_steps: how much of the recorded future is kept, in steps of 0.1 s.
+
+    Returns:
+        The seed scene, its ``road`` that of the recording.
+
+    Raises:
+        TrackError: no vehicle at that moment, or an unknown case.
+    """
+    scene = take_scene(
+        Clean(table=loaded.table, findings=loaded.findings, repair=True),
+        name=loaded.recording.name,
+        location=map_name(loaded.recording.map_path),
+        case=case,
+        time_s=time_s,
+        min_history=min_history,
+        future_steps=future_steps,
+    )
+    return dataclasses.replace(scene, road=loaded.road)
+
+
+def recording_moments(loaded: LoadedRecording, *, every_s: float) -> list[Moment]:
+    """All moments that can be seed scenes, in order of time; one per case in a file of cases.
+
+    Args:
+        loaded: the recording.
+        every_s: least time between two moments, s.
+    """
+    return moments(loaded.table, every_s=every_s)
+
+
+@lru_cache(maxsize=4)
+def _read_road(map_path: Path, _changed_ns: int, beside: Path) -> Road:
+    """The map; one object for all recordings of a folder, so that what others keep by road is kept."""
+    return read_map(map_path, tracks=beside, own_corner=False)
