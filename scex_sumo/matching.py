@@ -40,7 +40,7 @@ class Matches:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Segments:
+class LaneSegments:
     """Centreline segments of all vehicle lanes, flat; those of one lane are consecutive."""
 
     lane_id: IntArray  # (M,)
@@ -54,7 +54,8 @@ class _Segments:
 
 
 @lru_cache(maxsize=8)
-def _segments(road: Road) -> _Segments:
+def lane_segments(road: Road) -> LaneSegments:
+    """Centreline segments of a road's vehicle lanes, lanes in ascending order of their ids."""
     lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: lane.lane_id)
     steps = [np.diff(lane.centreline, axis=0) for lane in lanes]
     lengths = [np.hypot(d[:, 0], d[:, 1]) for d in steps]
@@ -68,7 +69,7 @@ def _segments(road: Road) -> _Segments:
         return np.concatenate(listed) if listed else np.empty(empty)
 
     length = flat((lengths[i][keep[i]] for i in usable), (0,))
-    return _Segments(
+    return LaneSegments(
         lane_id=np.array([lanes[i].lane_id for i in usable], dtype=np.int64),
         first=np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64) if usable else counts,
         reach=np.array([lanes[i].width_m / 2 + OFFSET_MARGIN_M for i in usable]),
@@ -97,7 +98,7 @@ def match(road: Road, x: FloatArray, y: FloatArray, heading: FloatArray) -> Matc
     Returns:
         Candidates of all vehicles; a vehicle off the mapped lanes has none.
     """
-    segments = _segments(road)
+    segments = lane_segments(road)
     if not len(segments.lane_id) or not len(x):
         none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
         return Matches(
@@ -120,7 +121,7 @@ def match(road: Road, x: FloatArray, y: FloatArray, heading: FloatArray) -> Matc
 
 
 def _match_some(
-    segments: _Segments, x: FloatArray, y: FloatArray, heading: FloatArray, first: int
+    segments: LaneSegments, x: FloatArray, y: FloatArray, heading: FloatArray, first: int
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """(vehicle, lane index, s, offset, heading error, likelihood) of a chunk of vehicles."""
     dx = x[:, None] - segments.start[:, 0]
