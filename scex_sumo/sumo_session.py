@@ -192,7 +192,8 @@ class SumoSession:
                 reason = next((line for line in said() if line.startswith("Error: ")), f"Error: {error}")
                 raise SimulationError(f"SUMO does not start: {reason.removeprefix('Error: ')}") from error
         self._sumo, _open = module, True
+        edge = self._template.plainest_edge
         with self.refusals("begin"):
             for slot in self.slots:
-                module.route.add(tile_id(slot, ANY_ROUTE), [tile_id(slot, self._template.first_edge)])
+                module.route.add(tile_id(slot, ANY_ROUTE), [tile_id(slot, edge)])
             module.simulation.saveState(str(self._folder / "empty.xml"))
