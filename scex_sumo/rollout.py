@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
+from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
 from scex_sumo.errors import ScexError
 from scex_sumo.road import Road
 from scex_sumo.scene import (
@@ -50,6 +50,7 @@ class Rollout:
         plan_x: (C, R, V, H) centres planned at each of the R replans, m.
         plan_y: (C, R, V, H) likewise.
         replan: steps between plans.
+        replaced: plans that the path-following driver made for a model that had none.
     """
 
     children: IntArray
@@ -57,6 +58,24 @@ class Rollout:
     plan_x: FloatArray
     plan_y: FloatArray
     replan: int
+    replaced: tuple[Replaced, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replaced:
+    """A plan that the path-following driver made in a model's stead.
+
+    Attributes:
+        child: the child's number.
+        vehicle: index into the seed scene.
+        step: steps since the seed scene.
+        reason: why, a phrase.
+    """
+
+    child: int
+    vehicle: int
+    step: int
+    reason: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,7 +125,7 @@ def roll_out(
         on_step: called after each step with the number of children, e.g. to advance a progress bar.
 
     Raises:
-        ScexError: a model returned a plan that is too short or not finite.
+        ScexError: a model returned a plan that is too short or not finite. A `Fallible` model never does.
     """
     count, vehicles = cast.assignment.shape
     window = seed.history.repeat(count)
@@ -120,6 +139,7 @@ def roll_out(
     plan_y = np.empty_like(plan_x)
     simulated = States.empty((count, steps, vehicles))
     plan = States.empty((count, vehicles, max(replan, PLAN_STEPS)))
+    replaced: list[Replaced] = []
     for step in range(steps):
         if step % replan == 0:
             history = _history(seed, window, cast, step)
@@ -127,6 +147,7 @@ def roll_out(
                 if len(who):
                     made = cast.models[index].plan(history, road, who, cast.generators)
                     _take(made, plan, who, cast.names[index])
+                    replaced += _replaced(made, who, cast, step)
             plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]
             plan_y[:, step // replan] = plan.y[:, :, :PLAN_STEPS]
         world.move(plan[:, :, step % replan], override)
@@ -139,7 +160,14 @@ def roll_out(
         window = States.concatenate([window[:, :, 1:], read[:, :, None]], axis=2)
         if on_step is not None:
             on_step(count)
-    return Rollout(children=cast.children, states=simulated, plan_x=plan_x, plan_y=plan_y, replan=replan)
+    return Rollout(
+        children=cast.children,
+        states=simulated,
+        plan_x=plan_x,
+        plan_y=plan_y,
+        replan=replan,
+        replaced=tuple(replaced),
+    )
 
 
 def obstacles_at(seed: SeedScene, step: int) -> tuple[States, BoolArray]:
@@ -156,13 +184,20 @@ def _history(seed: SeedScene, window: States, cast: Cast, step: int) -> SceneHis
     obstacles, present = obstacles_at(seed, step) if seed.obstacles is not None else (None, None)
     return SceneHistory(
         seed=seed,
-        states=window,
+        states=window.map(_read_only),
         children=cast.children,
         step=step,
         route_draw=cast.route_draw,
         obstacle_states=obstacles,
         obstacle_present=present,
     )
+
+
+def _read_only(values: FloatArray) -> FloatArray:
+    """A view that no model can change for the others."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
 
 
 def _take(made: Plan, plan: States, who: Who, name: str) -> None:
@@ -181,3 +216,18 @@ def _take(made: Plan, plan: States, who: Who, name: str) -> None:
                 f"behaviour model {name}: plan.{key} is not finite for {bad} of {len(who)} vehicles"
             )
         getattr(plan, key)[who.child, who.vehicle] = values[:, :needed]
+
+
+def _replaced(made: Plan, who: Who, cast: Cast, step: int) -> list[Replaced]:
+    """The plans that are not the model's own."""
+    if made.fallback is None:
+        return []
+    return [
+        Replaced(
+            child=int(cast.children[who.child[row]]),
+            vehicle=int(who.vehicle[row]),
+            step=step,
+            reason=made.reasons[row] if made.reasons else BY_ITSELF,
+        )
+        for row in np.flatnonzero(made.fallback).tolist()
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from scex_sumo.errors import ScexError
 from scex_sumo.road import Road
-from scex_sumo.rollout import Cast, roll_out
+from scex_sumo.rollout import Cast, Replaced, roll_out
 from scex_sumo.scene import BoolArray, Plan, SceneHistory, SeedScene, States, Who
 from tests.seeds import straight_seed
 
@@ -132,3 +133,31 @@ def test_a_plan_that_is_not_finite_is_an_error_with_the_count() -> None:
         roll_out(
             PlainWorld(seed.now.repeat(1)), ROAD, seed, cast_of(Forward(spoil), seed, 1), steps=3, replan=5
         )
+
+
+def test_plans_that_are_not_the_models_own_are_counted_with_child_vehicle_step_and_reason() -> None:
+    seed = straight_seed()
+
+    def fall_back(plan: Plan) -> Plan:
+        late = plan.x[:, 0] > 3.0  # the second plan, made at x = 5 m
+        return dataclasses.replace(
+            plan, fallback=late & (np.arange(len(late)) == 0), reasons=("lost",) * len(late)
+        )
+
+    cast = dataclasses.replace(cast_of(Forward(fall_back), seed, 1), children=np.array([7]))
+    rollout = roll_out(PlainWorld(seed.now.repeat(1)), ROAD, seed, cast, steps=10, replan=5)
+    assert rollout.replaced == (Replaced(child=7, vehicle=0, step=5, reason="lost"),)
+
+
+def test_no_model_can_change_what_the_others_see() -> None:
+    seed = straight_seed()
+
+    class Careless(Forward):
+        def plan(
+            self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]
+        ) -> Plan:
+            history.states.x[...] -= 100.0
+            return super().plan(history, road, who, rng)
+
+    with pytest.raises(ValueError, match="read-only"):
+        roll_out(PlainWorld(seed.now.repeat(1)), ROAD, seed, cast_of(Careless(), seed, 1), steps=1, replan=5)

@@ -11,6 +11,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
 
 PLAN_STEPS = 30
+BY_ITSELF = "had no plan of its own"  # why a model fell back, where it does not say
 
 
 @runtime_checkable

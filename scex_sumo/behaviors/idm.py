@@ -122,8 +122,12 @@ class IdmDriver:
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
+        paths, row = chosen_paths(history, road, who, self.profile.path)
+        return self.follow(history, who, paths, row)
+
+    def follow(self, history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray) -> Plan:
+        """Plan 3 s along given paths: (n,) rows of `paths`."""
         profile = self.profile
-        paths, row = chosen_paths(history, road, who, profile.path)
         own = history.now[who.child, who.vehicle]
         s_centre, _, _ = project(paths, row, own.x, own.y, expected_way(history, who))
         leaders = find_leaders(

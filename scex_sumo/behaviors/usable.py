@@ -1,0 +1,108 @@
+"""What is wrong with a plan, in words that its author can use."""
+
+from __future__ import annotations
+
+import inspect
+import traceback
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.single import SingleVehicle
+from scex_sumo.errors import ScexError
+from scex_sumo.scene import STEP_S, FloatArray, Plan, SceneHistory, Who
+
+JUMP_M = 5.0  # off the motion so far, within one step: 500 m/s², which no vehicle can do
+LONGEST_REASON = 200
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def checked_shape(made: Any, count: int) -> Plan:
+    """The first 30 steps of what a model returned, as arrays of our own.
+
+    Args:
+        made: what it returned.
+        count: number of vehicles n that it was asked for.
+
+    Raises:
+        ScexError: it is no plan, of another number of vehicles, or too short.
+    """
+    parts = {}
+    for key in ("x", "y", "heading", "speed"):
+        if not hasattr(made, key):
+            raise ScexError(f"returned {type(made).__name__}, which has no {key}; needs a scex_sumo.Plan")
+        values = np.asarray(getattr(made, key), dtype=np.float64)
+        if values.ndim != 2 or values.shape[0] != count or values.shape[1] < PLAN_STEPS:
+            raise ScexError(
+                f"plan.{key} has shape {values.shape}, needs ({count}, {PLAN_STEPS}) or more steps"
+            )
+        parts[key] = values[:, :PLAN_STEPS].copy()
+    return Plan(**parts, fallback=getattr(made, "fallback", None), reasons=getattr(made, "reasons", ()))
+
+
+def wrong_with(made: Plan, history: SceneHistory, who: Who) -> list[str]:
+    """(n) what makes a vehicle's plan unusable, empty where it can be driven.
+
+    It must be finite, and no state may lie more than 5 m from where the motion up to it leads; the first
+    one, from where the vehicle's present speed and heading lead.
+
+    Args:
+        made: (n, 30).
+        history: the present.
+        who: the n vehicles.
+    """
+    reasons = [""] * len(who)
+    finite = np.stack([np.isfinite(getattr(made, k)).all(axis=1) for k in ("x", "y", "heading", "speed")])
+    for row in np.flatnonzero(~finite.all(axis=0)):
+        key = ("x", "y", "heading", "speed")[int(np.argmin(finite[:, row]))]
+        reasons[row] = f"plan.{key} is not finite"
+    off = _off_the_motion(made, history, who)
+    for row in np.flatnonzero(finite.all(axis=0) & (off > JUMP_M).any(axis=1)):
+        step = int(np.argmax(off[row] > JUMP_M))
+        where = "starts" if step == 0 else f"jumps at step {step + 1} to"
+        reasons[row] = f"plan {where} {off[row, step]:.1f} m from where the vehicle's motion leads"
+    return reasons
+
+
+def _off_the_motion(made: Plan, history: SceneHistory, who: Who) -> FloatArray:
+    """(n, H) distance of each state from the straight continuation of the motion before it, m."""
+    own = history.now[who.child, who.vehicle]
+    step = own.speed * STEP_S
+    x = np.concatenate([(own.x - step * np.cos(own.heading))[:, None], own.x[:, None], made.x], axis=1)
+    y = np.concatenate([(own.y - step * np.sin(own.heading))[:, None], own.y[:, None], made.y], axis=1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        off: FloatArray = np.hypot(np.diff(x, 2, axis=1), np.diff(y, 2, axis=1))
+    return off
+
+
+def reason_of(error: Exception) -> str:
+    """What an exception of a model says, and where in the model's own code it was raised; one line."""
+    words = " ".join(str(error).split()) or "no message"
+    if isinstance(error, ScexError):
+        return _short(words)
+    # The innermost frame outside this package and its libraries' own checks is where the author looks.
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if _foreign(f.filename)]
+    place = ""
+    if frames:
+        own = [f for f in frames if f.filename == frames[0].filename]
+        place = f" ({Path(own[-1].filename).name}, line {own[-1].lineno})"
+    return _short(f"raised {type(error).__name__}: {words}") + place
+
+
+def _foreign(file: str) -> bool:
+    return _PACKAGE not in Path(file).parents
+
+
+def _short(words: str) -> str:
+    return words if len(words) <= LONGEST_REASON else f"{words[: LONGEST_REASON - 3]}..."
+
+
+def where_from(model: Any) -> str:
+    """``class Driver of /path/driver.py``: where to look for a model."""
+    made = type(model.model if isinstance(model, SingleVehicle) else model)
+    try:
+        return f"class {made.__qualname__} of {inspect.getfile(made)}"
+    except (OSError, TypeError):
+        return f"class {made.__qualname__} of {made.__module__}"
