@@ -35,6 +35,7 @@ class Part:
         worst: where each child's extremum came from, columns of ``worst.parquet``.
         plan_x: (C, R, V, H) centres planned at each of the R replans, m; None where plans are not kept.
         plan_y: (C, R, V, H) likewise.
+        fallbacks: plans that are not the models' own, rows of ``fallbacks.parquet``; None for none.
     """
 
     children: IntArray
@@ -44,6 +45,7 @@ class Part:
     worst: pa.Table
     plan_x: FloatArray | None = None
     plan_y: FloatArray | None = None
+    fallbacks: pa.Table | None = None
 
 
 class ResultFolder:
@@ -126,9 +128,10 @@ class ResultFolder:
                         states=states,
                         values=data["values"],
                         defined=data["defined"],
-                        worst=pa.ipc.open_stream(data["worst"].tobytes()).read_all(),
+                        worst=_unpacked(data["worst"]),
                         plan_x=data.get("plan_x"),
                         plan_y=data.get("plan_y"),
+                        fallbacks=_unpacked(data["fallbacks"]) if "fallbacks" in data else None,
                     )
                 )
         return parts
@@ -163,6 +166,7 @@ class ResultFolder:
             worst=_by_child([p.worst for p in parts]),
             plan_x=_joined([p.plan_x for p in parts], order),
             plan_y=_joined([p.plan_y for p in parts], order),
+            fallbacks=_in_order([p.fallbacks for p in parts]),
         )
 
     def write_table(self, name: str, table: pa.Table) -> None:
@@ -192,7 +196,7 @@ class ResultFolder:
 
 _TABLES = tuple(
     f"{name}.parquet"
-    for name in ("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst")
+    for name in ("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst", "fallbacks")
 )
 
 
@@ -208,13 +212,23 @@ def _by_child(tables: Sequence[pa.Table]) -> pa.Table:
     return whole.take(np.lexsort((names, np.asarray(whole["child"]))))
 
 
+def _in_order(tables: Sequence[pa.Table | None]) -> pa.Table | None:
+    """Rows ordered by child, whose own rows are in one part; None where no part has any."""
+    there = [table for table in tables if table is not None]
+    if not there:
+        return None
+    whole = pa.concat_tables(there)
+    return whole.take(np.argsort(np.asarray(whole["child"]), kind="stable"))
+
+
 def save_part(folder: Path, part: Part) -> None:
     """Keep a batch of children in a result folder until the run is finished."""
     name = f"{int(part.children[0]):08d}-{int(part.children[-1]):08d}.npz"
     target = folder / _PARTS / name
     temporary = target.with_name(f".{name}.writing")
-    given = {"plan_x": part.plan_x, "plan_y": part.plan_y}
-    plans: dict[str, Any] = {name: values for name, values in given.items() if values is not None}
+    fallbacks = None if part.fallbacks is None else _packed(part.fallbacks)
+    given = {"plan_x": part.plan_x, "plan_y": part.plan_y, "fallbacks": fallbacks}
+    some: dict[str, Any] = {name: values for name, values in given.items() if values is not None}
     with temporary.open("wb") as file:
         np.savez(
             file,
@@ -226,9 +240,13 @@ def save_part(folder: Path, part: Part) -> None:
             values=part.values,
             defined=part.defined,
             worst=_packed(part.worst),
-            **plans,
+            **some,
         )
     temporary.replace(target)
+
+
+def _unpacked(data: NDArray[np.uint8]) -> pa.Table:
+    return pa.ipc.open_stream(data.tobytes()).read_all()
 
 
 def _packed(table: pa.Table) -> NDArray[np.uint8]:
