@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import signal
 import tempfile
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,6 +22,7 @@ from scex_sumo.converters.tracks import write_tracks
 from scex_sumo.density import THRESHOLDS
 from scex_sumo.designs import DEFAULT_DESIGN
 from scex_sumo.errors import UsageError
+from scex_sumo.interrupts import deaf_to_ctrl_c
 from scex_sumo.job import Job, batches_of, run_batches
 from scex_sumo.measure import handover_jumps, measure_recorded
 from scex_sumo.metrics.evaluate import COLUMNS, PAPER_PRESET
@@ -209,8 +207,8 @@ def _check(scene: SeedScene, steps: int, replan: int, seed: int, workers: int, b
         raise UsageError(f"--seed: got {seed}, needs 0 or more")
     if workers < 1:
         raise UsageError(f"--workers: got {workers}, needs at least 1")
-    if not 1 <= batch <= TILE_SLOTS:
-        raise UsageError(f"--batch: got {batch}, needs 1 to {TILE_SLOTS}")
+    if batch < 1:
+        raise UsageError(f"--batch: got {batch}, needs at least 1")
 
 
 def _run_all(
@@ -218,7 +216,7 @@ def _run_all(
 ) -> None:
     done = folder.done()
     total = len(job.assignment)
-    batches = batches_of([c for c in range(total) if c not in done], batch)
+    batches = batches_of([c for c in range(total) if c not in done], batch, apart=job.apart)
     count = len(done)
     if progress is not None:
         progress(count * job.steps, total * job.steps)
@@ -228,7 +226,7 @@ def _run_all(
 
         shares = [batches[i::workers] for i in range(min(workers, len(batches)))]
         parallel = Parallel(n_jobs=len(shares), return_as="generator_unordered")
-        with _deaf_to_ctrl_c():
+        with deaf_to_ctrl_c():
             results = parallel(delayed(run_batches)(job, share) for share in shares)
         for finished in results:
             count += finished
@@ -245,19 +243,6 @@ def _run_all(
             progress(ticks, total * job.steps)
 
     run_batches(job, batches, on_step=on_step)
-
-
-@contextlib.contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Processes started meanwhile never see Ctrl-C: this one ends them, and only this one speaks of it."""
-    if threading.current_thread() is not threading.main_thread():  # where Python lets nobody set signals
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # inherited, unlike a handler
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _handover_notes(job: Job, part: Part) -> list[str]:
