@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.constant_velocity import ConstantVelocity
 from scex_sumo.behaviors.emergency_brake import EmergencyBrake
+from scex_sumo.behaviors.guard import Guarded
 from scex_sumo.behaviors.idm import IdmDriver
 from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.behaviors.replay import Replay
@@ -24,6 +25,7 @@ from scex_sumo.vehicle_types import SUMO_MODELS, check_driver
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 ENTRY_POINTS = "scex_sumo.behaviors"
 SUMO = "sumo"
+GUARD = "guard"  # a parameter of every model that we drive
 
 # Names that are taken, with their parameters, for models that this version does not contain.
 _ANNOUNCED: Mapping[str, tuple[str, ...]] = {"graph_predictor": (), "graph_image_predictor": ("attention",)}
@@ -105,7 +107,11 @@ def known_names() -> list[str]:
 def known_models() -> list[ModelInfo]:
     """All models with parameters, defaults and a sentence each."""
     infos = [
-        ModelInfo(name=name, parameters=_shown(dataclasses.asdict(DEFAULTS[name])), summary=summary)
+        ModelInfo(
+            name=name,
+            parameters=_shown({**dataclasses.asdict(DEFAULTS[name]), GUARD: False}),
+            summary=summary,
+        )
         for name, (_, summary) in _MODELS.items()
     ]
     for model in SUMO_MODELS:
@@ -114,7 +120,7 @@ def known_models() -> list[ModelInfo]:
     for name in sorted({*_registered, *_entry_points()}):
         constructor = _user_model(name)
         words = (inspect.getdoc(constructor) or "").strip().splitlines()
-        parameters = {k: p.default for k, p in _keywords(constructor).items()}
+        parameters = {k: p.default for k, p in _keywords(constructor).items()} | {GUARD: False}
         infos.append(
             ModelInfo(name=name, parameters=_shown(parameters), summary=words[0] if words else "registered")
         )
@@ -171,6 +177,7 @@ def _weight(text: str, weight: str) -> float:
 
 def _check(spec: ModelSpec) -> None:
     """Raise a `UsageError` for an unknown name, parameter or value."""
+    spec, _ = _without_guard(spec)
     if spec.name in _ANNOUNCED:
         _known_parameter(spec, _ANNOUNCED[spec.name])
     elif spec.name.startswith(f"{SUMO}:"):
@@ -192,6 +199,23 @@ def build(spec: ModelSpec) -> Behavior:
         MissingExtraError: a learned driver, which this version does not contain.
     """
     _check(spec)
+    plain, guard = _without_guard(spec)
+    return Guarded(_build(plain)) if guard else _build(plain)
+
+
+def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:
+    """The spec of the model itself, and whether it is guarded; SUMO's drivers have no guard."""
+    if GUARD not in spec.parameters or spec.name.startswith(f"{SUMO}:"):
+        return spec, False
+    own = {key: value for key, value in spec.parameters.items() if key != GUARD}
+    guard = _converted(spec, GUARD, False, spec.parameters[GUARD])
+    if not isinstance(guard, bool):
+        raise UsageError(f"{spec.name}: {GUARD}={guard!r} is neither true nor false")
+    return dataclasses.replace(spec, parameters=own), guard
+
+
+def _build(spec: ModelSpec) -> Behavior:
+    """The model without its guard; the spec has been checked."""
     if spec.name in _ANNOUNCED:
         raise MissingExtraError(
             f"{spec.name}: needs the learned drivers, not part of this version; "
@@ -227,8 +251,7 @@ def _profile(spec: ModelSpec) -> Any:
 def _known_parameter(spec: ModelSpec, known: tuple[str, ...]) -> None:
     for key in spec.parameters:
         if key not in known:
-            choices = ", ".join(known) if known else "it has none"
-            raise UsageError(f"{spec.name}: unknown parameter {key!r}; known: {choices}")
+            raise UsageError(f"{spec.name}: unknown parameter {key!r}; known: {', '.join((*known, GUARD))}")
 
 
 def _converted(spec: ModelSpec, key: str, default: Any, value: Any) -> Any:
@@ -295,4 +318,6 @@ def _user_arguments(spec: ModelSpec, constructor: Callable[..., Any]) -> dict[st
 
 def _shown(parameters: Mapping[str, Any]) -> tuple[str, ...]:
     empty = inspect.Parameter.empty
-    return tuple(key if value is empty else f"{key}={value}" for key, value in parameters.items())
+    words = {True: "true", False: "false"}  # as on the command line
+    shown = {k: words[v] if isinstance(v, bool) else v for k, v in parameters.items()}
+    return tuple(key if value is empty else f"{key}={value}" for key, value in shown.items())

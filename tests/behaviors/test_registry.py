@@ -50,7 +50,7 @@ def test_the_default_models_can_be_built() -> None:
     [
         ("fast_driver", "unknown behavior 'fast_driver'; known: standard_driver, risky_driver"),
         ("standard_driver:speed_limit=3", "standard_driver: unknown parameter 'speed_limit'; known: comfort"),
-        ("graph_predictor:depth=3", "graph_predictor: unknown parameter 'depth'; known: it has none"),
+        ("graph_predictor:depth=3", "graph_predictor: unknown parameter 'depth'; known: guard"),
         ("standard_driver@often", "weight 'often' is not a number"),
         ("standard_driver@-1", "weight -1 must be a finite number of at least 0"),
         ("standard_driver@nan", "weight nan must be a finite number"),

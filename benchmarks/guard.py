@@ -1,0 +1,117 @@
+"""How many vehicles collide in 10 s of closed loop, with the guard and without it?
+
+    python benchmarks/guard.py [--data FOLDER] [--models MODEL,...] [--part test] [--every 10] [--most 40]
+
+All vehicles of a scene are driven by one model, replanned every 0.5 s, in a world without SUMO. Scenes are
+moments of the recordings of TAF-BW and MONA in a part of the time split (``--data``, else SCEX_DATA, else
+../shared/data), and the three examples with vehicles that SUMO put there. Reported per data set:
+
+- collide: vehicles whose rectangle overlaps another one's at any step, those that did at the start left out;
+- speed: mean speed against the same model without guard;
+- braking: vehicles that at any step brake harder than 6 m/s².
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from plain_world import drive_scene, overlaps
+
+from scex_sumo.converters.recordings import find_recordings, load_recording, recording_moments, seed_at
+from scex_sumo.errors import TrackError
+from scex_sumo.scene import STEP_S, SeedScene
+from scex_sumo.seeds import synthetic_seed
+from scex_sumo.training.split import Split, split_moments
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+MODELS = "constant_velocity,standard_driver,risky_driver,calibrated_driver"
+EXAMPLES = ("roundabout", "motorway_merge", "urban_intersection")
+SETS = ("taf_bw", "mona")
+HARD_MPS2 = 6.0
+STEPS = 100
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """Of one scene: (V,) per vehicle."""
+
+    counts: np.ndarray
+    collides: np.ndarray
+    brakes_hard: np.ndarray
+    speed: np.ndarray
+
+
+def recorded(folder: Path, part: str, every_s: float, most: int) -> Iterator[SeedScene]:
+    """Moments of the recordings below a folder that belong to a part of the split, evenly thinned."""
+    for recording in find_recordings([folder]):
+        loaded = load_recording(recording)
+        moments = split_moments(recording_moments(loaded, every_s=0.1), Split())[part]
+        times: list[float] = []
+        for moment in moments:
+            if not times or moment.time_s >= times[-1] + every_s - 1e-6:
+                times.append(moment.time_s)
+        for time_s in times[:: max(1, -(-len(times) // most))]:
+            try:
+                yield seed_at(loaded, time_s)
+            except TrackError:
+                continue
+
+
+def examples(vehicles: int = 12, count: int = 4) -> Iterator[SeedScene]:
+    """Our own maps, populated by SUMO."""
+    for name in EXAMPLES:
+        for seed in range(count):
+            yield synthetic_seed(REPOSITORY / f"scenarios/data/{name}.osm", vehicles=vehicles, seed=seed)
+
+
+def outcome(scene: SeedScene, model: str) -> Outcome:
+    driven = drive_scene(scene, model, steps=STEPS)
+    hits = overlaps(driven, scene.length, scene.width)
+    change = np.diff(driven.speed, axis=1) / STEP_S
+    return Outcome(
+        counts=~hits[:, :, 0].any(axis=1),
+        collides=hits.any(axis=(1, 2)),
+        brakes_hard=(change < -HARD_MPS2).any(axis=1),
+        speed=driven.speed.mean(axis=1),
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", "../shared/data")))
+    parser.add_argument("--models", default=MODELS)
+    parser.add_argument("--part", default="test", choices=("train", "validation", "test"))
+    parser.add_argument("--every", type=float, default=10.0, help="least time between two moments, s")
+    parser.add_argument("--most", type=int, default=40, help="most moments of a recording")
+    arguments = parser.parse_args()
+    sets = {s: list(recorded(arguments.data / s, arguments.part, arguments.every, arguments.most))
+            for s in SETS if (arguments.data / s).is_dir()}  # fmt: skip
+    sets["examples"] = list(examples())
+    print(f"{'data':10} {'model':36} {'scenes':>6} {'vehicles':>8} {'collide':>8} {'speed':>7} "
+          f"{'braking':>8} {'CPU s':>6}")  # fmt: skip
+    for name, scenes in sets.items():
+        for model in arguments.models.split(","):
+            raw = np.nan
+            for guard in ("", ":guard=true"):
+                begin = time.process_time()
+                results = [outcome(scene, f"{model}{guard}") for scene in scenes]
+                spent = time.process_time() - begin
+                counts = np.concatenate([r.counts for r in results])
+                collides = np.concatenate([r.collides for r in results])[counts].mean()
+                hard = np.concatenate([r.brakes_hard for r in results])[counts].mean()
+                speed = np.concatenate([r.speed for r in results])[counts].mean()
+                raw = speed if not guard else raw
+                print(f"{name:10} {model + guard:36} {len(scenes):6} {counts.sum():8} {collides:8.2%} "
+                      f"{speed / raw:7.1%} {hard:8.2%} {spent:6.1f}", flush=True)  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,244 @@
+"""What holds a guarded vehicle back: leaders in its corridor, crossings that another one reaches first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scex_sumo.behaviors.guard_paths import SAMPLE_S, SAMPLES, Expected, PlannedPaths, expected
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, SceneHistory, Who
+
+if TYPE_CHECKING:
+    from scex_sumo.behaviors.guard import GuardProfile
+
+MOST_PAIRS = 2_000  # at a time: bounds the memory, and stays near the processor
+SAME_WAY = 0.5  # cosine above which two go the same way: one follows the other instead of waiting for it
+TOWARDS = -0.5  # cosine below which one comes towards the other
+STOP_DECELERATION = 6.0  # m/s²; who would have to brake harder than that cannot give way
+ORDER_DOUBT_M = 0.5
+CROSSING_M = 0.5  # two are at their crossing where the offset is this near to the least one
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Holds:
+    """Moving stop lines of vehicles, sorted by row.
+
+    At time t the vehicle's centre stays behind position + speed·t - deceleration·t²/2, as long as the
+    leader moves.
+
+    Attributes:
+        row: (P,) which of the n vehicles is held.
+        position: (P,) m along its plan.
+        speed: (P,) of the line, m/s, at least 0.
+        deceleration: (P,) of the line, m/s², at least 0.
+        stop_time: (P,) when the line stands still, s; inf where it does not.
+        until: (P,) when the hold ends, s.
+        firm: (P,) True where harder braking than comfortable is worth it.
+    """
+
+    row: IntArray
+    position: FloatArray
+    speed: FloatArray
+    deceleration: FloatArray
+    stop_time: FloatArray
+    until: FloatArray
+    firm: BoolArray
+
+
+def find_holds(
+    paths: PlannedPaths, history: SceneHistory, road: Road, who: Who, profile: GuardProfile
+) -> Holds:
+    """Everything that the n vehicles have to stay behind.
+
+    Args:
+        paths: (n,) planned ways.
+        history: the present.
+        road: the map.
+        who: the n vehicles.
+        profile: the guard's parameters.
+    """
+    around = expected(history, road)
+    i, j = _near_pairs(paths, around, history, who, profile)
+    size = max(1, MOST_PAIRS)
+    parts = [
+        _holds_of(paths, around, history, who, profile, i[k : k + size], j[k : k + size])
+        for k in range(0, max(1, len(i)), size)
+    ]
+    names = ("row", "position", "speed", "deceleration", "stop_time", "until", "firm")
+    return Holds(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+def _near_pairs(
+    paths: PlannedPaths, around: Expected, history: SceneHistory, who: Who, profile: GuardProfile
+) -> tuple[IntArray, IntArray]:
+    """Who moves and can meet whom, by boxes around what both will cover."""
+    others = around.others
+    own_reach = np.sqrt(history.seed.length**2 + history.seed.width**2)[who.vehicle] / 2 + profile.margin
+    reach = own_reach[:, None] + (np.sqrt(others.length**2 + others.width**2) / 2)[None]
+    near = others.present[who.child] & (paths.arc[:, -1] > 0.0)[:, None]
+    for mine, theirs in ((paths.corner_x, around.x), (paths.corner_y, around.y)):
+        low, high = theirs.min(axis=2)[who.child], theirs.max(axis=2)[who.child]
+        near &= low - reach <= mine.max(axis=1)[:, None]
+        near &= high + reach >= mine.min(axis=1)[:, None]
+    near[np.arange(len(who)), who.vehicle] = False
+    i, j = np.nonzero(near)
+    return i, j
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Blocked:
+    """How others cover a corridor, (P, K): places are of the own centre, m along the plan.
+
+    Attributes:
+        inside: the other's body is in the corridor.
+        s: the other's centre.
+        offset: its distance from the middle line, left positive.
+        cos: of its heading against the corridor's.
+        low: where the own front bumper touches it.
+        high: where the own rear bumper leaves it.
+    """
+
+    inside: BoolArray
+    s: FloatArray
+    offset: FloatArray
+    cos: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def _holds_of(
+    paths: PlannedPaths,
+    around: Expected,
+    history: SceneHistory,
+    who: Who,
+    profile: GuardProfile,
+    i: IntArray,
+    j: IntArray,
+) -> Holds:
+    """Holds of pairs: vehicle i of the n, other j of the M."""
+    child, vehicle = who.child[i], who.vehicle[i]
+    blocked = _blocked(paths, around, history, profile, i, j, child, vehicle)
+    some = blocked.inside.any(axis=1)
+    i, j, child, vehicle = i[some], j[some], child[some], vehicle[some]
+    blocked = _Blocked(**{key: values[some] for key, values in vars(blocked).items()})
+    inside = blocked.inside
+    pair = np.arange(len(i))
+    enter = inside.argmax(axis=1)
+    leave = SAMPLES - 1 - inside[:, ::-1].argmax(axis=1)
+    distance = np.where(inside, np.abs(blocked.offset), np.inf)
+    crossing = (distance <= distance.min(axis=1, keepdims=True) + CROSSING_M).argmax(axis=1)
+    crossing = np.where(enter == 0, 0, crossing)
+    v = paths.start_speed[i]
+    v_other = np.maximum(around.others.states.speed[child, j], 0.0)
+    cos = blocked.cos[pair, crossing]
+    along = np.where(cos > SAME_WAY, v_other * cos, 0.0)
+    # The line that lies under all places where the other is in the way.
+    times = SAMPLE_S * np.arange(SAMPLES)
+    line = np.where(inside, blocked.low - along[:, None] * times, np.inf).min(axis=1)
+    lead = v * (SAMPLE_S * crossing) - blocked.s[pair, crossing]  # by how much the own vehicle is ahead
+    in_front = enter == 0
+    way = np.where(along > 0, blocked.low[pair, enter], line)
+    stops = way >= v**2 / (2 * STOP_DECELERATION)
+    other_stops = SAMPLE_S * enter >= v_other / (2 * STOP_DECELERATION)
+    other_stops &= ~around.others.obstacle[j]
+    # One of two goes first unless clearly later, the other one only if clearly earlier still: so that both
+    # never go, though each sees the other's way a little differently.
+    margin = profile.order_margin
+    later = np.where(j < vehicle, lead < margin + ORDER_DOUBT_M, lead < -margin)
+    yields = np.where(stops == other_stops, later, stops)
+    yields = np.where(in_front, lead < 0, yields)
+    # Through before the other comes.
+    before = np.clip(
+        ((SAMPLE_S * enter - profile.time_margin) / STEP_S).astype(np.int64), 0, paths.arc.shape[1] - 1
+    )
+    high = np.where(inside, blocked.high, -np.inf).max(axis=1)
+    yields &= in_front | (paths.arc[i, before] <= high)
+    towards = in_front & (cos < TOWARDS)
+    share = v / np.maximum(v + v_other, 0.1)
+    line = np.where(towards, np.maximum(line, blocked.low[:, 0] * share), line)
+    braking = np.where(in_front & (along > 0), np.minimum(around.braking[child, j], along * 10), 0.0)
+    braking = np.minimum(braking, profile.comfort_deceleration)
+    until = np.where(leave == SAMPLES - 1, np.inf, SAMPLE_S * (leave + 1) + profile.time_margin)
+    k = np.flatnonzero(yields)
+    return Holds(
+        row=i[k],
+        position=line[k],
+        speed=along[k],
+        deceleration=braking[k],
+        stop_time=np.where(braking > 0, along / np.maximum(braking, 1e-9), np.inf)[k],
+        until=until[k],
+        firm=(in_front | (along == 0))[k],
+    )
+
+
+def _blocked(
+    paths: PlannedPaths,
+    around: Expected,
+    history: SceneHistory,
+    profile: GuardProfile,
+    i: IntArray,
+    j: IntArray,
+    child: IntArray,
+    vehicle: IntArray,
+) -> _Blocked:
+    x, y, heading = around.x[child, j], around.y[child, j], around.heading[child, j]
+    s, offset, direction = _onto(paths, i, x, y)
+    cos, sin = np.cos(heading - direction), np.sin(heading - direction)
+    half_length, half_width = around.others.length[j][:, None] / 2, around.others.width[j][:, None] / 2
+    own_length, own_width = history.seed.length[vehicle], history.seed.width[vehicle]
+    extent = np.abs(cos) * half_length + np.abs(sin) * half_width + own_length[:, None] / 2
+    body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width - own_width[:, None] / 2
+    low, high = s - extent, s + extent
+    # Beside each other, or face to face: a margin would stop who passes within his lane.
+    beside = (low[:, 0] < 0) & (high[:, 0] > 0)
+    margin = np.where(beside[:, None] | (cos < TOWARDS), profile.alongside_margin, profile.margin)
+    return _Blocked(
+        inside=body <= margin,
+        s=s,
+        offset=offset,
+        cos=cos,
+        low=low,
+        high=high,
+    )
+
+
+def _onto(
+    paths: PlannedPaths, i: IntArray, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Foot points of places (P, K) on the middle lines of corridors i (P,).
+
+    Returns:
+        (P, K) arc length (straight on past both ends), offset (left positive), direction of the line there.
+    """
+    ax, ay = paths.corner_x[i], paths.corner_y[i]
+    dx, dy = np.diff(ax, axis=1), np.diff(ay, axis=1)  # (P, G - 1)
+    length = np.sqrt(dx**2 + dy**2)
+    safe = np.maximum(length, 1e-9)
+    # A segment without length (a standing vehicle) has the direction of the last one.
+    still = length < 1e-3
+    cos, sin = (
+        np.where(still, dx[:, -1:] / safe[:, -1:], dx / safe),
+        np.where(still, dy[:, -1:] / safe[:, -1:], dy / safe),
+    )
+    px, py = x[:, :, None] - ax[:, None, :-1], y[:, :, None] - ay[:, None, :-1]  # (P, K, G - 1)
+    ahead = px * cos[:, None] + py * sin[:, None]
+    side = py * cos[:, None] - px * sin[:, None]
+    low, high = np.zeros_like(length), length.copy()
+    low[:, 0], high[:, -1] = -np.inf, np.inf
+    foot = np.clip(ahead, low[:, None], high[:, None])
+    distance = (ahead - foot) ** 2 + side**2
+    best = np.argmin(distance, axis=2)[:, :, None]
+
+    def pick(values: FloatArray) -> FloatArray:
+        return np.take_along_axis(values, best, axis=2)[:, :, 0]
+
+    g = best[:, :, 0]
+    p = np.arange(len(i))[:, None]
+    square = pick(distance)
+    offset = np.copysign(np.sqrt(square), pick(side))
+    s = paths.corner_arc[i][p, g] + pick(foot)
+    direction = np.arctan2(sin, cos)[p, g]
+    return s, offset, direction
