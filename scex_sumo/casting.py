@@ -5,8 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from scex_sumo.behaviors.registry import ModelSpec, parse_models
+import numpy as np
+
+from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.fallback import Fallible
+from scex_sumo.behaviors.registry import ModelSpec, build, may_fail, parse_models
 from scex_sumo.errors import UsageError
+from scex_sumo.rollout import history_at
+from scex_sumo.sampling import child_generator, route_draws
+from scex_sumo.scene import SeedScene, Who
 
 Models = str | Sequence[str | ModelSpec]
 
@@ -63,6 +70,38 @@ def cast_models(models: Models, assign: Mapping[int, str]) -> Casting:
             names.append(str(wanted[0]))
         fixed[int(track)] = names.index(str(wanted[0]))
     return Casting(drawn=tuple(drawn), specs=tuple(specs), fixed=fixed)
+
+
+def drivers(casting: Casting) -> tuple[Behavior, ...]:
+    """The models of a run, by index; those that may fail with the path-following driver to stand in.
+
+    Raises:
+        UsageError: a model cannot be made.
+    """
+    return tuple(
+        Fallible(build(spec), name) if may_fail(spec) else build(spec)
+        for spec, name in zip(casting.specs, casting.names, strict=True)
+    )
+
+
+def try_drivers(casting: Casting, models: Sequence[Behavior], scene: SeedScene, *, seed: int) -> None:
+    """Let every model that may fail plan once for the vehicles of the seed scene that it may get.
+
+    Raises:
+        ScexError: one has no usable plan for any of them.
+    """
+    assert scene.road is not None
+    children = np.zeros(1, dtype=np.int64)
+    draw = route_draws(children, scene.vehicles, seed=seed)
+    history = history_at(scene, scene.history.repeat(1), children, draw, step=0)
+    for index, model in enumerate(models):
+        if not isinstance(model, Fallible):
+            continue
+        tracks = scene.track_ids.tolist()
+        mine = [casting.fixed.get(t, index if index < len(casting.drawn) else -1) == index for t in tracks]
+        vehicle = np.flatnonzero(np.array(mine, dtype=np.bool_))
+        who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+        model.try_on(history, scene.road, who, [child_generator(seed, 0)])
 
 
 def number_of_children(children: int | str) -> int | None:

@@ -13,15 +13,16 @@ from typing import Any
 import numpy as np
 
 from scex_sumo import __version__
-from scex_sumo.behaviors.registry import DEFAULT_MODELS, build
+from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.behaviors.sumo_driver import SumoDriver
-from scex_sumo.casting import Models, cast_models, number_of_children
+from scex_sumo.casting import Models, cast_models, drivers, number_of_children, try_drivers
 from scex_sumo.colors import model_colors
 from scex_sumo.converters.sumo_net import convert
 from scex_sumo.converters.tracks import write_tracks
 from scex_sumo.density import THRESHOLDS
 from scex_sumo.designs import DEFAULT_DESIGN
 from scex_sumo.errors import UsageError
+from scex_sumo.fallbacks import FALLBACKS, count_fallbacks
 from scex_sumo.interrupts import deaf_to_ctrl_c
 from scex_sumo.job import Job, batches_of, run_batches
 from scex_sumo.measure import handover_jumps, measure_recorded
@@ -104,8 +105,9 @@ def extrapolate(
     )
     if until_band is not None:
         _check_until(until_band, design, most)
-    built = tuple(build(s) for s in casting.specs)
+    built = drivers(casting)
     assignment = draw(children=most if until_band is None else 1)
+    try_drivers(casting, built, scene, seed=seed)
     temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
     settings: dict[str, Any] = {
         "models": [{"model": str(s), "weight": s.weight} for s in casting.drawn],
@@ -159,6 +161,7 @@ def extrapolate(
             "net": scene.road.name,
             "net_notes": list(net.notes),
             "run_notes": _handover_notes(job, part),
+            "fallbacks": count_fallbacks(part.fallbacks, job.assignment, job.names, -(-steps // replan)),
             "versions": versions(),
             "timings_s": {
                 "convert": round(converted - started, 3),
@@ -265,6 +268,8 @@ def _write_tables(folder: ResultFolder, job: Job, part: Part) -> None:
     metrics = values_table(COLUMNS, part.values, part.defined, part.children)
     folder.write_table("metrics.parquet", metrics)
     folder.write_table("worst.parquet", part.worst)
+    if part.fallbacks is not None:
+        folder.write_table(FALLBACKS, part.fallbacks)
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.names))
     folder.write_table("densities.parquet", densities_table(metrics))
     recorded = measure_recorded(job.scene, job.steps)

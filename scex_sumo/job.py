@@ -12,6 +12,7 @@ from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.sumo_driver import SumoDriver
 from scex_sumo.converters.sumo_net import SumoNet
 from scex_sumo.errors import ScexError
+from scex_sumo.fallbacks import fallbacks_table
 from scex_sumo.measure import measure_rollout, worst_of
 from scex_sumo.results import Part, save_part
 from scex_sumo.road import Road
@@ -117,6 +118,13 @@ def run_batch(
         worst=worst_of(job.scene, values, children),
         plan_x=rollout.plan_x if job.keep_plans else None,
         plan_y=rollout.plan_y if job.keep_plans else None,
+        fallbacks=fallbacks_table(
+            rollout.replaced,
+            children=children,
+            assignment=cast.assignment,
+            names=job.names,
+            track_ids=job.scene.track_ids,
+        ),
     )
 
 

@@ -142,7 +142,7 @@ def roll_out(
     replaced: list[Replaced] = []
     for step in range(steps):
         if step % replan == 0:
-            history = _history(seed, window, cast, step)
+            history = history_at(seed, window, cast.children, cast.route_draw, step=step)
             for index, who in enumerate(groups):
                 if len(who):
                     made = cast.models[index].plan(history, road, who, cast.generators)
@@ -180,14 +180,25 @@ def obstacles_at(seed: SeedScene, step: int) -> tuple[States, BoolArray]:
     return seed.obstacles.states[:, column], seed.obstacles.present[:, column]
 
 
-def _history(seed: SeedScene, window: States, cast: Cast, step: int) -> SceneHistory:
+def history_at(
+    seed: SeedScene, window: States, children: IntArray, route_draw: FloatArray, *, step: int
+) -> SceneHistory:
+    """What models see ``step`` steps after the seed scene.
+
+    Args:
+        seed: the seed scene.
+        window: (C, V, 11) the last states.
+        children: (C,) numbers of the children.
+        route_draw: (C, V) in [0, 1).
+        step: steps since the seed scene.
+    """
     obstacles, present = obstacles_at(seed, step) if seed.obstacles is not None else (None, None)
     return SceneHistory(
         seed=seed,
         states=window.map(_read_only),
-        children=cast.children,
+        children=children,
         step=step,
-        route_draw=cast.route_draw,
+        route_draw=route_draw,
         obstacle_states=obstacles,
         obstacle_present=present,
     )

@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from scex_sumo.fallbacks import fallback_lines
 from scex_sumo.run import Run, side_of
 from scex_sumo.scene import FloatArray
 
@@ -42,7 +43,9 @@ def summary_table(run: Run) -> Table:
         title=f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, "
         f"{counted(run.children, 'child scenario')}",
         title_justify="left",
-        caption="worst value of each child; interval: 95 %, Wilson",
+        caption="\n".join(
+            ["worst value of each child; interval: 95 %, Wilson", *fallback_lines(run.info.get("fallbacks", []))]
+        ),
         caption_justify="left",
     )
     table.add_column("metric")

@@ -30,6 +30,11 @@ GUARD = "guard"  # a parameter of every model that we drive
 # Names that are taken, with their parameters, for models that this version does not contain.
 _ANNOUNCED: Mapping[str, tuple[str, ...]] = {"graph_predictor": (), "graph_image_predictor": ("attention",)}
 
+# Models that cannot fail; what they raise is an error of ours. All others may fall back.
+RULE_BASED = frozenset(
+    {"standard_driver", "risky_driver", "calibrated_driver", "constant_velocity", "emergency_brake", "replay"}
+)
+
 T = TypeVar("T")
 
 
@@ -96,6 +101,11 @@ def behavior(name: str) -> Callable[[T], T]:
         return constructor
 
     return register
+
+
+def may_fail(spec: ModelSpec) -> bool:
+    """Whether a model's plans may be unusable: a user's own model or a learned one."""
+    return spec.name not in RULE_BASED and not spec.name.startswith(f"{SUMO}:")
 
 
 def known_names() -> list[str]:
