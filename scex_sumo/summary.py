@@ -32,6 +32,8 @@ def print_summary(run: Run, console: Console) -> None:
             column.header = str(column.header).replace(" if", "\nif").replace("% inter", "%\ninter")
         console.width = max(console.width, console.measure(table, options=unlimited).maximum)
     console.print(table)
+    for line in fallback_lines(run.info.get("fallbacks", [])):
+        console.print(Text(line), soft_wrap=True)
 
 
 def summary_table(run: Run) -> Table:
@@ -43,9 +45,7 @@ def summary_table(run: Run) -> Table:
         title=f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, "
         f"{counted(run.children, 'child scenario')}",
         title_justify="left",
-        caption="\n".join(
-            ["worst value of each child; interval: 95 %, Wilson", *fallback_lines(run.info.get("fallbacks", []))]
-        ),
+        caption="worst value of each child; interval: 95 %, Wilson",
         caption_justify="left",
     )
     table.add_column("metric")
