@@ -54,50 +54,60 @@ def balanced(shares: Shares, rows: int, rng: np.random.Generator, *, decay: floa
     out = np.empty((rows, len(weights)), dtype=np.int64)
     for start in range(0, rows, BLOCK_ROWS):
         block = out[start : start + BLOCK_ROWS]
-        kernels = [np.full((len(w), len(block)), 1 - decay) for w in weights]
+        # Column 0 of a kernel is that of each level with itself, for the new row's own share.
+        kernels = [np.full((len(w), len(block) + 1), 1 - decay) for w in weights]
+        for kernel, diagonal in zip(kernels, own, strict=True):
+            kernel[:, 0] = diagonal
         for row in range(len(block)):
-            block[row] = _next_row([k[:, :row] for k in kernels], own, weights, rng)
+            block[row] = _next_row([k[:, : row + 1] for k in kernels], weights, rng)
             for factor, level in enumerate(block[row]):
-                kernels[factor][level, row] = own[factor][level]
+                kernels[factor][level, row + 1] = own[factor][level]
     return out
 
 
 def _next_row(
-    kernels: Sequence[FloatArray],
-    own: Sequence[FloatArray],
-    weights: Sequence[FloatArray],
-    rng: np.random.Generator,
+    kernels: Sequence[FloatArray], weights: Sequence[FloatArray], rng: np.random.Generator
 ) -> IntArray:
     """The row that lowers the discrepancy most, as far as a search from a few random rows finds it.
 
     Args:
-        kernels: per factor, (L, R) of its levels with those of the rows so far.
-        own: per factor, (L,) of its levels with themselves.
+        kernels: per factor, (L, 1 + R) of its levels with themselves, and with those of the rows so far.
         weights: per factor, (L,) shares.
         rng: the randomness.
 
     Returns:
         (F,) levels.
     """
-    rows = independent(weights, _STARTS if kernels[0].shape[1] else 1, rng)
-    if len(rows) == 1:
+    starts = _STARTS if kernels[0].shape[1] > 1 else 1
+    rows = independent(weights, starts, rng)
+    if starts == 1:
         return rows.reshape(-1)
-    at = np.arange(_STARTS)
+    sweeps = [rng.permutation(len(kernels)).tolist() for _ in range(_SWEEPS)]
+    draws = rng.random(_SWEEPS * starts * sum(len(w) for w in weights)).tolist()  # for ties, in order
+    used = 0
     like = [k[rows[:, f]] for f, k in enumerate(kernels)]
-    like_own = [k[rows[:, f]] for f, k in enumerate(own)]
-    product, product_own = np.prod(like, axis=0), np.prod(like_own, axis=0)
-    added = np.zeros(_STARTS)
-    for factor in [int(f) for _ in range(_SWEEPS) for f in rng.permutation(len(kernels))]:
-        rest, rest_own = product / like[factor], product_own / like_own[factor]
-        scores = rest @ kernels[factor].T + 0.5 * rest_own[:, None] * own[factor]
-        added = scores.min(axis=1)
-        lowest = scores <= added[:, None] + _TIE
-        drawn = np.argmax(rng.random(scores.shape) * lowest, axis=1)
-        rows[:, factor] = np.where(lowest[at, rows[:, factor]], rows[:, factor], drawn)
-        like[factor], like_own[factor] = kernels[factor][rows[:, factor]], own[factor][rows[:, factor]]
-        product, product_own = rest * like[factor], rest_own * like_own[factor]
-    best: IntArray = rows[int(np.flatnonzero(added <= added.min() + _TIE)[0])]
-    return best
+    product = np.prod(like, axis=0)
+    product[:, 0] *= 0.5
+    added, levels = [0.0] * starts, rows.T.tolist()
+    for sweep in sweeps:
+        settled = True
+        for factor in sweep:
+            rest, mine = product / like[factor], levels[factor]
+            before = list(mine)
+            for start, scores in enumerate((rest @ kernels[factor].T).tolist()):
+                added[start] = least = min(scores)
+                if scores[mine[start]] > least + _TIE:
+                    lowest = [level for level, score in enumerate(scores) if score <= least + _TIE]
+                    mine[start] = max(lowest, key=draws[used : used + len(scores)].__getitem__)
+                used += len(scores)
+            if mine != before:
+                settled = False
+                like[factor] = kernels[factor][mine]
+                product = rest * like[factor]
+        if settled:  # further sweeps would change nothing either
+            break
+    best = next(start for start in range(starts) if added[start] <= min(added) + _TIE)
+    return np.array([mine[best] for mine in levels], dtype=np.int64)
 
 
 def latin(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:

@@ -24,7 +24,7 @@ from scex_sumo.designs import DEFAULT_DESIGN
 from scex_sumo.errors import UsageError
 from scex_sumo.fallbacks import FALLBACKS, count_fallbacks
 from scex_sumo.interrupts import deaf_to_ctrl_c
-from scex_sumo.job import Job, batches_of, run_batches
+from scex_sumo.job import Job, batch_size, batches_of, run_batches
 from scex_sumo.measure import handover_jumps, measure_recorded
 from scex_sumo.metrics.evaluate import COLUMNS, PAPER_PRESET
 from scex_sumo.plans import PLANS, plans_table
@@ -34,12 +34,10 @@ from scex_sumo.run import Run, densities_table
 from scex_sumo.sampling import assignments
 from scex_sumo.scene import IntArray, SeedScene
 from scex_sumo.sequential import Look, check_band, grow, look
-from scex_sumo.world import TILE_SLOTS
 
 DEFAULT_CHILDREN = 385  # the paper's sample size: a 95 % interval of +-5 % around a share of one half
 DEFAULT_STEPS = 30
 DEFAULT_REPLAN = 5
-DEFAULT_BATCH = TILE_SLOTS
 HANDOVER_M = 0.5  # a jump of a vehicle's centre that SUMO's own drivers are told of
 MAX_REPLAN = 30  # models plan at least 30 steps
 
@@ -56,7 +54,7 @@ def extrapolate(
     until_band: float | None = None,
     seed: int = 0,
     workers: int = 1,
-    batch: int = DEFAULT_BATCH,
+    batch: int | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
     keep_plans: bool = True,
@@ -80,7 +78,8 @@ def extrapolate(
             `scex_sumo.sequential.Bands`; ``children`` is then the most that are run.
         seed: the same seed gives the same result.
         workers: processes that share the children; the result does not depend on it.
-        batch: children side by side in one world; the result does not depend on it.
+        batch: children side by side in one world, None for about 2400 vehicles; the result does not depend
+            on it.
         out: result folder; None keeps the result in a temporary one as long as the returned run lives.
         overwrite: replace the result of another run in ``out``.
         keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
@@ -199,7 +198,7 @@ def _run_until(
     return dataclasses.replace(job, assignment=draw(children=band.children)), band
 
 
-def _check(scene: SeedScene, steps: int, replan: int, seed: int, workers: int, batch: int) -> None:
+def _check(scene: SeedScene, steps: int, replan: int, seed: int, workers: int, batch: int | None) -> None:
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     if steps < 1:
@@ -210,16 +209,21 @@ def _check(scene: SeedScene, steps: int, replan: int, seed: int, workers: int, b
         raise UsageError(f"--seed: got {seed}, needs 0 or more")
     if workers < 1:
         raise UsageError(f"--workers: got {workers}, needs at least 1")
-    if batch < 1:
+    if batch is not None and batch < 1:
         raise UsageError(f"--batch: got {batch}, needs at least 1")
 
 
 def _run_all(
-    job: Job, folder: ResultFolder, workers: int, batch: int, progress: Callable[[int, int], None] | None
+    job: Job,
+    folder: ResultFolder,
+    workers: int,
+    batch: int | None,
+    progress: Callable[[int, int], None] | None,
 ) -> None:
     done = folder.done()
     total = len(job.assignment)
-    batches = batches_of([c for c in range(total) if c not in done], batch, apart=job.apart)
+    size = batch if batch is not None else batch_size(job, processes=workers)
+    batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)
     count = len(done)
     if progress is not None:
         progress(count * job.steps, total * job.steps)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,8 @@ from scex_sumo.rollout import Cast, roll_out
 from scex_sumo.sampling import child_generator, route_draws
 from scex_sumo.scene import IntArray, SeedScene
 from scex_sumo.world import TILE_SLOTS, SumoDriven, World
+
+VEHICLES_AT_ONCE = 2400  # in a batch, over all its children
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,19 +63,41 @@ class Job:
         assert self.scene.road is not None
         return self.scene.road
 
+    @property
+    def apart(self) -> bool:
+        """Whether each child needs a tile of its own: a driver of SUMO's, or who watches, sees all in it."""
+        return self.gui or any(isinstance(model, SumoDriver) for model in self.models)
 
-def batches_of(children: Sequence[int], size: int) -> list[IntArray]:
-    """Cut children into batches of at most ``size`` whose tile slots do not collide."""
+    def slots(self, children: IntArray) -> IntArray:
+        """(C,) tile slot of each child: its own, or that of all."""
+        return children % TILE_SLOTS if self.apart else np.zeros_like(children)
+
+
+def batches_of(children: Sequence[int], size: int, *, apart: bool = True) -> list[IntArray]:
+    """Cut children into batches of at most ``size``; ``apart``: those of a batch have different tile slots."""
     batches: list[list[int]] = []
     taken: set[int] = set()
     for child in children:
         slot = child % TILE_SLOTS
-        if not batches or len(batches[-1]) >= size or slot in taken:
+        if not batches or len(batches[-1]) >= size or (apart and slot in taken):
             batches.append([])
             taken = set()
         batches[-1].append(child)
         taken.add(slot)
     return [np.asarray(batch, dtype=np.int64) for batch in batches]
+
+
+def batch_size(job: Job, *, processes: int = 1) -> int:
+    """Children in a batch: as many as fill the vectors, and no more at 100 vehicles than at 10.
+
+    A step of a batch costs as much for one vehicle as for some hundreds; beyond some thousands nothing is
+    gained and memory is lost.
+    """
+    if job.apart:
+        return TILE_SLOTS
+    children, vehicles = job.assignment.shape
+    batches = math.ceil(children * vehicles / VEHICLES_AT_ONCE / processes) * processes
+    return math.ceil(children / batches)
 
 
 def run_batches(
@@ -91,7 +116,7 @@ def run_batches(
     Returns:
         How many children ran.
     """
-    slots = sorted({int(c) % TILE_SLOTS for batch in batches for c in batch})
+    slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
     legend = tuple(zip(job.names, job.colors, strict=True))
     with World(job.net, job.scene, slots=slots, gui=job.gui, legend=legend) as world:
         for batch in batches:
@@ -106,7 +131,7 @@ def run_batch(
     """Run some children side by side and measure them."""
     cast = _cast(job, children)
     start = job.scene.now.repeat(len(children))
-    world.begin(start, children % TILE_SLOTS, _driven_by_sumo(job, cast))
+    world.begin(start, job.slots(children), _driven_by_sumo(job, cast))
     _paint(job, world, cast)
     rollout = roll_out(world, job.road, job.scene, cast, steps=job.steps, replan=job.replan, on_step=on_step)
     values = measure_rollout(job.scene, rollout)

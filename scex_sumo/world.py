@@ -20,10 +20,10 @@ from scex_sumo.colors import Rgb
 from scex_sumo.errors import SimulationError
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, BoolArray, FloatArray, IntArray, SeedScene, States
 from scex_sumo.sumo_frame import from_sumo, to_sumo
-from scex_sumo.sumo_session import ANY_ROUTE, SumoSession
+from scex_sumo.sumo_session import ANY_ROUTE, SumoSession, VehicleCalls
 from scex_sumo.tiles import TILE_SLOTS, tile_id
 from scex_sumo.vehicle_types import TypeBook
-from scex_sumo.world_batch import Batch, SumoDriven
+from scex_sumo.world_batch import Batch, Some, SumoDriven, vehicle_ids
 
 if TYPE_CHECKING:
     from scex_sumo.converters.sumo_net import SumoNet
@@ -107,11 +107,13 @@ class World:
 
         Args:
             start: (C, V) states of the seed scene.
-            slots: (C,) tile slot of each child, all different.
+            slots: (C,) tile slot of each child. Children in which SUMO drives nobody may share one: vehicles
+                that are moved take no notice of each other.
             driven: the vehicles that SUMO drives; all others must be moved before each step.
 
         Raises:
-            SimulationError: a slot without a tile, a route that the net does not hold, or a refusal by SUMO.
+            SimulationError: a slot without a tile, or shared with a driver of SUMO's, a route that the net
+                does not hold, or a refusal by SUMO.
             UsageError: an unknown SUMO model or parameter.
         """
         wanted, tiles = [int(slot) for slot in slots], self._session.slots
@@ -122,10 +124,16 @@ class World:
         self._running = None
         self._speeds.clear()
         self._sumo = self._session.ready(importlib.import_module("traci" if self._gui else "libsumo"))
+        self._call = VehicleCalls.of(self._sumo)
         batch = self._running = self._new_batch(start, wanted, driven)
+        if shared := batch.shared_slots():
+            raise SimulationError(
+                f"slots {shared} hold several children, one of them with drivers of SUMO's or somebody who "
+                "watches; give each a slot of its own"
+            )
         with self._session.refusals(f"set up a batch of {len(wanted)} children"):
             self._add_vehicles(batch, driven)
-            self._place(start, np.ones(start.shape, dtype=bool), np.zeros(start.shape))
+            self._place(start, batch.everybody, np.zeros(start.shape))
         if others := self._seed.obstacles:
             self.move_obstacles(others.states[:, HISTORY_STEPS], others.present[:, HISTORY_STEPS])
         self._advance(batch)
@@ -142,12 +150,13 @@ class World:
         offsets = np.array([self._session.layout.offset(slot) for slot in slots], dtype=np.float64)
         return Batch(
             slots=slots,
-            ids=[tile_id(slot, str(track)) for slot in slots for track in self._seed.track_ids],
+            ids=vehicle_ids(slots, self._seed.track_ids),
             offset=offsets.T[..., None],
             overridden=overridden,
             mixed=mixed,
             lanes=np.where(mixed[:, None] & overridden, _ANY_LANE, _OWN_ROUTE),
             speed=start.speed.copy(),
+            held=np.empty(start.shape),
         )
 
     def move(self, states: States, mask: BoolArray) -> None:
@@ -169,7 +178,7 @@ class World:
                 f"{int((~mask & batch.overridden).sum())} not moved that it does not drive"
             )
         with self._session.refusals("move vehicles"):
-            self._place(states, mask, (states.speed - batch.speed) / STEP_S)
+            self._place(states, batch.moved, (states.speed - batch.speed) / STEP_S)
         np.copyto(batch.speed, states.speed, where=mask)
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
@@ -216,13 +225,20 @@ class World:
             batch.watch_route_ends(self._sumo)
 
     def read(self) -> States:
-        """What SUMO holds now: (C, V) centres, headings in (-pi, pi], speeds."""
-        batch, vehicle = self._batch, self._sumo.vehicle
+        """What SUMO holds now: (C, V) centres, headings in (-pi, pi], speeds.
+
+        The speed of a vehicle that is moved is the one that it was given: SUMO is told where it matters to
+        somebody in the child, see ``_advance``.
+        """
+        batch, get = self._batch, self._call
         shape = batch.overridden.shape
         with self._session.refusals("read vehicles"):
-            front = np.array([vehicle.getPosition(key) for key in batch.ids]).reshape(*shape, 2)
-            angle = np.array([vehicle.getAngle(key) for key in batch.ids]).reshape(shape)
-            speed = np.array([vehicle.getSpeed(key) for key in batch.ids]).reshape(shape)
+            front = np.array(list(map(get.getPosition, batch.ids))).reshape(*shape, 2)
+            angle = np.fromiter(map(get.getAngle, batch.ids), np.float64, len(batch.ids)).reshape(shape)
+            speed = batch.held.copy()
+            for child in np.flatnonzero(batch.mixed):
+                mine = batch.ids[child * shape[1] : (child + 1) * shape[1]]
+                speed[child] = list(map(get.getSpeed, mine))
         x, y = front[..., 0] - batch.offset[0], front[..., 1] - batch.offset[1]
         return from_sumo(x, y, angle, speed, self._length)
 
@@ -238,17 +254,19 @@ class World:
             raise SimulationError("no batch is running in this world; begin one first")
         return self._running
 
-    def _place(self, states: States, mask: BoolArray, acceleration: FloatArray) -> None:
-        """Queue poses for the next step, and speeds for the moment after it."""
+    def _place(self, states: States, some: Some, acceleration: FloatArray) -> None:
+        """Queue poses for the next step, and for the moment after it the speeds that somebody looks at."""
         batch = self._batch
         front_x, front_y, angle = to_sumo(states, self._length)
-        ids = [batch.ids[i] for i in np.flatnonzero(mask)]
-        x, y = front_x + batch.offset[0], front_y + batch.offset[1]
-        poses = [values[mask].tolist() for values in (x, y, angle, batch.lanes)]
-        move = self._sumo.vehicle.moveToXY
-        for key, to_x, to_y, degrees, lanes in zip(ids, *poses, strict=True):
-            move(key, "", _NO_LANE, to_x, to_y, degrees, lanes, _MATCH_M)
-        self._speeds.extend(zip(ids, states.speed[mask].tolist(), acceleration[mask].tolist(), strict=True))
+        poses = (front_x + batch.offset[0], front_y + batch.offset[1], angle)
+        x, y, degrees = (values.reshape(-1)[some.index].tolist() for values in poses)
+        move = self._call.moveToXY
+        for key, to_x, to_y, turned, lanes in zip(some.ids, x, y, degrees, some.lanes, strict=True):
+            move(key, "", _NO_LANE, to_x, to_y, turned, lanes, _MATCH_M)
+        if some.watched:
+            at = some.index[some.watched]
+            speeds, changes = (values.reshape(-1)[at].tolist() for values in (states.speed, acceleration))
+            self._speeds.extend(zip([some.ids[i] for i in some.watched], speeds, changes, strict=True))
 
     def _put(self, key: str, x: float, y: float, angle: float) -> None:
         self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, _ANY_LANE, _MATCH_M)
@@ -260,7 +278,8 @@ class World:
         """One step of SUMO, a count of the vehicles, and the right speeds for those that were moved.
 
         SUMO takes the motion along the lane for the speed, which is wrong wherever a vehicle is not parallel
-        to it. What is set here is what SUMO goes on with, and what its drivers see of a vehicle.
+        to it. What is set here is what SUMO goes on with, and what its drivers see of a vehicle; without
+        anybody in a child who looks, a vehicle's speed is none of SUMO's concern.
         """
         expected = len(batch.ids) + len(batch.obstacles)
         with self._session.refusals("advance"):
@@ -271,13 +290,15 @@ class World:
                     f"SUMO lost {len(lost)} of {expected} vehicles ({', '.join(lost[:3])}, ...); "
                     "please report this with the seed scene"
                 )
-            set_speed = self._sumo.vehicle.setPreviousSpeed
+            set_speed = self._call.setPreviousSpeed
             for key, speed, acceleration in self._speeds:
                 set_speed(key, speed, acceleration)
         self._speeds.clear()
+        batch.held = np.where(batch.speed < 0, 0.0, batch.speed)
 
     def _add_vehicles(self, batch: Batch, driven: Sequence[SumoDriven]) -> None:
         vehicles = self._seed.vehicles
+        overridden = [self._types.overridden(v) for v in range(vehicles)]
         by_sumo = {d.child * vehicles + d.vehicle: d for d in driven}
         for index, key in enumerate(batch.ids):
             child, v = divmod(index, vehicles)
@@ -288,7 +309,7 @@ class World:
                 self._sumo.route.add(route, [tile_id(slot, edge) for edge in d.edges])
                 self._add(key, route, self._types.driven(v, d.model, d.parameters))
             else:
-                self._add(key, tile_id(slot, ANY_ROUTE), self._types.overridden(v))
+                self._add(key, tile_id(slot, ANY_ROUTE), overridden[v])
                 if batch.mixed[child]:
                     # Or SUMO makes others give way to lane changes that this vehicle will never make.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
+
+import numpy as np
 
 from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray
 from scex_sumo.tiles import tile_id
@@ -35,6 +39,16 @@ class SumoDriven:
     edges: tuple[str, ...]
 
 
+def vehicle_ids(slots: Sequence[int], track_ids: IntArray) -> list[str]:
+    """SUMO's ids of the vehicles, child by child; children that share a tile are told apart."""
+    ids, before = [], Counter[int]()
+    for slot in slots:
+        mark = f"~{before[slot]}" if before[slot] else ""
+        ids += [tile_id(slot, f"{track}{mark}") for track in track_ids]
+        before[slot] += 1
+    return ids
+
+
 @dataclass(frozen=True, kw_only=True)
 class Pose:
     """Where a vehicle is, in SUMO's terms.
@@ -60,6 +74,23 @@ class Pose:
         return Pose(key=self.key, x=x, y=y, angle=self.angle, speed=self.speed)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Some:
+    """Some vehicles of a batch, n of them.
+
+    Attributes:
+        index: (n,) flat index into (C, V).
+        ids: (n) SUMO's ids.
+        lanes: (n) which lanes SUMO looks for a vehicle on, moveToXY's ``keepRoute``.
+        watched: those in children with drivers of SUMO's, or somebody who watches: index among the n.
+    """
+
+    index: IntArray
+    ids: list[str]
+    lanes: list[int]
+    watched: list[int]
+
+
 @dataclass(kw_only=True, eq=False)
 class Batch:
     """The running batch.
@@ -72,6 +103,7 @@ class Batch:
         mixed: (C,) True where there are drivers of SUMO's, or somebody who watches.
         lanes: (C, V) which lanes SUMO looks for a vehicle on, moveToXY's ``keepRoute``.
         speed: (C, V) the speed last set, where overridden.
+        held: (C, V) the same after the last step, never negative.
         route_ends: last edge of the route of SUMO-driven vehicles, by id.
         straight_on: vehicles that SUMO drove until their route ended.
         obstacles: ids of the pedestrians and cyclists present.
@@ -84,6 +116,7 @@ class Batch:
     mixed: BoolArray
     lanes: IntArray
     speed: FloatArray
+    held: FloatArray
     route_ends: dict[str, str] = field(default_factory=dict)
     straight_on: list[Pose] = field(default_factory=list)
     obstacles: set[str] = field(default_factory=set)
@@ -92,6 +125,26 @@ class Batch:
         """SUMO's id of a vehicle."""
         vehicles: int = self.overridden.shape[1]
         return self.ids[child * vehicles + vehicle]
+
+    @cached_property
+    def everybody(self) -> Some:
+        """All vehicles."""
+        return self._some(np.ones(self.overridden.shape, dtype=bool))
+
+    @cached_property
+    def moved(self) -> Some:
+        """The vehicles that SUMO does not drive."""
+        return self._some(self.overridden)
+
+    def _some(self, mask: BoolArray) -> Some:
+        index = np.flatnonzero(mask)
+        watched = np.broadcast_to(self.mixed[:, None], mask.shape).reshape(-1)[index]
+        return Some(
+            index=index,
+            ids=[self.ids[i] for i in index],
+            lanes=self.lanes.reshape(-1)[index].tolist(),
+            watched=np.flatnonzero(watched).tolist(),
+        )
 
     def hand_over(self, driven: Sequence[SumoDriven], sumo: Any) -> None:
         """Let SUMO drive from here; on its lanes only: a vehicle beside them goes straight on instead."""
@@ -114,6 +167,12 @@ class Batch:
         """Where the vehicles taken back are a step later."""
         self.straight_on = [pose.ahead() for pose in self.straight_on]
         yield from self.straight_on
+
+    def shared_slots(self) -> list[int]:
+        """Slots of several children, one of them with drivers of SUMO's: those would meet the others."""
+        count = Counter(self.slots)
+        mixed = {slot for slot, m in zip(self.slots, self.mixed, strict=True) if m}
+        return sorted(slot for slot in mixed if count[slot] > 1)
 
     def _take_back(self, key: str, sumo: Any) -> None:
         x, y = sumo.vehicle.getPosition(key)

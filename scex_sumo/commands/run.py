@@ -44,7 +44,7 @@ def run_command(request: RunRequest) -> None:
 
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.designs import DEFAULT_DESIGN
-    from scex_sumo.extrapolation import DEFAULT_BATCH, DEFAULT_CHILDREN, extrapolate
+    from scex_sumo.extrapolation import DEFAULT_CHILDREN, extrapolate
     from scex_sumo.sequential import MOST_CHILDREN
     from scex_sumo.summary import print_summary
 
@@ -66,7 +66,7 @@ def run_command(request: RunRequest) -> None:
                 until_band=request.until_band,
                 seed=request.seed,
                 workers=request.workers,
-                batch=request.batch if request.batch is not None else DEFAULT_BATCH,
+                batch=request.batch,
                 out=out,
                 overwrite=request.overwrite,
                 keep_plans=request.keep_plans,

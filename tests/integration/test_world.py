@@ -122,6 +122,24 @@ def test_a_child_reads_the_same_bytes_in_its_slot_whatever_runs_beside_or_before
         assert getattr(among, key).tobytes() == getattr(alone, key).tobytes()
 
 
+def test_children_without_drivers_of_sumo_share_a_tile_and_take_no_notice_of_each_other(
+    crossing: SimpleNamespace, seed: SeedScene
+) -> None:
+    phase = np.array([2.0, 2.0, 5.0])  # the first two on top of each other all the way
+    with World(crossing, seed, slots=[0]) as world:
+        together = roll(world, [0, 0, 0], phase)
+        alone = [roll(world, [0], phase[[child]]) for child in range(3)]
+    for key in ("x", "y", "heading", "speed"):
+        for child in range(3):
+            assert getattr(together, key)[:, child].tobytes() == getattr(alone[child], key)[:, 0].tobytes()
+
+
+def test_a_tile_with_a_driver_of_sumo_is_not_shared(crossing: SimpleNamespace, seed: SeedScene) -> None:
+    driver = SumoDriven(child=2, vehicle=5, model="Krauss", parameters={}, edges=("w_in", "e_out"))
+    with World(crossing, seed, slots=[0, 4]) as world, pytest.raises(SimulationError, match=r"slots \[4\]"):
+        world.begin(trips(0.0, np.zeros(3)), np.array([0, 4, 4]), [driver])
+
+
 def test_a_driver_of_sumo_in_its_tile_changes_nothing_about_vehicles_that_are_moved(
     crossing: SimpleNamespace, seed: SeedScene
 ) -> None:
