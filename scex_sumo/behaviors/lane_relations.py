@@ -161,8 +161,8 @@ def _meetings(
         if conflict.kind == "diverge":
             continue  # whoever is on one branch of a fork leaves the other one alone
         s = meeting_place(conflict, by_id)
-        one, other = (number[i] for i in conflict.lanes)
-        places += [(one, s[0], other, s[1]), (other, s[1], one, s[0])]
+        first, second = (number[i] for i in conflict.lanes)
+        places += [(first, s[0], second, s[1]), (second, s[1], first, s[0])]
     if not places:
         return table
     own, own_s, other, other_s = (np.array(column) for column in zip(*places, strict=True))
@@ -176,9 +176,9 @@ def _meetings(
             continue
         theirs = np.where(other_in_sight[:, mine], to_same[:, mine], np.inf)
         keep = np.argsort(to_place[a, mine] + theirs, axis=1, kind="stable")[:, :CONFLICTS]
-        second = np.take_along_axis(theirs, keep, axis=1)
-        table[a, :, : keep.shape[1], 0] = np.where(np.isfinite(second), to_place[a, mine][keep], np.inf)
-        table[a, :, : keep.shape[1], 1] = second
+        table[a, :, : keep.shape[1], 1] = np.take_along_axis(theirs, keep, axis=1)
+        seen = np.isfinite(table[a, :, : keep.shape[1], 1])
+        table[a, :, : keep.shape[1], 0] = np.where(seen, to_place[a, mine][keep], np.inf)
     return table
 
 

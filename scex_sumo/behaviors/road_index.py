@@ -104,16 +104,16 @@ class RoadIndex:
         pose, lane, segment = pose[best], lane[best], segment[best]
         # Floored, since a likelihood that underflows to zero could not be normalised.
         score = np.exp(-0.5 * np.minimum(cost[best], 600.0))
-        total = np.bincount(pose, weights=score, minlength=len(x))
         order = np.lexsort((lane, -score, pose))
-        best, pose, segment = best[order], pose[order], segment[order]
+        best, pose, segment, score = best[order], pose[order], segment[order], score[order]
+        total = np.bincount(pose, weights=score, minlength=len(x))
         return Matches(
             vehicle=pose,
             lane_id=self._segments.lane_id[lane[order]],
             s=self._segments.s[segment] + t[best],
             offset=offset[best],
             heading_error=error[best],
-            probability=score[order] / total[pose],
+            probability=score / total[pose],
         )
 
     def _possible(
