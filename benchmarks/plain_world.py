@@ -43,7 +43,7 @@ def drive_scene(seed: SeedScene, model: str, *, steps: int, replan: int = 5) -> 
         models=[built],
         names=[model],
         overridden=np.ones(1, dtype=np.bool_),
-        route_draw=np.full((1, seed.vehicles), 0.5),
+        route_draw=np.random.default_rng(0).random((1, seed.vehicles)),
         generators=[np.random.default_rng(0)],
     )
     run = roll_out(PlainWorld(seed), seed.road, seed, cast, steps=steps, replan=replan)

@@ -14,7 +14,7 @@ from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, SceneHistor
 if TYPE_CHECKING:
     from scex_sumo.behaviors.guard import GuardProfile
 
-MOST_PAIRS = 2_000  # at a time: bounds the memory, and stays near the processor
+MOST_PAIRS = 256  # at a time: bounds the memory, and stays near the processor
 SAME_WAY = 0.5  # cosine above which two go the same way: one follows the other instead of waiting for it
 TOWARDS = -0.5  # cosine below which one comes towards the other
 STOP_DECELERATION = 6.0  # m/s²; who would have to brake harder than that cannot give way
@@ -185,8 +185,9 @@ def _blocked(
     vehicle: IntArray,
 ) -> _Blocked:
     x, y, heading = around.x[child, j], around.y[child, j], around.heading[child, j]
-    s, offset, direction = _onto(paths, i, x, y)
-    cos, sin = np.cos(heading - direction), np.sin(heading - direction)
+    s, offset, line_cos, line_sin, swing = _onto(paths, i, x, y)
+    ahead, left = np.cos(heading), np.sin(heading)
+    cos, sin = ahead * line_cos + left * line_sin, left * line_cos - ahead * line_sin
     half_length, half_width = around.others.length[j][:, None] / 2, around.others.width[j][:, None] / 2
     own_length, own_width = history.seed.length[vehicle], history.seed.width[vehicle]
     extent = np.abs(cos) * half_length + np.abs(sin) * half_width + own_length[:, None] / 2
@@ -196,7 +197,7 @@ def _blocked(
     beside = (low[:, 0] < 0) & (high[:, 0] > 0)
     margin = np.where(beside[:, None] | (cos < TOWARDS), profile.alongside_margin, profile.margin)
     return _Blocked(
-        inside=body <= margin,
+        inside=body <= margin + swing,
         s=s,
         offset=offset,
         cos=cos,
@@ -207,38 +208,28 @@ def _blocked(
 
 def _onto(
     paths: PlannedPaths, i: IntArray, x: FloatArray, y: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Foot points of places (P, K) on the middle lines of corridors i (P,).
 
     Returns:
-        (P, K) arc length (straight on past both ends), offset (left positive), direction of the line there.
+        (P, K) arc length (straight on past both ends), offset (left positive), cosine and sine of the line's
+        direction, and `PlannedPaths.swing` on that side.
     """
-    ax, ay = paths.corner_x[i], paths.corner_y[i]
-    dx, dy = np.diff(ax, axis=1), np.diff(ay, axis=1)  # (P, G - 1)
-    length = np.sqrt(dx**2 + dy**2)
-    safe = np.maximum(length, 1e-9)
-    # A segment without length (a standing vehicle) has the direction of the last one.
-    still = length < 1e-3
-    cos, sin = (
-        np.where(still, dx[:, -1:] / safe[:, -1:], dx / safe),
-        np.where(still, dy[:, -1:] / safe[:, -1:], dy / safe),
-    )
-    px, py = x[:, :, None] - ax[:, None, :-1], y[:, :, None] - ay[:, None, :-1]  # (P, K, G - 1)
+    cos, sin, begin = paths.corner_cos[i], paths.corner_sin[i], paths.corner_arc[i]
+    px = x[:, :, None] - paths.corner_x[i][:, None, :-1]  # (P, K, G - 1)
+    py = y[:, :, None] - paths.corner_y[i][:, None, :-1]
     ahead = px * cos[:, None] + py * sin[:, None]
     side = py * cos[:, None] - px * sin[:, None]
-    low, high = np.zeros_like(length), length.copy()
+    low, high = np.zeros_like(cos), np.diff(begin, axis=1)
     low[:, 0], high[:, -1] = -np.inf, np.inf
-    foot = np.clip(ahead, low[:, None], high[:, None])
-    distance = (ahead - foot) ** 2 + side**2
-    best = np.argmin(distance, axis=2)[:, :, None]
-
-    def pick(values: FloatArray) -> FloatArray:
-        return np.take_along_axis(values, best, axis=2)[:, :, 0]
-
-    g = best[:, :, 0]
+    foot = np.minimum(np.maximum(ahead, low[:, None]), high[:, None])
+    ahead -= foot
+    ahead *= ahead
+    ahead += side * side
+    best = np.argmin(ahead, axis=2)
+    flat = best.ravel() + np.arange(best.size) * cos.shape[1]
+    distance, side, foot = (values.ravel()[flat].reshape(best.shape) for values in (ahead, side, foot))
     p = np.arange(len(i))[:, None]
-    square = pick(distance)
-    offset = np.copysign(np.sqrt(square), pick(side))
-    s = paths.corner_arc[i][p, g] + pick(foot)
-    direction = np.arctan2(sin, cos)[p, g]
-    return s, offset, direction
+    swing = np.where(side >= 0, paths.swing[0][i[:, None], best], paths.swing[1][i[:, None], best])
+    offset = np.copysign(np.sqrt(distance), side)
+    return begin[p, best] + foot, offset, cos[p, best], sin[p, best], swing

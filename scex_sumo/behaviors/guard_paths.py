@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from scex_sumo.behaviors.motion import REAR_AXLE_SHARE, rear_axle
 from scex_sumo.behaviors.paths import SeedPaths, chosen_paths
 from scex_sumo.behaviors.perception import Everyone, everyone
 from scex_sumo.behaviors.projection import expected_way, project, sample
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 SAMPLE_S = 0.4  # a car that crosses at 15 m/s is in the corridor for longer than that
 SAMPLES = 11  # the present, and 4 s ahead
 VERTEX_STEPS = 3  # planned steps between two vertices of the corridor
+LEAST_WAY_M = 1e-3
 RETURN_S = 0.8  # an offset from the path dies out with this time constant
 BRAKING_STEPS = 5  # steps over which a leader's braking is measured
 OTHER_PATH = 1.0  # how much worse a vehicle must fit its straightest path than another one to be on that
@@ -43,6 +45,10 @@ class PlannedPaths:
             straight on, as far as braking from the last speed takes.
         corner_y: (n, G) m.
         corner_arc: (n, G) m.
+        corner_cos: (n, G - 1) direction of the middle line from each vertex to the next.
+        corner_sin: (n, G - 1) likewise.
+        swing: (2, n, G - 1) how far the body's ends reach beyond half its width, to the left and to the
+            right, m.
     """
 
     x: FloatArray
@@ -54,6 +60,9 @@ class PlannedPaths:
     corner_x: FloatArray
     corner_y: FloatArray
     corner_arc: FloatArray
+    corner_cos: FloatArray
+    corner_sin: FloatArray
+    swing: FloatArray
 
     def poses(self, rows: IntArray, s: FloatArray, speed: FloatArray) -> States:
         """(r, H) states of some vehicles at arc lengths (r, H), not beyond the plan, with given speeds."""
@@ -87,6 +96,9 @@ def planned_paths(plan: Plan, history: SceneHistory, who: Who, profile: GuardPro
     ahead = 5.0 + last * profile.reaction_time + last**2 / (2 * profile.comfort_deceleration)
     corners = np.append(np.arange(0, x.shape[1] - 1, VERTEX_STEPS), x.shape[1] - 1)
     end = heading[:, -1]
+    corner_x = np.column_stack([x[:, corners], x[:, -1] + ahead * np.cos(end)])
+    corner_y = np.column_stack([y[:, corners], y[:, -1] + ahead * np.sin(end)])
+    cos, sin, length = _directions(corner_x, corner_y)
     return PlannedPaths(
         x=x,
         y=y,
@@ -94,10 +106,51 @@ def planned_paths(plan: Plan, history: SceneHistory, who: Who, profile: GuardPro
         arc=arc,
         speed=speed,
         start_speed=np.maximum(now.speed, 0.0),
-        corner_x=np.column_stack([x[:, corners], x[:, -1] + ahead * np.cos(end)]),
-        corner_y=np.column_stack([y[:, corners], y[:, -1] + ahead * np.sin(end)]),
+        corner_x=corner_x,
+        corner_y=corner_y,
         corner_arc=np.column_stack([arc[:, corners], arc[:, -1] + ahead]),
+        corner_cos=cos,
+        corner_sin=sin,
+        swing=_swing(cos, sin, length, heading[:, corners], history.seed.length[who.vehicle]),
     )
+
+
+def _directions(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(n, G - 1) cosine, sine and length of the segments between vertices."""
+    dx, dy = np.diff(x, axis=1), np.diff(y, axis=1)
+    length = np.sqrt(dx**2 + dy**2)
+    safe = np.maximum(length, 1e-9)
+    # One without length, of a vehicle that stands, has the direction of the last one.
+    still = length < LEAST_WAY_M
+    cos = np.where(still, dx[:, -1:] / safe[:, -1:], dx / safe)
+    sin = np.where(still, dy[:, -1:] / safe[:, -1:], dy / safe)
+    return cos, sin, length
+
+
+def _swing(
+    cos: FloatArray, sin: FloatArray, way: FloatArray, heading: FloatArray, length: FloatArray
+) -> FloatArray:
+    """(2, n, G - 1) `PlannedPaths.swing`, by the body's angle to its way and the way's curvature."""
+    half = length[:, None] / 2
+    # At each vertex but the last one: the body points from the mean direction of both segments by `crab`.
+    c, s = cos.copy(), sin.copy()
+    c[:, 1:] += cos[:, :-1]
+    s[:, 1:] += sin[:, :-1]
+    norm = np.maximum(np.sqrt(c**2 + s**2), 1e-9)
+    crab = (np.sin(heading) * c - np.cos(heading) * s) / norm
+    turn = np.zeros_like(cos)
+    turn[:, 1:] = sin[:, 1:] * cos[:, :-1] - cos[:, 1:] * sin[:, :-1]
+    between = np.ones_like(way)
+    between[:, 1:] = (way[:, 1:] + way[:, :-1]) / 2
+    bend = turn / np.maximum(between, 1.0) * half**2 / 2
+    front, rear = half * crab - bend, -half * crab - bend
+    left = np.maximum(np.maximum(front, rear), 0.0)
+    right = np.maximum(np.maximum(-front, -rear), 0.0)
+    swing = np.stack([left, right])
+    # A segment is swept by a body that is at either end of it.
+    swing[:, :, :-1] = np.maximum(swing[:, :, :-1], swing[:, :, 1:])
+    swing[:, :, 1:] = np.maximum(swing[:, :, 1:], swing[:, :, :-1])
+    return np.minimum(swing, half)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -153,7 +206,10 @@ def _along_paths(
     paths, straight = chosen_paths(history, road, who, "straight")
     now = history.now.map(np.ravel)
     way = expected_way(history, who)
-    row, (s, offset, path_heading) = _nearest_path(paths, straight, vehicle, way, now.x, now.y, now.heading)
+    # As vehicles are driven: the rear axle is what follows the path.
+    length = history.seed.length[vehicle]
+    axle_x, axle_y = rear_axle(now, length)
+    row, (s, offset, path_heading) = _nearest_path(paths, straight, vehicle, way, axle_x, axle_y, now.heading)
     error = wrap(now.heading - path_heading)
     v = np.maximum(now.speed, 0.0)
     drift = v * np.sin(error)
@@ -162,8 +218,9 @@ def _along_paths(
     side = (offset[:, None] + (drift + offset / RETURN_S)[:, None] * t) * fade
     at = s[:, None] + (v * np.cos(error))[:, None] * t
     px, py, cos, sin, direction, _ = sample(paths, np.repeat(row, len(t)), at.ravel()).reshape(6, *at.shape)
-    x, y = px - sin * side, py + cos * side
     heading = direction + error[:, None] * fade
+    ahead = (REAR_AXLE_SHARE * length)[:, None]
+    x, y = px - sin * side + ahead * np.cos(heading), py + cos * side + ahead * np.sin(heading)
     return x.reshape(*shape, -1), y.reshape(*shape, -1), heading.reshape(*shape, -1)
 
 
