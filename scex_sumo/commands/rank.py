@@ -1,0 +1,103 @@
+"""``scex-sumo rank``: from a dataset to its moments worth testing."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scex_sumo.commands.console import progress_bar, warn
+
+if TYPE_CHECKING:
+    from scex_sumo.ranking.rank import Ranking
+
+_SHOWN_FAILURES = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankRequest:
+    """The options of ``scex-sumo rank`` as given; see its help."""
+
+    roots: tuple[Path, ...]
+    every: float
+    children: int
+    first: int
+    min_vehicles: int
+    models: str | None
+    thresholds: tuple[str, ...]
+    keep: str
+    top: int
+    seed: int
+    workers: int
+    cluster: str | None
+    overwrite: bool
+    out: Path | None
+
+
+def rank_command(request: RankRequest) -> None:
+    """Rank, print the top, say where the page is."""
+    from scex_sumo.behaviors.registry import DEFAULT_MODELS
+    from scex_sumo.commands.run import parse_thresholds
+    from scex_sumo.ranking.rank import rank
+
+    out = request.out if request.out is not None else Path("out") / "ranking"
+    with progress_bar("children") as tick:
+        try:
+            ranking = rank(
+                request.roots,
+                out=out,
+                every=request.every,
+                children=request.children,
+                first=request.first,
+                min_vehicles=request.min_vehicles,
+                models=request.models if request.models is not None else DEFAULT_MODELS,
+                thresholds=parse_thresholds(request.thresholds),
+                keep=request.keep,
+                top=request.top,
+                seed=request.seed,
+                workers=request.workers,
+                cluster=request.cluster,
+                overwrite=request.overwrite,
+                command=["scex-sumo", *sys.argv[1:]],
+                progress=tick,
+            )
+        except KeyboardInterrupt:
+            print(f"interrupted; finished seeds are kept in {out}, the same command goes on", file=sys.stderr)
+            raise SystemExit(130) from None
+    _warn_failures(ranking)
+    _print_top(ranking, request.top)
+    print(f"{ranking.info['seeds']} seed scenes, {ranking.info['children_run']} children")
+    print(f"result: {out / 'ranking.csv'}")
+    print(f"look:   {out / 'ranking.html'}")
+
+
+def _warn_failures(ranking: Ranking) -> None:
+    rows = ranking.table.select(["seed", "failure"]).to_pylist()
+    rows = [row for row in rows if row["failure"] is not None]
+    warn(f"{row['seed']}: failed: {row['failure']}" for row in rows[:_SHOWN_FAILURES])
+    if len(rows) > _SHOWN_FAILURES:
+        warn([f"{len(rows) - _SHOWN_FAILURES} more failed; see ranking.csv"])
+
+
+def _print_top(ranking: Ranking, top: int) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="most critical seed scenes", title_justify="left")
+    shares = [name for name in ranking.info["thresholds"]]
+    for name in ("rank", "95 %", "seed", "vehicles", "children", *(f"P({c})" for c in shares)):
+        table.add_column(name, justify="left" if name == "seed" else "right", no_wrap=True)
+    for row in ranking.table.slice(0, top).to_pylist():
+        if row["rank"] is None:
+            continue
+        values = [row[f"p_{column}"] for column in shares]
+        table.add_row(
+            str(row["rank"]),
+            f"{row['rank_low']}–{row['rank_high']}",
+            row["seed"],
+            str(row["vehicles"]),
+            str(row["children"]),
+            *("–" if value is None else f"{value:.0%}" for value in values),
+        )
+    Console(width=None if sys.stdout.isatty() else 160).print(table)

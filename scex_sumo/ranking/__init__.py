@@ -1,0 +1,1 @@
+"""Whole recordings cut into seed scenes, run, and ranked: which moments are worth testing."""

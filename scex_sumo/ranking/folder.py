@@ -1,0 +1,207 @@
+"""The folder of a ranking: parts of seeds are added whole, never changed, and found again after a crash."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import io
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scex_sumo.errors import ResultError
+from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.ranking.seeds import Failure, Listing, SeedRef, plain
+from scex_sumo.ranking.work import SeedPart
+from scex_sumo.results import write_atomic
+
+INFO = "rank.json"
+_PENDING = "incomplete.json"
+_CHILDREN, _TRACKS, _SEEDS, _FAILED = "children", "tracks", "seeds", "failed"
+_PART = re.compile(r"children-(\d+)-(\d+)\.parquet")
+_OURS = (INFO, "ranking.parquet", "ranking.csv", "ranking.html")
+
+
+class RankFolder:
+    """Holds what a ranking has found so far.
+
+    ``children/location=L/seed=S/children-FIRST-LAST.parquet`` is there whole or not at all: whoever finds it
+    need not run these children again. Tracks are written before the children that they belong to.
+    """
+
+    def __init__(self, path: Path, configuration: Mapping[str, Any], *, overwrite: bool = False) -> None:
+        """Claim a folder.
+
+        Raises:
+            ResultError: it holds something else, cannot be written, or another process writes it.
+        """
+        self.path = path
+        self.identity = hashlib.sha256(_json(configuration).encode()).hexdigest()
+        self._lock: int | None = None
+        try:
+            self._claim(overwrite)
+            self._parts = dict(self._scan())
+        except OSError as error:
+            self.close()
+            raise ResultError(f"{path}: cannot write the ranking: {error.strerror or error}") from None
+        except ResultError:
+            self.close()
+            raise
+
+    def _claim(self, overwrite: bool) -> None:
+        found = self._found_identity()
+        if found != self.identity:
+            if found is not None and not overwrite:
+                raise ResultError(
+                    f"{self.path}: holds another ranking, of other recordings or with other options; give "
+                    "another folder with -o, or --overwrite to replace it"
+                )
+            if found is None and self.path.is_dir() and any(self.path.iterdir()):
+                raise ResultError(
+                    f"{self.path}: not empty, and no ranking of scex-sumo; give another folder with -o"
+                )
+        self.path.mkdir(parents=True, exist_ok=True)
+        self._lock = os.open(self.path, os.O_RDONLY)
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ResultError(f"{self.path}: another scex-sumo rank is writing it; wait for it") from None
+        if found != self.identity:
+            self._clear()
+        write_atomic(self.path / _PENDING, _json({"identity": self.identity}).encode())
+        (self.path / INFO).unlink(missing_ok=True)
+        for name in (_CHILDREN, _SEEDS, _FAILED):
+            (self.path / name).mkdir(exist_ok=True)
+
+    def _found_identity(self) -> str | None:
+        for name in (_PENDING, INFO):
+            file = self.path / name
+            if file.is_file():
+                try:
+                    return str(json.loads(file.read_text())["identity"])
+                except (ValueError, KeyError, TypeError):
+                    return ""
+        return None
+
+    def _clear(self) -> None:
+        """Remove what an earlier ranking wrote, and nothing else."""
+        for name in _OURS:
+            (self.path / name).unlink(missing_ok=True)
+        for name in (_CHILDREN, _TRACKS, _SEEDS, _FAILED):
+            shutil.rmtree(self.path / name, ignore_errors=True)
+
+    def _scan(self) -> Iterator[tuple[str, dict[int, int]]]:
+        for folder in (self.path / _CHILDREN).glob("location=*/seed=*"):
+            found = [_PART.fullmatch(file.name) for file in folder.iterdir()]
+            spans = {int(m[1]): int(m[2]) + 1 for m in found if m}
+            yield folder.name.removeprefix("seed="), spans
+
+    def close(self) -> None:
+        """Let go of the folder."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    def __enter__(self) -> RankFolder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def listing(self, recording: str) -> Listing | None:
+        """The seeds of a recording, or None where it has not been looked at."""
+        file = self._listing_file(recording)
+        if not file.is_file():
+            return None
+        return Listing.from_json(json.loads(file.read_text()))
+
+    def save_listing(self, listing: Listing) -> None:
+        """Keep the seeds of a recording."""
+        write_atomic(self._listing_file(listing.recording), _json(listing.to_json()).encode())
+
+    def _listing_file(self, recording: str) -> Path:
+        return self.path / _SEEDS / f"{plain(recording)}.json"
+
+    def has(self, ref: SeedRef, first: int) -> bool:
+        """Whether the part of a seed that begins with a child is there."""
+        return first in self._parts.get(ref.seed, {})
+
+    def append(self, ref: SeedRef, part: SeedPart) -> None:
+        """Add children of a seed; those that are there stay as they are."""
+        first, last = int(part.children[0]), int(part.children[-1])
+        if self.has(ref, first):
+            return
+        if part.tracks is not None:
+            _write(self._part_file(_TRACKS, ref, first, last), part.tracks)
+        _write(self._part_file(_CHILDREN, ref, first, last), children_table(part))
+        self._parts.setdefault(ref.seed, {})[first] = last + 1
+
+    def _part_file(self, kind: str, ref: SeedRef, first: int, last: int) -> Path:
+        name = f"children-{first:05d}-{last:05d}.parquet"
+        return self.path / kind / f"location={ref.location}" / f"seed={ref.seed}" / name
+
+    def read(self, ref: SeedRef, first: int) -> pa.Table:
+        """The part of a seed that begins with a child: columns of `children_table`.
+
+        Raises:
+            ResultError: it cannot be read.
+        """
+        file = self._part_file(_CHILDREN, ref, first, self._parts[ref.seed][first] - 1)
+        try:
+            return pq.ParquetFile(file).read()
+        except (OSError, pa.ArrowException) as error:
+            raise ResultError(f"{file}: cannot be read: {error}; remove it and run again") from None
+
+    def fail(self, failure: Failure) -> None:
+        """Record that a seed has no result."""
+        write_atomic(self.path / _FAILED / f"{failure.seed}.json", _json(asdict(failure)).encode())
+
+    def failures(self) -> dict[str, Failure]:
+        """What failed, by seed."""
+        files = sorted((self.path / _FAILED).glob("*.json"))
+        found = [Failure(**json.loads(file.read_text())) for file in files]
+        return {failure.seed: failure for failure in found}
+
+    def forgive(self, seed: str) -> None:
+        """Let a seed be tried again."""
+        (self.path / _FAILED / f"{seed}.json").unlink(missing_ok=True)
+
+    def finish(self, info: Mapping[str, Any]) -> None:
+        """Write ``rank.json``: from now on the folder is a result."""
+        content = _json({**info, "identity": self.identity}, indent=2)
+        write_atomic(self.path / INFO, content.encode())
+        with contextlib.suppress(FileNotFoundError):
+            (self.path / _PENDING).unlink()
+
+
+def children_table(part: SeedPart) -> pa.Table:
+    """Rows of a seed's children: child, the 12 columns, kept, and the lists track_id and model, one of each
+    for every vehicle."""
+    data: dict[str, Any] = {"child": pa.array(part.children, pa.int32())}
+    for index, name in enumerate(COLUMNS):
+        data[name] = pa.array(part.values[:, index], mask=~part.defined[:, index])
+    data["kept"] = part.kept
+    data["track_id"] = pa.array([part.track_ids.tolist()] * len(part.children), pa.list_(pa.int64()))
+    data["model"] = pa.array([list(row) for row in part.models], pa.list_(pa.string()))
+    return pa.table(data)
+
+
+def _write(path: Path, table: pa.Table) -> None:
+    """Write a small Parquet file: of so few rows, statistics and schema would be the larger part."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    sink = io.BytesIO()
+    pq.write_table(table, sink, compression="zstd", write_statistics=False, store_schema=False)
+    write_atomic(path, sink.getvalue())
+
+
+def _json(content: Mapping[str, Any], indent: int | None = None) -> str:
+    return json.dumps(content, sort_keys=indent is None, indent=indent, default=str) + "\n"

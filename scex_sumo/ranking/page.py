@@ -1,0 +1,249 @@
+"""The page of a ranking: the moments most worth testing, with pictures, in one file."""
+
+from __future__ import annotations
+
+import base64
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.ranking.campaign import Campaign
+from scex_sumo.ranking.crew import Outcome
+from scex_sumo.ranking.cutting import Plan
+from scex_sumo.ranking.rounds import NEARBY_S, distinct
+from scex_sumo.ranking.scores import Places
+from scex_sumo.ranking.seeds import SeedRef
+from scex_sumo.results import LOGGED_HISTORY, write_atomic
+from scex_sumo.run import side_of
+from scex_sumo.summary import counted
+
+HTML = "ranking.html"
+_DRAWN_CHILDREN = 32
+_ROWS = 200
+_REASONS = 20
+_UNITS = {"distance": "m", "tq": "", "gap_time": "s", "pttc": "s", "wttc": "s", "ttc": "1/s"}
+_NAMES = {
+    "distance": "distance",
+    "tq": "traffic quality",
+    "gap_time": "gap time",
+    "pttc": "PTTC",
+    "wttc": "WTTC",
+    "ttc": "1/TTC",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Top:
+    """A moment on the page: its row of the table, its picture, and the moments beside it."""
+
+    row: Mapping[str, Any]
+    picture: bytes | None
+    beside: int
+    command: str
+
+
+def write_page(plan: Plan, folder: Path, campaign: Campaign, places: Places, table: pa.Table) -> None:
+    """Draw the best distinct moments and write the page."""
+    refs = campaign.refs
+    chosen = distinct(refs, places, plan.top)
+    rows = {row["seed"]: row for row in table.to_pylist()[: max(_ROWS, 1)]}
+    for i in chosen:
+        if refs[i].seed not in rows:
+            index = table["seed"].index(refs[i].seed).as_py()
+            rows[refs[i].seed] = table.slice(index, 1).to_pylist()[0]
+    pictures = {
+        found.order.ref.seed: draw(found)
+        for found in campaign.look_at([refs[i] for i in chosen], min(_DRAWN_CHILDREN, plan.first))
+        if found.part is not None
+    }
+    tops = [
+        _Top(
+            row=rows[refs[i].seed],
+            picture=pictures.get(refs[i].seed),
+            beside=_beside(refs, i),
+            command=_command(plan, refs[i]),
+        )
+        for i in chosen
+    ]
+    content = _template().substitute(
+        title="Moments worth testing",
+        summary=_summary(plan, campaign, table),
+        cards="\n".join(_card(top, dict(plan.settings.thresholds)) for top in tops),
+        strips=_strips(table, [top.row for top in tops]),
+        head=_head(dict(plan.settings.thresholds)),
+        rows="\n".join(
+            _row(row, dict(plan.settings.thresholds)) for row in table.slice(0, _ROWS).to_pylist()
+        ),
+        more=_more(len(campaign.refs)),
+        failures=_failures(table),
+    )
+    write_atomic(folder / HTML, content.encode())
+
+
+def _template() -> Template:
+    return Template(files("scex_sumo.ranking").joinpath("page.html").read_text(encoding="utf-8"))
+
+
+def draw(found: Outcome) -> bytes:
+    """The picture of a seed whose children have run with all their tracks."""
+    from scex_sumo.plots_ranking import futures_of, scene_png
+
+    part = found.part
+    assert part is not None and part.tracks is not None
+    shape = (len(part.children), len(part.track_ids), -1)
+    x, y = (np.asarray(part.tracks[name]).reshape(shape)[:, :, LOGGED_HISTORY - 1 :] for name in ("x", "y"))
+    scene = found.order.scene()
+    return scene_png(scene, futures_of(x, y))
+
+
+def _beside(refs: Sequence[SeedRef], i: int) -> int:
+    """How many other moments show the same situation."""
+    ref = refs[i]
+    return sum(
+        other.recording == ref.recording and not ref.case and 0 < abs(other.time_s - ref.time_s) < NEARBY_S
+        for other in refs
+    )
+
+
+def _command(plan: Plan, ref: SeedRef) -> str:
+    """The command that looks at a moment more closely."""
+    recording = next(r for r in plan.recordings if r.name == ref.recording)
+    files = recording.track_paths
+    words = ["scex-sumo", "run", str(recording.map_path)]
+    words += ["--tracks", str(files[0] if len(files) == 1 else files[0].parent)]
+    words += ["--case", ref.case] if ref.case else []
+    words += ["--time", f"{ref.time_s:g}", "--seed", str(plan.settings.seed)]
+    words += ["--models", ",".join(plan.settings.models)]
+    return shlex.join([*words, "-o", f"out/{ref.seed}"])
+
+
+def _summary(plan: Plan, campaign: Campaign, table: pa.Table) -> str:
+    sites = len({ref.location for ref in campaign.refs})
+    ran = sum(t.children for tallies in campaign.tallies.values() for t in tallies)
+    failed = len(table) - len(campaign.refs)
+    return (
+        f"{counted(len(campaign.refs), 'seed scene')} of {counted(len(plan.recordings), 'recording')} at "
+        f"{counted(sites, 'site')}, {counted(ran, 'child scenario')}"
+        + (f"; {failed} failed" if failed else "")
+        + "."
+    )
+
+
+def _card(top: _Top, thresholds: Mapping[str, float]) -> str:
+    row = top.row
+    picture = ""
+    if top.picture is not None:
+        data = base64.b64encode(top.picture).decode()
+        picture = f'<img alt="{escape(row["seed"])}" src="data:image/png;base64,{data}">'
+    where = f"case {escape(row['case'])}, " if row["case"] else ""
+    beside = f" The page shows it for {top.beside + 1} moments of the same seconds." if top.beside else ""
+    bars = "".join(_bar(row, column, limit) for column, limit in thresholds.items())
+    return f"""<article class="card" id="{escape(row["seed"])}">
+<figure>{picture}</figure>
+<div><h3><b>{row["rank"]}</b> {escape(row["seed"])}</h3>
+<p>{escape(row["location"])}, {where}{row["time_s"]:g} s, {counted(row["vehicles"], "vehicle")}.
+Rank {row["rank"]}, 95 % interval {row["rank_low"]} to {row["rank_high"]}, after
+{counted(row["children"], "child scenario")}.{beside}</p>
+<table class="bars">{bars}</table>
+<details><summary>look closer</summary><code>{escape(top.command)}</code></details></div>
+</article>"""
+
+
+def _bar(row: Mapping[str, Any], column: str, limit: float) -> str:
+    """The share of critical children as a bar with its interval."""
+    sign = "≤" if side_of(column) == "left" else "≥"
+    base = column.removesuffix("_mean")
+    unit = f" {_UNITS[base]}" if _UNITS[base] else ""
+    mean = ", mean" if column.endswith("_mean") else ""
+    label = f"{_NAMES[base]}{mean} {sign} {limit:.3g}{unit}"
+    value, low, high = (row[f"p_{column}{end}"] for end in ("", "_low", "_high"))
+    if value is None:
+        return f'<tr><td>{label}</td><td class="track"></td><td>defined in no child</td></tr>'
+    bar = (
+        f'<i style="width:{100 * value:.1f}%"></i>'
+        f'<u style="left:{100 * low:.1f}%;width:{100 * (high - low):.1f}%"></u>'
+    )
+    median = row[f"median_{column}"]
+    return (
+        f'<tr><td>{label}</td><td class="track">{bar}</td><td>{value:.0%}</td>'
+        f"<td>median {median:.2f}{unit}</td></tr>"
+    )
+
+
+def _head(thresholds: Mapping[str, float]) -> str:
+    names = ["rank", "interval", "score", "seed", "location", "time [s]", "vehicles", "children"]
+    names += [
+        f"P({_NAMES[c.removesuffix('_mean')]}{' mean' if c.endswith('_mean') else ''})" for c in thresholds
+    ]
+    return "".join(f"<th>{escape(name)}</th>" for name in names)
+
+
+def _row(row: Mapping[str, Any], thresholds: Mapping[str, float]) -> str:
+    if row["rank"] is None:
+        return ""
+    shares = [row[f"p_{column}"] for column in thresholds]
+    cells = [
+        (row["rank"], str(row["rank"])),
+        (row["rank_low"], f"{row['rank_low']}–{row['rank_high']}"),
+        (row["score"], f"{row['score']:.3f}"),
+        (row["seed"], row["seed"]),
+        (row["location"], row["location"]),
+        (row["time_s"], f"{row['time_s']:.1f}"),
+        (row["vehicles"], str(row["vehicles"])),
+        (row["children"], str(row["children"])),
+        *((-1 if share is None else share, "–" if share is None else f"{share:.0%}") for share in shares),
+    ]
+    return "<tr>" + "".join(f'<td data-v="{escape(str(v))}">{escape(t)}</td>' for v, t in cells) + "</tr>"
+
+
+def _more(seeds: int) -> str:
+    rest = f"The first {_ROWS} of {seeds}; all" if seeds > _ROWS else "All"
+    return f"{rest} with the medians of the 12 metrics and the intervals: ranking.csv, ranking.parquet."
+
+
+def _strips(table: pa.Table, tops: Sequence[Mapping[str, Any]]) -> str:
+    """Score over time of the recordings that the top moments come from."""
+    names = list(dict.fromkeys(row["recording"] for row in tops if not row["case"]))
+    strips = []
+    for name in names:
+        rows = table.filter(pa.compute.equal(table["recording"], name)).select(["time_s", "score"])
+        rows = rows.drop_null()
+        times = np.asarray(rows["time_s"])
+        first, last = float(times.min()), float(times.max())
+        span = max(last - first, 1e-9)
+        dots = []
+        for when, score in zip(times, np.asarray(rows["score"]), strict=True):
+            marked = any(row["recording"] == name and row["time_s"] == when for row in tops)
+            shape = 'r="5" class="top"' if marked else 'r="2"'
+            dots.append(
+                f'<circle cx="{8 + 984 * (when - first) / span:.1f}" cy="{62 - 54 * score:.1f}" {shape}/>'
+            )
+        strips.append(
+            f'<div class="strip"><span>{escape(name)}</span><svg viewBox="0 0 1000 70">'
+            f'<path d="M8 62H992M8 8H992"/>{"".join(sorted(dots, key=len))}</svg>'
+            f"<span>{first:g} to {last:g} s</span></div>"
+        )
+    return "\n".join(strips)
+
+
+def _failures(table: pa.Table) -> str:
+    failed = table.filter(pa.compute.is_valid(table["failure"])).select(["seed", "failure"]).to_pylist()
+    if not failed:
+        return ""
+    by_reason: dict[str, list[str]] = {}
+    for row in failed:
+        by_reason.setdefault(row["failure"], []).append(row["seed"])
+    most = sorted(by_reason.items(), key=lambda item: -len(item[1]))[:_REASONS]
+    items = ""
+    for reason, seeds in most:
+        examples = ", ".join(seeds[:3]) + (", ..." if seeds[3:] else "")
+        items += f"<li>{escape(reason)} ({len(seeds)}: {escape(examples)})</li>"
+    return f"<h2>Failed</h2><ul>{items}</ul>"
