@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from scex_sumo.converters.maps import is_commonroad, map_name, read_map
+from scex_sumo.converters.maps import map_name, read_map
 from scex_sumo.converters.recordings_find import Recording, find_recordings
-from scex_sumo.converters.recordings_read import clean_tracks, read_recorded
+from scex_sumo.converters.recordings_read import read_clean
 from scex_sumo.converters.tracks_moments import Moment, moments
 from scex_sumo.converters.tracks_rows import TrackTable
 from scex_sumo.converters.tracks_scene import FUTURE_STEPS, Clean, take_scene
@@ -51,11 +51,10 @@ def load_recording(recording: Recording) -> LoadedRecording:
         MapError: the map is missing or cannot be read, or its origin is not known.
         TrackError: the tracks cannot be read.
     """
-    table, found = read_recorded(recording.track_paths)
     map_path = recording.map_path
     stamp = map_path.stat().st_mtime_ns if map_path.exists() else 0
     road = _read_road(map_path, stamp, recording.track_paths[0].parent)
-    clean = clean_tracks(table, road, commonroad=is_commonroad(recording.track_paths[0]), found=found)
+    clean = read_clean(recording.track_paths, road)
     return LoadedRecording(recording=recording, road=road, table=clean.table, findings=clean.findings)
 
 

@@ -24,7 +24,8 @@ class Recording:
     Attributes:
         name: unique within what was searched, fit for a file name.
         site: recordings of one site share a map.
-        dataset: ``interaction``, ``taf_bw``, ``commonroad`` (also MONA) or ``levelx`` (inD, rounD, highD, exiD).
+        dataset: ``interaction``, ``taf_bw``, ``commonroad`` (also MONA) or ``levelx`` (inD, rounD, highD,
+            exiD).
         map_path: the map; it need not exist, which `load_recording` then says.
         track_paths: consecutive files that make one recording, in order of time.
     """
@@ -130,7 +131,7 @@ def _interaction(path: Path) -> Recording | None:
 
 
 def _is_scenario(path: Path) -> bool:
-    """Whether an XML file is a CommonRoad scenario, by its beginning; unreadable ones count, to be reported."""
+    """Whether an XML file is a CommonRoad scenario, by its beginning; unreadable ones count."""
     import gzip
 
     try:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from scex_sumo.converters.commonroad_tracks import read_commonroad_tracks, repair_commonroad
 from scex_sumo.converters.maps import is_commonroad, map_name
-from scex_sumo.converters.tracks_align import align_tracks
+from scex_sumo.converters.tracks_align import Evidence, align_tracks, evidence
 from scex_sumo.converters.tracks_repair import repair_tracks
 from scex_sumo.converters.tracks_rows import ROW_COLUMNS, TrackRows, TrackTable, segments_of
 from scex_sumo.converters.tracks_scene import Clean
 from scex_sumo.converters.tracks_table import read_tracks
-from scex_sumo.errors import TrackError
+from scex_sumo.errors import ScexError, TrackError
 from scex_sumo.road import Road
 
 _CHUNK = re.compile(r"(?P<scene>.+)_(?P<first>\d+)_T-(?P<last>\d+)")
@@ -41,37 +44,57 @@ def read_recorded(paths: Sequence[Path]) -> tuple[TrackTable, tuple[str, ...]]:
     return read_tracks(paths[0]), ()
 
 
-def clean_tracks(
-    table: TrackTable,
-    road: Road | None,
-    *,
-    commonroad: bool = False,
-    found: tuple[str, ...] = (),
-    repair: bool = True,
-    align: bool = True,
-) -> Clean:
-    """Repair a recording and align it to its map.
+def read_clean(paths: Sequence[Path], road: Road | None, *, repair: bool = True, align: bool = True) -> Clean:
+    """Read a recording, repair it and align it to its map.
 
     Args:
-        table: as read.
+        paths: one file, or consecutive chunks of one recording in order of time.
         road: the map; without it nothing is aligned.
-        commonroad: whether it comes from CommonRoad, with that format's own defects.
-        found: phrases for what its reader left out.
         repair: whether defects are repaired, see ``repair_tracks``.
-        align: whether it is aligned, see ``align_tracks``.
+        align: whether it is aligned, see ``align_tracks``. Where a file's own evidence is thin, the other
+            recordings of its folder, or the other chunks of its scene, are asked.
 
     Raises:
-        TrackError: a track is in two places at once.
+        TrackError: it cannot be read, or a track is in two places at once.
     """
-    findings = found
-    if repair and not table.has_cases:
-        table, before = repair_commonroad(table) if commonroad else (table, ())
-        table, after = repair_tracks(table)
-        findings = (*findings, *before, *after)
+    table, findings = _repaired(paths, repair=repair)
     if align and road is not None:
-        table, moved = align_tracks(table, road)
+        table, moved = align_tracks(table, road, siblings=_siblings(paths))
         findings = (*findings, moved) if moved else findings
     return Clean(table=table, findings=findings, repair=repair)
+
+
+def _repaired(paths: Sequence[Path], *, repair: bool = True) -> tuple[TrackTable, tuple[str, ...]]:
+    table, findings = read_recorded(paths)
+    if repair and not table.has_cases:
+        table, before = repair_commonroad(table) if is_commonroad(paths[0]) else (table, ())
+        table, after = repair_tracks(table)
+        findings = (*findings, *before, *after)
+    return table, findings
+
+
+def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
+    """Evidence of the other recordings that the same tracker made at the same site; broken ones are passed."""
+    if len(paths) > 1:
+        return
+    path = paths[0]
+    span = chunk_span(path)
+    if span is not None:
+        files = [file for file in path.parent.iterdir() if (chunk_span(file) or ("",))[0] == span[0]]
+    elif path.name.startswith("vehicle_tracks_"):
+        files = list(path.parent.glob("vehicle_tracks_*.csv"))
+    else:
+        return
+    for file in sorted(files):
+        if file.name != path.name:
+            with suppress(ScexError):
+                yield file.name, _evidence(file, file.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=128)
+def _evidence(path: Path, _changed_ns: int) -> Evidence:
+    """Kept, for the recordings of one folder ask for one another."""
+    return evidence(_repaired([path])[0].vehicles)
 
 
 def chains(paths: Sequence[Path]) -> list[tuple[Path, ...]]:
@@ -115,11 +138,11 @@ def _stitch(parts: list[tuple[TrackTable, tuple[str, ...]]]) -> tuple[TrackTable
     tables = [table for table, _ in parts]
     step_s = tables[0].step_s
     offsets_ms = [0.0]
-    for before, table in zip(tables, tables[1:], strict=False):
+    for before, table in itertools.pairwise(tables):
         if abs(table.step_s - step_s) > 1e-9:
             raise TrackError(
-                f"{table.path}: its time step is {table.step_s:g} s, that of {before.path.name} {step_s:g} s; "
-                "they are no chunks of one recording"
+                f"{table.path}: its time step is {table.step_s:g} s, that of {before.path.name} "
+                f"{step_s:g} s; they are no chunks of one recording"
             )
         begin, end = chunk_span(before.path), chunk_span(table.path)
         assert begin is not None and end is not None

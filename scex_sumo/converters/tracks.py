@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from scex_sumo.converters.maps import is_commonroad, map_name
-from scex_sumo.converters.recordings_read import chains, clean_tracks, read_recorded
+from scex_sumo.converters.recordings_read import chains, read_clean
 from scex_sumo.converters.tracks_find import find_tracks
 from scex_sumo.converters.tracks_moments import Moment, busiest, moments
 from scex_sumo.converters.tracks_repair import repair_tracks
@@ -67,12 +67,8 @@ def read_seed(
     """
     map_path = Path(map_path)
     paths = _files(find_tracks(map_path) if tracks is None else Path(tracks))
-    table, found = read_recorded(paths)
-    clean = clean_tracks(
-        table, road, commonroad=is_commonroad(paths[0]), found=found, repair=repair, align=align
-    )
     return take_scene(
-        clean,
+        read_clean(paths, road, repair=repair, align=align),
         name=recording_name(map_path, paths),
         location=map_name(map_path),
         case=case,

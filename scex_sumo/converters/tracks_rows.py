@@ -69,6 +69,14 @@ class TrackRows:
         """(N,) track ids as numbers (of vehicles; others may have names such as P1)."""
         return np.array([int(float(label)) for label in self.labels], np.int64)[self.track]
 
+    @cached_property
+    def pieces(self) -> tuple[IntArray, IntArray]:
+        """(S,) first and last row of each segment."""
+        if not len(self):
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        begin = np.flatnonzero(np.append(True, np.diff(self.segment) != 0))
+        return begin, np.append(begin[1:], len(self)) - 1
+
     def take(self, keep: BoolArray) -> TrackRows:
         """The rows where ``keep`` (N,) is True; tracks without rows are left out."""
         used, track = np.unique(self.track[keep], return_inverse=True)

@@ -1,4 +1,4 @@
-"""States of recorded tracks on the steps of a seed scene."""
+"""Recorded tracks at other times than those of their samples: on the steps of a seed scene, or at 10 Hz."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.converters.tracks_heading import wrap
-from scex_sumo.converters.tracks_moments import STAMP_MS, segment_spans
+from scex_sumo.converters.tracks_moments import STAMP_MS
 from scex_sumo.converters.tracks_rows import TrackRows
-from scex_sumo.scene import BoolArray, FloatArray, IntArray, States
+from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, States
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,66 +42,115 @@ def sample(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sampled:
     Args:
         rows: of one case.
         moment_ms: the moment.
-        grid_ms: (T,) rising.
+        grid_ms: (T,) rising, the moment among them.
     """
-    states: list[States] = []
-    recorded: list[BoolArray] = []
-    tracks: list[int] = []
-    sizes: list[tuple[float, float]] = []
-    holes = 0
-    if len(rows):
-        first, last = segment_spans(rows.segment, rows.timestamp_ms)
-        there = (first <= moment_ms + STAMP_MS) & (last >= moment_ms - STAMP_MS)
-        for number in np.unique(rows.segment[there]):
-            piece = rows.take(rows.segment == number)
-            known = (grid_ms >= piece.timestamp_ms[0] - STAMP_MS) & (
-                grid_ms <= piece.timestamp_ms[-1] + STAMP_MS
-            )
-            on_track, exact = _interpolate(piece, grid_ms)
-            states.append(_extend(on_track, known, grid_ms / 1000.0))
-            recorded.append(known)
-            holes += int((known & ~exact).sum())
-            track = int(rows.track[np.argmax(rows.segment == number)])
-            whole = rows.track == track
-            tracks.append(track)
-            sizes.append((float(np.median(rows.length[whole])), float(np.median(rows.width[whole]))))
-    shape = (0, len(grid_ms))
+    begin, end = rows.pieces
+    stamps = rows.timestamp_ms
+    there = (stamps[begin] <= moment_ms + STAMP_MS) & (stamps[end] >= moment_ms - STAMP_MS)
+    first, last = begin[there][:, None], end[there][:, None]
+    known = (grid_ms >= stamps[first] - STAMP_MS) & (grid_ms <= stamps[last] + STAMP_MS)
+    found = _at(rows, first, last, np.broadcast_to(grid_ms, known.shape))
+    states = States(
+        x=found.x, y=found.y, heading=wrap(found.heading), speed=np.asarray(np.hypot(found.vx, found.vy))
+    )
+    track = rows.track[begin[there]]
+    sizes = [_usual_size(rows, number) for number in track]
     return Sampled(
-        track=np.array(tracks, np.int64),
-        length=np.array([size[0] for size in sizes], np.float64),
-        width=np.array([size[1] for size in sizes], np.float64),
-        states=States.stack(states, 0) if states else States.empty(shape),
-        recorded=np.stack(recorded) if recorded else np.zeros(shape, bool),
-        interpolated=holes,
+        track=track,
+        length=np.array([length for length, _ in sizes], np.float64),
+        width=np.array([width for _, width in sizes], np.float64),
+        states=_extend(states, known, grid_ms / 1000.0),
+        recorded=known,
+        interpolated=int((known & ~found.exact).sum()),
     )
 
 
-def _interpolate(piece: TrackRows, grid_ms: FloatArray) -> tuple[States, BoolArray]:
-    """(T,) states, held at the ends, and where a sample of its own exists."""
-    stamps = piece.timestamp_ms
-    right = np.clip(np.searchsorted(stamps, grid_ms), 0, len(stamps) - 1)
-    left = np.maximum(right - 1, 0)
-    nearest = np.where(np.abs(stamps[left] - grid_ms) < np.abs(stamps[right] - grid_ms), left, right)
-    outside = (grid_ms <= stamps[0]) | (grid_ms >= stamps[-1])
-    exact = np.abs(stamps[nearest] - grid_ms) <= STAMP_MS
+def resample(rows: TrackRows) -> TrackRows:
+    """The same tracks at every full 0.1 s of the recording's clock, sampled as `sample` does.
+
+    Pieces that lie between two of these times are left out.
+    """
+    begin, end = rows.pieces
+    step_ms = 1000.0 * STEP_S
+    low = np.ceil((rows.timestamp_ms[begin] - STAMP_MS) / step_ms).astype(np.int64)
+    high = np.floor((rows.timestamp_ms[end] + STAMP_MS) / step_ms).astype(np.int64)
+    count = np.maximum(high - low + 1, 0)
+    piece = np.repeat(np.arange(len(begin)), count)
+    frame = np.arange(len(piece)) - (np.cumsum(count) - count)[piece] + low[piece]
+    found = _at(rows, begin[piece], end[piece], step_ms * frame)
+    used, track = np.unique(rows.track[found.nearest], return_inverse=True)
+    return TrackRows(
+        case=rows.case[found.nearest],
+        track=track.astype(np.int64),
+        segment=piece.astype(np.int64),
+        labels=tuple(rows.labels[k] for k in used),
+        types=tuple(rows.types[k] for k in used),
+        frame_id=frame,
+        timestamp_ms=step_ms * frame,
+        x=found.x,
+        y=found.y,
+        vx=found.vx,
+        vy=found.vy,
+        psi_rad=wrap(found.heading),
+        length=rows.length[found.nearest],
+        width=rows.width[found.nearest],
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Between:
+    """Columns of rows at other times; ``nearest`` the row next to each, ``exact`` where it is that row."""
+
+    x: FloatArray
+    y: FloatArray
+    vx: FloatArray
+    vy: FloatArray
+    heading: FloatArray
+    nearest: IntArray
+    exact: BoolArray
+
+
+def _at(rows: TrackRows, first: IntArray, last: IntArray, time_ms: FloatArray) -> _Between:
+    """Columns at times within the pieces that begin and end with given rows; held at their ends."""
+    stamps = rows.timestamp_ms
+    right = np.clip(_search(rows, first, time_ms), first, last)
+    left = np.maximum(right - 1, first)
+    nearest = np.where(np.abs(stamps[left] - time_ms) < np.abs(stamps[right] - time_ms), left, right)
+    outside = (time_ms <= stamps[first]) | (time_ms >= stamps[last])
+    exact = np.abs(stamps[nearest] - time_ms) <= STAMP_MS
     alone = exact | outside
     i = np.where(alone, nearest, left)
     j = np.where(alone, nearest, right)
     span = np.where(i == j, 1.0, (stamps[j] - stamps[i]) / 1000.0)
-    u = np.where(i == j, 0.0, (grid_ms - stamps[i]) / 1000.0 / span)
-    speed = np.hypot(
-        piece.vx[i] + u * (piece.vx[j] - piece.vx[i]), piece.vy[i] + u * (piece.vy[j] - piece.vy[i])
+    u = np.where(i == j, 0.0, (time_ms - stamps[i]) / 1000.0 / span)
+    return _Between(
+        x=_hermite(rows.x[i], rows.x[j], rows.vx[i] * span, rows.vx[j] * span, u),
+        y=_hermite(rows.y[i], rows.y[j], rows.vy[i] * span, rows.vy[j] * span, u),
+        vx=rows.vx[i] + u * (rows.vx[j] - rows.vx[i]),
+        vy=rows.vy[i] + u * (rows.vy[j] - rows.vy[i]),
+        heading=rows.psi_rad[i] + u * wrap(rows.psi_rad[j] - rows.psi_rad[i]),
+        nearest=nearest,
+        exact=exact,
     )
-    heading = piece.psi_rad[i] + u * wrap(piece.psi_rad[j] - piece.psi_rad[i])
-    return (
-        States(
-            x=_hermite(piece.x[i], piece.x[j], piece.vx[i] * span, piece.vx[j] * span, u),
-            y=_hermite(piece.y[i], piece.y[j], piece.vy[i] * span, piece.vy[j] * span, u),
-            heading=wrap(heading),
-            speed=speed,
-        ),
-        exact,
-    )
+
+
+def _search(rows: TrackRows, first: IntArray, time_ms: FloatArray) -> IntArray:
+    """First row of each piece, at or after a time; beyond the piece where there is none."""
+    if not len(rows):
+        return np.zeros(np.broadcast_shapes(first.shape, time_ms.shape), np.int64)
+    # Pieces one after the other on one axis, so that one search finds all.
+    start = rows.timestamp_ms.min() - 1e6
+    length = rows.timestamp_ms.max() + 1e6 - start
+    piece = np.cumsum(np.append(0, np.diff(rows.segment) != 0))
+    axis = rows.timestamp_ms - start + length * piece
+    wanted = np.clip(time_ms - start, 0.0, length) + length * piece[first]
+    return np.asarray(np.searchsorted(axis, wanted), np.int64)
+
+
+def _usual_size(rows: TrackRows, track: int) -> tuple[float, float]:
+    """Median length and width of a track, m."""
+    begin, end = np.searchsorted(rows.track, (track, track + 1))
+    return float(np.median(rows.length[begin:end])), float(np.median(rows.width[begin:end]))
 
 
 def _hermite(p: FloatArray, q: FloatArray, dp: FloatArray, dq: FloatArray, u: FloatArray) -> FloatArray:
@@ -111,13 +160,15 @@ def _hermite(p: FloatArray, q: FloatArray, dp: FloatArray, dq: FloatArray, u: Fl
 
 
 def _extend(states: States, known: BoolArray, time_s: FloatArray) -> States:
-    """Constant velocity along the heading before the first and after the last known step."""
-    steps = np.flatnonzero(known)
-    source = np.clip(np.arange(len(known)), steps[0], steps[-1])
+    """Constant velocity along the heading before the first and after the last known step, (n, T)."""
+    steps = np.arange(known.shape[1])
+    first = np.argmax(known, axis=1)[:, None]
+    last = known.shape[1] - 1 - np.argmax(known[:, ::-1], axis=1)[:, None]
+    source = np.clip(steps, first, last)
     away = time_s - time_s[source]
-    heading, speed = states.heading[source], states.speed[source]
-    x = states.x[source] + away * speed * np.cos(heading)
-    y = states.y[source] + away * speed * np.sin(heading)
+    heading, speed = (np.take_along_axis(a, source, axis=1) for a in (states.heading, states.speed))
+    x = np.take_along_axis(states.x, source, axis=1) + away * speed * np.cos(heading)
+    y = np.take_along_axis(states.y, source, axis=1) + away * speed * np.sin(heading)
     return States(
         x=np.where(known, states.x, x), y=np.where(known, states.y, y), heading=heading, speed=speed
     )

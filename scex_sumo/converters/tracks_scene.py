@@ -63,9 +63,8 @@ def take_scene(
     table, findings = clean.table, clean.findings
     if not len(table.vehicles):
         kinds = ", ".join(sorted(set(table.others.types)))
-        raise TrackError(
-            f"{table.path}: no motor vehicle among the tracks ({f'only {kinds}' if kinds else 'none left after repairs'}); give others"
-        )
+        why = f"only {kinds}" if kinds else "none left after repairs"
+        raise TrackError(f"{table.path}: no motor vehicle among the tracks ({why}); give others")
     case_id = ""
     if table.has_cases:
         index = choose_case(table, case, time_s)
@@ -95,6 +94,11 @@ def recording_name(map_path: Path, track_paths: tuple[Path, ...]) -> str:
 
 
 def choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
+    """Index of the case wanted: by its id, else the first one that may hold a time, else the busiest.
+
+    Raises:
+        TrackError: there is no such case.
+    """
     if case is None:
         if time_s is not None:
             return int(table.vehicles.case.min())
@@ -119,7 +123,11 @@ def _number(text: str) -> float | str:
 
 
 def choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:
-    """Time stamp of the moment, ms."""
+    """Time stamp of the moment wanted, ms: the nearest frame to a time, else the busiest moment.
+
+    Raises:
+        TrackError: it lies outside the recording, or no vehicle is there.
+    """
     rows = table.vehicles
     where = f"{table.path}: case {case_id}" if case_id else f"{table.path}"
     if not len(rows):
