@@ -9,6 +9,7 @@ import numpy as np
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.fallback import Fallible
+from scex_sumo.behaviors.guard import Guarded
 from scex_sumo.behaviors.registry import ModelSpec, build, may_fail, parse_models
 from scex_sumo.errors import UsageError
 from scex_sumo.rollout import history_at
@@ -79,9 +80,16 @@ def drivers(casting: Casting) -> tuple[Behavior, ...]:
         UsageError: a model cannot be made.
     """
     return tuple(
-        Fallible(build(spec), name) if may_fail(spec) else build(spec)
+        _standing_in(build(spec), name) if may_fail(spec) else build(spec)
         for spec, name in zip(casting.specs, casting.names, strict=True)
     )
+
+
+def _standing_in(model: Behavior, name: str) -> Behavior:
+    """A model that cannot fail; the guard also slows down whoever stands in for it."""
+    if isinstance(model, Guarded):
+        return Guarded(Fallible(model.model, name), model.profile)
+    return Fallible(model, name)
 
 
 def try_drivers(casting: Casting, models: Sequence[Behavior], scene: SeedScene, *, seed: int) -> None:
@@ -94,7 +102,8 @@ def try_drivers(casting: Casting, models: Sequence[Behavior], scene: SeedScene, 
     children = np.zeros(1, dtype=np.int64)
     draw = route_draws(children, scene.vehicles, seed=seed)
     history = history_at(scene, scene.history.repeat(1), children, draw, step=0)
-    for index, model in enumerate(models):
+    for index, driver in enumerate(models):
+        model = driver.model if isinstance(driver, Guarded) else driver
         if not isinstance(model, Fallible):
             continue
         tracks = scene.track_ids.tolist()

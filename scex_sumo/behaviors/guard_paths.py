@@ -150,7 +150,8 @@ def _swing(
     # A segment is swept by a body that is at either end of it.
     swing[:, :, :-1] = np.maximum(swing[:, :, :-1], swing[:, :, 1:])
     swing[:, :, 1:] = np.maximum(swing[:, :, 1:], swing[:, :, :-1])
-    return np.minimum(swing, half)
+    bounded: FloatArray = np.minimum(swing, half)
+    return bounded
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
