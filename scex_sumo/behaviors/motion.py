@@ -32,6 +32,7 @@ JOIN_ANGLE_RAD = 0.5
 JOIN_ACCELERATION = 3.2  # m/s² lateral, on top of what the path asks for, up to twice that where
 JOIN_HEADING_RAD = 0.18  # the heading is further off than this
 JOIN_JERK = 8.0  # m/s³ lateral, likewise
+SLOPE_SPEED = 1.0  # m/s; a slower vehicle does not turn further for an offset that changes
 STEERING_RATE = 0.3  # 1/(m·s): 45 degrees/s at the wheels of a 2.7 m wheelbase
 
 # (step, speed, arc length on the path from the start of the plan, arc length on the table) -> m/s²
@@ -84,6 +85,7 @@ def drive(
     *,
     start: States | None = None,
     steps: int = PLAN_STEPS,
+    aside: FloatArray | None = None,
 ) -> Plan:
     """Drive vehicles along their paths.
 
@@ -96,6 +98,8 @@ def drive(
             within the step and stays.
         start: (n,) states to start from, the present ones by default.
         steps: H.
+        aside: (n, H + 1) wanted offset from the path now and after each step, m, left positive; None is on
+            the path. Offsets that change evenly are followed without lag, see `_steer`.
 
     Returns:
         (n, H).
@@ -120,7 +124,11 @@ def drive(
         px, py, cos, sin, path_heading, _ = sample(paths, row, s)
         dx, dy = x - px, y - py
         s = s + (cos * dx + sin * dy)
-        bend = _steer(bend, cos * dy - sin * dx, heading - path_heading, v, moved)
+        offset, slope = cos * dy - sin * dx, None
+        if aside is not None:
+            offset = offset - aside[:, step]
+            slope = (aside[:, step + 1] - aside[:, step]) / np.maximum(moved, SLOPE_SPEED * STEP_S)
+        bend = _steer(bend, offset, heading - path_heading, v, moved, slope)
         curvature = bend_at(paths, row, s + moved / 2)
         turn = np.clip(curvature + bend, -CURVATURE_LIMIT, CURVATURE_LIMIT)
         bend = turn - curvature
@@ -142,13 +150,25 @@ def _along_arc(
 
 
 def _steer(
-    bend: FloatArray, offset: FloatArray, error: FloatArray, v: FloatArray, moved: FloatArray
+    bend: FloatArray,
+    offset: FloatArray,
+    error: FloatArray,
+    v: FloatArray,
+    moved: FloatArray,
+    slope: FloatArray | None = None,
 ) -> FloatArray:
-    """New curvature error against the path after one step."""
+    """New curvature error against the path after one step.
+
+    With a wanted offset that changes with arc length, `offset` is what is left to it and `slope` its change
+    per metre. The heading error then aims at the slope, which takes away the lag: in arc length the offset
+    follows the wanted one through (3ω²p + ω³)/(p + ω)³, which is 1 up to the first order.
+    """
     omega = 1 / np.maximum(JOIN_LENGTH_M, JOIN_TIME_S * v)
     urgency = _urgency(error)
     most = _bend_limit(v, urgency)
     aim = -np.clip(omega / 3 * offset, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
+    if slope is not None:
+        aim = np.clip(aim + slope, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
     wanted = np.clip(omega * (aim - error), -most, most)
     rate = np.minimum(STEERING_RATE, urgency * JOIN_JERK / np.maximum(v * v, 1.0)) * STEP_S
     change = (3 * omega * moved) * (wanted - bend)

@@ -14,6 +14,8 @@ from typing import Any
 from scex_sumo.behaviors.constant_velocity import ConstantVelocityProfile
 from scex_sumo.behaviors.emergency_brake import EmergencyBrakeProfile
 from scex_sumo.behaviors.idm import IdmProfile
+from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictorProfile
+from scex_sumo.behaviors.learned.graph_predictor import GraphPredictorProfile
 from scex_sumo.behaviors.replay import ReplayProfile
 
 DEFAULTS: Mapping[str, Any] = MappingProxyType(
@@ -42,6 +44,8 @@ DEFAULTS: Mapping[str, Any] = MappingProxyType(
         ),
         "constant_velocity": ConstantVelocityProfile(),
         "emergency_brake": EmergencyBrakeProfile(deceleration=5.0),
+        "graph_predictor": GraphPredictorProfile(),
+        "graph_image_predictor": GraphImagePredictorProfile(),
         "replay": ReplayProfile(),
     }
 )

@@ -15,11 +15,15 @@ from scex_sumo.behaviors.constant_velocity import ConstantVelocity
 from scex_sumo.behaviors.emergency_brake import EmergencyBrake
 from scex_sumo.behaviors.guard import Guarded
 from scex_sumo.behaviors.idm import IdmDriver
+from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
+from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
+from scex_sumo.behaviors.loading import as_constructor, is_import_path, load_model
 from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.behaviors.replay import Replay
 from scex_sumo.behaviors.single import SingleVehicle, SingleVehicleBehavior
 from scex_sumo.behaviors.sumo_driver import SumoDriver
-from scex_sumo.errors import MissingExtraError, UsageError
+from scex_sumo.behaviors.usable import reason_of
+from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.vehicle_types import SUMO_MODELS, check_driver
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
@@ -27,8 +31,7 @@ ENTRY_POINTS = "scex_sumo.behaviors"
 SUMO = "sumo"
 GUARD = "guard"  # a parameter of every model that we drive
 
-# Names that are taken, with their parameters, for models that this version does not contain.
-_ANNOUNCED: Mapping[str, tuple[str, ...]] = {"graph_predictor": (), "graph_image_predictor": ("attention",)}
+LEARNED = ("graph_predictor", "graph_image_predictor")
 
 # Models that cannot fail; what they raise is an error of ours. All others may fall back.
 RULE_BASED = frozenset(
@@ -43,7 +46,7 @@ class ModelSpec:
     """A behaviour model as asked for.
 
     Attributes:
-        name: e.g. ``standard_driver`` or ``sumo:EIDM``.
+        name: e.g. ``standard_driver``, ``sumo:EIDM`` or ``package.module:Driver``.
         parameters: values that differ from the defaults; text where they come from the command line.
         weight: how often it is drawn, relative to the others.
     """
@@ -75,7 +78,20 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], str]] = {
     ),
     "constant_velocity": (ConstantVelocity, "keeps its speed along its path, whatever is in the way"),
     "emergency_brake": (EmergencyBrake, "brakes to a standstill along its path"),
+    "graph_predictor": (
+        GraphPredictor,
+        "learned: accelerations along its path, from the semantic scene graph",
+    ),
+    "graph_image_predictor": (
+        GraphImagePredictor,
+        "learned: accelerations and steering, from the scene graph and the road seen from above",
+    ),
     "replay": (Replay, "repeats the recorded future, then constant velocity along its path"),
+}
+# Predictors from files: functions that make them, with the file as a parameter.
+_FILES: Mapping[str, str] = {
+    "torchscript": "scex_sumo.behaviors.predictor_files:torchscript",
+    "onnx": "scex_sumo.behaviors.predictor_files:onnx",
 }
 _registered: dict[str, Callable[..., Any]] = {}
 
@@ -84,20 +100,20 @@ def behavior(name: str) -> Callable[[T], T]:
     """Register a behaviour model under a name: ``@behavior("my_driver")`` on a class.
 
     The class has ``plan`` (see `Behavior`) or ``plan_one`` (see `SingleVehicleBehavior`); keyword arguments
-    of its constructor are the model's parameters.
+    of its constructor are the model's parameters. A function of a vehicle's ``history`` is a `Predictor`.
 
     Raises:
         UsageError: the name is taken or cannot be written on a command line.
     """
 
     def register(constructor: T) -> T:
-        if name in _MODELS or name in _ANNOUNCED or name == SUMO:
+        if name in _MODELS or name == SUMO or name in _FILES:
             raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
         if not name or any(c in name for c in ",:@= \t\n"):
             raise UsageError(f"behavior {name!r}: a name has none of , : @ = and no spaces")
         if not callable(constructor):
             raise UsageError(f"behavior {name!r}: register a class or a function that makes a model")
-        _registered[name] = constructor
+        _registered[name] = as_constructor(constructor, name)
         return constructor
 
     return register
@@ -110,8 +126,7 @@ def may_fail(spec: ModelSpec) -> bool:
 
 def known_names() -> list[str]:
     """Names that `build` can build, ``sumo:<model>`` among them."""
-    further = sorted({*_registered, *_entry_points()})
-    return [*_MODELS, *(f"{SUMO}:{model}" for model in SUMO_MODELS), *further]
+    return [*_MODELS, *(f"{SUMO}:{model}" for model in SUMO_MODELS), *_further()]
 
 
 def known_models() -> list[ModelInfo]:
@@ -127,7 +142,7 @@ def known_models() -> list[ModelInfo]:
     for model in SUMO_MODELS:
         summary = f"SUMO's own {model}; parameters are SUMO's vehicle type attributes, e.g. tau"
         infos.append(ModelInfo(name=f"{SUMO}:{model}", parameters=("path=straight",), summary=summary))
-    for name in sorted({*_registered, *_entry_points()}):
+    for name in _further():
         constructor = _user_model(name)
         words = (inspect.getdoc(constructor) or "").strip().splitlines()
         parameters = {k: p.default for k, p in _keywords(constructor).items()} | {GUARD: False}
@@ -139,6 +154,8 @@ def known_models() -> list[ModelInfo]:
 
 def parse_models(text: str) -> list[ModelSpec]:
     """Read ``name[:parameter=value]...[@weight]``, several separated by commas.
+
+    A name may be an import path, ``package.module:Class``.
 
     Raises:
         UsageError: unknown model or parameter, a weight or value that makes no sense, a model twice.
@@ -162,6 +179,8 @@ def _parse_one(text: str) -> ModelSpec:
         if not rest or "=" in rest[0]:
             raise UsageError(f"{text}: name the SUMO model, one of {', '.join(SUMO_MODELS)}, as in sumo:EIDM")
         name = f"{SUMO}:{rest.pop(0)}"
+    elif rest and name not in known_names() and is_import_path(name, rest[0]):
+        name = f"{name}:{rest.pop(0)}"
     parameters = {}
     for item in rest:
         key, equals, value = item.partition("=")
@@ -188,14 +207,12 @@ def _weight(text: str, weight: str) -> float:
 def _check(spec: ModelSpec) -> None:
     """Raise a `UsageError` for an unknown name, parameter or value."""
     spec, _ = _without_guard(spec)
-    if spec.name in _ANNOUNCED:
-        _known_parameter(spec, _ANNOUNCED[spec.name])
-    elif spec.name.startswith(f"{SUMO}:"):
+    if spec.name.startswith(f"{SUMO}:"):
         given = {k: str(v) for k, v in spec.parameters.items() if k != "path"}
         check_driver(spec.name.partition(":")[2], given)
     elif spec.name in _MODELS:
         _profile(spec)
-    elif spec.name in _registered or spec.name in _entry_points():
+    elif ":" in spec.name or spec.name in _further():
         _user_arguments(spec, _user_model(spec.name))
     else:
         raise UsageError(f"unknown behavior {spec.name!r}; known: {', '.join(known_names())}")
@@ -206,7 +223,8 @@ def build(spec: ModelSpec) -> Behavior:
 
     Raises:
         UsageError: see `parse_models`.
-        MissingExtraError: a learned driver, which this version does not contain.
+        MissingExtraError: a learned driver, and PyTorch is not installed.
+        InputError: a learned driver whose weights cannot be used.
     """
     _check(spec)
     plain, guard = _without_guard(spec)
@@ -226,11 +244,6 @@ def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:
 
 def _build(spec: ModelSpec) -> Behavior:
     """The model without its guard; the spec has been checked."""
-    if spec.name in _ANNOUNCED:
-        raise MissingExtraError(
-            f"{spec.name}: needs the learned drivers, not part of this version; "
-            f"known: {', '.join(known_names())}"
-        )
     if spec.name.startswith(f"{SUMO}:"):
         given = {k: str(v) for k, v in spec.parameters.items() if k != "path"}
         path = _converted(spec, "path", "straight", spec.parameters.get("path", "straight"))
@@ -238,7 +251,13 @@ def _build(spec: ModelSpec) -> Behavior:
     if spec.name in _MODELS:
         return _MODELS[spec.name][0](_profile(spec))
     constructor = _user_model(spec.name)
-    model = constructor(**_user_arguments(spec, constructor))
+    arguments = _user_arguments(spec, constructor)
+    try:
+        model = constructor(**arguments)
+    except ScexError:
+        raise
+    except Exception as error:  # whatever a user's constructor raises
+        raise UsageError(f"{spec.name}: making it {reason_of(error)}") from error
     if isinstance(model, Behavior):
         return model
     if isinstance(model, SingleVehicleBehavior):
@@ -269,11 +288,9 @@ def _converted(spec: ModelSpec, key: str, default: Any, value: Any) -> Any:
     if not isinstance(value, str):
         return value
     if key == "path":
-        return (
-            value
-            if value in ("straight", "random")
-            else _number(spec, key, value, int, "an index, straight or random")
-        )
+        words = ["straight", "random", *(["likeliest"] if spec.name in LEARNED else [])]
+        wanted = f"an index, {', '.join(words[:-1])} or {words[-1]}"
+        return value if value in words else _number(spec, key, value, int, wanted)
     if isinstance(default, bool):
         if value.lower() not in ("true", "false", "0", "1"):
             raise UsageError(f"{spec.name}: {key}={value} is neither true nor false")
@@ -292,6 +309,11 @@ def _number(spec: ModelSpec, key: str, value: str, kind: Callable[[str], Any], w
         raise UsageError(f"{spec.name}: {key}={value} is not {wanted}") from None
 
 
+def _further() -> list[str]:
+    """Models from files, registered ones, and those of other packages."""
+    return [*_FILES, *sorted({*_registered, *_entry_points()})]
+
+
 def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:
     return {point.name: point for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
 
@@ -299,12 +321,14 @@ def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:
 def _user_model(name: str) -> Callable[..., Any]:
     if name in _registered:
         return _registered[name]
+    if name in _FILES or ":" in name:
+        return load_model(_FILES.get(name, name))
     point = _entry_points()[name]
     try:
-        loaded: Callable[..., Any] = point.load()
+        loaded = point.load()
     except Exception as error:  # anything can go wrong in another package's import
         raise UsageError(f"{name}: entry point {point.value} cannot be loaded: {error}") from error
-    return loaded
+    return as_constructor(loaded, name)
 
 
 def _keywords(constructor: Callable[..., Any]) -> dict[str, inspect.Parameter]:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib.metadata
+import importlib.util
+import subprocess
+import sys
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -11,6 +14,7 @@ import pytest
 from scex_sumo.behaviors import registry
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.idm import IdmDriver
+from scex_sumo.behaviors.learned import extra
 from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.behaviors.registry import (
     DEFAULT_MODELS,
@@ -50,7 +54,13 @@ def test_the_default_models_can_be_built() -> None:
     [
         ("fast_driver", "unknown behavior 'fast_driver'; known: standard_driver, risky_driver"),
         ("standard_driver:speed_limit=3", "standard_driver: unknown parameter 'speed_limit'; known: comfort"),
-        ("graph_predictor:depth=3", "graph_predictor: unknown parameter 'depth'; known: guard"),
+        ("graph_predictor:depth=3", "graph_predictor: unknown parameter 'depth'; known: path, mode"),
+        ("graph_predictor:mode=worst", "graph_predictor: mode: got 'worst'; give best or draw"),
+        ("graph_predictor:path=left", "path=left is not an index, straight, random or likeliest"),
+        ("standard_driver:path=likeliest", "path=likeliest is not an index, straight or random"),
+        ("graph_image_predictor:attention=1.1", "attention: got 1.1; give a number from 0 to 1"),
+        ("graph_image_predictor:attention=nan", "attention: got nan; give a number from 0 to 1"),
+        ("graph_image_predictor:head=loose", "head: got 'loose'; give bounded or free"),
         ("standard_driver@often", "weight 'often' is not a number"),
         ("standard_driver@-1", "weight -1 must be a finite number of at least 0"),
         ("standard_driver@nan", "weight nan must be a finite number"),
@@ -96,10 +106,20 @@ def test_sumo_models_are_built_with_their_parameters_and_a_path() -> None:
     assert (built.model, built.parameters, built.path) == ("Krauss", {"tau": "0.8"}, 1)
 
 
-def test_learned_drivers_are_known_but_not_part_of_this_version() -> None:
+@pytest.mark.parametrize("library", ["torch", "torch_geometric"])
+def test_learned_drivers_say_what_they_need(monkeypatch: pytest.MonkeyPatch, library: str) -> None:
+    found = importlib.util.find_spec
+    monkeypatch.setattr(extra, "find_spec", lambda name: None if name == library else found(name))
     for name in ("graph_predictor", "graph_image_predictor"):
-        with pytest.raises(MissingExtraError, match=f"{name}: needs the learned drivers, not part of this"):
+        wanted = rf"{name}: needs {library}; install with: pip install 'scex-sumo\[learned\]'"
+        with pytest.raises(MissingExtraError, match=f"^{wanted}$"):
             build(parse_models(name)[0])
+
+
+def test_learned_drivers_are_parsed_and_listed_without_torch() -> None:
+    code = "import sys; from scex_sumo.behaviors.registry import *; known_models(); parse_models(sys.argv[1])"
+    check = "; assert not {'torch', 'torch_geometric'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code + check, "graph_predictor,graph_image_predictor"], check=True)
 
 
 def test_every_known_model_is_described_with_its_defaults() -> None:

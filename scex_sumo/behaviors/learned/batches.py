@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import torch
 
@@ -15,7 +17,7 @@ from scex_sumo.road import Road
 
 def architecture(**numbers: int | bool) -> Architecture:
     """The shipped sizes for the columns that scene graphs and path inputs have; any number can be changed."""
-    columns = {"node_columns": len(NODE_COLUMNS), "edge_columns": len(EDGE_COLUMNS)}
+    columns: dict[str, Any] = {"node_columns": len(NODE_COLUMNS), "edge_columns": len(EDGE_COLUMNS)}
     return Architecture(**{**columns, **numbers})
 
 

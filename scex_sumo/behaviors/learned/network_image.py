@@ -101,7 +101,8 @@ class ImageEncoder(nn.Module):
             here = torch.nonzero(image.site == index)[:, 0]
             if len(here):
                 seen[here] = self._sample(where, px[here], py[here]).to(dtype)
-        return self.read(self._turned(seen, cos.to(dtype), sin.to(dtype)).flatten(1))
+        read: Tensor = self.read(self._turned(seen, cos.to(dtype), sin.to(dtype)).flatten(1))
+        return read
 
     def _sample(self, where: MapImage, px: Tensor, py: Tensor) -> Tensor:
         """(k, channels, points) of raster and features, bilinear; 0 beyond the map."""

@@ -1,0 +1,142 @@
+"""From what a network predicts to plans that a car can drive."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scex_sumo.behaviors.learned.surface import path_room
+from scex_sumo.behaviors.motion import drive
+from scex_sumo.behaviors.paths import SeedPaths
+from scex_sumo.behaviors.projection import expected_way, project
+from scex_sumo.lines import wrap
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, Plan, SceneHistory, States, Who
+
+RETURN_S = 3.0  # a driver who does not steer otherwise comes back to the path with this time constant
+EDGE_MARGIN_M = 0.1  # of the box to the edge of the drivable surface
+NARROWING_STEPS = 10  # so early a driver makes way for a narrower place
+STANDING_M = 0.01  # per step; a free trajectory that moves less keeps its heading
+
+
+def plan_along(
+    history: SceneHistory,
+    who: Who,
+    paths: SeedPaths,
+    row: IntArray,
+    acceleration: FloatArray,
+    offset: FloatArray | None,
+    *,
+    road: Road | None = None,
+    start: States | None = None,
+    return_s: float = RETURN_S,
+) -> Plan:
+    """Drive along paths with given accelerations and offsets.
+
+    Args:
+        history: the present.
+        who: the n vehicles.
+        paths: paths of the seed scene.
+        row: (n,) path of each.
+        acceleration: (n, H) m/s²; who would reverse stops.
+        offset: (n, H) wanted distance left of the path after each step, m; None comes back to the path from
+            the present offset like exp(-t / return_s).
+        road: keeps the box of every vehicle on the drivable surface of this map; None does not.
+        start: (n,) states to start from, the present ones by default.
+        return_s: s, see `offset`.
+
+    Returns:
+        (n, H).
+    """
+    own = history.now[who.child, who.vehicle] if start is None else start
+    s, present, _ = project(paths, row, own.x, own.y, expected_way(history, who))
+    steps = acceleration.shape[1]
+    if offset is None:
+        wanted = present[:, None] * np.exp(-STEP_S / return_s * np.arange(steps + 1))
+    else:
+        wanted = np.concatenate([present[:, None], offset], axis=1)
+    if road is not None:
+        half = history.seed.width[who.vehicle] / 2 + EDGE_MARGIN_M
+        wanted = within_road(road, paths, row, s, way_of(own.speed, acceleration), wanted, half)
+
+    def accelerate(step: int, v: FloatArray, travelled: FloatArray, at: FloatArray) -> FloatArray:
+        return acceleration[:, step]
+
+    return drive(history, who, paths, row, accelerate, start=start, steps=steps, aside=wanted)
+
+
+def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """(n, H + 1) way from now on after each step, m, of vehicles that stop rather than reverse."""
+    v = np.maximum(speed, 0.0)
+    way = np.zeros((len(speed), acceleration.shape[1] + 1))
+    for step in range(acceleration.shape[1]):
+        following = np.maximum(v + acceleration[:, step] * STEP_S, 0.0)
+        way[:, step + 1] = way[:, step] + (v + following) * (STEP_S / 2)
+        v = following
+    return way
+
+
+def within_road(
+    road: Road,
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    way: FloatArray,
+    offset: FloatArray,
+    half_width: FloatArray,
+) -> FloatArray:
+    """Offsets bounded so that a box along the path stays on the drivable surface.
+
+    Where the road is narrower than the box, the middle of the road is aimed at.
+
+    Args:
+        road: the map.
+        paths: paths of the seed scene.
+        row: (n,) path of each vehicle.
+        s: (n,) arc length of its centre now, m.
+        way: (n, H + 1) further way after each step, m.
+        offset: (n, H + 1) m.
+        half_width: (n,) m.
+    """
+    left, right = path_room(road, paths).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
+    most, least = _narrowest(left) - half_width[:, None], half_width[:, None] - _narrowest(right)
+    middle = (most + least) / 2
+    narrow = most < least
+    bounded: FloatArray = np.clip(offset, np.where(narrow, middle, least), np.where(narrow, middle, most))
+    return bounded
+
+
+def _narrowest(room: FloatArray) -> FloatArray:
+    """(n, H + 1) smallest room within the next steps."""
+    padded = np.pad(room, ((0, 0), (0, NARROWING_STEPS)), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, NARROWING_STEPS + 1, axis=1)
+    narrowest: FloatArray = windows.min(axis=2)
+    return narrowest
+
+
+def plan_freely(history: SceneHistory, who: Who, free: FloatArray) -> Plan:
+    """Take trajectories as they are: headings along the motion, whatever a car can do.
+
+    Args:
+        history: the present.
+        who: the n vehicles.
+        free: (n, H, 2) x ahead and y to the left of the present pose after each step, m.
+    """
+    own = history.now[who.child, who.vehicle]
+    step = np.diff(free, axis=1, prepend=np.zeros((len(who), 1, 2)))
+    moved = np.hypot(step[..., 0], step[..., 1])
+    turn = _held(np.arctan2(step[..., 1], step[..., 0]), moved > STANDING_M)
+    cos, sin = np.cos(own.heading)[:, None], np.sin(own.heading)[:, None]
+    return Plan(
+        x=own.x[:, None] + cos * free[..., 0] - sin * free[..., 1],
+        y=own.y[:, None] + sin * free[..., 0] + cos * free[..., 1],
+        heading=wrap(own.heading[:, None] + turn),
+        speed=moved / STEP_S,
+    )
+
+
+def _held(turn: FloatArray, moving: BoolArray) -> FloatArray:
+    """(n, H) headings, that of the last moving step where a vehicle stands, 0 before the first."""
+    padded = np.concatenate([np.zeros((len(turn), 1)), turn], axis=1)
+    known = np.where(moving, np.arange(1, turn.shape[1] + 1), 0)
+    last = np.maximum.accumulate(known, axis=1)
+    return np.asarray(np.take_along_axis(padded, last, axis=1))

@@ -1,0 +1,262 @@
+"""What both learned drivers share: choose a path and a mode, ask the network, drive."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from scex_sumo.behaviors.fallback import follow_path
+from scex_sumo.behaviors.learned.batches import map_image, path_batch, scene_batch
+from scex_sumo.behaviors.learned.decoding import RETURN_S, plan_along, plan_freely
+from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictorProfile
+from scex_sumo.behaviors.learned.graph_predictor import GraphPredictorProfile
+from scex_sumo.behaviors.learned.inputs import PathInputs, path_inputs
+from scex_sumo.behaviors.learned.layers import make_exact
+from scex_sumo.behaviors.learned.network import GraphPredictorNet, Modes
+from scex_sumo.behaviors.learned.network_image import GraphImageNet, ImageBatch, MapImage
+from scex_sumo.behaviors.learned.weights import load_weights, sha256_of
+from scex_sumo.behaviors.paths import PathChoice, SeedPaths, chosen_paths
+from scex_sumo.behaviors.scene_graph import scene_graph
+from scex_sumo.errors import InputError
+from scex_sumo.road import Road
+from scex_sumo.scene import HISTORY_STEPS, BoolArray, FloatArray, IntArray, Plan, SceneHistory, SeedScene, Who
+
+OUTPUT_GRID = 2.0**-10  # m/s² and m: what is left of the order of sums is rounded away, see `layers`
+DRAW_DIGITS = 2.0**20  # modes are drawn with the digits of `route_draw` that paths do not use
+OFF_MAP = "was not on a mapped lane in the seed scene"
+NOT_FINITE = "the network gave no finite plan"
+Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """A network that runs.
+
+    Attributes:
+        net: exact, see `layers`.
+        meta: of its file.
+        maps: raster and features of the last maps.
+    """
+
+    net: GraphPredictorNet | GraphImageNet
+    meta: dict[str, Any]
+    maps: OrderedDict[Road, MapImage]
+
+    def image_of(self, road: Road) -> MapImage:
+        """A map as the network sees it; made once."""
+        assert isinstance(self.net, GraphImageNet)
+        if road not in self.maps:
+            image = map_image(road)
+            self.maps[road] = image._replace(features=self.net.image.features(image.raster))
+            while len(self.maps) > 4:
+                self.maps.popitem(last=False)
+        return self.maps[road]
+
+
+@lru_cache(maxsize=4)
+def loaded(file: Path, kind: str, sha256: str) -> Loaded:
+    """The network of a file, made exact.
+
+    Raises:
+        InputError: see `load_weights`; or weights so large that the network could not be exact.
+    """
+    net, meta = load_weights(file, kind)
+    share = make_exact(net)
+    if not share < 1:
+        raise InputError(f"{file}: weights add up to {share:.0f} times the most that is exact; train again")
+    return Loaded(net, meta, OrderedDict())
+
+
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """What was chosen from the seed scene, for all children.
+
+    Attributes:
+        likeliest: (V,) row of the path that the network thinks each vehicle takes.
+        modes: (P, M) cumulative probability of the modes along each path.
+    """
+
+    likeliest: IntArray
+    modes: FloatArray
+
+
+class LearnedDriver:
+    """A network, asked for all vehicles of all children at once.
+
+    Path and mode of a vehicle are chosen from the seed scene and stay the same through a child.
+    """
+
+    def __init__(self, kind: str, file: Path, profile: Profile, *, attention: float, free: bool) -> None:
+        """Load the weights.
+
+        Args:
+            kind: ``graph`` or ``hybrid``.
+            file: of the weights.
+            profile: parameters of the model.
+            attention: w of the hybrid.
+            free: the free trajectories are driven.
+
+        Raises:
+            InputError: the weights cannot be used.
+        """
+        self.kind, self.file, self.profile, self.attention, self.free = kind, file, profile, attention, free
+        self.sha256 = sha256_of(file) if file.is_file() else ""
+        if free and not self._loaded.net.sizes.free:
+            raise InputError(f"{file}: trained without the head for free trajectories; use head=bounded")
+        self._choices: OrderedDict[SeedScene, _Choice] = OrderedDict()
+
+    def __getstate__(self) -> dict[str, Any]:
+        # A worker loads the network itself.
+        return {**self.__dict__, "_choices": OrderedDict()}
+
+    @property
+    def _loaded(self) -> Loaded:
+        return loaded(self.file, self.kind, self.sha256)
+
+    @property
+    def meta(self) -> dict[str, Any]:
+        """What the file of weights says of itself."""
+        return self._loaded.meta
+
+    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+        """Plan 3 s; see `Behavior.plan`. Draws nothing."""
+        paths, row = self._paths(history, road, who)
+        reasons = np.where(paths.on_road[who.vehicle], "", OFF_MAP)
+        usable = np.flatnonzero(reasons == "")
+        parts: list[tuple[IntArray, Plan]] = []
+        if len(usable):
+            made, finite = self._drive(history, road, _some(who, usable), paths, row[usable])
+            reasons[usable[~finite]] = NOT_FINITE
+            parts.append((usable[finite], made))
+        rest = np.flatnonzero(reasons != "")
+        if len(rest) or not parts:
+            parts.append((rest, follow_path(history, road, _some(who, rest))))
+        return _together(parts, reasons)
+
+    def predict(
+        self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray
+    ) -> tuple[PathInputs, Modes]:
+        """What the network says of n pairs of a vehicle and a path, not rounded."""
+        graph = scene_graph(history, road, radius=self.profile.radius)
+        inputs = path_inputs(history, road, who, paths, row, radius=self.profile.radius)
+        net = self._loaded.net
+        with torch.inference_mode():
+            scene, path = scene_batch(graph), path_batch(inputs)
+            if isinstance(net, GraphImageNet):
+                image = self._image(history, road, who)
+                return inputs, net(scene, path, image, torch.full((len(who),), self.attention).double())
+            return inputs, net(scene, path)
+
+    def _image(self, history: SceneHistory, road: Road, who: Who) -> ImageBatch:
+        own = history.now[who.child, who.vehicle]
+        pose = torch.from_numpy(np.stack([own.x, own.y, own.heading], 1))
+        none = torch.zeros(len(who), dtype=torch.int64)
+        return ImageBatch((self._loaded.image_of(road),), none, pose, torch.arange(len(who)))
+
+    def _drive(
+        self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray
+    ) -> tuple[Plan, BoolArray]:
+        """Plans of those of n vehicles for which the network's answer is finite, and (n,) which ones."""
+        _, modes = self.predict(history, road, who, paths, row)
+        chosen = (np.arange(len(who)), self._modes(history, road, who, row, modes))
+        free = _rounded(modes.free)[chosen] if self.free and modes.free is not None else None
+        acceleration = _rounded(modes.acceleration)[chosen]
+        offset = None if modes.offset is None else _rounded(modes.offset)[chosen]
+        finite = np.ones(len(who), dtype=np.bool_)
+        for values in (free, acceleration, offset):
+            if values is not None:
+                finite &= np.isfinite(values.reshape(len(who), -1)).all(axis=1)
+        some = _some(who, np.flatnonzero(finite))
+        if free is not None:
+            return plan_freely(history, some, free[finite]), finite
+        made = plan_along(
+            history,
+            some,
+            paths,
+            row[finite],
+            acceleration[finite],
+            None if offset is None else offset[finite],
+            road=road,
+            return_s=float(self.meta.get("return_s", RETURN_S)),
+        )
+        return made, finite
+
+    def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
+        paths, row = chosen_paths(history, road, who, _plain(self.profile.path))
+        if self.profile.path == "likeliest":
+            row = self._choice(history.seed, road).likeliest[who.vehicle]
+        return paths, row
+
+    def _modes(self, history: SceneHistory, road: Road, who: Who, row: IntArray, modes: Modes) -> IntArray:
+        """(n,) mode that each vehicle drives."""
+        if self.profile.mode == "draw":
+            upper = self._choice(history.seed, road).modes[row]
+            draw = history.route_draw[who.child, who.vehicle] * DRAW_DIGITS % 1.0
+            return np.asarray((draw[:, None] >= upper[:, :-1]).sum(1))
+        if self.meta.get("best", "expected") == "likeliest":
+            return np.asarray(_rounded(modes.logits).argmax(1))
+        return np.zeros(len(who), dtype=np.int64)
+
+    def _choice(self, seed: SeedScene, road: Road) -> _Choice:
+        """Paths and modes as the network sees them in the seed scene."""
+        if seed not in self._choices:
+            history = _alone(seed)
+            everyone = Who(child=np.zeros(seed.vehicles, np.int64), vehicle=np.arange(seed.vehicles))
+            paths, _ = chosen_paths(history, road, everyone, _plain(self.profile.path))
+            vehicle = np.repeat(np.arange(seed.vehicles), paths.count)
+            pairs = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+            _, modes = self.predict(history, road, pairs, paths, np.arange(len(vehicle)))
+            logit = np.nan_to_num(_rounded(modes.path_logit), nan=-np.inf)
+            ends = np.cumsum(paths.count)
+            best = [int(f + np.argmax(logit[f:e])) for f, e in zip(paths.first, ends, strict=True)]
+            weight = np.exp(_rounded(modes.logits) - _rounded(modes.logits).max(1, keepdims=True))
+            upper = np.cumsum(weight, 1) / weight.sum(1, keepdims=True)
+            self._choices[seed] = _Choice(np.array(best, dtype=np.int64), upper)
+            while len(self._choices) > 8:
+                self._choices.popitem(last=False)
+        return self._choices[seed]
+
+
+def _rounded(values: torch.Tensor) -> FloatArray:
+    rounded: FloatArray = np.round(values.numpy() * (1 / OUTPUT_GRID)) * OUTPUT_GRID
+    return rounded
+
+
+def _plain(path: PathChoice | Literal["likeliest"]) -> PathChoice:
+    return "straight" if path == "likeliest" else path
+
+
+def _some(who: Who, index: IntArray) -> Who:
+    return Who(child=who.child[index], vehicle=who.vehicle[index])
+
+
+def _alone(seed: SeedScene) -> SceneHistory:
+    """A seed scene as the only child of a batch."""
+    others = seed.obstacles
+    return SceneHistory(
+        seed=seed,
+        states=seed.history.repeat(1),
+        children=np.zeros(1, dtype=np.int64),
+        step=0,
+        route_draw=np.zeros((1, seed.vehicles)),
+        obstacle_states=None if others is None else others.states[:, HISTORY_STEPS],
+        obstacle_present=None if others is None else others.present[:, HISTORY_STEPS],
+    )
+
+
+def _together(parts: list[tuple[IntArray, Plan]], reasons: NDArray[np.str_]) -> Plan:
+    """Plans of (k,) vehicles each as the plan of all; those with a reason fell back."""
+    steps = parts[0][1].x.shape[1]
+    whole = {key: np.empty((len(reasons), steps)) for key in ("x", "y", "heading", "speed")}
+    for index, plan in parts:
+        for key, values in whole.items():
+            values[index] = getattr(plan, key)
+    return Plan(**whole, fallback=reasons != "", reasons=tuple(reasons.tolist()))
