@@ -14,12 +14,17 @@ if TYPE_CHECKING:
     from scex_sumo.behaviors.base import Behavior as Behavior
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
+    from scex_sumo.behaviors.scene_graph import SceneGraph as SceneGraph
+    from scex_sumo.behaviors.scene_graph import scene_graph as scene_graph
+    from scex_sumo.behaviors.scene_graph_export import to_hetero_data as to_hetero_data
+    from scex_sumo.behaviors.scene_graph_export import to_networkx as to_networkx
     from scex_sumo.converters.lanelet import read_road as read_road
     from scex_sumo.converters.maps import read_map as read_map
     from scex_sumo.converters.sumo_net import SumoNet as SumoNet
     from scex_sumo.converters.sumo_net import convert as convert
     from scex_sumo.errors import ScexError as ScexError
     from scex_sumo.extrapolation import extrapolate as extrapolate
+    from scex_sumo.plots_graph import plot_scene_graph as plot_scene_graph
     from scex_sumo.road import Lane as Lane
     from scex_sumo.road import Road as Road
     from scex_sumo.run import Run as Run
@@ -39,6 +44,7 @@ _HOMES = {
     "Plan": "scex_sumo.scene",
     "Road": "scex_sumo.road",
     "Run": "scex_sumo.run",
+    "SceneGraph": "scex_sumo.behaviors.scene_graph",
     "SceneHistory": "scex_sumo.scene",
     "ScexError": "scex_sumo.errors",
     "SeedScene": "scex_sumo.scene",
@@ -51,10 +57,14 @@ _HOMES = {
     "extrapolate": "scex_sumo.extrapolation",
     "open_run": "scex_sumo.run",
     "parse_models": "scex_sumo.behaviors.registry",
+    "plot_scene_graph": "scex_sumo.plots_graph",
     "read_map": "scex_sumo.converters.maps",
     "read_road": "scex_sumo.converters.lanelet",
     "read_seed": "scex_sumo.seeds",
+    "scene_graph": "scex_sumo.behaviors.scene_graph",
     "synthetic_seed": "scex_sumo.seeds",
+    "to_hetero_data": "scex_sumo.behaviors.scene_graph_export",
+    "to_networkx": "scex_sumo.behaviors.scene_graph_export",
 }
 
 __all__ = [*sorted(_HOMES), "__version__"]
