@@ -1,0 +1,148 @@
+"""What a network is trained for.
+
+Modes: the one nearest to the recorded future is pulled there, the others a little (soft winner takes all),
+and mode 0, the expected one, always. Their probabilities: cross-entropy against how near each came. Paths:
+cross-entropy over a vehicle's candidates. Accelerations and jerks beyond what drivers do cost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn.functional import log_softmax, relu
+
+from scex_sumo.behaviors.learned.network import Modes
+from scex_sumo.scene import STEP_S
+from scex_sumo.training.batches import Batch
+
+
+@dataclass(frozen=True, kw_only=True)
+class LossWeights:
+    """How much each part counts.
+
+    Attributes:
+        expected: mode 0 against the recorded future.
+        winner: the nearest mode against it.
+        relaxed: share of the winner's weight that all modes have.
+        mode: cross-entropy of the modes.
+        path: cross-entropy of the paths.
+        free: the free trajectories.
+        final: how much the last step counts besides the mean over all.
+        sharp_m: errors of two modes that differ by this are told apart, m.
+        round_m: errors below it count by their square, m.
+        acceleration: per (m/s²)² beyond `hard`.
+        jerk: per (m/s³)².
+        sideways: per (m/s²)² of the second change of the offset.
+        hard: accelerations up to it cost nothing, m/s².
+    """
+
+    expected: float = 1.0
+    winner: float = 1.0
+    relaxed: float = 0.03
+    mode: float = 0.15
+    path: float = 0.3
+    free: float = 0.5
+    final: float = 0.5
+    sharp_m: float = 0.1
+    round_m: float = 0.2
+    acceleration: float = 0.02
+    jerk: float = 0.0005
+    sideways: float = 0.002
+    hard: float = 3.0
+
+
+def displacement(speed: Tensor, acceleration: Tensor) -> Tensor:
+    """Way along the path, as `motion.drive` moves: a vehicle stops, and does not reverse.
+
+    Args:
+        speed: (n,) m/s now.
+        acceleration: (n, M, H) m/s².
+
+    Returns:
+        (n, M, H) m.
+    """
+    # v' = max(v + a·dt, 0) for all steps at once: the running sum, reflected at its running minimum.
+    free = speed[:, None, None] + torch.cumsum(acceleration, 2) * STEP_S
+    lowest = torch.clamp(torch.cummin(free, 2).values, max=0.0)
+    v = free - lowest
+    before = torch.cat([speed[:, None, None].expand(-1, v.shape[1], 1), v[..., :-1]], 2)
+    return torch.cumsum((before + v) * (STEP_S / 2), 2)
+
+
+def errors(ahead: Tensor, aside: Tensor, weights: LossWeights) -> Tensor:
+    """(n, M) how far trajectories are off, m: rounded distance, its mean over the steps and its last value.
+
+    Args:
+        ahead: (n, M, H) m.
+        aside: (n, M, H) m.
+        weights: `round_m` and `final`.
+    """
+    r = weights.round_m
+    distance = torch.sqrt(ahead**2 + aside**2 + r**2) - r
+    return distance.mean(2) + weights.final * distance[..., -1]
+
+
+def loss(modes: Modes, batch: Batch, weights: LossWeights) -> tuple[Tensor, dict[str, float]]:
+    """The loss of a batch, and its parts by name for the log."""
+    share, total = batch.share, batch.share.sum().clamp(min=1e-6)
+    way = displacement(batch.start[:, 0], modes.acceleration)
+    aside = torch.zeros_like(way) if modes.offset is None else modes.offset - batch.d[:, None]
+    off = errors(way - batch.s[:, None], aside, weights)
+    parts = {
+        "expected": weights.expected * _mean(off[:, 0], share, total),
+        "winner": weights.winner * _mean(_winner(off, weights), share, total),
+        "mode": weights.mode * _mean(_mode_entropy(modes.logits, off, weights), share, total),
+        "path": weights.path * _path_entropy(modes.path_logit, batch),
+        "smooth": _mean(_roughness(modes, weights), share, total),
+    }
+    if modes.free is not None:
+        gap = modes.free - batch.xy[:, None]
+        free = errors(gap[..., 0], gap[..., 1], weights)
+        parts["free"] = weights.free * _mean(free[:, 0] + _winner(free, weights), share, total)
+    whole = torch.stack(list(parts.values())).sum()
+    return whole, {name: float(part.detach()) for name, part in parts.items()}
+
+
+def _mean(values: Tensor, share: Tensor, total: Tensor) -> Tensor:
+    return (values * share).sum() / total
+
+
+def _winner(off: Tensor, weights: LossWeights) -> Tensor:
+    """(n,) error of the nearest mode, and a little of all."""
+    nearest = off.min(1).values
+    return (1 - weights.relaxed) * nearest + weights.relaxed * off.mean(1)
+
+
+def _mode_entropy(logits: Tensor, off: Tensor, weights: LossWeights) -> Tensor:
+    """(n,) cross-entropy against the probability of each mode given how near it came."""
+    wanted = torch.softmax(-off.detach() / weights.sharp_m, 1)
+    return -(wanted * log_softmax(logits, 1)).sum(1)
+
+
+def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
+    """Cross-entropy of the right paths together among their vehicle's candidates, mean over vehicles."""
+    node = batch.path.node
+    count = int(node.max()) + 1 if len(node) else 0
+    highest = torch.full((count,), -torch.inf, device=logit.device, dtype=logit.dtype)
+    highest = highest.scatter_reduce(0, node, logit.detach(), "amax")
+    each = torch.exp(logit - highest[node])
+    every = torch.zeros(count, device=logit.device, dtype=logit.dtype).index_add(0, node, each)
+    right = torch.zeros_like(every).index_add(0, node, each * batch.right)
+    weight = torch.zeros_like(every).index_add(0, node, batch.share.to(every.dtype))
+    known = weight > 0
+    entropy = torch.log(every[known]) - torch.log(right[known].clamp(min=1e-6))
+    return (entropy * weight[known]).sum() / weight[known].sum().clamp(min=1e-6)
+
+
+def _roughness(modes: Modes, weights: LossWeights) -> Tensor:
+    """(n,) cost of hard accelerations, of jerk and of jerky steering, mean over modes and steps."""
+    a = modes.acceleration
+    cost = weights.acceleration * (relu(a.abs() - weights.hard) ** 2).mean((1, 2))
+    jerk = torch.diff(a, dim=2) / STEP_S
+    cost = cost + weights.jerk * (jerk**2).mean((1, 2))
+    if modes.offset is not None:
+        bend = torch.diff(modes.offset, n=2, dim=2) / STEP_S**2
+        cost = cost + weights.sideways * (bend**2).mean((1, 2))
+    return cost

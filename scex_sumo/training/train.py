@@ -1,0 +1,345 @@
+"""Training a learned driver: epochs over samples, rounds in closed loop, checkpoints."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from scex_sumo.behaviors.learned.batches import architecture
+from scex_sumo.behaviors.learned.layers import Scaler
+from scex_sumo.behaviors.learned.network import GraphPredictorNet, Modes
+from scex_sumo.behaviors.learned.network_image import GraphImageNet
+from scex_sumo.behaviors.learned.weights import save_weights
+from scex_sumo.errors import UsageError
+from scex_sumo.scene import FloatArray
+from scex_sumo.training.batches import Batch, Batches
+from scex_sumo.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from scex_sumo.training.dataset import Dataset
+from scex_sumo.training.images import Images
+from scex_sumo.training.loss import LossWeights, loss
+from scex_sumo.training.samples import Samples
+from scex_sumo.training.validate import Score, validate
+
+Kind: TypeAlias = Literal["graph", "hybrid"]
+Net: TypeAlias = GraphPredictorNet | GraphImageNet
+NETS: dict[str, type[GraphPredictorNet] | type[GraphImageNet]] = {
+    "graph": GraphPredictorNet,
+    "hybrid": GraphImageNet,
+}
+# Given a network's file, the samples of a round in closed loop.
+Drift: TypeAlias = Callable[[Path, int], Samples | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainOptions:
+    """How a network is trained.
+
+    Attributes:
+        kind: ``graph`` or ``hybrid``.
+        seed: of the first weights, of the order of batches and of all that is drawn.
+        epochs: over all samples.
+        minutes: stop before the epoch that would end later than this; 0 does not.
+        rounds: rounds in closed loop, at even distances over the epochs.
+        patience: stop after so many epochs without a better validation.
+        nodes: vehicles per batch, about.
+        rate: highest learning rate; falls to zero like a cosine.
+        decay: weight decay.
+        average: share of the running mean of the weights that stays at each step; the mean is what is kept.
+        gradient: longest gradient.
+        dropout: share of hidden values that is dropped in training.
+        noise: spread of the noise on all scaled inputs, in their own standard deviations.
+        unlinked: share of the graph's edges that is dropped in training.
+        sizes: numbers of `Architecture` that differ from the shipped ones.
+        weights: of the parts of the loss.
+    """
+
+    kind: Kind
+    seed: int = 0
+    epochs: int = 30
+    minutes: float = 0.0
+    rounds: int = 1
+    patience: int = 12
+    nodes: int = 800
+    rate: float = 2e-3
+    decay: float = 1e-3
+    average: float = 0.99
+    gradient: float = 1.0
+    dropout: float = 0.1
+    noise: float = 0.0
+    unlinked: float = 0.0
+    sizes: dict[str, int | bool] = field(default_factory=dict)
+    weights: LossWeights = field(default_factory=LossWeights)
+
+    def __post_init__(self) -> None:
+        if self.kind not in NETS:
+            raise UsageError(f"train: unknown network {self.kind!r}; known: {', '.join(NETS)}")
+        if self.epochs < 1 or self.rounds < 0 or self.rounds >= self.epochs:
+            raise UsageError(
+                f"train: {self.epochs} epochs with {self.rounds} rounds in closed loop; give at least one "
+                "epoch before and after each round"
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Progress:
+    """One epoch, for the log and the progress bar."""
+
+    epoch: int
+    epochs: int
+    seconds: float
+    parts: dict[str, float]
+    score: Score
+    better: bool
+
+
+class Trainer:
+    """One training run.
+
+    Args:
+        dataset: the samples.
+        options: how.
+        device: where.
+        drift: makes the samples of a round in closed loop; None does without.
+        folder: for checkpoints and the samples of rounds; None keeps none.
+    """
+
+    def __init__(
+        self,
+        dataset: Dataset,
+        options: TrainOptions,
+        *,
+        device: torch.device,
+        drift: Drift | None = None,
+        folder: Path | None = None,
+    ) -> None:
+        self.dataset, self.options, self.device, self.folder = dataset, options, device, folder
+        self.drift = drift if options.rounds else None
+        torch.manual_seed(options.seed)
+        self.net: Net = NETS[options.kind](architecture(**options.sizes))
+        _fit_scales(self.net, dataset.train)
+        self.net.to(device)
+        self.mean = _copy(self.net)
+        _roughen(self.net, options)
+        self.optimizer = torch.optim.AdamW(
+            _groups(self.net, options.decay), lr=options.rate, betas=(0.9, 0.98)
+        )
+        self.site_weight = site_weights(dataset)
+        self.images = Images.of_roads(dataset.roads, device) if options.kind == "hybrid" else None
+        self.train = Batches(dataset.train, self.site_weight, device)
+        self.validation = Batches(dataset.validation, self.site_weight, device)
+        self.drifted: list[Samples] = []
+        self.epoch, self.best_loss, self.best_epoch, self.seconds = 0, math.inf, 0, 0.0
+        self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
+
+    def run(self, report: Callable[[Progress], None], tick: Callable[[int, int], None] | None = None) -> None:
+        """Train to the end, or until time or patience is up; `best` then has the weights.
+
+        Args:
+            report: called after every epoch.
+            tick: called with the number of batches done, and of all.
+        """
+        options, begun = self.options, time.monotonic() - self.seconds
+        while self.epoch < options.epochs:
+            self._round()
+            parts = self._epoch(tick)
+            self.epoch += 1
+            score = validate(self._predict_mean, self.validation, options.weights)
+            # Samples from closed loop make the task harder, not the validation: patience starts anew.
+            better = score.loss < self.best_loss
+            if better:
+                self.best_loss, self.best_epoch = score.loss, self.epoch
+                self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
+            self.seconds = time.monotonic() - begun
+            self._save()
+            report(Progress(epoch=self.epoch, epochs=options.epochs, seconds=self.seconds, parts=parts,
+                            score=score, better=better))  # fmt: skip
+            if self.epoch - self.best_epoch >= options.patience:
+                return
+            if options.minutes and self.seconds * (1 + 1 / self.epoch) > 60 * options.minutes:
+                return
+
+    def _round(self) -> None:
+        """Before some epochs: drive with the present weights, and learn from where that leads to."""
+        options = self.options
+        due = [round((k + 1) * options.epochs / (options.rounds + 1)) for k in range(options.rounds)]
+        if self.drift is None or self.folder is None or self.epoch not in due:
+            return
+        number = due.index(self.epoch)
+        if len(self.drifted) <= number:
+            file = self.folder / "policy.pt"
+            save_weights(file, self.mean, {})
+            samples = self.drift(file, number)
+            file.unlink()
+            if samples is not None:
+                self.drifted.append(samples)
+                self._use_drifted()
+        self.best_loss = math.inf  # what was best before has not learned to come back
+
+    def _use_drifted(self) -> None:
+        whole = Samples.concatenate([self.dataset.train, *self.drifted])
+        self.train = Batches(whole, self.site_weight, self.device)
+
+    def _epoch(self, tick: Callable[[int, int], None] | None) -> dict[str, float]:
+        """One pass over the samples; drawn from the seed and the epoch's number alone, so that runs resume."""
+        options = self.options
+        rng = np.random.default_rng([options.seed, self.epoch])
+        torch.manual_seed(options.seed * 100_003 + self.epoch)
+        groups = self._groups(rng)
+        sums: dict[str, float] = {}
+        self.net.train()
+        for number, graphs in enumerate(groups):
+            done = (self.epoch + number / len(groups)) / options.epochs
+            for group in self.optimizer.param_groups:
+                group["lr"] = _rate(options, done)
+            batch = _unlinked(self.train.take(graphs), options.unlinked)
+            whole, parts = loss(self._predict(self.net, batch, rng), batch, options.weights)
+            self.optimizer.zero_grad(set_to_none=True)
+            whole.backward()  # type: ignore[no-untyped-call]
+            nn.utils.clip_grad_norm_(self.net.parameters(), options.gradient)
+            self.optimizer.step()
+            self._average(number + len(groups) * self.epoch)
+            for name, value in parts.items():
+                sums[name] = sums.get(name, 0.0) + value / len(groups)
+            if tick is not None:
+                tick(self.epoch * len(groups) + number + 1, options.epochs * len(groups))
+        return sums
+
+    def _groups(self, rng: np.random.Generator) -> list[Any]:
+        """Batches of an epoch; those of the hybrid have one site each, for a map costs the same for all."""
+        order = rng.permutation(len(self.train.samples))
+        if self.images is None:
+            return self.train.groups(order, self.options.nodes)
+        site = self.train.samples.site[order]
+        groups = [
+            group
+            for s in np.unique(site)
+            for group in self.train.groups(order[site == s], self.options.nodes)
+        ]
+        return [groups[k] for k in rng.permutation(len(groups))]
+
+    def _predict(self, net: Net, batch: Batch, rng: np.random.Generator | None) -> Modes:
+        if self.images is None:
+            modes: Modes = net(batch.scene, batch.path)
+            return modes
+        turns = 0 if rng is None else int(rng.integers(4))
+        count = len(batch.path.node)
+        attention = torch.full((count,), 0.5) if rng is None else torch.rand(count)
+        image = self.images.batch(batch, turns)
+        seen: Modes = net(batch.scene, batch.path, image, attention.to(self.device))
+        return seen
+
+    def _predict_mean(self, batch: Batch) -> Modes:
+        return self._predict(self.mean.eval(), batch, None)
+
+    @torch.no_grad()
+    def _average(self, step: int) -> None:
+        """Move the running mean of the weights a little towards the present ones."""
+        keep = min(self.options.average, (1 + step) / (10 + step))
+        for mean, present in zip(self.mean.parameters(), self.net.parameters(), strict=True):
+            mean.lerp_(present, 1 - keep)
+
+    def finished(self) -> Net:
+        """The network with the best weights."""
+        net = _copy(self.mean)
+        net.load_state_dict(self.best)
+        return net.cpu().eval()
+
+    def _save(self) -> None:
+        if self.folder is not None:
+            write_checkpoint(self.folder, Checkpoint.of(self), self.drifted)
+
+    def resume(self) -> bool:
+        """Go on from the checkpoint in the folder; False where there is none.
+
+        Raises:
+            ResultError: it is another run's.
+        """
+        if self.folder is None:
+            return False
+        found = read_checkpoint(self.folder, self.identity())
+        if found is None:
+            return False
+        checkpoint, self.drifted = found
+        checkpoint.restore(self)
+        if self.drifted:
+            self._use_drifted()
+        return True
+
+    def identity(self) -> dict[str, Any]:
+        """What a checkpoint must agree in with the run that goes on from it."""
+        return {"dataset": self.dataset.digest, **asdict(self.options), "minutes": 0.0}
+
+
+def site_weights(dataset: Dataset) -> FloatArray:
+    """(S,) weights: a site counts like the square root of its vehicles, so that large ones do not rule."""
+    train = dataset.train
+    site = np.repeat(train.site, train.pairs)[train.right]
+    count = np.maximum(np.bincount(site, minlength=len(dataset.sites)), 1)
+    weight: FloatArray = np.sqrt(count.mean() / count)
+    return weight
+
+
+def _rate(options: TrainOptions, done: float) -> float:
+    """Learning rate after a share of the training: a short rise, then a cosine down."""
+    rise = min(1.0, (done * options.epochs + 0.02) / 1.0)
+    return options.rate * rise * 0.5 * (1 + math.cos(math.pi * done))
+
+
+def _groups(net: nn.Module, decay: float) -> list[dict[str, Any]]:
+    """Only matrices decay."""
+    matrices = [p for p in net.parameters() if p.dim() >= 2]
+    others = [p for p in net.parameters() if p.dim() < 2]
+    return [{"params": matrices, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
+
+
+def _copy(net: Net) -> Net:
+    copy = type(net)(net.sizes)
+    copy.load_state_dict(net.state_dict())
+    device = next(net.parameters()).device
+    copied: Net = copy.to(device).requires_grad_(False)
+    return copied
+
+
+def _roughen(net: Net, options: TrainOptions) -> None:
+    """Dropout after every ReLU and noise on scaled inputs, in training only; the network itself has neither."""
+
+    def drop(module: nn.Module, given: Any, out: Tensor) -> Tensor:
+        return nn.functional.dropout(out, options.dropout, module.training)
+
+    def shake(module: nn.Module, given: Any, out: Tensor) -> Tensor:
+        return out + options.noise * torch.randn_like(out) if module.training else out
+
+    for module in net.modules():
+        if isinstance(module, nn.ReLU) and options.dropout:
+            module.register_forward_hook(drop)
+        if isinstance(module, Scaler) and options.noise:
+            module.register_forward_hook(shake)
+
+
+def _unlinked(batch: Batch, share: float) -> Batch:
+    """A batch without a share of its edges."""
+    if not share:
+        return batch
+    keep = torch.rand(batch.scene.edge.shape[0], device=batch.scene.edge.device) >= share
+    scene = batch.scene._replace(edge_index=batch.scene.edge_index[:, keep], edge=batch.scene.edge[keep])
+    return replace(batch, scene=scene)
+
+
+def _fit_scales(net: Net, samples: Samples) -> None:
+    """Means and spreads of all inputs."""
+
+    def tensor(values: FloatArray) -> Tensor:
+        return torch.as_tensor(values)
+
+    net.scene.node_scale.fit(tensor(samples.node))
+    net.scene.history_scale.fit(tensor(samples.history.reshape(len(samples.history), -1)))
+    net.scene.edge_scale.fit(tensor(samples.edge))
+    net.path_scale.fit(tensor(samples.feature))

@@ -1,0 +1,119 @@
+"""How well a network predicts the validation part, without driving."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scex_sumo.behaviors.learned.network import Modes
+from scex_sumo.training.batches import Batch, Batches
+from scex_sumo.training.loss import LossWeights, displacement, loss
+
+Predict = Callable[[Batch], Modes]
+GUESSES = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """Errors over the vehicles of some samples.
+
+    Attributes:
+        loss: mean over batches, weighted as in training.
+        ade: mean distance over 3 s of the expected mode on the likeliest path, m, by site.
+        fde: its distance after 3 s, m, by site.
+        best: distance after 3 s of the best of the six likeliest combinations of path and mode, m, by site.
+        path: share of vehicles with several paths whose likeliest one is right, by site; NaN without such.
+    """
+
+    loss: float
+    ade: dict[int, float]
+    fde: dict[int, float]
+    best: dict[int, float]
+    path: dict[int, float]
+
+    def __str__(self) -> str:
+        """One line: ADE/FDE/best of six by site."""
+        return "  ".join(f"{self.ade[s]:.2f}/{self.fde[s]:.2f}/{self.best[s]:.2f}" for s in self.ade)
+
+
+@torch.no_grad()
+def validate(predict: Predict, batches: Batches, weights: LossWeights, *, nodes: int = 2000) -> Score:
+    """Score a network on all samples of `batches`."""
+    rows: list[Tensor] = []
+    total = count = 0.0
+    # Sites apart, as the image branch has them in training.
+    order = np.argsort(batches.samples.site, kind="stable")
+    for graphs in batches.groups(order, nodes):
+        batch = batches.take(graphs)
+        modes = predict(batch)
+        share = float(batch.share.sum())
+        total += share * float(loss(modes, batch, weights)[0])
+        count += share
+        rows.append(_vehicles(modes, batch).cpu())
+    every = torch.cat(rows).numpy()
+    sites = [int(s) for s in np.unique(every[:, 0])]
+    by_site = {s: every[every[:, 0] == s] for s in sites}
+    forked = {s: v[v[:, 5] > 0, 4] for s, v in by_site.items()}
+    return Score(
+        loss=total / max(count, 1e-9),
+        ade={s: float(v[:, 1].mean()) for s, v in by_site.items()},
+        fde={s: float(v[:, 2].mean()) for s, v in by_site.items()},
+        best={s: float(v[:, 3].mean()) for s, v in by_site.items()},
+        path={s: float(v.mean()) if len(v) else float("nan") for s, v in forked.items()},
+    )
+
+
+def _vehicles(modes: Modes, batch: Batch) -> Tensor:
+    """(k, 6) site, ADE, FDE, best of six, whether the path is right, whether there was a choice."""
+    off = _distances(modes, batch)
+    node, ends = batch.path.node, off[..., -1]
+    count = int(node.max()) + 1
+    # Sorted by vehicle, and within a vehicle by falling logit: the first of each is its likeliest path.
+    order = torch.argsort(modes.path_logit, descending=True, stable=True)
+    order = order[torch.argsort(node[order], stable=True)]
+    owner = node[order]
+    first = torch.cat([owner.new_ones(1), torch.diff(owner)]) > 0
+    top = order[first]
+    several = torch.bincount(node, minlength=count)[node[top]] > 1
+    best = _best(modes, node, ends, count)[node[top]]
+    return torch.stack(
+        [
+            batch.site[top].float(),
+            off[top, 0].mean(1),
+            ends[top, 0],
+            best,
+            batch.right[top].float(),
+            several.float(),
+        ],
+        1,
+    )
+
+
+def _distances(modes: Modes, batch: Batch) -> Tensor:
+    """(n, M, H) m between each mode and the recorded future, in the coordinates of the pair's path."""
+    way = displacement(batch.start[:, 0], modes.acceleration)
+    aside = torch.zeros_like(way) if modes.offset is None else modes.offset - batch.d[:, None]
+    return torch.hypot(way - batch.s[:, None], aside)
+
+
+def _best(modes: Modes, node: Tensor, ends: Tensor, count: int) -> Tensor:
+    """(N,) smallest distance after 3 s among a vehicle's six likeliest combinations of path and mode."""
+    highest = torch.full((count,), -torch.inf, device=node.device)
+    highest = highest.scatter_reduce(0, node, modes.path_logit, "amax")
+    each = torch.exp(modes.path_logit - highest[node])
+    every = torch.zeros(count, device=node.device).index_add(0, node, each)
+    likely = torch.softmax(modes.logits, 1) * (each / every[node])[:, None]
+    owner = node[:, None].expand_as(likely).reshape(-1)
+    # By vehicle, and within a vehicle by falling probability.
+    order = torch.argsort(likely.reshape(-1), descending=True, stable=True)
+    order = order[torch.argsort(owner[order], stable=True)]
+    owner = owner[order]
+    first = torch.searchsorted(owner.contiguous(), owner.contiguous())
+    rank = torch.arange(len(owner), device=node.device) - first
+    kept = order[rank < GUESSES]
+    best = torch.full((count,), torch.inf, device=node.device)
+    return best.scatter_reduce(0, owner[rank < GUESSES], ends.reshape(-1)[kept], "amin")
