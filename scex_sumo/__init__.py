@@ -12,6 +12,8 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from scex_sumo.behaviors.base import Behavior as Behavior
+    from scex_sumo.behaviors.predictor import Predictor as Predictor
+    from scex_sumo.behaviors.predictor import predictor as predictor
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
     from scex_sumo.behaviors.scene_graph import SceneGraph as SceneGraph
@@ -42,6 +44,7 @@ _HOMES = {
     "Behavior": "scex_sumo.behaviors.base",
     "Lane": "scex_sumo.road",
     "Plan": "scex_sumo.scene",
+    "Predictor": "scex_sumo.behaviors.predictor",
     "Road": "scex_sumo.road",
     "Run": "scex_sumo.run",
     "SceneGraph": "scex_sumo.behaviors.scene_graph",
@@ -58,6 +61,7 @@ _HOMES = {
     "open_run": "scex_sumo.run",
     "parse_models": "scex_sumo.behaviors.registry",
     "plot_scene_graph": "scex_sumo.plots_graph",
+    "predictor": "scex_sumo.behaviors.predictor",
     "read_map": "scex_sumo.converters.maps",
     "read_road": "scex_sumo.converters.lanelet",
     "read_seed": "scex_sumo.seeds",

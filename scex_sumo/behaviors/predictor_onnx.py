@@ -81,5 +81,7 @@ class OnnxFunction:
 
     def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
         """Trajectories; see `Predictor`."""
-        given = {name: np.ascontiguousarray(v, dtype=self._dtypes[name]) for name, v in arrays.items()}
+        given: dict[str, NDArray[Any]] = {
+            name: np.ascontiguousarray(values, dtype=self._dtypes[name]) for name, values in arrays.items()
+        }
         return np.asarray(self.session.run(None, given)[0], dtype=np.float64)

@@ -35,7 +35,8 @@ class ScriptedFunction:
         if self._module is None:
             torch.set_num_threads(1)  # the last digits of a sum depend on the number of threads
             try:
-                self._module = torch.jit.load(self.file, map_location="cpu").eval()
+                jit: Any = torch.jit
+                self._module = jit.load(self.file, map_location="cpu").eval()
             except Exception as error:  # torch raises RuntimeError, ValueError and others for a foreign file
                 first = str(error).strip().splitlines()[:1] or ["no message"]
                 raise InputError(f"{self.file}: no TorchScript file: {first[0]}") from None
