@@ -378,6 +378,54 @@ def explain(
     explain_command(folder, metric=metric, worst=worst, plots=plots)
 
 
+@app.command(epilog="Example: scex-sumo train graph --data ../shared/data/mona --data taf_bw --out mine.pt")
+def train(
+    kind: Annotated[str, typer.Argument(metavar="graph|hybrid", help="Network.", show_default=False)],
+    data: Annotated[
+        list[Path] | None, typer.Option(metavar="ROOT", help="Folder with recordings; repeatable.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="WEIGHTS", help="File of weights to write.")
+    ] = None,
+    seed: Seed = 0,
+    epochs: Annotated[int | None, typer.Option(help="Passes over all samples; else as shipped.")] = None,
+    rounds: Annotated[int | None, typer.Option(help="Rounds in closed loop; else as shipped.")] = None,
+    minutes: Annotated[float, typer.Option(help="Stop after so many minutes; 0 does not.")] = 0.0,
+    every: Annotated[float, typer.Option(metavar="S", help="Seconds between two scenes.")] = 0.5,
+    leave_out: Annotated[
+        list[str] | None, typer.Option(metavar="SITE", help="Do not train on this site; repeatable.")
+    ] = None,
+    edges: Annotated[bool, typer.Option(help="Vehicles see each other through the graph.")] = True,
+    device: Annotated[str, typer.Option(metavar="auto|cpu|cuda", help="Where to train.")] = "auto",
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint beside --out.")] = False,
+    cache: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Samples are kept here; else ~/.cache/scex-sumo.")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the weights.")] = False,
+) -> None:
+    """Train a learned driver on recordings: INTERACTION, TAF-BW, CommonRoad, inD and its family."""
+    from scex_sumo.commands.train import TrainRequest, train_command
+
+    train_command(
+        TrainRequest(
+            kind=kind,
+            roots=tuple(data or ()),
+            out=out,
+            seed=seed,
+            epochs=epochs,
+            rounds=rounds,
+            minutes=minutes,
+            device=device,
+            resume=resume,
+            every_s=every,
+            leave_out=tuple(leave_out or ()),
+            edges=edges,
+            cache=cache,
+            overwrite=overwrite,
+        )
+    )
+
+
 @app.command(epilog="Example: scex-sumo models")
 def models() -> None:
     """List the behaviour models and their parameters."""

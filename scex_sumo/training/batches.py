@@ -94,9 +94,7 @@ class Batches:
                 edge_index=torch.as_tensor(edge_index, device=self.device),
                 edge=self._edge[edge],
             ),
-            path=PathBatch(
-                node=torch.as_tensor(pair_node, device=self.device), features=self._feature[pair]
-            ),
+            path=PathBatch(node=torch.as_tensor(pair_node, device=self.device), features=self._feature[pair]),
             right=self._right[pair],
             share=self._share[pair],
             site=self._pair_site[pair],

@@ -86,7 +86,9 @@ class Samples:
     def concatenate(cls, parts: Sequence[Samples]) -> Samples:
         """All graphs of several sets of samples; the sets must be of one kind."""
         joined = {
-            f.name: np.concatenate([getattr(p, f.name) for p in parts], axis=1 if f.name == "edge_index" else 0)
+            f.name: np.concatenate(
+                [getattr(p, f.name) for p in parts], axis=1 if f.name == "edge_index" else 0
+            )
             for f in fields(cls)
         }
         return cls(**joined)

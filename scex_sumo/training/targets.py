@@ -90,9 +90,7 @@ def right_paths(
     return row, owner, distance <= best[owner] + AMBIGUOUS_M
 
 
-def smooth_return(
-    displaced: FloatArray, slope: FloatArray, speed: FloatArray, way: FloatArray
-) -> FloatArray:
+def smooth_return(displaced: FloatArray, slope: FloatArray, speed: FloatArray, way: FloatArray) -> FloatArray:
     """How far from where the recorded one drove a displaced vehicle is on its way back.
 
     A quintic in the distance travelled: it begins at the displacement with the slope, and ends after the

@@ -151,7 +151,7 @@ class Trainer:
             self._round()
             parts = self._epoch(tick)
             self.epoch += 1
-            score = validate(self._predict_mean, self.validation, options.weights)
+            score = validate(self.predict_mean, self.validation, options.weights)
             # Samples from closed loop make the task harder, not the validation: patience starts anew.
             better = score.loss < self.best_loss
             if better:
@@ -236,7 +236,8 @@ class Trainer:
         seen: Modes = net(batch.scene, batch.path, image, attention.to(self.device))
         return seen
 
-    def _predict_mean(self, batch: Batch) -> Modes:
+    def predict_mean(self, batch: Batch) -> Modes:
+        """What the mean weights say, the map as it lies, with an attention of 0.5."""
         return self._predict(self.mean.eval(), batch, None)
 
     @torch.no_grad()
