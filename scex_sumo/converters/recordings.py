@@ -33,8 +33,8 @@ class LoadedRecording:
     Attributes:
         recording: where it came from.
         road: the map; recordings of one site loaded one after the other share it.
-        table: the tracks, repaired and aligned to the map, at the rate they were recorded with (`seed_at`
-            samples them at 10 Hz). Cases of INTERACTION v1.2 are repaired one by one in `seed_at`.
+        table: the tracks, repaired, aligned to the map, at 10 Hz. Cases of INTERACTION v1.2 are only
+            aligned: each is repaired by itself when `seed_at` takes it.
         findings: one phrase for each kind of defect that was repaired, with figures.
     """
 

@@ -16,11 +16,13 @@ from scex_sumo.converters.commonroad_tracks import read_commonroad_tracks, repai
 from scex_sumo.converters.maps import is_commonroad, map_name
 from scex_sumo.converters.tracks_align import Evidence, align_tracks, evidence
 from scex_sumo.converters.tracks_repair import repair_tracks
-from scex_sumo.converters.tracks_rows import ROW_COLUMNS, TrackRows, TrackTable, segments_of
+from scex_sumo.converters.tracks_rows import ROW_COLUMNS, TrackRows, TrackTable, other_rate, segments_of
+from scex_sumo.converters.tracks_sample import resample
 from scex_sumo.converters.tracks_scene import Clean
 from scex_sumo.converters.tracks_table import read_tracks
 from scex_sumo.errors import ScexError, TrackError
 from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S
 
 _CHUNK = re.compile(r"(?P<scene>.+)_(?P<first>\d+)_T-(?P<last>\d+)")
 
@@ -45,12 +47,13 @@ def read_recorded(paths: Sequence[Path]) -> tuple[TrackTable, tuple[str, ...]]:
 
 
 def read_clean(paths: Sequence[Path], road: Road | None, *, repair: bool = True, align: bool = True) -> Clean:
-    """Read a recording, repair it and align it to its map.
+    """Read a recording, repair it, bring it to 10 Hz and align it to its map.
 
     Args:
         paths: one file, or consecutive chunks of one recording in order of time.
         road: the map; without it nothing is aligned.
-        repair: whether defects are repaired, see ``repair_tracks``.
+        repair: whether defects are repaired, see ``repair_tracks``, and other rates than 10 Hz resampled;
+            cases of INTERACTION v1.2 are left as they are until one is taken.
         align: whether it is aligned, see ``align_tracks``. Where a file's own evidence is thin, the other
             recordings of its folder, or the other chunks of its scene, are asked.
 
@@ -69,12 +72,20 @@ def _repaired(paths: Sequence[Path], *, repair: bool = True) -> tuple[TrackTable
     if repair and not table.has_cases:
         table, before = repair_commonroad(table) if is_commonroad(paths[0]) else (table, ())
         table, after = repair_tracks(table)
+        table = _at_ten_hertz(table)
         findings = (*findings, *before, *after)
     return table, findings
 
 
+def _at_ten_hertz(table: TrackTable) -> TrackTable:
+    if not other_rate(table.step_s):
+        return table
+    vehicles, others = resample(table.vehicles), resample(table.others)
+    return replace(table, vehicles=vehicles, others=others, step_s=STEP_S, recorded_step_s=table.step_s)
+
+
 def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
-    """Evidence of the other recordings that the same tracker made at the same site; broken ones are passed."""
+    """Evidence of the other recordings by the same tracker at the same site; broken ones are passed over."""
     if len(paths) > 1:
         return
     path = paths[0]

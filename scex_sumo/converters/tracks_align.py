@@ -63,7 +63,7 @@ class AlignLimits:
 
 
 LIMITS = AlignLimits()
-_ROUNDS = 5
+_ROUNDS, _STILL_M, _STILL_RAD = 6, 0.005, 1e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -218,13 +218,15 @@ def _fit(samples: Evidence, road: Road) -> Alignment:
             step = np.linalg.solve(left @ slopes + prior, -left @ (offset + habit) - prior @ now)
         dx, dy, turn, habit = (float(value) for value in now + step)
         found = replace(found, dx=dx, dy=dy, turn=turn)
+        if np.abs(step[:2]).max() < _STILL_M and abs(step[2]) < _STILL_RAD:
+            break
     return found
 
 
 def _matched(
     samples: Evidence, road: Road, alignment: Alignment
 ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, FloatArray]:
-    """Moved (n,) x, y; and of the m matched ones (m,) lane direction, sample, signed offset (left positive)."""
+    """Moved x, y (n,); and of those that match a lane (m,) its direction, the sample, the offset."""
     x, y = alignment.points(samples.x, samples.y)
     heading = wrap(samples.heading + alignment.turn)
     matches = match(road, x, y, heading)

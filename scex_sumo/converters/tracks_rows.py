@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.scene import BoolArray, FloatArray, IntArray
+from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray
 
 MAX_GAP_S = 0.5
 """A track with a longer hole is two segments: nothing is interpolated or smoothed across it."""
@@ -108,6 +108,7 @@ class TrackTable:
         vehicles: tracks of motor vehicles.
         others: tracks of everything else.
         step_s: usual time between samples, s.
+        recorded_step_s: the same as it was recorded, where the table has been resampled; else None.
     """
 
     path: Path
@@ -115,6 +116,13 @@ class TrackTable:
     vehicles: TrackRows
     others: TrackRows
     step_s: float
+    recorded_step_s: float | None = None
+
+    @property
+    def rate(self) -> str:
+        """A phrase where it was recorded at another rate than 10 Hz; else empty."""
+        step_s = self.recorded_step_s or self.step_s
+        return f"recorded at {1 / step_s:.3g} Hz: interpolated to 10 Hz" if other_rate(step_s) else ""
 
     @property
     def has_cases(self) -> bool:
@@ -127,6 +135,11 @@ class TrackTable:
             return self
         vehicles = self.vehicles.take(self.vehicles.case == index)
         return replace(self, vehicles=vehicles, others=self.others.take(self.others.case == index))
+
+
+def other_rate(step_s: float) -> bool:
+    """Whether a usual time between samples is not 0.1 s."""
+    return abs(step_s - STEP_S) > 0.02 * STEP_S
 
 
 def segments_of(track: IntArray, timestamp_ms: FloatArray) -> IntArray:

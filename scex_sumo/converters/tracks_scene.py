@@ -223,8 +223,8 @@ def _notes(
     notes = []
     if findings:
         notes.append(f"{table.path.name} repaired: {'; '.join(findings)}")
-    if abs(table.step_s - STEP_S) > 0.02 * STEP_S:
-        notes.append(f"recorded at {1 / table.step_s:.3g} Hz: interpolated to 10 Hz")
+    if table.rate:
+        notes.append(table.rate)
     elif cars.interpolated:
         notes.append(f"{cars.interpolated} missing samples interpolated")
     earliest = float(table.vehicles.timestamp_ms.min())
