@@ -124,11 +124,11 @@ def drive(
         px, py, cos, sin, path_heading, _ = sample(paths, row, s)
         dx, dy = x - px, y - py
         s = s + (cos * dx + sin * dy)
-        offset, slope = cos * dy - sin * dx, None
+        offset, lead = cos * dy - sin * dx, None
         if aside is not None:
             offset = offset - aside[:, step]
-            slope = (aside[:, step + 1] - aside[:, step]) / np.maximum(moved, SLOPE_SPEED * STEP_S)
-        bend = _steer(bend, offset, heading - path_heading, v, moved, slope)
+            lead = _lead(aside, step, moved)
+        bend = _steer(bend, offset, heading - path_heading, v, moved, lead)
         curvature = bend_at(paths, row, s + moved / 2)
         turn = np.clip(curvature + bend, -CURVATURE_LIMIT, CURVATURE_LIMIT)
         bend = turn - curvature
@@ -149,27 +149,37 @@ def _along_arc(
     return x + chord * np.cos(middle), y + chord * np.sin(middle), heading + angle
 
 
+def _lead(aside: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """First and second derivative of wanted offsets in arc length, over one and two steps."""
+    way = np.maximum(moved, SLOPE_SPEED * STEP_S)
+    change = aside[:, step + 1] - aside[:, step]
+    further = aside[:, min(step + 2, aside.shape[1] - 1)] - aside[:, step + 1]
+    return change / way, (further - change) / way**2 if step + 2 < aside.shape[1] else np.zeros_like(way)
+
+
 def _steer(
     bend: FloatArray,
     offset: FloatArray,
     error: FloatArray,
     v: FloatArray,
     moved: FloatArray,
-    slope: FloatArray | None = None,
+    lead: tuple[FloatArray, FloatArray] | None = None,
 ) -> FloatArray:
     """New curvature error against the path after one step.
 
-    With a wanted offset that changes with arc length, `offset` is what is left to it and `slope` its change
-    per metre. The heading error then aims at the slope, which takes away the lag: in arc length the offset
-    follows the wanted one through (3ω²p + ω³)/(p + ω)³, which is 1 up to the first order.
+    With a wanted offset that changes with arc length, `offset` is what is left to it and `lead` its first and
+    second derivative. Heading and curvature error then aim at those, which takes away the lag: in arc length
+    the offset follows the wanted one through (3ωp² + 3ω²p + ω³)/(p + ω)³, which is 1 up to the second order.
     """
     omega = 1 / np.maximum(JOIN_LENGTH_M, JOIN_TIME_S * v)
     urgency = _urgency(error)
     most = _bend_limit(v, urgency)
     aim = -np.clip(omega / 3 * offset, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
-    if slope is not None:
-        aim = np.clip(aim + slope, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
-    wanted = np.clip(omega * (aim - error), -most, most)
+    if lead is None:
+        wanted = np.clip(omega * (aim - error), -most, most)
+    else:
+        aim = np.clip(aim + lead[0], -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
+        wanted = np.clip(omega * (aim - error) + lead[1], -most, most)
     rate = np.minimum(STEERING_RATE, urgency * JOIN_JERK / np.maximum(v * v, 1.0)) * STEP_S
     change = (3 * omega * moved) * (wanted - bend)
     return bend + np.clip(change, -rate, rate)

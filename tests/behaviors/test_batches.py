@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.profiles import DEFAULTS
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.behaviors.registry import LEARNED, build, parse_models
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
 from tests.behaviors import roads
+from tests.behaviors.learned import nets
 
 NAMES = [*DEFAULTS, "sumo:EIDM"]
 ROAD = roads.fork()
@@ -56,8 +58,11 @@ def rows(made: Plan) -> np.ndarray:
 
 
 @pytest.fixture(params=NAMES)
-def model(request: pytest.FixtureRequest) -> Behavior:
-    return build(parse_models(request.param)[0])
+def model(request: pytest.FixtureRequest, tmp_path: Path) -> Behavior:
+    name = request.param
+    if name in LEARNED:
+        name = f"{name}:weights={nets.untrained(tmp_path, name, SCENE, ROAD)}"
+    return build(parse_models(name)[0])
 
 
 def test_a_plan_has_a_row_per_vehicle_thirty_steps_and_only_finite_numbers(model: Behavior) -> None:

@@ -15,6 +15,7 @@ from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, Plan, Scene
 RETURN_S = 3.0  # a driver who does not steer otherwise comes back to the path with this time constant
 EDGE_MARGIN_M = 0.1  # of the box to the edge of the drivable surface
 NARROWING_STEPS = 10  # so early a driver makes way for a narrower place
+SMOOTHING_STEPS = 2  # to both sides
 STANDING_M = 0.01  # per step; a free trajectory that moves less keeps its heading
 
 
@@ -53,7 +54,7 @@ def plan_along(
     if offset is None:
         wanted = present[:, None] * np.exp(-STEP_S / return_s * np.arange(steps + 1))
     else:
-        wanted = np.concatenate([present[:, None], offset], axis=1)
+        wanted = _smoothed(np.concatenate([present[:, None], offset], axis=1))
     if road is not None:
         half = history.seed.width[who.vehicle] / 2 + EDGE_MARGIN_M
         wanted = within_road(road, paths, row, s, way_of(own.speed, acceleration), wanted, half)
@@ -62,6 +63,22 @@ def plan_along(
         return acceleration[:, step]
 
     return drive(history, who, paths, row, accelerate, start=start, steps=steps, aside=wanted)
+
+
+def _smoothed(offset: FloatArray) -> FloatArray:
+    """Offsets without the corners that they have at the knots: a mean over half a second, applied twice.
+
+    Ends are continued straight, so that a straight line stays as it is.
+    """
+    for _ in range(2):
+        reach = np.arange(1, SMOOTHING_STEPS + 1)
+        before = offset[:, :1] - (offset[:, 1:2] - offset[:, :1]) * reach[::-1]
+        after = offset[:, -1:] + (offset[:, -1:] - offset[:, -2:-1]) * reach
+        padded = np.concatenate([before, offset, after], axis=1)
+        offset = np.lib.stride_tricks.sliding_window_view(padded, 2 * SMOOTHING_STEPS + 1, axis=1).mean(
+            axis=2
+        )
+    return offset
 
 
 def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
