@@ -9,6 +9,7 @@ from scex_sumo.road import Road
 
 COMMONROAD = (".xml", ".xml.gz")
 OPENDRIVE = (".xodr", ".xodr.gz")
+HIGHD = "_recordingMeta.csv"
 
 
 def is_commonroad(map_path: str | Path) -> bool:
@@ -16,8 +17,15 @@ def is_commonroad(map_path: str | Path) -> bool:
     return str(map_path).lower().endswith(COMMONROAD)
 
 
+def is_highd(map_path: str | Path) -> bool:
+    """Whether a file is a highD recording's meta data, whose lane markings are its map, by its name."""
+    return str(map_path).endswith(HIGHD)
+
+
 def map_name(map_path: str | Path) -> str:
-    """Name of a map: its file's name without the ending."""
+    """Name of a map: its file's name without the ending; ``highd_NN`` of a highD recording."""
+    if is_highd(map_path):
+        return f"highd_{Path(map_path).name.removesuffix(HIGHD)}"
     return Path(Path(map_path).name.removesuffix(".gz")).stem
 
 
@@ -29,6 +37,8 @@ def read_map(
     own_corner: bool = True,
 ) -> Road:
     """Read a map: CommonRoad where its name ends in ``.xml`` or ``.xml.gz``, else Lanelet2.
+
+    A highD recording has no map: ``NN_recordingMeta.csv`` stands for its straight lanes.
 
     Args:
         map_path: the map.
@@ -52,6 +62,10 @@ def read_map(
         from scex_sumo.converters.commonroad import read_commonroad_road
 
         return read_commonroad_road(path, origin=origin)
+    if is_highd(path):
+        from scex_sumo.converters.recordings_highd import read_highd_road
+
+        return read_highd_road(path)
     from scex_sumo.converters.lanelet import read_road
 
     if not own_corner and path.exists():  # a missing map is the reader's to report

@@ -9,9 +9,12 @@ from pathlib import Path
 
 from scex_sumo.converters.map_file import MapFile, read_map_file
 from scex_sumo.converters.map_repair import STRAY_M, Place, distance_m, middle
+from scex_sumo.converters.recordings_levelx import beside, is_levelx, read_meta
+from scex_sumo.converters.sumo_utm import to_degrees
 from scex_sumo.errors import MapError, UsageError
 
 META_DATA = "meta_data.csv"
+LOCATION_M = 100_000.0  # an origin farther from the recording's own location is a mistake, or in another zone
 NEAR_ZERO_M = 50_000.0  # INTERACTION maps lie about 1 km off 0,0 at sea; no real road does
 
 
@@ -24,7 +27,8 @@ def find_origin(
 ) -> Place:
     """Latitude and longitude, in degrees, that the map is to be projected with.
 
-    The first that is known: ``origin``; ``originLat, originLon`` of the ``meta_data.csv`` beside the tracks
+    The first that is known: ``origin``; ``xUtmOrigin, yUtmOrigin`` of the tracks' ``recordingMeta.csv`` (inD,
+    rounD, exiD); ``originLat, originLon`` of the ``meta_data.csv`` beside the tracks
     or beside the map (or in ``recorded_trackfiles/NAME`` next to the map's folder, as TAF-BW has it);
     0, 0 for a map drawn around 0, 0, as INTERACTION's are.
 
@@ -43,11 +47,15 @@ def find_origin(
 
 
 def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = None) -> Place | None:
-    """Place by a ``meta_data.csv`` near the tracks or the map, or None where there is none.
+    """Place by what a recording says of itself, near the tracks or the map; None where it says nothing.
 
     Raises:
-        MapError: a ``meta_data.csv`` gives an origin that is none.
+        MapError: a ``recordingMeta.csv`` or ``meta_data.csv`` gives an origin that is none.
     """
+    if tracks_path is not None and is_levelx(tracks_path):
+        found = _levelx_origin(beside(Path(tracks_path), "recordingMeta"), Path(map_path))
+        if found is not None:
+            return found
     paths = _meta_data_paths(Path(map_path), Path(tracks_path) if tracks_path is not None else None)
     return next((found for path in paths if (found := _read_meta_data(path)) is not None), None)
 
@@ -99,6 +107,25 @@ def _meta_data_paths(map_path: Path, tracks_path: Path | None) -> Iterator[Path]
     yield map_path.parent / META_DATA
     yield map_path.parent / map_path.stem / META_DATA
     yield map_path.parent.parent / "recorded_trackfiles" / map_path.stem / META_DATA
+
+
+def _levelx_origin(meta_path: Path, map_path: Path) -> Place | None:
+    """Place that a recording's UTM origin is at; the zone is that of its location, else of the map."""
+    meta = read_meta(meta_path)
+    if not meta.get("xUtmOrigin") or not meta.get("yUtmOrigin"):
+        return None
+    try:
+        east, north = float(meta["xUtmOrigin"]), float(meta["yUtmOrigin"])
+        near = float(meta["latLocation"]), float(meta["lonLocation"])
+    except KeyError:
+        near = middle(read_map_file(map_path))
+    except ValueError:
+        east, north, near = math.nan, math.nan, (math.nan, math.nan)
+    place = to_degrees((east, north), near) if _on_earth(*near) else near
+    if not _on_earth(*place) or distance_m(place, near) > LOCATION_M:
+        got = f"{meta['xUtmOrigin']},{meta['yUtmOrigin']}"
+        raise MapError(f"{meta_path}: xUtmOrigin, yUtmOrigin {got} is not near its location; repair the file")
+    return place
 
 
 def _read_meta_data(path: Path) -> Place | None:

@@ -8,6 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from scex_sumo.converters.maps import map_name, read_map
+from scex_sumo.converters.origin import recorded_origin
 from scex_sumo.converters.recordings_find import Recording, find_recordings
 from scex_sumo.converters.recordings_read import read_clean
 from scex_sumo.converters.tracks_moments import Moment, moments
@@ -51,9 +52,10 @@ def load_recording(recording: Recording) -> LoadedRecording:
         MapError: the map is missing or cannot be read, or its origin is not known.
         TrackError: the tracks cannot be read.
     """
-    map_path = recording.map_path
+    map_path, track_path = recording.map_path, recording.track_paths[0]
     stamp = map_path.stat().st_mtime_ns if map_path.exists() else 0
-    road = _read_road(map_path, stamp, recording.track_paths[0].parent)
+    origin = recorded_origin(map_path, tracks_path=track_path) if map_path.suffix == ".osm" else None
+    road = _read_road(map_path, stamp, origin)
     clean = read_clean(recording.track_paths, road)
     return LoadedRecording(recording=recording, road=road, table=clean.table, findings=clean.findings)
 
@@ -104,6 +106,6 @@ def recording_moments(loaded: LoadedRecording, *, every_s: float) -> list[Moment
 
 
 @lru_cache(maxsize=4)
-def _read_road(map_path: Path, _changed_ns: int, beside: Path) -> Road:
-    """The map; one object for all recordings of a folder, so that what others keep by road is kept."""
-    return read_map(map_path, tracks=beside, own_corner=False)
+def _read_road(map_path: Path, _changed_ns: int, origin: tuple[float, float] | None) -> Road:
+    """The map; one object for all recordings of a site, so that what others keep by road is kept."""
+    return read_map(map_path, origin=origin, own_corner=False)

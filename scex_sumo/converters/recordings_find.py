@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
+from scex_sumo.converters.map_file import read_map_file
+from scex_sumo.converters.map_repair import distance_m, middle
 from scex_sumo.converters.maps import is_commonroad, map_name
 from scex_sumo.converters.origin import META_DATA
+from scex_sumo.converters.recordings_levelx import beside, is_highd, is_levelx, read_meta
 from scex_sumo.converters.recordings_read import chains, chunk_span
 from scex_sumo.converters.tracks_scene import recording_name
-from scex_sumo.errors import TrackError
+from scex_sumo.errors import MapError, TrackError
 
+NEAR_M = 2000.0
+"""A map whose middle is farther from a recording's place is another site's."""
 _SCENE = re.compile(r"(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+")
 
 
@@ -93,7 +100,7 @@ def _recordings(files: Iterable[Path]) -> Iterator[Recording]:
     files = list(files)
     for path in files:
         if path.suffix == ".csv":
-            recording = _interaction(path)
+            recording = _levelx(path) if is_levelx(path) else _interaction(path)
             if recording is not None:
                 yield recording
     for paths in chains([path for path in files if is_commonroad(path) and _is_scenario(path)]):
@@ -130,10 +137,48 @@ def _interaction(path: Path) -> Recording | None:
     )
 
 
+def _levelx(path: Path) -> Recording:
+    """A recording of inD, rounD, exiD with the Lanelet2 map nearest to it, or of highD, its own map."""
+    meta_path = beside(path, "recordingMeta")
+    try:
+        meta = read_meta(meta_path)
+    except TrackError:
+        meta = {}  # reported when the recording is loaded
+    map_path = meta_path if is_highd(meta) else _nearest_map(path, meta)
+    return Recording(
+        name=recording_name(map_path, (path,)),
+        site=map_name(map_path),
+        dataset="levelx",
+        map_path=map_path,
+        track_paths=(path,),
+    )
+
+
+def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
+    """The Lanelet2 map in ``maps`` beside or above the tracks that lies where they were recorded."""
+    folders = [folder / "maps" for folder in (path.parent, path.parent.parent)]
+    maps = sorted(file for folder in folders for file in folder.rglob("*.osm"))
+    unknown = folders[-1] / f"location{meta.get('locationId', '')}.osm"
+    try:
+        place = float(meta["latLocation"]), float(meta["lonLocation"])
+    except (KeyError, ValueError):
+        return maps[0] if len(maps) == 1 else unknown
+    distances = [(distance_m(_place(file, file.stat().st_mtime_ns), place), file) for file in maps]
+    near = [(apart, file) for apart, file in distances if apart < NEAR_M]
+    return min(near)[1] if near else unknown
+
+
+@lru_cache(maxsize=64)
+def _place(map_path: Path, _changed_ns: int) -> tuple[float, float]:
+    """Latitude and longitude in the middle of a map; far from everything where it has none."""
+    try:
+        return middle(read_map_file(map_path))
+    except MapError:
+        return 90.0, 0.0
+
+
 def _is_scenario(path: Path) -> bool:
     """Whether an XML file is a CommonRoad scenario, by its beginning; unreadable ones count."""
-    import gzip
-
     try:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
             return b"<commonRoad" in file.read(4096)

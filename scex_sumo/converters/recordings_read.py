@@ -14,6 +14,7 @@ import numpy as np
 
 from scex_sumo.converters.commonroad_tracks import read_commonroad_tracks, repair_commonroad
 from scex_sumo.converters.maps import is_commonroad, map_name
+from scex_sumo.converters.recordings_levelx import is_levelx, read_levelx
 from scex_sumo.converters.tracks_align import Evidence, align_tracks, evidence
 from scex_sumo.converters.tracks_repair import repair_tracks
 from scex_sumo.converters.tracks_rows import ROW_COLUMNS, TrackRows, TrackTable, other_rate, segments_of
@@ -43,6 +44,8 @@ def read_recorded(paths: Sequence[Path]) -> tuple[TrackTable, tuple[str, ...]]:
         return _stitch([read_commonroad_tracks(path) for path in paths])
     if is_commonroad(paths[0]):
         return read_commonroad_tracks(paths[0])
+    if is_levelx(paths[0]):
+        return read_levelx(paths[0]), ()
     return read_tracks(paths[0]), ()
 
 

@@ -30,6 +30,25 @@ def to_local(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
     return _utm(degrees, centre) - _utm(np.array([origin]), centre)
 
 
+def to_degrees(metres: tuple[float, float], near: tuple[float, float]) -> tuple[float, float]:
+    """Latitude and longitude of UTM coordinates, in the zone of a place near them.
+
+    Args:
+        metres: easting and northing, m.
+        near: latitude, longitude.
+
+    Source: the forward projection, inverted by fixed-point steps that end below a micrometre.
+    """
+    centre = np.floor((near[1] + 180) / 6) * 6 - 177
+    place = np.array([near], np.float64)
+    for _ in range(50):
+        off = np.array([metres]) - _utm(place, centre)
+        if np.abs(off).max() < 1e-6:
+            break
+        place += np.degrees(off[:, ::-1] / _A) / np.array([1.0, np.cos(np.radians(near[0]))])
+    return float(place[0, 0]), float(place[0, 1])
+
+
 def _utm(degrees: FloatArray, centre: float) -> FloatArray:
     lat, lon = np.radians(degrees[:, 0]), np.radians(degrees[:, 1] - centre)
     e = 2 * np.sqrt(_N) / (1 + _N)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scex_sumo.converters.maps import is_commonroad, map_name
+from scex_sumo.converters.maps import HIGHD, is_commonroad, is_highd, map_name
 from scex_sumo.errors import MapError, TrackError
 
 
@@ -22,6 +22,8 @@ def find_tracks(map_path: str | Path) -> Path:
     path = Path(map_path)
     if not path.exists():
         raise MapError(f"{path}: no such file; check the path of the map")
+    if is_highd(path):
+        return path.with_name(path.name.replace(HIGHD, "_tracks.csv"))
     name = map_name(path)
     # The folder above may be "..": resolve it, but show what the user can recognise.
     folders = [path.parent.parent] if path.parent.name else [path.parent.resolve().parent]

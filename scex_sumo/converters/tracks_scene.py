@@ -86,11 +86,14 @@ def recording_name(map_path: Path, track_paths: tuple[Path, ...]) -> str:
 
     Consecutive chunks are named by the first one's begin and the last one's end.
     """
-    stem = re.sub(r"^vehicle_tracks_", "", map_name(track_paths[0]))
+    place = map_name(map_path)
+    stem = re.sub(r"^vehicle_tracks_|_tracks$", "", map_name(track_paths[0]))
     if len(track_paths) > 1:
         end = re.sub(r"^.*[^0-9]", "", map_name(track_paths[-1]))
         return re.sub(r"[0-9]+$", "", stem) + end
-    return stem if stem.startswith(map_name(map_path)) else f"{map_name(map_path)}_{stem}"
+    if place.endswith(f"_{stem}"):
+        return place
+    return stem if stem.startswith(place) else f"{place}_{stem}"
 
 
 def choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
