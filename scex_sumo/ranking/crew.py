@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
-import signal
+import os
+import pickle
+import subprocess
+import sys
 import tempfile
+import threading
 from collections import deque
 from collections.abc import Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
-from scex_sumo.interrupts import deaf_to_ctrl_c
 from scex_sumo.ranking.seeds import SeedRef
 from scex_sumo.ranking.work import Parcel, SeedPart, SeedTask, run_seed
 from scex_sumo.scene import SeedScene
 
-DIED = "its worker died twice (killed, out of memory, or a crash of SUMO)"
+TRIES = 2
+_START = "import sys; sys.path[:] = {path!r}; from scex_sumo.ranking.crew import serve; serve()"
+# One thread each: the processes are the parallelism.
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,70 +74,104 @@ def outcome(order: Order, result: SeedPart | str) -> Outcome:
 
 
 class Processes:
-    """Worker processes of this machine.
-
-    Every worker is a pool of its own, so that it is known which seed a dead one had; that is done again once.
-    """
+    """Worker processes of this machine, one seed at a time each; what a dead one had is done again once."""
 
     def __init__(self, count: int) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="scex-rank-", ignore_cleanup_errors=True)
-        self._pools: list[Any] = [None] * count
+        self._workers = [_Worker(self._folder.name) for _ in range(count)]
+        self._threads = ThreadPoolExecutor(count, thread_name_prefix="scex-rank")
 
     def run(self, orders: Iterable[Order]) -> Iterator[Outcome]:
         """See `Crew`."""
-        from concurrent.futures.process import BrokenProcessPool
-
-        waiting, again = iter(orders), deque[Order]()
-        tried: set[int] = set()
-        running: dict[Future[Any], tuple[int, Order]] = {}
-        idle = deque(range(len(self._pools)))
+        waiting, idle = iter(orders), deque(self._workers)
+        running: dict[Future[Outcome], _Worker] = {}
         while True:
-            while idle and (order := again.popleft() if again else next(waiting, None)) is not None:
+            while idle and (order := next(waiting, None)) is not None:
                 worker = idle.popleft()
-                running[self._pool(worker).submit(run_seed, order.task, order.parcel)] = worker, order
+                running[self._threads.submit(worker.work, order)] = worker
             if not running:
                 return
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
-                worker, order = running.pop(future)
-                idle.append(worker)
-                try:
-                    answer = future.result()
-                except BrokenProcessPool:
-                    self._end(worker)
-                    if id(order) in tried:
-                        yield Outcome(order=order, reason=DIED, died=True)
-                    else:
-                        tried.add(id(order))
-                        again.append(order)
-                    continue
-                yield outcome(order, answer)
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                idle.append(running.pop(future))
+                yield future.result()
 
     def close(self) -> None:
         """See `Crew`."""
-        for worker in range(len(self._pools)):
-            self._end(worker)
+        for worker in self._workers:
+            worker.end()
+        self._threads.shutdown()
         self._folder.cleanup()
 
-    def _pool(self, worker: int) -> Any:
-        if self._pools[worker] is None:
-            from joblib.externals.loky import ProcessPoolExecutor
 
-            with deaf_to_ctrl_c():
-                pool = ProcessPoolExecutor(
-                    max_workers=1, timeout=None, initializer=_begin, initargs=(Path(self._folder.name),)
-                )
-                pool.submit(int)  # starts the process now, deaf as it is
-            self._pools[worker] = pool
-        return self._pools[worker]
+class _Worker:
+    """A worker process, as this one sees it.
 
-    def _end(self, worker: int) -> None:
-        pool, self._pools[worker] = self._pools[worker], None
-        if pool is not None:
-            pool.shutdown(wait=True, kill_workers=True)
+    It is an interpreter of its own, since a process holds one simulation of libsumo, and talks over its
+    standard streams, so that it ends with this process, whatever ends that.
+    """
+
+    def __init__(self, folder: str) -> None:
+        self._folder = folder
+        self._ending = threading.Lock()
+        self._ended = False
+        self._start()
+
+    def _start(self) -> None:
+        with self._ending:
+            if self._ended:
+                raise EOFError
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _START.format(path=sys.path)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                # What a killed worker leaves behind lies where this process removes it.
+                env={**os.environ, **_ONE_THREAD, "TMPDIR": self._folder},
+                start_new_session=True,  # Ctrl-C is for the process that the user started, which ends these
+            )
+
+    def work(self, order: Order) -> Outcome:
+        """Have it run an order; where it dies, once more."""
+        fates = []
+        for _ in range(TRIES):
+            try:
+                return outcome(order, self._ask(order))
+            except (EOFError, OSError, pickle.UnpicklingError):
+                fates.append(self._fate())
+                with suppress(EOFError):
+                    self._start()
+        reason = f"its worker died {TRIES} times ({', '.join(fates)}): out of memory, killed, or a crash"
+        return Outcome(order=order, reason=reason, died=True)
+
+    def _ask(self, order: Order) -> SeedPart | str:
+        orders, answers = self._process.stdin, self._process.stdout
+        assert orders is not None and answers is not None
+        pickle.dump((order.task, order.parcel), orders, protocol=pickle.HIGHEST_PROTOCOL)
+        orders.flush()
+        answer: SeedPart | str = pickle.load(answers)
+        return answer
+
+    def _fate(self) -> str:
+        """How it ended."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout=1)
+        self._process.kill()
+        status = self._process.wait()
+        return f"signal {-status}" if status < 0 else f"exit status {status}"
+
+    def end(self) -> None:
+        """Kill it, whatever it is at."""
+        with self._ending:
+            self._ended = True
+        self._process.kill()
+        self._process.wait()
 
 
-def _begin(folder: Path) -> None:
-    """Temporary files go where the ranking's own process removes them, also those of a worker killed."""
-    tempfile.tempdir = str(folder)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+def serve() -> None:
+    """What a worker process does: run what comes in on standard input until it closes."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what SUMO prints shall not get among the answers
+    orders = sys.stdin.buffer
+    with suppress(EOFError, BrokenPipeError):
+        while True:
+            pickle.dump(run_seed(*pickle.load(orders)), answers, protocol=pickle.HIGHEST_PROTOCOL)
+            answers.flush()

@@ -18,8 +18,7 @@ import pyarrow as pa
 from scex_sumo.ranking.campaign import Campaign
 from scex_sumo.ranking.crew import Outcome
 from scex_sumo.ranking.cutting import Plan
-from scex_sumo.ranking.rounds import NEARBY_S, distinct
-from scex_sumo.ranking.scores import Places
+from scex_sumo.ranking.rounds import distinct, nearby
 from scex_sumo.ranking.seeds import SeedRef
 from scex_sumo.results import LOGGED_HISTORY, write_atomic
 from scex_sumo.run import side_of
@@ -50,15 +49,18 @@ class _Top:
     command: str
 
 
-def write_page(plan: Plan, folder: Path, campaign: Campaign, places: Places, table: pa.Table) -> None:
-    """Draw the best distinct moments and write the page."""
-    refs = campaign.refs
-    chosen = distinct(refs, places, plan.top)
-    rows = {row["seed"]: row for row in table.to_pylist()[: max(_ROWS, 1)]}
-    for i in chosen:
-        if refs[i].seed not in rows:
-            index = table["seed"].index(refs[i].seed).as_py()
-            rows[refs[i].seed] = table.slice(index, 1).to_pylist()[0]
+def write_page(plan: Plan, folder: Path, campaign: Campaign, table: pa.Table) -> None:
+    """Draw the best distinct moments and write the page.
+
+    Args:
+        plan: the ranking.
+        folder: where to write.
+        campaign: runs the children that are drawn.
+        table: the seeds, the best first, then what failed.
+    """
+    by_name = {ref.seed: ref for ref in campaign.refs}
+    refs = [by_name[name] for name in table["seed"].to_pylist()[: len(by_name)]]
+    chosen = distinct(refs, range(len(refs)), plan.top)
     pictures = {
         found.order.ref.seed: draw(found)
         for found in campaign.look_at([refs[i] for i in chosen], min(_DRAWN_CHILDREN, plan.first))
@@ -66,9 +68,9 @@ def write_page(plan: Plan, folder: Path, campaign: Campaign, places: Places, tab
     }
     tops = [
         _Top(
-            row=rows[refs[i].seed],
+            row=table.slice(i, 1).to_pylist()[0],
             picture=pictures.get(refs[i].seed),
-            beside=_beside(refs, i),
+            beside=sum(nearby(refs[i], other) for other in refs) - 1,
             command=_command(plan, refs[i]),
         )
         for i in chosen
@@ -104,15 +106,6 @@ def draw(found: Outcome) -> bytes:
     return scene_png(scene, futures_of(x, y))
 
 
-def _beside(refs: Sequence[SeedRef], i: int) -> int:
-    """How many other moments show the same situation."""
-    ref = refs[i]
-    return sum(
-        other.recording == ref.recording and not ref.case and 0 < abs(other.time_s - ref.time_s) < NEARBY_S
-        for other in refs
-    )
-
-
 def _command(plan: Plan, ref: SeedRef) -> str:
     """The command that looks at a moment more closely."""
     recording = next(r for r in plan.recordings if r.name == ref.recording)
@@ -144,7 +137,7 @@ def _card(top: _Top, thresholds: Mapping[str, float]) -> str:
         data = base64.b64encode(top.picture).decode()
         picture = f'<img alt="{escape(row["seed"])}" src="data:image/png;base64,{data}">'
     where = f"case {escape(row['case'])}, " if row["case"] else ""
-    beside = f" The page shows it for {top.beside + 1} moments of the same seconds." if top.beside else ""
+    beside = f" {counted(top.beside, 'more moment')} within 3 s." if top.beside else ""
     bars = "".join(_bar(row, column, limit) for column, limit in thresholds.items())
     return f"""<article class="card" id="{escape(row["seed"])}">
 <figure>{picture}</figure>

@@ -24,8 +24,8 @@ from scex_sumo.ranking.crew import Crew, Processes
 from scex_sumo.ranking.cutting import Plan
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.ranking.page import write_page
-from scex_sumo.ranking.rounds import FIRST_CHILDREN, standing
-from scex_sumo.ranking.table import failed_row, seed_row, write_ranking
+from scex_sumo.ranking.rounds import FIRST_CHILDREN
+from scex_sumo.ranking.table import failed_row, placed, seed_row, tabulate, write_ranking
 from scex_sumo.ranking.work import KEEP, Settings
 
 DEFAULT_EVERY_S = 1.0
@@ -228,15 +228,19 @@ def _write(plan: Plan, folder: RankFolder, campaign: Campaign) -> pa.Table:
             f"none of {len(plan.recordings)} recordings has a moment with {plan.min_vehicles} moving "
             f"vehicles that could be run{reason}; lower --min-vehicles or look at the recordings"
         )
-    places = standing(refs, campaign.tallies, seed=plan.settings.seed)
-    rows = []
-    for i in places.order():
-        row = seed_row(refs[i], campaign.parts(refs[i]), (places, i), limits)
-        late = campaign.failures.get(refs[i].seed)  # has its first children, but not those asked for later
-        rows.append(row | ({"failure": late.reason} if late is not None else {}))
+    table = placed(
+        tabulate((seed_row(ref, campaign.parts(ref), limits) for ref in refs), limits),
+        limits,
+        seed=plan.settings.seed,
+    )
     known = {ref.seed for ref in refs}
-    rows += [failed_row(f) for f in broken]
+    late = {name: failure.reason for name, failure in campaign.failures.items() if name in known}
+    if late:  # they have their first children, but not those that were asked for later
+        reasons = pa.array([late.get(name) for name in table["seed"].to_pylist()], pa.string())
+        table = table.set_column(table.schema.get_field_index("failure"), "failure", reasons)
+    rows = [failed_row(f) for f in broken]
     rows += [failed_row(f) for name, f in sorted(campaign.failures.items()) if name not in known]
-    table = write_ranking(folder.path, rows, limits)
-    write_page(plan, folder.path, campaign, places, table)
+    table = pa.concat_tables([table, tabulate(rows, limits)]).combine_chunks()
+    write_ranking(folder.path, table)
+    write_page(plan, folder.path, campaign, table)
     return table

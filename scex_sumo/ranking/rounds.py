@@ -70,7 +70,7 @@ def undecided(
     if not known:
         return []
     places = standing(known, before, seed=seed)
-    shown = distinct(known, places, top)
+    shown = distinct(known, places.order(), top)
     last = max((int(places.rank[i]) for i in shown), default=0)
     return [
         ref
@@ -79,22 +79,27 @@ def undecided(
     ]
 
 
-def distinct(refs: Sequence[SeedRef], places: Places, top: int) -> list[int]:
+def distinct(refs: Sequence[SeedRef], order: Sequence[int], top: int) -> list[int]:
     """The best seeds that show different situations, as indices, best first.
 
     Of moments of one recording less than `NEARBY_S` apart only the best counts; cases are all different.
+
+    Args:
+        refs: the seeds.
+        order: indices, best first.
+        top: how many.
     """
     chosen: list[int] = []
-    for i in places.order():
-        ref = refs[i]
-        near = any(
-            not ref.case
-            and ref.recording == refs[j].recording
-            and abs(ref.time_s - refs[j].time_s) < NEARBY_S
-            for j in chosen
-        )
-        if not near:
+    for i in order:
+        if not any(nearby(refs[i], refs[j]) for j in chosen):
             chosen.append(i)
         if len(chosen) == top:
             break
     return chosen
+
+
+def nearby(one: SeedRef, other: SeedRef) -> bool:
+    """Whether two seeds show the same situation, or are the same."""
+    if one.recording != other.recording or one.case or other.case:
+        return one.seed == other.seed
+    return abs(one.time_s - other.time_s) < NEARBY_S

@@ -20,7 +20,7 @@ class Places:
 
     Attributes:
         score: (n,) 0 to 1, see `scores`.
-        rank: (n,) 1 plus the number of seeds with a greater score.
+        rank: (n,) 1 plus the number of seeds with a greater score, or an equal one and more severe.
         low: (n,) best rank of the 95 % interval.
         high: (n,) worst rank of it.
     """
@@ -60,8 +60,18 @@ def scores(share: FloatArray) -> FloatArray:
     return np.asarray(total / (metrics * (count - 1)), dtype=np.float64)
 
 
-def place(critical: IntArray, children: IntArray, *, seed: int, draws: int = DRAWS) -> Places:
+def place(
+    critical: IntArray,
+    children: IntArray,
+    *,
+    severity: FloatArray | None = None,
+    seed: int,
+    draws: int = DRAWS,
+) -> Places:
     """Ranks by composite score, with intervals.
+
+    Seeds of equal score, as where all children of both are critical by every metric, are ranked by the score
+    of their severity.
 
     The probability of a critical child given k of n is drawn from its Beta(k + 1/2, n - k + 1/2) posterior,
     whose central 95 % are the Jeffreys interval of the binomial, for all seeds, ``draws`` times; the interval
@@ -71,6 +81,7 @@ def place(critical: IntArray, children: IntArray, *, seed: int, draws: int = DRA
     Args:
         critical: (n, M) number of critical children by each metric.
         children: (n,) number of children, at least 1.
+        severity: (n, M) typical value of each metric, the larger the more critical; -inf where undefined.
         seed: of the draws.
         draws: how many.
 
@@ -78,7 +89,7 @@ def place(critical: IntArray, children: IntArray, *, seed: int, draws: int = DRA
     DasGupta 2001.
     """
     score = scores(critical / children[:, None])
-    rank = _ranks(score)
+    rank = _ranks(score if severity is None else _refined(score, scores(severity)))
     if len(score) < 2 or critical.shape[1] == 0:
         return Places(score=score, rank=rank, low=rank, high=rank)
     level = _levels(len(score), draws, seed)
@@ -91,6 +102,12 @@ def place(critical: IntArray, children: IntArray, *, seed: int, draws: int = DRA
     low, high = drawn[int(tail * draws)], drawn[draws - 1 - int(tail * draws)]
     # Among many equals the posterior spreads over all their places; the rank itself is the best of them.
     return Places(score=score, rank=rank, low=np.minimum(low, rank), high=np.maximum(high, rank))
+
+
+def _refined(score: FloatArray, second: FloatArray) -> FloatArray:
+    """A score that orders by the first, and equal ones by the second."""
+    _, place = np.unique(np.stack([score, second], axis=-1), axis=0, return_inverse=True)
+    return np.asarray(place.reshape(-1), dtype=np.float64)
 
 
 def _ranks(score: FloatArray) -> IntArray:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +16,14 @@ import pyarrow.parquet as pq
 
 from scex_sumo.density import p_critical
 from scex_sumo.metrics.evaluate import COLUMNS
-from scex_sumo.ranking.scores import Places
+from scex_sumo.ranking.scores import place
 from scex_sumo.ranking.seeds import Failure, SeedRef
 from scex_sumo.results import write_atomic
 from scex_sumo.run import side_of
+from scex_sumo.scene import FloatArray
 
 PARQUET, CSV = "ranking.parquet", "ranking.csv"
+_ROWS_AT_ONCE = 500
 
 
 def schema(thresholds: Mapping[str, float]) -> pa.Schema:
@@ -35,31 +39,15 @@ def schema(thresholds: Mapping[str, float]) -> pa.Schema:
     return pa.schema([*fields, ("failure", pa.string())])
 
 
-def seed_row(
-    ref: SeedRef, parts: Sequence[pa.Table], place: tuple[Places, int], thresholds: Mapping[str, float]
-) -> dict[str, Any]:
-    """The row of a seed.
+def seed_row(ref: SeedRef, parts: Sequence[pa.Table], thresholds: Mapping[str, float]) -> dict[str, Any]:
+    """The row of a seed, but for its place.
 
     Args:
         ref: the seed.
         parts: its children.
-        place: all places, and the seed's index in them.
         thresholds: by metric column.
     """
-    places, i = place
-    row: dict[str, Any] = {
-        "rank": int(places.rank[i]),
-        "rank_low": int(places.low[i]),
-        "rank_high": int(places.high[i]),
-        "score": float(places.score[i]),
-        "seed": ref.seed,
-        "location": ref.location,
-        "recording": ref.recording,
-        "case": ref.case,
-        "time_s": ref.time_s,
-        "vehicles": ref.vehicles,
-        "children": sum(part.num_rows for part in parts),
-    }
+    row: dict[str, Any] = asdict(ref) | {"children": sum(part.num_rows for part in parts)}
     for column in COLUMNS:
         chunks = [np.asarray(part[column].drop_null(), dtype=np.float64) for part in parts]
         samples = np.concatenate(chunks)
@@ -75,17 +63,50 @@ def seed_row(
 
 def failed_row(failure: Failure) -> dict[str, Any]:
     """The row of a seed, or recording, that has no result."""
+    known = asdict(failure)
     names = ("seed", "location", "recording", "case", "time_s", "vehicles")
-    return {**{name: getattr(failure, name) for name in names}, "children": 0, "failure": failure.reason}
+    return {**{name: known[name] for name in names}, "children": 0, "failure": failure.reason}
 
 
-def write_ranking(folder: Path, rows: Sequence[dict[str, Any]], thresholds: Mapping[str, float]) -> pa.Table:
-    """Write the table as Parquet and CSV, and return it."""
-    table = pa.Table.from_pylist(list(rows), schema=schema(thresholds))
+def tabulate(rows: Iterable[dict[str, Any]], thresholds: Mapping[str, float]) -> pa.Table:
+    """Rows as a table; they are made and taken a few at a time."""
+    wanted, waiting = schema(thresholds), iter(rows)
+    tables = [wanted.empty_table()]
+    while chunk := list(islice(waiting, _ROWS_AT_ONCE)):
+        tables.append(pa.Table.from_pylist(chunk, schema=wanted))
+    return pa.concat_tables(tables).combine_chunks()
+
+
+def placed(table: pa.Table, thresholds: Mapping[str, float], *, seed: int) -> pa.Table:
+    """The rows of seeds with their places, the most critical first; equals in the order given.
+
+    Args:
+        table: rows of seeds, as `seed_row` makes them.
+        thresholds: by metric column.
+        seed: of the draws of the intervals.
+    """
+    critical = np.stack([np.asarray(table[f"critical_{c}"]) for c in thresholds], axis=-1)
+    medians = np.stack([_larger_is_worse(table, column) for column in thresholds], axis=-1)
+    children = np.asarray(table["children"])
+    found = place(critical, children, severity=medians, seed=seed)
+    values = {"rank": found.rank, "rank_low": found.low, "rank_high": found.high, "score": found.score}
+    for name, column in values.items():
+        index = table.schema.get_field_index(name)
+        table = table.set_column(index, table.schema.field(index), pa.array(column))
+    return table.take(np.asarray(found.order()))
+
+
+def _larger_is_worse(table: pa.Table, column: str) -> FloatArray:
+    medians = np.asarray(table[f"median_{column}"].to_numpy(zero_copy_only=False), dtype=np.float64)
+    oriented = -medians if side_of(column) == "left" else medians
+    return np.where(np.isnan(oriented), -np.inf, oriented)
+
+
+def write_ranking(folder: Path, table: pa.Table) -> None:
+    """Write the table as Parquet and CSV."""
     sink = io.BytesIO()
     pq.write_table(table, sink, compression="zstd")
     write_atomic(folder / PARQUET, sink.getvalue())
     sink = io.BytesIO()
     pa_csv.write_csv(table, sink)
     write_atomic(folder / CSV, sink.getvalue())
-    return table

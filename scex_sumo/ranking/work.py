@@ -28,7 +28,7 @@ from scex_sumo.casting import Casting, cast_models
 from scex_sumo.colors import model_colors
 from scex_sumo.converters.sumo_net import SumoNet, convert
 from scex_sumo.errors import TrackError
-from scex_sumo.job import Job, batches_of, run_batch
+from scex_sumo.job import Job, batch_size, batches_of, run_batch
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.ranking.seeds import reason_of
 from scex_sumo.results import Part, tracks_table
@@ -37,7 +37,7 @@ from scex_sumo.routes import off_road
 from scex_sumo.run import side_of
 from scex_sumo.sampling import assignments
 from scex_sumo.scene import BoolArray, FloatArray, IntArray, SeedScene
-from scex_sumo.world import TILE_SLOTS, World
+from scex_sumo.world import World
 
 KEEP = ("none", "critical", "all")
 KEEP_MOST = 5
@@ -200,8 +200,8 @@ def _run(task: SeedTask, road: Road, net: SumoNet) -> SeedPart:
         folder=net.path.parent,
         keep_plans=False,
     )
-    batches = batches_of(range(task.first, task.stop), TILE_SLOTS)
-    slots = sorted({int(child) % TILE_SLOTS for batch in batches for child in batch})
+    batches = batches_of(range(task.first, task.stop), batch_size(job), apart=job.apart)
+    slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
     with World(net, scene, slots=slots) as world:
         parts = [run_batch(job, world, batch) for batch in batches]
     return _collected(task, job, parts)
