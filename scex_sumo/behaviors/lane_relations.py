@@ -10,6 +10,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from scex_sumo.converters.sumo_conflicts import Conflict, conflicts
+from scex_sumo.converters.sumo_conflicts import intersect as proper_crossing
 from scex_sumo.lines import along, arc_lengths, length_of
 from scex_sumo.metrics.crossing import intersect
 from scex_sumo.road import Lane
@@ -157,9 +158,7 @@ def _meetings(
     table = np.full((count, count, CONFLICTS, 2), np.inf)
     by_id = {lane.lane_id: lane for lane in lanes}
     places = []
-    for conflict in conflicts(by_id):
-        if conflict.kind == "diverge":
-            continue  # whoever is on one branch of a fork leaves the other one alone
+    for conflict in _ahead(by_id):
         s = meeting_place(conflict, by_id)
         first, second = (number[i] for i in conflict.lanes)
         places += [(first, s[0], second, s[1]), (second, s[1], first, s[0])]
@@ -180,6 +179,38 @@ def _meetings(
         seen = np.isfinite(table[a, :, : keep.shape[1], 1])
         table[a, :, : keep.shape[1], 0] = np.where(seen, to_place[a, mine][keep], np.inf)
     return table
+
+
+def _ahead(lanes: dict[int, Lane]) -> list[Conflict]:
+    """The conflicts that drivers approach: crossings and merges, not the branches of a fork.
+
+    Branches may overlap for longer than their first lanes. A lane whose overlap begins at its start, without
+    a crossing, continues a fork where a lane before it is itself a branch beside the same other lane.
+    """
+    found = conflicts(lanes)
+    forks = {c.lanes for c in found if c.kind == "diverge"}
+    forks |= {  # at the map's border a fork has no lane before it
+        (min(i, j), max(i, j))
+        for i, lane in lanes.items()
+        for j in lane.conflicts
+        if j in lanes and np.hypot(*(lane.centreline[0] - lanes[j].centreline[0])) < SAMPLE_M
+    }
+    rest = [c for c in found if c.kind != "diverge"]
+    while True:
+        apart = {c.lanes for c in rest if c.kind == "cross" and _parts_further(c, lanes, forks)}
+        if not apart:
+            return rest
+        forks |= apart
+        rest = [c for c in rest if c.kind == "merge" or c.lanes not in apart]
+
+
+def _parts_further(conflict: Conflict, lanes: dict[int, Lane], forks: set[tuple[int, int]]) -> bool:
+    (a, b), ((start_a, _), (start_b, _)) = conflict.lanes, conflict.spans
+    for one, other, start in ((a, b, start_a), (b, a, start_b)):
+        before = {(min(p, other), max(p, other)) for p in lanes[one].predecessors}
+        if start < SAMPLE_M and before & forks:
+            return not proper_crossing(lanes[a].centreline, lanes[b].centreline)
+    return False
 
 
 def meeting_place(conflict: Conflict, lanes: dict[int, Lane]) -> tuple[float, float]:

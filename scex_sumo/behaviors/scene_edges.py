@@ -123,20 +123,45 @@ def scene_edges(
     # By pair, the most probable first; of equals the stronger kind, then the first match.
     row = row[np.lexsort((row, relation.kind[row], -joint[row], pair[row]))]
     row = row[np.unique(pair[row], return_index=True)[1]]
-    t, s, on_target, on_source = t[row], s[row], on_target[row], on_source[row]
-    kind = relation.kind[row]
+    features = _features(relation, row, (on_target[row], t[row]), (on_source[row], s[row]), now, place)
+    return Edges(source=s[row], target=t[row], kind=relation.kind[row], features=features)
+
+
+def _features(
+    relation: _Relation,
+    row: IntArray,
+    at_target: tuple[IntArray, IntArray],
+    at_source: tuple[IntArray, IntArray],
+    now: States,
+    place: Located,
+) -> FloatArray:
+    """(E, G) columns as in `EDGE_COLUMNS` for some rows of the relations.
+
+    Args:
+        relation: of all combinations.
+        row: (E,) which of them.
+        at_target: which match of each target, and the target itself: an index into the tables of `place`.
+        at_source: likewise.
+        now: (N,) present states.
+        place: the lanes of the vehicles.
+    """
+    target, source = at_target[1], at_source[1]
+    columns = (
+        relation.path_distance[row],
+        place.offset[at_target],
+        place.offset[at_source],
+        relation.target_to_crossing[row],
+        relation.source_to_crossing[row],
+        place.probability[at_target],
+        place.probability[at_source],
+        now.speed[source] - now.speed[target],
+        *_relative(now, target, source),
+    )
     features = np.empty((len(row), len(EDGE_COLUMNS)))
-    features[:, :4] = kind[:, None] == np.arange(4)
-    features[:, 4] = relation.path_distance[row]
-    features[:, 5] = place.offset[on_target, t]
-    features[:, 6] = place.offset[on_source, s]
-    features[:, 7] = relation.target_to_crossing[row]
-    features[:, 8] = relation.source_to_crossing[row]
-    features[:, 9] = place.probability[on_target, t]
-    features[:, 10] = place.probability[on_source, s]
-    features[:, 11] = now.speed[s] - now.speed[t]
-    features[:, 12:] = _relative(now, t, s)
-    return Edges(source=s, target=t, kind=kind, features=features)
+    features[:, : len(KINDS)] = relation.kind[row, None] == np.arange(len(KINDS))
+    for k, column in enumerate(columns, start=len(KINDS)):
+        features[:, k] = column
+    return features
 
 
 def _combinations(target: IntArray, source: IntArray, place: Located) -> tuple[IntArray, IntArray, IntArray]:
@@ -159,35 +184,25 @@ def _relate(
     relations: LaneRelations,
 ) -> _Relation:
     """Relate targets and sources on given lanes: along their way, else beside, else ahead of both."""
-    count = len(relations.length)
-    cell = lane_t * count + lane_s
-    lead = s_s - s_t
-    ahead = relations.ahead.ravel()[cell] + lead
-    behind = relations.ahead.T.ravel()[cell] - lead
-    same = np.flatnonzero(lane_t == lane_s)
-    round_again = relations.loop[lane_t[same]]
-    ahead[same] += np.where(ahead[same] < 0, round_again, 0.0)
-    behind[same] += np.where(behind[same] < 0, round_again, 0.0)
-    way = np.minimum(ahead, behind)
-    kind = np.where(way <= WAY_M, np.where(ahead <= behind, AHEAD, BEHIND), -1)
+    ahead, behind = _along(lane_t, lane_s, s_s - s_t, relations)
+    kind = np.where(np.minimum(ahead, behind) <= WAY_M, np.where(ahead <= behind, AHEAD, BEHIND), -1)
     distance = np.where(kind == AHEAD, ahead, np.where(kind == BEHIND, -behind, 0.0))
 
-    rest = np.flatnonzero((kind < 0) & (relations.side.ravel()[cell] != 0))
-    at = cell[rest]
-    along = relations.lead.ravel()[at] + relations.stretch_b.ravel()[at] * s_s[rest]
-    along -= relations.stretch_a.ravel()[at] * s_t[rest]
-    near = np.abs(along) - half_t[rest] - half_s[rest] <= BESIDE_M
-    kind[rest[near]], distance[rest[near]] = LATERAL, along[near]
+    rest = np.flatnonzero((kind < 0) & (relations.side[lane_t, lane_s] != 0))
+    at = (lane_t[rest], lane_s[rest])
+    lead = relations.lead[at] + relations.stretch_b[at] * s_s[rest] - relations.stretch_a[at] * s_t[rest]
+    near = np.abs(lead) - half_t[rest] - half_s[rest] <= BESIDE_M
+    kind[rest[near]], distance[rest[near]] = LATERAL, lead[near]
 
-    crossing = np.zeros((2, len(cell)))
+    crossing = np.zeros((2, len(kind)))
     rest = np.flatnonzero(kind < 0)
-    to = relations.meeting.reshape(count * count, -1, 2)[cell[rest]]
-    to_t, to_s = to[:, :, 0] - s_t[rest, None], to[:, :, 1] - s_s[rest, None]
+    to_place = relations.meeting[lane_t[rest], lane_s[rest]]
+    to_t, to_s = to_place[:, :, 0] - s_t[rest, None], to_place[:, :, 1] - s_s[rest, None]
     # A vehicle that has not cleared the place with its rear is still before it.
-    valid = (to_t >= -half_t[rest, None]) & (to_s >= -half_s[rest, None])
-    valid &= (to_t <= CONFLICT_M) & (to_s <= CONFLICT_M)
-    some = np.flatnonzero(valid.any(axis=1))
-    first = valid[some].argmax(axis=1)
+    before = (to_t >= -half_t[rest, None]) & (to_s >= -half_s[rest, None])
+    before &= (to_t <= CONFLICT_M) & (to_s <= CONFLICT_M)
+    some = np.flatnonzero(before.any(axis=1))
+    first = before[some].argmax(axis=1)
     kind[rest[some]] = INTERSECTING
     crossing[0, rest[some]], crossing[1, rest[some]] = to_t[some, first], to_s[some, first]
     return _Relation(
@@ -195,16 +210,34 @@ def _relate(
     )
 
 
-def _relative(now: States, target: IntArray, source: IntArray) -> FloatArray:
-    """(E, 4) x, y, cos, sin of the sources in the frames of their targets."""
+def _along(
+    lane_t: IntArray, lane_s: IntArray, lead: FloatArray, relations: LaneRelations
+) -> tuple[FloatArray, FloatArray]:
+    """(M,) way from target to source, and from source to target, m; inf where there is none.
+
+    Args:
+        lane_t: (M,) lane of the target.
+        lane_s: (M,) lane of the source.
+        lead: (M,) arc length of the source on its lane, less that of the target on its own, m.
+        relations: of the lanes.
+    """
+    ahead = relations.ahead[lane_t, lane_s] + lead
+    behind = relations.ahead[lane_s, lane_t] - lead
+    same = np.flatnonzero(lane_t == lane_s)
+    round_again = relations.loop[lane_t[same]]
+    ahead[same] += np.where(ahead[same] < 0, round_again, 0.0)
+    behind[same] += np.where(behind[same] < 0, round_again, 0.0)
+    return ahead, behind
+
+
+def _relative(now: States, target: IntArray, source: IntArray) -> tuple[FloatArray, ...]:
+    """(E,) x, y, cos, sin of the sources in the frames of their targets."""
     dx, dy = now.x[source] - now.x[target], now.y[source] - now.y[target]
     cos, sin = np.cos(now.heading), np.sin(now.heading)
     cos_t, sin_t, cos_s, sin_s = cos[target], sin[target], cos[source], sin[source]
-    return np.column_stack(
-        [
-            cos_t * dx + sin_t * dy,
-            cos_t * dy - sin_t * dx,
-            cos_s * cos_t + sin_s * sin_t,
-            sin_s * cos_t - cos_s * sin_t,
-        ]
+    return (
+        cos_t * dx + sin_t * dy,
+        cos_t * dy - sin_t * dx,
+        cos_s * cos_t + sin_s * sin_t,
+        sin_s * cos_t - cos_s * sin_t,
     )
