@@ -11,9 +11,11 @@ from scex_sumo.converters.maps import map_name, read_map
 from scex_sumo.converters.origin import recorded_origin
 from scex_sumo.converters.recordings_find import Recording, find_recordings
 from scex_sumo.converters.recordings_read import read_clean
+from scex_sumo.converters.tracks_align import evidence, on_lanes
 from scex_sumo.converters.tracks_moments import Moment, moments
 from scex_sumo.converters.tracks_rows import TrackTable
 from scex_sumo.converters.tracks_scene import FUTURE_STEPS, Clean, take_scene
+from scex_sumo.errors import TrackError
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 
@@ -25,6 +27,10 @@ __all__ = [
     "recording_moments",
     "seed_at",
 ]
+
+
+LEAST_ON_LANES = 0.1
+"""A recording with a smaller share of its driving on lanes does not belong to its map."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,13 +56,14 @@ def load_recording(recording: Recording) -> LoadedRecording:
 
     Raises:
         MapError: the map is missing or cannot be read, or its origin is not known.
-        TrackError: the tracks cannot be read.
+        TrackError: the tracks cannot be read, hold no vehicle, or do not lie on the map.
     """
     map_path, track_path = recording.map_path, recording.track_paths[0]
     stamp = map_path.stat().st_mtime_ns if map_path.exists() else 0
     origin = recorded_origin(map_path, tracks_path=track_path) if map_path.suffix == ".osm" else None
     road = _read_road(map_path, stamp, origin)
     clean = read_clean(recording.track_paths, road)
+    _check(clean.table, road, map_path)
     return LoadedRecording(recording=recording, road=road, table=clean.table, findings=clean.findings)
 
 
@@ -103,6 +110,18 @@ def recording_moments(loaded: LoadedRecording, *, every_s: float) -> list[Moment
         every_s: least time between two moments, s.
     """
     return moments(loaded.table, every_s=every_s)
+
+
+def _check(table: TrackTable, road: Road, map_path: Path) -> None:
+    """Refuse tracks that no seed scene can be made of."""
+    if not len(table.vehicles):
+        raise TrackError(f"{table.path}: no motor vehicle among the tracks; leave it out")
+    share = on_lanes(evidence(table.vehicles), road)
+    if share < LEAST_ON_LANES:
+        raise TrackError(
+            f"{table.path}: only {share:.0%} of where its vehicles drive is on lanes of {map_path}; the map "
+            f"is another site's, or its origin ({road.origin[0]:g}, {road.origin[1]:g}) is not the recording's"
+        )
 
 
 @lru_cache(maxsize=4)

@@ -191,6 +191,22 @@ def find_alignment(samples: Evidence, road: Road) -> tuple[Alignment, float, flo
     return fit, float(np.median(before)), float(np.median(after))
 
 
+def on_lanes(samples: Evidence, road: Road) -> float:
+    """Share of samples that match a lane; 1 where there are none to judge by."""
+    few = _thinned(samples, most=400)
+    if not len(few.x):
+        return 1.0
+    return len(np.unique(match(road, few.x, few.y, few.heading).vehicle)) / len(few.x)
+
+
+def lane_distance(samples: Evidence, road: Road) -> float:
+    """Median distance of samples to the middle of the lane they match, m; nan without any."""
+    few = _thinned(samples)
+    stay = Alignment(dx=0.0, dy=0.0, turn=0.0, centre=(0.0, 0.0))
+    distances = _distances(few, road, stay) if len(few.x) else np.zeros(0)
+    return float(np.median(distances)) if len(distances) else math.nan
+
+
 def _fit(samples: Evidence, road: Road) -> Alignment:
     """Gauss-Newton on weighted offsets, matching anew in every round."""
     centre = float(samples.x.mean()), float(samples.y.mean())
@@ -264,11 +280,11 @@ def _pooled(parts: Sequence[Evidence]) -> Evidence:
     )
 
 
-def _thinned(samples: Evidence) -> Evidence:
-    if len(samples.x) <= LIMITS.most_samples:
+def _thinned(samples: Evidence, most: int = LIMITS.most_samples) -> Evidence:
+    if len(samples.x) <= most:
         return samples
     chosen = np.zeros(len(samples.x), bool)
-    chosen[np.linspace(0, len(samples.x) - 1, LIMITS.most_samples).astype(np.int64)] = True
+    chosen[np.linspace(0, len(samples.x) - 1, most).astype(np.int64)] = True
     return samples.take(chosen)
 
 
