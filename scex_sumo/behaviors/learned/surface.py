@@ -18,7 +18,7 @@ MOST_CELLS = 12_000_000  # larger maps get larger cells: bounds the memory to so
 MARGIN_M = 3.0  # of cells around the outermost lane
 MOST_ROOM_M = 12.0
 STRIDE = 4  # one sample of a path in so many has its room in the table
-MARCH_STEPS = 12
+MARCH_STEPS = 24
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -150,9 +150,15 @@ def path_room(road: Road, paths: SeedPaths) -> PathRoom:
 
 
 def _march(surface: Surface, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
-    """How far one can go in a direction on the surface, m: steps as long as the edge is far at least."""
-    way = np.zeros_like(x)
+    """How far one can go in a direction on the surface, m.
+
+    Steps are as long as the edge is far at least, but a cell where an edge runs alongside, as that does
+    across which the map ends.
+    """
+    way, inside = np.zeros_like(x), np.ones(x.shape, dtype=np.bool_)
     for _ in range(MARCH_STEPS):
-        way += np.maximum(surface.at(x + way * dx, y + way * dy), 0.0)
-        np.minimum(way, MOST_ROOM_M, out=way)
-    return way
+        depth = surface.at(x + way * dx, y + way * dy)
+        inside &= depth > 0
+        way += np.where(inside, np.maximum(depth, surface.cell), 0.0)
+    way += np.minimum(surface.at(x + way * dx, y + way * dy), 0.0)
+    return np.clip(way, 0.0, MOST_ROOM_M)
