@@ -120,7 +120,7 @@ def _check(table: TrackTable, road: Road, map_path: Path) -> None:
     if share < LEAST_ON_LANES:
         raise TrackError(
             f"{table.path}: only {share:.0%} of where its vehicles drive is on lanes of {map_path}; the map "
-            f"is another site's, or its origin ({road.origin[0]:g}, {road.origin[1]:g}) is not the recording's"
+            f"is another site's, or its origin {road.origin[0]:g},{road.origin[1]:g} not the recording's"
         )
 
 

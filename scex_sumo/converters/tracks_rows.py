@@ -70,6 +70,11 @@ class TrackRows:
         return np.array([int(float(label)) for label in self.labels], np.int64)[self.track]
 
     @cached_property
+    def stamps_ms(self) -> FloatArray:
+        """(M,) the different stamps, rising, ms."""
+        return np.unique(self.timestamp_ms)
+
+    @cached_property
     def pieces(self) -> tuple[IntArray, IntArray]:
         """(S,) first and last row of each segment."""
         if not len(self):

@@ -150,7 +150,12 @@ def _search(rows: TrackRows, first: IntArray, time_ms: FloatArray) -> IntArray:
 def _usual_size(rows: TrackRows, track: int) -> tuple[float, float]:
     """Median length and width of a track, m."""
     begin, end = np.searchsorted(rows.track, (track, track + 1))
-    return float(np.median(rows.length[begin:end])), float(np.median(rows.width[begin:end]))
+    length, width = (
+        # Most trackers give a track one size.
+        float(sizes[0]) if (sizes == sizes[0]).all() else float(np.median(sizes))
+        for sizes in (rows.length[begin:end], rows.width[begin:end])
+    )
+    return length, width
 
 
 def _hermite(p: FloatArray, q: FloatArray, dp: FloatArray, dq: FloatArray, u: FloatArray) -> FloatArray:

@@ -142,14 +142,15 @@ def choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> floa
         if not len(here):
             raise TrackError(f"{where}: no vehicle in frame {CASE_FRAME}; choose the moment with --time S")
         return float(here[0])
-    stamps = np.unique(np.concatenate((rows.timestamp_ms, table.others.timestamp_ms)))
+    stamps = np.concatenate((rows.stamps_ms, table.others.stamps_ms))
     half_ms = 500.0 * table.step_s + STAMP_MS
-    if not np.isfinite(time_s) or not stamps[0] - half_ms <= 1000.0 * time_s <= stamps[-1] + half_ms:
+    begin, end = stamps.min(), stamps.max()
+    if not np.isfinite(time_s) or not begin - half_ms <= 1000.0 * time_s <= end + half_ms:
         raise TrackError(
-            f"{where}: no moment at {time_s:g} s, the recording spans {stamps[0] / 1000:.1f} to "
-            f"{stamps[-1] / 1000:.1f} s; choose --time in between"
+            f"{where}: no moment at {time_s:g} s, the recording spans {begin / 1000:.1f} to "
+            f"{end / 1000:.1f} s; choose --time in between"
         )
-    with_vehicle = np.unique(rows.timestamp_ms)
+    with_vehicle = rows.stamps_ms
     wanted = 1000.0 * time_s
     nearest = float(with_vehicle[np.argmin(np.abs(with_vehicle - wanted))])
     if abs(nearest - wanted) > 1000.0 * STEP_S and not len(sample(rows, wanted, np.array([wanted])).track):
@@ -230,7 +231,7 @@ def _notes(
         notes.append(table.rate)
     elif cars.interpolated:
         notes.append(f"{cars.interpolated} missing samples interpolated")
-    earliest = float(table.vehicles.timestamp_ms.min())
+    earliest = float(table.vehicles.stamps_ms[0])
     there = min(HISTORY_STEPS, int((moment_ms - earliest + STAMP_MS) // (1000.0 * STEP_S)))
     if there < HISTORY_STEPS:
         notes.append(f"{there} of {HISTORY_STEPS} previous steps recorded, constant velocity before")
