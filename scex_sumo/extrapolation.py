@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,8 +24,7 @@ from scex_sumo.density import THRESHOLDS
 from scex_sumo.designs import DEFAULT_DESIGN
 from scex_sumo.errors import UsageError
 from scex_sumo.fallbacks import FALLBACKS, count_fallbacks
-from scex_sumo.interrupts import deaf_to_ctrl_c
-from scex_sumo.job import Job, batch_size, batches_of, run_batches
+from scex_sumo.job import Job, batch_size, batches_of
 from scex_sumo.measure import handover_jumps, measure_recorded
 from scex_sumo.metrics.evaluate import COLUMNS, PAPER_PRESET
 from scex_sumo.plans import PLANS, plans_table
@@ -34,6 +34,7 @@ from scex_sumo.run import Run, densities_table
 from scex_sumo.sampling import assignments
 from scex_sumo.scene import IntArray, SeedScene
 from scex_sumo.sequential import Look, check_band, grow, look
+from scex_sumo.workers import Workers
 
 DEFAULT_CHILDREN = 385  # the paper's sample size: a 95 % interval of +-5 % around a share of one half
 DEFAULT_STEPS = 30
@@ -53,7 +54,7 @@ def extrapolate(
     design: str = DEFAULT_DESIGN,
     until_band: float | None = None,
     seed: int = 0,
-    workers: int = 1,
+    workers: int | Workers = 1,
     batch: int | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
@@ -77,7 +78,8 @@ def extrapolate(
         until_band: go on until the 95 % bands of all cumulative distributions have this half-width, see
             `scex_sumo.sequential.Bands`; ``children`` is then the most that are run.
         seed: the same seed gives the same result.
-        workers: processes that share the children; the result does not depend on it.
+        workers: processes that share the children, or those that were started before; the result does not
+            depend on it.
         batch: children side by side in one world, None for about 2400 vehicles; the result does not depend
             on it.
         out: result folder; None keeps the result in a temporary one as long as the returned run lives.
@@ -105,46 +107,47 @@ def extrapolate(
     if until_band is not None:
         _check_until(until_band, design, most)
     built = drivers(casting)
-    assignment = draw(children=most if until_band is None else 1)
-    try_drivers(casting, built, scene, seed=seed)
-    temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
-    settings: dict[str, Any] = {
-        "models": [{"model": str(s), "weight": s.weight} for s in casting.drawn],
-        "assign": {str(t): casting.names[m] for t, m in sorted(casting.fixed.items())},
-        "children": len(assignment) if until_band is None else most,
-        "steps": steps,
-        "replan": replan,
-        "design": "all" if most is None else design,
-        "until_band": until_band,
-        "seed": seed,
-        "preset": PAPER_PRESET,
-        "keep_plans": keep_plans,
-    }
-    identity = {"version": __version__, "scene": fingerprint(scene), **settings}
-    folder = ResultFolder(Path(temporary.name if temporary else str(out)), identity, overwrite=overwrite)
-    assert scene.road is not None
-    net = convert(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml")
-    converted = time.perf_counter()
-    job = Job(
-        scene=scene,
-        net=net,
-        models=built,
-        names=casting.names,
-        colors=model_colors(casting.names),
-        assignment=assignment,
-        seed=seed,
-        steps=steps,
-        replan=replan,
-        folder=folder.path,
-        keep_plans=keep_plans,
-        gui=gui,
-    )
-    go = partial(_run_all, folder=folder, workers=workers, batch=batch, progress=progress)
-    band = None
-    if until_band is None or most is None:
-        go(job)
-    else:
-        job, band = _run_until(job, folder, go, draw, until_band, most, design)
+    with _at_work(workers, most, gui) as pool:  # helpers start while this process draws and converts
+        assignment = draw(children=most if until_band is None else 1)
+        try_drivers(casting, built, scene, seed=seed)
+        temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
+        settings: dict[str, Any] = {
+            "models": [{"model": str(s), "weight": s.weight} for s in casting.drawn],
+            "assign": {str(t): casting.names[m] for t, m in sorted(casting.fixed.items())},
+            "children": len(assignment) if until_band is None else most,
+            "steps": steps,
+            "replan": replan,
+            "design": "all" if most is None else design,
+            "until_band": until_band,
+            "seed": seed,
+            "preset": PAPER_PRESET,
+            "keep_plans": keep_plans,
+        }
+        identity = {"version": __version__, "scene": fingerprint(scene), **settings}
+        folder = ResultFolder(Path(temporary.name if temporary else str(out)), identity, overwrite=overwrite)
+        assert scene.road is not None
+        net = convert(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml")
+        converted = time.perf_counter()
+        job = Job(
+            scene=scene,
+            net=net,
+            models=built,
+            names=casting.names,
+            colors=model_colors(casting.names),
+            assignment=assignment,
+            seed=seed,
+            steps=steps,
+            replan=replan,
+            folder=folder.path,
+            keep_plans=keep_plans,
+            gui=gui,
+        )
+        go = partial(_run_all, folder=folder, workers=pool, batch=batch, progress=progress)
+        band = None
+        if until_band is None or most is None:
+            go(job)
+        else:
+            job, band = _run_until(job, folder, go, draw, until_band, most, design)
     simulated = time.perf_counter()
     part = folder.collect(len(job.assignment))
     _write_tables(folder, job, part)
@@ -159,7 +162,7 @@ def extrapolate(
             "thresholds": {**THRESHOLDS, **(thresholds or {})},
             "net": scene.road.name,
             "net_notes": list(net.notes),
-            "run_notes": _handover_notes(job, part),
+            "run_notes": [*_handover_notes(job, part), *pool.deaths],
             "fallbacks": count_fallbacks(part.fallbacks, job.assignment, job.names, -(-steps // replan)),
             "versions": versions(),
             "timings_s": {
@@ -198,7 +201,19 @@ def _run_until(
     return dataclasses.replace(job, assignment=draw(children=band.children)), band
 
 
-def _check(scene: SeedScene, steps: int, replan: int, seed: int, workers: int, batch: int | None) -> None:
+@contextlib.contextmanager
+def _at_work(workers: int | Workers, most: int | None, gui: bool) -> Iterator[Workers]:
+    """The processes for at most so many children; those that the caller started stay the caller's."""
+    if isinstance(workers, Workers):
+        yield workers
+        return
+    with Workers(1 if gui else min(workers, most or workers)) as pool:
+        yield pool
+
+
+def _check(
+    scene: SeedScene, steps: int, replan: int, seed: int, workers: int | Workers, batch: int | None
+) -> None:
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     if steps < 1:
@@ -207,7 +222,7 @@ def _check(scene: SeedScene, steps: int, replan: int, seed: int, workers: int, b
         raise UsageError(f"--replan: got {replan}, needs 1 to {MAX_REPLAN} (models plan {MAX_REPLAN} steps)")
     if seed < 0:
         raise UsageError(f"--seed: got {seed}, needs 0 or more")
-    if workers < 1:
+    if isinstance(workers, int) and workers < 1:
         raise UsageError(f"--workers: got {workers}, needs at least 1")
     if batch is not None and batch < 1:
         raise UsageError(f"--batch: got {batch}, needs at least 1")
@@ -216,32 +231,17 @@ def _check(scene: SeedScene, steps: int, replan: int, seed: int, workers: int, b
 def _run_all(
     job: Job,
     folder: ResultFolder,
-    workers: int,
+    workers: Workers,
     batch: int | None,
     progress: Callable[[int, int], None] | None,
 ) -> None:
     done = folder.done()
     total = len(job.assignment)
-    size = batch if batch is not None else batch_size(job, processes=workers)
+    size = batch if batch is not None else batch_size(job, processes=workers.processes)
     batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)
-    count = len(done)
+    ticks = len(done) * job.steps
     if progress is not None:
-        progress(count * job.steps, total * job.steps)
-
-    if workers > 1 and len(batches) > 1 and not job.gui:
-        from joblib import Parallel, delayed
-
-        shares = [batches[i::workers] for i in range(min(workers, len(batches)))]
-        parallel = Parallel(n_jobs=len(shares), return_as="generator_unordered")
-        with deaf_to_ctrl_c():
-            results = parallel(delayed(run_batches)(job, share) for share in shares)
-        for finished in results:
-            count += finished
-            if progress is not None:
-                progress(count * job.steps, total * job.steps)
-        return
-
-    ticks = count * job.steps
+        progress(ticks, total * job.steps)
 
     def on_step(children: int) -> None:
         nonlocal ticks
@@ -249,7 +249,8 @@ def _run_all(
         if progress is not None:
             progress(ticks, total * job.steps)
 
-    run_batches(job, batches, on_step=on_step)
+    for _ in workers.run(job, batches, on_step=on_step):
+        pass
 
 
 def _handover_notes(job: Job, part: Part) -> list[str]:

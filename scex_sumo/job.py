@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from scex_sumo.scene import IntArray, SeedScene
 from scex_sumo.world import TILE_SLOTS, SumoDriven, World
 
 VEHICLES_AT_ONCE = 2400  # in a batch, over all its children
+BATCHES_EACH = 2  # of each of several processes, at least: whoever starts later does less
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +75,7 @@ class Job:
 
 
 def batches_of(children: Sequence[int], size: int, *, apart: bool = True) -> list[IntArray]:
-    """Cut children into batches of at most ``size``; ``apart``: those of a batch have different tile slots."""
+    """Cut children into batches of at most ``size``; ``apart``: children of a batch differ in their slots."""
     batches: list[list[int]] = []
     taken: set[int] = set()
     for child in children:
@@ -88,41 +89,43 @@ def batches_of(children: Sequence[int], size: int, *, apart: bool = True) -> lis
 
 
 def batch_size(job: Job, *, processes: int = 1) -> int:
-    """Children in a batch: as many as fill the vectors, and no more at 100 vehicles than at 10.
+    """Children in a batch: fewer the more vehicles a child has; two batches for each of several processes.
 
     A step of a batch costs as much for one vehicle as for some hundreds; beyond some thousands nothing is
     gained and memory is lost.
     """
     if job.apart:
         return TILE_SLOTS
-    children, vehicles = job.assignment.shape
-    batches = math.ceil(children * vehicles / VEHICLES_AT_ONCE / processes) * processes
+    children, vehicles = (int(count) for count in job.assignment.shape)
+    rounds = processes if processes == 1 else BATCHES_EACH * processes
+    batches = math.ceil(children * vehicles / VEHICLES_AT_ONCE / rounds) * rounds
     return math.ceil(children / batches)
 
 
 def run_batches(
     job: Job,
-    batches: Sequence[IntArray],
+    batches: Iterable[IntArray],
     *,
+    slots: Sequence[int],
     on_step: Callable[[int], None] | None = None,
-) -> int:
+) -> Generator[IntArray, None, None]:
     """Run batches of children in one world and keep their parts in the result folder.
 
     Args:
         job: the run.
         batches: numbers of the children of each batch.
+        slots: the tile slots of all that may come.
         on_step: called after each step with the number of children that made it.
 
-    Returns:
-        How many children ran.
+    Yields:
+        Each batch when it is finished; the next is not asked for before.
     """
-    slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
     legend = tuple(zip(job.names, job.colors, strict=True))
     with World(job.net, job.scene, slots=slots, gui=job.gui, legend=legend) as world:
         for batch in batches:
             part = run_batch(job, world, batch, on_step=on_step)
             save_part(job.folder, part)
-    return sum(len(batch) for batch in batches)
+            yield batch
 
 
 def run_batch(

@@ -40,6 +40,11 @@ _MATCH_M = 20.0
 _NO_LANE = -1
 
 
+def load_sumo(*, gui: bool = False) -> Any:
+    """libsumo, or traci for sumo-gui; the first time takes a quarter of a second."""
+    return importlib.import_module("traci" if gui else "libsumo")
+
+
 class World:
     """SUMO's simulation of a batch of children, one in each tile; a context manager, one per process."""
 
@@ -123,7 +128,7 @@ class World:
             self._types.enter(d.model, d.parameters)
         self._running = None
         self._speeds.clear()
-        self._sumo = self._session.ready(importlib.import_module("traci" if self._gui else "libsumo"))
+        self._sumo = self._session.ready(load_sumo(gui=self._gui))
         self._call = VehicleCalls.of(self._sumo)
         batch = self._running = self._new_batch(start, wanted, driven)
         if shared := batch.shared_slots():

@@ -15,6 +15,8 @@ from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
     from scex_sumo.run import Run
+    from scex_sumo.scene import SeedScene
+    from scex_sumo.workers import Workers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,13 +42,28 @@ class RunRequest(SeedRequest):
 
 def run_command(request: RunRequest) -> None:
     """Run, print the summary, say where the result is."""
-    from rich.console import Console
+    from scex_sumo.workers import Workers
 
+    if request.workers < 1:
+        raise UsageError(f"--workers: got {request.workers}, needs at least 1")
+    with Workers(_processes(request)) as workers:  # they start while this process imports and reads
+        scene, out, run = _run(request, workers)
+    _tell(request, scene, out, run)
+
+
+def _processes(request: RunRequest) -> int:
+    """How many processes can be of use."""
+    if request.gui:
+        return 1
+    children = request.children or ""
+    return min(request.workers, max(int(children), 1)) if children.isdecimal() else request.workers
+
+
+def _run(request: RunRequest, workers: Workers) -> tuple[SeedScene, Path, Run]:
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.designs import DEFAULT_DESIGN
     from scex_sumo.extrapolation import DEFAULT_CHILDREN, extrapolate
     from scex_sumo.sequential import MOST_CHILDREN
-    from scex_sumo.summary import print_summary
 
     assign = parse_assign(request.assign)
     thresholds = parse_thresholds(request.thresholds)
@@ -65,7 +82,7 @@ def run_command(request: RunRequest) -> None:
                 design=request.design if request.design is not None else DEFAULT_DESIGN,
                 until_band=request.until_band,
                 seed=request.seed,
-                workers=request.workers,
+                workers=workers,
                 batch=request.batch,
                 out=out,
                 overwrite=request.overwrite,
@@ -79,6 +96,14 @@ def run_command(request: RunRequest) -> None:
                 f"interrupted; finished children are kept in {out}, the same command goes on", file=sys.stderr
             )
             raise SystemExit(130) from None
+    return scene, out, run
+
+
+def _tell(request: RunRequest, scene: SeedScene, out: Path, run: Run) -> None:
+    from rich.console import Console
+
+    from scex_sumo.summary import print_summary
+
     warn([*run.info["net_notes"], *run.info["run_notes"]])
     print_summary(run, Console(width=None if sys.stdout.isatty() else 110))
     if request.until_band is not None:

@@ -1,0 +1,272 @@
+"""Processes that share the batches of a run: this one, and helpers that start while it still reads.
+
+Whoever is free takes the next batch, so that nobody waits for another, and what a batch gives depends on
+nothing but its children. A helper is an interpreter of its own, since a process holds one simulation of
+libsumo; it talks over its standard streams, so that it ends with this process, whatever ends that. A helper
+that dies is started again once for the batch that it had.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import subprocess
+import sys
+import tempfile
+import threading
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, suppress
+from types import TracebackType
+from typing import IO, TYPE_CHECKING, Any, Literal, TypeAlias
+
+from scex_sumo.errors import SimulationError
+
+if TYPE_CHECKING:
+    from scex_sumo.job import Job
+    from scex_sumo.scene import IntArray
+
+OnStep: TypeAlias = Callable[[int], None]
+Report: TypeAlias = tuple[Literal["tick", "done", "failed", "idle"], Any]
+
+_START = "import sys; sys.path[:] = {path!r}; from scex_sumo.workers import serve; serve()"
+# One thread each: the processes are the parallelism.
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+class Workers:
+    """Processes that run batches of children; a context manager. Helpers start at once, unasked."""
+
+    def __init__(self, processes: int) -> None:
+        """Start all but one of the processes; this one is the other.
+
+        Args:
+            processes: how many there shall be, at least 1.
+        """
+        self.processes = processes
+        self.deaths: list[str] = []
+        """One phrase for each helper that died and was started again."""
+        self._folder = tempfile.TemporaryDirectory(prefix="scex-workers-") if processes > 1 else None
+        self._helpers = [_Helper(self._folder.name) for _ in range(processes - 1)] if self._folder else []
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the helpers at once, whatever they are at; may be called again."""
+        for helper in self._helpers:
+            helper.end()
+        if self._folder is not None:
+            self._folder.cleanup()
+
+    def run(
+        self, job: Job, batches: Sequence[IntArray], *, on_step: OnStep | None = None
+    ) -> Iterator[IntArray]:
+        """Run batches of children and keep their parts in the result folder.
+
+        Args:
+            job: the run.
+            batches: numbers of the children of each batch.
+            on_step: called with a number of children when they have made a step, in any process.
+
+        Yields:
+            The children of each batch when it is finished, in any order.
+
+        Raises:
+            SimulationError: a helper died twice over the same batch.
+            Exception: whatever a batch raises, wherever it runs.
+        """
+        from scex_sumo.job import run_batches
+
+        left, reports = deque(batches), queue.SimpleQueue[Report]()
+        slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
+        busy = self._helpers[: max(len(batches) - 1, 0)]
+        payload = _packed((job, slots)) if busy else b""
+        for helper in busy:
+            serving = (helper, payload, left, reports)
+            threading.Thread(target=self._serve, args=serving, name="scex-helper", daemon=True).start()
+        idle = 0
+
+        def read(*, wait: bool) -> Iterator[IntArray]:
+            nonlocal idle
+            while idle < len(busy) and (wait or not reports.empty()):
+                kind, content = reports.get()
+                if kind == "tick" and on_step is not None:
+                    on_step(content)
+                elif kind == "done":
+                    yield content
+                elif kind == "failed":
+                    left.clear()
+                    raise content[0] from content[1]
+                idle += kind == "idle"
+
+        with closing(run_batches(job, _taken(left), slots=slots, on_step=on_step)) as own:
+            for batch in own:
+                yield batch
+                yield from read(wait=False)
+        yield from read(wait=True)
+
+    def _serve(
+        self, helper: _Helper, payload: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
+    ) -> None:
+        """Hand batches to a helper as long as there are any; a thread of its own for each helper."""
+        try:
+            helper.job = None
+            for batch in _taken(left):
+                try:
+                    helper.work(payload, batch, reports)
+                except _DIED:
+                    where = f"children {int(batch[0])} to {int(batch[-1])}"
+                    self.deaths.append(f"a worker died over {where} ({helper.fate()}); they were run again")
+                    helper.start()
+                    try:
+                        helper.work(payload, batch, reports)
+                    except _DIED:
+                        raise SimulationError(
+                            f"a worker died twice over {where} ({helper.fate()}); finished children are "
+                            "kept, the same command goes on"
+                        ) from None
+        except BaseException as error:  # raised again where the batches are waited for
+            reports.put(("failed", (error, None)))
+        reports.put(("idle", None))
+
+
+_DIED = (EOFError, OSError, pickle.UnpicklingError)
+
+
+def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
+    """Batches that nobody else has taken, as long as there are any."""
+    with suppress(IndexError):
+        while True:
+            yield left.popleft()
+
+
+class _Helper:
+    """One more process, as this one sees it."""
+
+    def __init__(self, folder: str) -> None:
+        self._folder = folder
+        self._ending = threading.Lock()
+        self._ended = False
+        self.job: bytes | None = None
+        self.start()
+
+    def start(self) -> None:
+        """Start the process, anew if there was one; what it leaves behind lies in the folder."""
+        with self._ending:
+            if self._ended:
+                raise EOFError
+            self.job = None
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _START.format(path=sys.path)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env={**os.environ, **_ONE_THREAD, "TMPDIR": self._folder},
+                start_new_session=True,  # Ctrl-C is for the process that the user started, which ends these
+            )
+
+    def work(self, job: bytes, batch: IntArray, reports: queue.SimpleQueue[Report]) -> None:
+        """Have it run a batch, its reports passed on; raises one of ``_DIED`` where it dies."""
+        orders, answers = _there(self._process.stdin), _there(self._process.stdout)
+        if self.job is not job:
+            _write(orders, ("job", job))
+            self.job = job
+        _write(orders, ("batch", batch))
+        kind = "tick"
+        while kind == "tick":
+            report: Report = pickle.load(answers)
+            reports.put(report)
+            kind = report[0]
+
+    def fate(self) -> str:
+        """How it ended."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout=1)
+        self._process.kill()
+        status = self._process.wait()
+        return f"signal {-status}" if status < 0 else f"exit status {status}"
+
+    def end(self) -> None:
+        """Kill it."""
+        with self._ending:
+            self._ended = True
+        self._process.kill()
+        self._process.wait()
+
+
+class _Elsewhere(Exception):
+    """The traceback of an error in a helper, as text."""
+
+    def __str__(self) -> str:
+        return f"\n{self.args[0]}"
+
+
+def serve() -> None:
+    """What a helper does: run the batches that come in on standard input until it closes."""
+    reports = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what SUMO prints shall not get into the reports
+    orders = sys.stdin.buffer
+    from scex_sumo.job import run_batches
+    from scex_sumo.world import load_sumo
+
+    load_sumo()  # there is time before the first order
+    order: tuple[str, Any] = ("", None)
+
+    def batches() -> Iterator[IntArray]:
+        nonlocal order
+        while (order := pickle.load(orders))[0] == "batch":
+            yield order[1]
+
+    def tick(children: int) -> None:
+        _write(reports, ("tick", children))
+
+    with suppress(EOFError, BrokenPipeError):
+        order = pickle.load(orders)
+        try:
+            while True:
+                job, slots = pickle.loads(order[1])
+                for children in run_batches(job, batches(), slots=slots, on_step=tick):
+                    _write(reports, ("done", children))
+        except (EOFError, BrokenPipeError):
+            raise
+        except Exception as error:
+            _write(reports, ("failed", (_sendable(error), _Elsewhere(traceback.format_exc()))))
+
+
+def _sendable(error: Exception) -> Exception:
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:  # pickling runs code of the error's own
+        return SimulationError(f"a worker failed: {type(error).__name__}: {error}")
+    return error
+
+
+def _there(stream: IO[bytes] | None) -> IO[bytes]:
+    assert stream is not None
+    return stream
+
+
+def _write(stream: IO[bytes], content: Any) -> None:
+    pickle.dump(content, stream, protocol=pickle.HIGHEST_PROTOCOL)
+    stream.flush()
+
+
+def _packed(content: Any) -> bytes:
+    """Pickled; classes of the user's own script by value, since a helper does not run the script."""
+    try:
+        packed = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        packed = b"__main__"
+    if b"__main__" not in packed:
+        return packed
+    import cloudpickle
+
+    by_value: bytes = cloudpickle.dumps(content)
+    return by_value
