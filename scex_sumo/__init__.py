@@ -22,6 +22,13 @@ if TYPE_CHECKING:
     from scex_sumo.behaviors.scene_graph_export import to_networkx as to_networkx
     from scex_sumo.converters.lanelet import read_road as read_road
     from scex_sumo.converters.maps import read_map as read_map
+    from scex_sumo.converters.recordings import LoadedRecording as LoadedRecording
+    from scex_sumo.converters.recordings import Recording as Recording
+    from scex_sumo.converters.recordings import find_recordings as find_recordings
+    from scex_sumo.converters.recordings import load_recording as load_recording
+    from scex_sumo.converters.recordings import recording_moments as recording_moments
+    from scex_sumo.converters.recordings import seed_at as seed_at
+    from scex_sumo.converters.recordings_report import dataset_report as dataset_report
     from scex_sumo.converters.sumo_net import SumoNet as SumoNet
     from scex_sumo.converters.sumo_net import convert as convert
     from scex_sumo.errors import ScexError as ScexError
@@ -43,8 +50,10 @@ if TYPE_CHECKING:
 _HOMES = {
     "Behavior": "scex_sumo.behaviors.base",
     "Lane": "scex_sumo.road",
+    "LoadedRecording": "scex_sumo.converters.recordings",
     "Plan": "scex_sumo.scene",
     "Predictor": "scex_sumo.behaviors.predictor",
+    "Recording": "scex_sumo.converters.recordings",
     "Road": "scex_sumo.road",
     "Run": "scex_sumo.run",
     "SceneGraph": "scex_sumo.behaviors.scene_graph",
@@ -56,8 +65,11 @@ _HOMES = {
     "Who": "scex_sumo.scene",
     "behavior": "scex_sumo.behaviors.registry",
     "convert": "scex_sumo.converters.sumo_net",
+    "dataset_report": "scex_sumo.converters.recordings_report",
     "example_path": "scex_sumo.scenarios",
     "extrapolate": "scex_sumo.extrapolation",
+    "find_recordings": "scex_sumo.converters.recordings",
+    "load_recording": "scex_sumo.converters.recordings",
     "open_run": "scex_sumo.run",
     "parse_models": "scex_sumo.behaviors.registry",
     "plot_scene_graph": "scex_sumo.plots_graph",
@@ -65,7 +77,9 @@ _HOMES = {
     "read_map": "scex_sumo.converters.maps",
     "read_road": "scex_sumo.converters.lanelet",
     "read_seed": "scex_sumo.seeds",
+    "recording_moments": "scex_sumo.converters.recordings",
     "scene_graph": "scex_sumo.behaviors.scene_graph",
+    "seed_at": "scex_sumo.converters.recordings",
     "synthetic_seed": "scex_sumo.seeds",
     "to_hetero_data": "scex_sumo.behaviors.scene_graph_export",
     "to_networkx": "scex_sumo.behaviors.scene_graph_export",

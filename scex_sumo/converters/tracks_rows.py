@@ -93,6 +93,17 @@ class TrackRows:
             types=tuple(self.types[k] for k in used),
         )
 
+    def of_case(self, index: int) -> TrackRows:
+        """The rows of one case; tracks of others are left out."""
+        begin, end = np.searchsorted(self.case, (index, index + 1))
+        columns = {name: getattr(self, name)[begin:end] for name in ROW_COLUMNS}
+        track = self.track[begin:end]
+        first, last = (int(track[0]), int(track[-1]) + 1) if len(track) else (0, 0)
+        # A track is of one case, so those of a case are consecutive numbers.
+        return TrackRows(
+            **columns, track=track - first, labels=self.labels[first:last], types=self.types[first:last]
+        )
+
     def with_columns(self, **columns: Any) -> TrackRows:
         """A copy with some columns (arrays) replaced."""
         return replace(self, **columns)
@@ -138,8 +149,7 @@ class TrackTable:
         """The rows of one case only; ``cases`` stays, so that numbers keep their meaning."""
         if not self.has_cases:
             return self
-        vehicles = self.vehicles.take(self.vehicles.case == index)
-        return replace(self, vehicles=vehicles, others=self.others.take(self.others.case == index))
+        return replace(self, vehicles=self.vehicles.of_case(index), others=self.others.of_case(index))
 
 
 def other_rate(step_s: float) -> bool:

@@ -111,8 +111,10 @@ def choose_case(table: TrackTable, case: str | float | None, time_s: float | Non
                 f"{table.path}: no case has a vehicle in frame {CASE_FRAME}; choose with --case ID --time S"
             )
         return table.cases.index(busiest(candidates).case)
+    if str(case) in table.cases:
+        return table.cases.index(str(case))
     for index, name in enumerate(table.cases):
-        if name == str(case) or _number(name) == _number(str(case)):
+        if _number(name) == _number(str(case)):
             return index
     examples = ", ".join(table.cases[:3]) + (", ..." if len(table.cases) > 3 else "")
     raise TrackError(f"{table.path}: no case {case}; it has {len(table.cases)} cases: {examples}")
