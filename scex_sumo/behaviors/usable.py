@@ -17,6 +17,7 @@ from scex_sumo.scene import STEP_S, FloatArray, Plan, SceneHistory, Who
 JUMP_M = 5.0  # off the motion so far, within one step: 500 m/s², which no vehicle can do
 LONGEST_REASON = 200
 _PACKAGE = Path(__file__).resolve().parents[1]
+_STANDARD = Path(traceback.__file__).resolve().parent  # the standard library
 
 
 def checked_shape(made: Any, count: int) -> Plan:
@@ -82,17 +83,21 @@ def reason_of(error: Exception) -> str:
     words = " ".join(str(error).split()) or "no message"
     if isinstance(error, ScexError):
         return _short(words)
-    # The innermost frame outside this package and its libraries' own checks is where the author looks.
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if _foreign(f.filename)]
-    place = ""
-    if frames:
-        own = [f for f in frames if f.filename == frames[0].filename]
-        place = f" ({Path(own[-1].filename).name}, line {own[-1].lineno})"
+    frame = _authors_frame(error)
+    place = f" ({Path(frame.filename).name}, line {frame.lineno})" if frame is not None else ""
     return _short(f"raised {type(error).__name__}: {words}") + place
 
 
-def _foreign(file: str) -> bool:
-    return _PACKAGE not in Path(file).parents
+def _authors_frame(error: Exception) -> traceback.FrameSummary | None:
+    """Where a model's author looks first: the innermost frame that is neither ours nor a library's."""
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith("<")]
+    frames = [f for f in frames if _PACKAGE not in Path(f.filename).parents]
+    installed = [f for f in frames if "site-packages" in Path(f.filename).parts]
+    own = [f for f in frames if f not in installed and _STANDARD not in Path(f.filename).parents]
+    if own:
+        return own[-1]
+    # A model of an installed package: its own file comes first, what it calls after it.
+    return next((f for f in reversed(installed) if f.filename == installed[0].filename), None)
 
 
 def _short(words: str) -> str:
