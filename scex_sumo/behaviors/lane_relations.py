@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from scex_sumo.converters.sumo_conflicts import Conflict, conflicts
+from scex_sumo.converters.sumo_conflicts import Conflict, conflicts, opposed
 from scex_sumo.converters.sumo_conflicts import intersect as proper_crossing
 from scex_sumo.lines import along, arc_lengths, length_of
 from scex_sumo.metrics.crossing import intersect
@@ -217,7 +217,7 @@ def meeting_place(conflict: Conflict, lanes: dict[int, Lane]) -> tuple[float, fl
     """Where two lanes meet, as an arc length on either, m.
 
     The beginning of a merge; else the first crossing of the centrelines within the stretch that both share,
-    or the place where they come closest.
+    or the place where they come closest; the middle of the stretch where traffic comes the other way.
     """
     (first_a, last_a), (first_b, last_b) = conflict.spans
     if conflict.kind == "merge":
@@ -234,6 +234,8 @@ def meeting_place(conflict: Conflict, lanes: dict[int, Lane]) -> tuple[float, fl
     if shared.any():
         earliest = int(np.argmin(np.where(shared, s, np.inf)))
         return float(s[earliest]), float(t[earliest])
+    if opposed(a, b, *conflict.spans):
+        return (first_a + last_a) / 2, (first_b + last_b) / 2
     s = np.linspace(first_a, last_a, int((last_a - first_a) / SAMPLE_M) + 2)
     t = np.linspace(first_b, last_b, int((last_b - first_b) / SAMPLE_M) + 2)
     apart = along(a, s)[:, None] - along(b, t)

@@ -175,6 +175,11 @@ def test_lanes_that_overlap_without_crossing_meet_where_they_come_closest() -> N
     assert place.tolist() == pytest.approx([50.0, np.hypot(40.0, 20.0)], abs=0.5)  # sampled every 0.5 m
 
 
+def test_oncoming_traffic_on_one_strip_of_road_meets_in_the_middle() -> None:
+    pair = (replace(lane(1, EAST), conflicts=(2,)), replace(lane(2, EAST[::-1]), conflicts=(1,)))
+    assert relate(*pair).meeting[0, 1, 0].tolist() == pytest.approx([50.0, 50.0])
+
+
 def poses(where: Road, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """On the lanes, beside them, across them and a few far away."""
     rng = np.random.default_rng(seed)
