@@ -16,7 +16,7 @@ def main() -> None:
     """Read the example and draw it."""
     seed = scex.read_seed(scex.example_path("roundabout"))
     IMAGES.mkdir(exist_ok=True)
-    title = "One moment on the example roundabout, and how the lanes relate its vehicles"
+    title = "One moment on the example roundabout, and its scene graph"
     scex.plot_scene_graph(seed, IMAGES / "scene_graph.png", title=title)
 
 
