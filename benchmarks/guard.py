@@ -22,17 +22,14 @@ from pathlib import Path
 
 import numpy as np
 from plain_world import drive_scene, overlaps
+from recorded_scenes import SETS, recorded
 
-from scex_sumo.converters.recordings import find_recordings, load_recording, recording_moments, seed_at
-from scex_sumo.errors import TrackError
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.seeds import synthetic_seed
-from scex_sumo.training.split import Split, split_moments
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 MODELS = "constant_velocity,standard_driver,risky_driver,calibrated_driver"
 EXAMPLES = ("roundabout", "motorway_merge", "urban_intersection")
-SETS = ("taf_bw", "mona")
 HARD_MPS2 = 6.0
 STEPS = 100
 
@@ -45,22 +42,6 @@ class Outcome:
     collides: np.ndarray
     brakes_hard: np.ndarray
     speed: np.ndarray
-
-
-def recorded(folder: Path, part: str, every_s: float, most: int) -> Iterator[SeedScene]:
-    """Moments of the recordings below a folder that belong to a part of the split, evenly thinned."""
-    for recording in find_recordings([folder]):
-        loaded = load_recording(recording)
-        moments = split_moments(recording_moments(loaded, every_s=0.1), Split())[part]
-        times: list[float] = []
-        for moment in moments:
-            if not times or moment.time_s >= times[-1] + every_s - 1e-6:
-                times.append(moment.time_s)
-        for time_s in times[:: max(1, -(-len(times) // most))]:
-            try:
-                yield seed_at(loaded, time_s)
-            except TrackError:
-                continue
 
 
 def examples(vehicles: int = 12, count: int = 4) -> Iterator[SeedScene]:
@@ -92,8 +73,11 @@ def main() -> None:
     parser.add_argument("--every", type=float, default=10.0, help="least time between two moments, s")
     parser.add_argument("--most", type=int, default=40, help="most moments of a recording")
     arguments = parser.parse_args()
-    sets = {s: list(recorded(arguments.data / s, arguments.part, arguments.every, arguments.most))
-            for s in SETS if (arguments.data / s).is_dir()}  # fmt: skip
+    sets = {
+        name: list(recorded(folder, arguments.part, every_s=arguments.every, most=arguments.most))
+        for name, folder in ((name, arguments.data / name) for name in SETS)
+        if folder.is_dir()
+    }
     sets["examples"] = list(examples())
     print(f"{'data':10} {'model':36} {'scenes':>6} {'vehicles':>8} {'collide':>8} {'speed':>7} "
           f"{'braking':>8} {'CPU s':>6}")  # fmt: skip

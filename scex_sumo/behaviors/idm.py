@@ -16,6 +16,7 @@ from scex_sumo.behaviors.projection import expected_way, project
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, FloatArray, IntArray, Plan, SceneHistory, Who
 
+HABIT_STEPS = 5  # of the seed scene's history, over which the acceleration is measured
 CURVE_TIME_S = 0.8  # a driver slows down for a curve with this time constant, never harder than ``b``
 
 
@@ -31,6 +32,11 @@ class IdmProfile:
         max_deceleration: physical limit of braking in m/s²; the formula alone has none.
         speed: desired speed ``v0`` in m/s; 0 takes the speed limit of the lane.
         speed_factor: factor on the speed limit.
+        habit_memory: time constant in s with which the desired speed moves from the one that the driver
+            shows in the seed scene to the one above; 0 takes the one above at once.
+        habit_lead: the speed shown in the seed scene is that in so many s at the acceleration of its last
+            half second,
+        habit_margin: and so much more, m/s.
         clearance: another vehicle is a leader when its centre is this near to the path, m.
         obstacle_clearance: likewise a pedestrian or cyclist, m.
         radius: perception radius, m.
@@ -48,6 +54,9 @@ class IdmProfile:
     max_deceleration: float = 9.0
     speed: float = 0.0
     speed_factor: float = 1.0
+    habit_memory: float = 0.0
+    habit_lead: float = 0.0
+    habit_margin: float = 0.0
     clearance: float = 5.0
     obstacle_clearance: float = 1.5
     radius: float = 100.0
@@ -70,6 +79,9 @@ class IdmProfile:
             "time_headway",
             "minimum_gap",
             "speed",
+            "habit_memory",
+            "habit_lead",
+            "habit_margin",
             "clearance",
             "obstacle_clearance",
             "curve_acceleration",
@@ -146,6 +158,7 @@ class IdmDriver:
             if profile.curve_acceleration > 0
             else None
         )
+        habit = seed_motion(history, who)
         base = row * paths.samples
         ahead = (
             REAR_AXLE_SHARE * history.seed.length[who.vehicle]
@@ -156,7 +169,9 @@ class IdmDriver:
 
         def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
             gap = leaders.gap + leaders.speed * (step * STEP_S) - travelled
-            a = idm_acceleration(profile, v, wished[at(s)], gap, leaders.speed)
+            time_s = (history.step + step) * STEP_S
+            desired = desired_speed(profile, wished[at(s)], v, *habit, time_s)
+            a = idm_acceleration(profile, v, desired, gap, leaders.speed)
             if curves is not None:
                 # The speed to have where the car will be in a moment, so that it does not lag behind.
                 slowing = (curves[at(s + v * CURVE_TIME_S)] - v) / CURVE_TIME_S
@@ -164,6 +179,45 @@ class IdmDriver:
             return a
 
         return drive(history, who, paths, row, accelerate)
+
+
+def seed_motion(history: SceneHistory, who: Who) -> tuple[FloatArray, FloatArray]:
+    """(n,) speed in the seed scene, m/s, and mean acceleration over the half second before it, m/s²."""
+    speed = history.seed.history.speed[who.vehicle]
+    acceleration = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
+    return np.maximum(speed[:, -1], 0.0), acceleration
+
+
+def desired_speed(
+    profile: IdmProfile,
+    wished: FloatArray,
+    present: FloatArray,
+    speed: FloatArray,
+    acceleration: FloatArray,
+    time_s: float,
+) -> FloatArray:
+    """Desired speed of drivers who keep to what they showed in the seed scene for a while.
+
+    v0(t) = w + (h - w)·exp(-t/τ), h = v + k·a + m, not below 0 and not above the larger of w and v; w the
+    wished speed, v and a speed and acceleration in the seed scene, k the lead, m the margin, τ the memory.
+    v0 is never so far below the present speed that the driver would brake with more than b for it alone.
+
+    Args:
+        profile: the driver.
+        wished: (n,) w, m/s.
+        present: (n,) speed at that time, m/s.
+        speed: (n,) v, m/s.
+        acceleration: (n,) a, m/s².
+        time_s: t, since the seed scene.
+    """
+    if profile.habit_memory == 0:
+        return wished
+    shown = np.clip(
+        speed + profile.habit_lead * acceleration + profile.habit_margin, 0.0, np.maximum(wished, speed)
+    )
+    desired: FloatArray = wished + (shown - wished) * np.exp(-time_s / profile.habit_memory)
+    gentle = (1 + profile.comfort_deceleration / profile.max_acceleration) ** -0.25
+    return np.maximum(desired, gentle * present)
 
 
 @lru_cache(maxsize=32)
