@@ -65,8 +65,9 @@ def rank_command(request: RankRequest) -> None:
         except KeyboardInterrupt:
             print(f"interrupted; finished seeds are kept in {out}, the same command goes on", file=sys.stderr)
             raise SystemExit(130) from None
+    warn(ranking.info["notes"])
     _warn_failures(ranking)
-    _print_top(ranking, request.top)
+    _print_top(ranking)
     print(f"{ranking.info['seeds']} seed scenes, {ranking.info['children_run']} children")
     print(f"result: {out / 'ranking.csv'}")
     print(f"look:   {out / 'ranking.html'}")
@@ -80,17 +81,19 @@ def _warn_failures(ranking: Ranking) -> None:
         warn([f"{len(rows) - _SHOWN_FAILURES} more failed; see ranking.csv"])
 
 
-def _print_top(ranking: Ranking, top: int) -> None:
+def _print_top(ranking: Ranking) -> None:
+    """The moments on the page."""
+    from pyarrow import array, string
+    from pyarrow.compute import is_in
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title="most critical seed scenes", title_justify="left")
-    shares = [name for name in ranking.info["thresholds"]]
+    table = Table(title="most critical moments, at least 3 s apart", title_justify="left")
+    shares = list(ranking.info["thresholds"])
+    shown = is_in(ranking.table["seed"], array(ranking.info["shown"], string()))
     for name in ("rank", "95 %", "seed", "vehicles", "children", *(f"P({c})" for c in shares)):
         table.add_column(name, justify="left" if name == "seed" else "right", no_wrap=True)
-    for row in ranking.table.slice(0, top).to_pylist():
-        if row["rank"] is None:
-            continue
+    for row in ranking.table.filter(shown).to_pylist():
         values = [row[f"p_{column}"] for column in shares]
         table.add_row(
             str(row["rank"]),

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from scex_sumo.errors import MissingExtraError, UsageError
+from scex_sumo import __version__
+from scex_sumo.errors import MissingExtraError, ScexError, UsageError
 from scex_sumo.ranking.crew import Order, Outcome, outcome
+from scex_sumo.ranking.seeds import one_line, reason_of
 from scex_sumo.ranking.work import Parcel, run_seed
 
 if TYPE_CHECKING:
@@ -17,9 +19,9 @@ _AHEAD = 2
 """Orders for each thread of the cluster: one that runs, one that waits for it."""
 
 
-def run_packed(task: Any, parcel: Parcel) -> Any:
-    """Run a seed on a worker of a cluster."""
-    return run_seed(task, parcel)
+def hand_on(parcel: Parcel) -> Parcel:
+    """The task that brings a road to the workers."""
+    return parcel
 
 
 class Cluster:
@@ -34,7 +36,7 @@ class Cluster:
 
         Raises:
             MissingExtraError: distributed is not installed.
-            UsageError: nobody answers at the address.
+            UsageError: nobody answers at the address, or no worker joins.
         """
         try:
             from distributed import Client
@@ -49,27 +51,44 @@ class Cluster:
                 f"--cluster {address}: no Dask scheduler answers: {' '.join(str(error).split())}; "
                 "start one with 'dask scheduler' and give its address, e.g. tcp://host:8786"
             ) from None
+        try:
+            self._client.wait_for_workers(1, timeout=_CONNECT_S)
+        except TimeoutError:
+            self.close()
+            raise UsageError(
+                f"--cluster {address}: no worker has joined it; start some with "
+                f"'dask worker {address} --nthreads 1'"
+            ) from None
         self._roads: dict[str, Future] = {}
 
     @property
-    def threads(self) -> dict[str, int]:
-        """Threads by worker."""
-        return {str(name): int(n) for name, n in self._client.nthreads().items()}
+    def notes(self) -> list[str]:
+        """What the user should know of the cluster."""
+        several = sum(count > 1 for count in self._client.nthreads().values())
+        if not several:
+            return []
+        return [
+            f"{several} Dask workers have several threads, and one SUMO each, which they wait for; "
+            "start workers with --nthreads 1"
+        ]
+
+    def _room(self) -> int:
+        """How many orders the cluster shall have; workers may come and go."""
+        threads: int = sum(self._client.nthreads().values())
+        return _AHEAD * max(threads, 1)
 
     def run(self, orders: Iterable[Order]) -> Iterator[Outcome]:
         """See `Crew`."""
         from distributed import as_completed
 
-        waiting = iter(orders)
+        waiting, last = iter(orders), False
         running: dict[str, Order] = {}
-        finished = as_completed()
-        finished_with_last = False
+        finished = as_completed(loop=self._client.loop)
         while True:
-            room = max(_AHEAD * sum(self.threads.values()), _AHEAD) - len(running)
-            while room > 0 and not finished_with_last:
-                order = next(waiting, None)
-                if order is None:
-                    finished_with_last = True
+            room = self._room() - len(running)
+            while room > 0 and not last:
+                if (order := next(waiting, None)) is None:
+                    last = True
                     break
                 future = self._submit(order)
                 running[future.key] = order
@@ -78,25 +97,40 @@ class Cluster:
             if not running:
                 return
             future = next(finished)
-            yield _collect(running.pop(future.key), future)
+            yield _collected(running.pop(future.key), future)
             future.release()
 
     def _submit(self, order: Order) -> Future:
         parcel = order.parcel
         if parcel.key not in self._roads:
             key = f"scex-road-{parcel.key}"
-            self._roads[parcel.key] = self._client.submit(Parcel, key=key, packed=parcel.packed)
-        return self._client.submit(run_packed, order.task, self._roads[parcel.key], pure=False)
+            self._roads[parcel.key] = self._client.submit(hand_on, parcel, key=key)
+        return self._client.submit(run_seed, order.task, self._roads[parcel.key], pure=False)
 
     def close(self) -> None:
         """See `Crew`; the cluster goes on without us."""
         self._client.close(timeout=1)
 
 
-def _collect(order: Order, future: Future) -> Outcome:
+def _collected(order: Order, future: Future) -> Outcome:
+    """The outcome of an order.
+
+    Raises:
+        ScexError: it is the cluster that failed.
+    """
+    from concurrent.futures import CancelledError
+
     from distributed import KilledWorker
 
     try:
         return outcome(order, future.result())
     except KilledWorker as error:
-        return Outcome(order=order, reason=f"its workers died: {error}", died=True)
+        return Outcome(order=order, reason=f"its workers died: {one_line(str(error))}", died=True)
+    except CancelledError:
+        raise ScexError(
+            "the Dask scheduler went away; finished seeds are kept, the same command goes on"
+        ) from None
+    except Exception as error:  # not from the seed, whose errors come back as words
+        raise ScexError(
+            f"a Dask worker cannot run seeds: {reason_of(error)}; all need scex-sumo {__version__}"
+        ) from error

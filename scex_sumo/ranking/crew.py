@@ -59,6 +59,10 @@ class Outcome:
 class Crew(Protocol):
     """Workers, wherever they are."""
 
+    @property
+    def notes(self) -> list[str]:
+        """What the user should know of them."""
+
     def run(self, orders: Iterable[Order]) -> Iterator[Outcome]:
         """Run orders as they come, a few at a time; their outcomes in the order in which they finish."""
 
@@ -80,6 +84,11 @@ class Processes:
         self._folder = tempfile.TemporaryDirectory(prefix="scex-rank-", ignore_cleanup_errors=True)
         self._workers = [_Worker(self._folder.name) for _ in range(count)]
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="scex-rank")
+
+    @property
+    def notes(self) -> list[str]:
+        """See `Crew`."""
+        return []
 
     def run(self, orders: Iterable[Order]) -> Iterator[Outcome]:
         """See `Crew`."""

@@ -49,7 +49,7 @@ class _Top:
     command: str
 
 
-def write_page(plan: Plan, folder: Path, campaign: Campaign, table: pa.Table) -> None:
+def write_page(plan: Plan, folder: Path, campaign: Campaign, table: pa.Table) -> list[str]:
     """Draw the best distinct moments and write the page.
 
     Args:
@@ -57,6 +57,9 @@ def write_page(plan: Plan, folder: Path, campaign: Campaign, table: pa.Table) ->
         folder: where to write.
         campaign: runs the children that are drawn.
         table: the seeds, the best first, then what failed.
+
+    Returns:
+        The seeds on the page, best first.
     """
     by_name = {ref.seed: ref for ref in campaign.refs}
     refs = [by_name[name] for name in table["seed"].to_pylist()[: len(by_name)]]
@@ -88,6 +91,7 @@ def write_page(plan: Plan, folder: Path, campaign: Campaign, table: pa.Table) ->
         failures=_failures(table),
     )
     write_atomic(folder / HTML, content.encode())
+    return [refs[i].seed for i in chosen]
 
 
 def _template() -> Template:

@@ -128,9 +128,10 @@ def rank(
     with RankFolder(Path(out), described, overwrite=overwrite) as folder:
         crew: Crew = Processes(workers) if cluster is None else _cluster(cluster)
         try:
+            notes = crew.notes
             campaign = Campaign(plan, folder, crew, progress)
             campaign.run()
-            table = _write(plan, folder, campaign)
+            table, shown = _write(plan, folder, campaign)
         finally:
             crew.close()
         info = {
@@ -140,6 +141,8 @@ def rank(
             "seeds": len(campaign.refs),
             "failed": len(table) - len(campaign.refs),
             "children_run": sum(t.children for tallies in campaign.tallies.values() for t in tallies),
+            "shown": shown,
+            "notes": notes,
             "versions": versions(),
             "seconds": round(time.perf_counter() - started, 1),
         }
@@ -213,8 +216,8 @@ def _described(recording: Recording) -> dict[str, Any]:
     return {"name": recording.name, "site": recording.site, "bytes": sizes}
 
 
-def _write(plan: Plan, folder: RankFolder, campaign: Campaign) -> pa.Table:
-    """Write table and page.
+def _write(plan: Plan, folder: RankFolder, campaign: Campaign) -> tuple[pa.Table, list[str]]:
+    """Write table and page; returns the table, and the seeds on the page.
 
     Raises:
         TrackError: no seed at all.
@@ -242,5 +245,4 @@ def _write(plan: Plan, folder: RankFolder, campaign: Campaign) -> pa.Table:
     rows += [failed_row(f) for name, f in sorted(campaign.failures.items()) if name not in known]
     table = pa.concat_tables([table, tabulate(rows, limits)]).combine_chunks()
     write_ranking(folder.path, table)
-    write_page(plan, folder.path, campaign, table)
-    return table
+    return table, write_page(plan, folder.path, campaign, table)
