@@ -1,87 +1,145 @@
-"""What it costs to advance vehicles through SUMO: microseconds per vehicle-step, by part.
+"""The bare loop: what SUMO alone takes for the vehicle-steps of a run, without models, metrics and files.
 
-The job of a run without models and metrics: 385 children of 11 vehicles, 30 steps, in batches of 64 tiles;
-everybody drives along the lanes of the map.
+Tiles are loaded, vehicles added, and at every step each is moved to a given pose (moveToXY), SUMO steps, and each
+pose is read back (getPosition, getAngle); poses are computed before. Nothing faster is known: the route edge with
+the fewest points, lanes looked for on that route only, libsumo's inner functions, one tile for all children.
 
-    python benchmarks/bare_loop.py [MAP.osm] [--children 385] [--vehicles 11] [--steps 30] [--driver EIDM]
+    python benchmarks/bare_loop.py [MAP.osm] [--children 385] [--vehicles 11] [--steps 30]
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.converters.lanelet import read_road
-from scex_sumo.converters.sumo_net import SumoNet, convert
+from scex_sumo.converters.maps import read_map
+from scex_sumo.converters.sumo_net import convert
+from scex_sumo.job import VEHICLES_AT_ONCE
 from scex_sumo.road import Road
-from scex_sumo.scene import SeedScene, States
-from scex_sumo.world import TILE_SLOTS, SumoDriven, World
+from scex_sumo.scene import FloatArray, States
+from scex_sumo.sumo_frame import to_sumo
+from scex_sumo.sumo_session import VehicleCalls
+from scex_sumo.tiles import TILE_SLOTS, TileTemplate, tile_id
+from scex_sumo.world import load_sumo
 
 DEFAULT_MAP = Path(__file__).parents[1] / "scex_sumo" / "scenarios" / "data" / "roundabout.osm"
+OPTIONS = (
+    *("--step-length", "0.1", "--no-step-log", "true", "--no-warnings", "true", "--xml-validation", "never"),
+    *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
+    *("--duration-log.disable", "true"),
+)
+OWN_ROUTE, MATCH_M = 3, 20.0
 
 
-def positions(road: Road, vehicles: int, steps: int) -> States:
-    """(V, T) vehicles that follow centrelines at 8 m/s, straight on where one ends."""
+@dataclass(frozen=True)
+class Poses:
+    """(C, T + 1, V) front bumpers and SUMO's angles, the start first."""
+
+    x: FloatArray
+    y: FloatArray
+    angle: FloatArray
+
+
+def poses_of(states: States, length: FloatArray) -> Poses:
+    """Of (C, T + 1, V) states."""
+    return Poses(*to_sumo(states, length))
+
+
+def bare_loop(net: Path, poses: Poses, *, tiles: int = 1) -> dict[str, float]:
+    """Seconds of processor time by part.
+
+    Args:
+        net: SUMO net.
+        poses: where every vehicle of every child is at every step.
+        tiles: copies of the net; with more than one, children of a batch lie in tiles of their own.
+    """
+    sumo = load_sumo()
+    children, states, vehicles = poses.x.shape
+    spent: Counter[str] = Counter()
+    clock = time.process_time()
+
+    def lap(part: str) -> None:
+        nonlocal clock
+        now = time.process_time()
+        spent[part] += now - clock
+        clock = now
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        template = TileTemplate(net)
+        layout, edge = template.layout(), template.plainest_edge
+        template.write(folder / "tiles.net.xml", range(tiles), layout)
+        kind = '<vType id="car" vClass="ignoring" length="4.5" width="1.8" maxSpeed="200"/>'
+        (folder / "types.add.xml").write_text(f"<additional>{kind}</additional>")
+        files = ("-n", str(folder / "tiles.net.xml"), "-a", str(folder / "types.add.xml"))
+        sumo.start(["sumo", *files, *OPTIONS])
+        try:
+            for tile in range(tiles):
+                sumo.route.add(f"r{tile}", [tile_id(tile, edge)])
+            sumo.simulation.saveState(str(folder / "empty.xml"))
+            call = VehicleCalls.of(sumo)
+            lap("load tiles")
+            batch = (
+                tiles
+                if tiles > 1
+                else math.ceil(children / math.ceil(children * vehicles / VEHICLES_AT_ONCE))
+            )
+            for first in range(0, children, batch):
+                part = slice(first, first + batch)
+                count = len(poses.x[part])
+                if first:
+                    sumo.simulation.loadState(str(folder / "empty.xml"))
+                ids = [f"{c}_{v}" for c in range(count) for v in range(vehicles)]
+                for number, key in enumerate(ids):
+                    sumo.vehicle.add(key, f"r{number // vehicles % tiles}", "car")
+                moved = np.array([layout.offset(c % tiles) for c in range(count)], dtype=float)[:, None]
+                x, y = poses.x[part] + moved[..., :1], poses.y[part] + moved[..., 1:]
+                told = [
+                    (
+                        x[:, t].ravel().tolist(),
+                        y[:, t].ravel().tolist(),
+                        poses.angle[part][:, t].ravel().tolist(),
+                    )
+                    for t in range(states)
+                ]
+                lap("add vehicles")
+                for pose in told:
+                    for key, to_x, to_y, degrees in zip(ids, *pose, strict=True):
+                        call.moveToXY(key, "", -1, to_x, to_y, degrees, OWN_ROUTE, MATCH_M)
+                    lap("move")
+                    sumo.simulationStep()
+                    lap("step")
+                    for key in ids:
+                        call.getPosition(key)
+                        call.getAngle(key)
+                    lap("read")
+        finally:
+            sumo.close()
+    return dict(spent)
+
+
+def straight_poses(road: Road, children: int, vehicles: int, steps: int) -> Poses:
+    """Vehicles that follow centrelines at 8 m/s, straight on where one ends; the same in every child."""
     lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: -len(lane.centreline))
-    states = States.empty((vehicles, steps))
+    states = States.empty((children, steps + 1, vehicles))
     for v in range(vehicles):
         line = lanes[v % len(lanes)].centreline
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-        s = 0.8 * np.arange(steps)
-        states.x[v] = np.interp(s, along, line[:, 0])
-        states.y[v] = np.interp(s, along, line[:, 1])
+        s = 0.8 * np.arange(steps + 1)
         index = np.clip(np.searchsorted(along, s, side="right") - 1, 0, len(line) - 2)
         dx, dy = (line[index + 1] - line[index]).T
-        states.heading[v], states.speed[v] = np.arctan2(dy, dx), 8.0
+        states.heading[:, :, v], states.speed[:, :, v] = np.arctan2(dy, dx), 8.0
         beyond = np.maximum(s - along[-1], 0.0)
-        states.x[v] += beyond * np.cos(states.heading[v])
-        states.y[v] += beyond * np.sin(states.heading[v])
-    return states
-
-
-def seed_of(states: States) -> SeedScene:
-    """A seed scene in which every vehicle has stood still."""
-    count = states.shape[0]
-
-    def past(values: np.ndarray) -> np.ndarray:
-        return np.repeat(values[:, :1], 11, axis=1)
-
-    history = States(
-        x=past(states.x), y=past(states.y), heading=past(states.heading), speed=past(states.speed)
-    )
-    return SeedScene(
-        name="benchmark",
-        location="benchmark",
-        time_s=0.0,
-        track_ids=np.arange(count),
-        types=("car",) * count,
-        length=np.full(count, 4.5),
-        width=np.full(count, 1.8),
-        history=history,
-        recorded_steps=np.full(count, 10),
-    )
-
-
-def route_of(net: SumoNet, road: Road, vehicle: int) -> tuple[str, ...]:
-    """The lane that the vehicle is on and two successors, as SUMO's edges."""
-    lane = sorted(road.vehicle_lanes.values(), key=lambda lane: -len(lane.centreline))[
-        vehicle % len(road.vehicle_lanes)
-    ]
-    lanes = [lane.lane_id]
-    while len(lanes) < 3 and road.lanes[lanes[-1]].successors:
-        lanes.append(road.lanes[lanes[-1]].successors[0])
-    return tuple(net.lanes.edges(lanes))
-
-
-def repeated(states: States, count: int) -> States:
-    """(C, ...) copies."""
-    return States.stack([states] * count, axis=0)
+        states.x[:, :, v] = np.interp(s, along, line[:, 0]) + beyond * np.cos(states.heading[0, :, v])
+        states.y[:, :, v] = np.interp(s, along, line[:, 1]) + beyond * np.sin(states.heading[0, :, v])
+    return poses_of(states, np.full(vehicles, 4.5))
 
 
 def main() -> None:
@@ -90,39 +148,17 @@ def main() -> None:
     parser.add_argument("--children", type=int, default=385)
     parser.add_argument("--vehicles", type=int, default=11)
     parser.add_argument("--steps", type=int, default=30)
-    parser.add_argument("--driver", help="SUMO's name of a car-following model that drives the first vehicle")
     options = parser.parse_args()
-    road = read_road(options.map)
-    spent: Counter[str] = Counter()
-
-    def timed(name: str, call: Callable[..., States | None], *arguments: object) -> None:
-        begin = time.perf_counter()
-        call(*arguments)
-        spent[name] += time.perf_counter() - begin
-
-    with tempfile.TemporaryDirectory() as folder:
-        net = convert(road, Path(folder) / "map.net.xml")
-        plan = positions(road, options.vehicles, options.steps + 1)
-        driver = options.driver
-        mask = np.ones((TILE_SLOTS, options.vehicles), dtype=bool)
-        mask[:, 0] = not driver
-        with World(net, seed_of(plan), slots=range(min(TILE_SLOTS, options.children))) as world:
-            for first in range(0, options.children, TILE_SLOTS):
-                count = min(TILE_SLOTS, options.children - first)
-                driven = [
-                    SumoDriven(child=c, vehicle=0, model=driver, parameters={}, edges=route_of(net, road, 0))
-                    for c in range(count if driver else 0)
-                ]
-                name = "first begin (imports libsumo, loads the tiles)" if first == 0 else "begin"
-                timed(name, world.begin, repeated(plan[:, 0], count), np.arange(count), driven)
-                for step in range(1, options.steps + 1):
-                    timed("move", world.move, repeated(plan[:, step], count), mask[:count])
-                    timed("step", world.step)
-                    timed("read", world.read)
+    road = read_map(options.map, origin=None, own_corner=True)
+    poses = straight_poses(road, options.children, options.vehicles, options.steps)
     total = options.children * options.vehicles * options.steps
-    for name, seconds in spent.items():
-        print(f"{name:50s} {seconds:7.3f} s {1e6 * seconds / total:7.2f} us per vehicle-step")
-    print(f"{'all':50s} {spent.total():7.3f} s {1e6 * spent.total() / total:7.2f} us per vehicle-step")
+    with tempfile.TemporaryDirectory() as folder:
+        net = convert(road, Path(folder) / "map.net.xml").path
+        for tiles in (1, TILE_SLOTS):
+            spent = bare_loop(net, poses, tiles=tiles)
+            print(f"\n{tiles} tile{'s' if tiles > 1 else ''}")
+            for name, seconds in [*spent.items(), ("all", sum(spent.values()))]:
+                print(f"{name:14s} {seconds:7.3f} s {1e6 * seconds / total:7.2f} us per vehicle-step")
 
 
 if __name__ == "__main__":

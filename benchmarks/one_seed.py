@@ -1,0 +1,236 @@
+"""One seed from map to result folder: how long each stage takes, and how that compares with the bare loop.
+
+Everything in one process, interleaved, processor time, medians: a bare loop over the very poses of the run, then
+a whole run (map and tracks read, converted, simulated, measured, densities and files written).
+
+    python benchmarks/one_seed.py [MAP.osm] [--children 385] [--vehicles 11] [--steps 30] [--models all]
+        [--repeat 5] [--workers 2] [--start]
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from bare_loop import DEFAULT_MAP, Poses, bare_loop, poses_of
+
+from scex_sumo.behaviors.registry import DEFAULT_MODELS
+from scex_sumo.converters.tracks_write import write_tracks
+from scex_sumo.run import Run
+from scex_sumo.scene import SeedScene, States
+from scex_sumo.seeds import synthetic_seed
+from scex_sumo.tiles import TILE_SLOTS
+from scex_sumo.world import load_sumo
+
+SIX = f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor"
+# Where each stage is called; what a stage calls of another one counts for that other.
+STAGES = {
+    "read map and tracks": ("scex_sumo.seeds.read_seed",),
+    "draw the design": ("scex_sumo.sampling.designed_assignments",),
+    "convert": ("scex_sumo.extrapolation.convert",),
+    "world": tuple(
+        f"scex_sumo.world.World.{name}" for name in ("__init__", "begin", "move", "step", "read", "close")
+    ),
+    "loop": ("scex_sumo.job.roll_out",),
+    "metrics": (
+        "scex_sumo.job.measure_rollout",
+        "scex_sumo.job.worst_of",
+        "scex_sumo.extrapolation.measure_recorded",
+    ),
+    "keep parts": ("scex_sumo.job.save_part", "scex_sumo.results.ResultFolder.collect"),
+    "write": ("scex_sumo.extrapolation._write_tables", "scex_sumo.results.ResultFolder.finish"),
+}
+
+
+class Stages:
+    """Processor time by stage, each without what it calls of the others."""
+
+    def __init__(self) -> None:
+        self.spent: Counter[str] = Counter()
+        self._open = ["rest"]
+        self._since = time.process_time()
+
+    def _lap(self) -> None:
+        now = time.process_time()
+        self.spent[self._open[-1]] += now - self._since
+        self._since = now
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Time within counts for a stage."""
+        self._lap()
+        self._open.append(name)
+        try:
+            yield
+        finally:
+            self._lap()
+            self._open.pop()
+
+    def timed(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        """The same function, its time counted."""
+
+        def inner(*given: Any, **named: Any) -> Any:
+            with self.stage(name):
+                return call(*given, **named)
+
+        return inner
+
+
+@contextmanager
+def measured() -> Iterator[Stages]:
+    """Time within is counted by stage."""
+    stages = Stages()
+    with ExitStack() as stack:
+        for name, places in STAGES.items():
+            for place in places:
+                owner, _, attribute = place.rpartition(".")
+                found = _found(owner)
+                stack.enter_context(
+                    patch.object(found, attribute, stages.timed(name, getattr(found, attribute)))
+                )
+        with stages.stage("rest"):
+            yield stages
+
+
+def _found(path: str) -> Any:
+    """A module, or a class in it."""
+    import importlib
+
+    try:
+        return importlib.import_module(path)
+    except ModuleNotFoundError:
+        module, _, name = path.rpartition(".")
+        return getattr(importlib.import_module(module), name)
+
+
+def whole_run(map_path: Path, tracks: Path, out: Path, options: argparse.Namespace, workers: int = 1) -> Run:
+    """What ``scex-sumo run`` does, without its summary and pictures."""
+    import scex_sumo.seeds
+
+    scene = scex_sumo.seeds.read_seed(map_path, tracks=tracks, case="1.0")
+    return scex_sumo.extrapolate(
+        scene,
+        models=options.models,
+        children=options.children,
+        steps=options.steps,
+        replan=options.replan,
+        workers=workers,
+        out=out,
+        overwrite=True,
+        seed=0,
+    )
+
+
+def poses_of_run(run: Run, scene: SeedScene) -> Poses:
+    """(C, T + 1, V) of all children of a run, the seed scene first."""
+    frames = run.info["steps"] + 10
+    shape = (run.children, scene.vehicles, frames)
+    columns = {
+        name: np.asarray(run.tracks[column]).reshape(shape)[:, :, 9:].swapaxes(1, 2)
+        for name, column in (("x", "x"), ("y", "y"), ("heading", "psi_rad"))
+    }
+    return poses_of(States(**columns, speed=np.zeros_like(columns["x"])), scene.length)
+
+
+def start_times(map_path: Path, tracks: Path) -> dict[str, float]:
+    """Wall time of commands from the start of the interpreter, s."""
+    first_step = (
+        "import os, scex_sumo\n"
+        f"seed = scex_sumo.read_seed({str(map_path)!r}, tracks={str(tracks)!r}, case='1.0')\n"
+        "scex_sumo.extrapolate(seed, progress=lambda done, total: done and os._exit(0))\n"
+    )
+    commands = {
+        "scex-sumo --help": [sys.executable, "-m", "scex_sumo", "--help"],
+        "run up to its first step": [sys.executable, "-c", first_step],
+    }
+    found = {}
+    for name, command in commands.items():
+        walls = []
+        for _ in range(3):
+            begin = time.perf_counter()
+            subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+            walls.append(time.perf_counter() - begin)
+        found[name] = min(walls)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("map", type=Path, nargs="?", default=DEFAULT_MAP)
+    parser.add_argument("--children", type=int, default=385)
+    parser.add_argument("--vehicles", type=int, default=11)
+    parser.add_argument("--steps", type=int, default=30)
+    parser.add_argument("--replan", type=int, default=5)
+    parser.add_argument("--models", default=DEFAULT_MODELS, help=f"'all' for {SIX}")
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--workers", type=int, default=0, help="also the wall time with so many processes")
+    parser.add_argument("--start", action="store_true", help="also what passes until the first step")
+    options = parser.parse_args()
+    options.models = SIX if options.models == "all" else options.models
+    scene = synthetic_seed(options.map, vehicles=options.vehicles)
+    total = options.children * options.vehicles * options.steps
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        tracks = write_tracks(folder / "tracks.csv", scene)
+        load_sumo()
+        first = whole_run(options.map, tracks, folder / "out", options)  # imports and caches of the process
+        poses = poses_of_run(first, scene)
+        net = first.net.path
+        bare, tiled, runs = [], [], []
+        for _ in range(options.repeat):
+            bare.append(sum(bare_loop(net, poses).values()))
+            tiled.append(sum(bare_loop(net, poses, tiles=TILE_SLOTS).values()))
+            with measured() as stages:
+                whole_run(options.map, tracks, folder / "out", options)
+            runs.append(stages.spent)
+        print(
+            f"{options.map.stem}, {options.children} children x {options.vehicles} vehicles x {options.steps} steps"
+        )
+        print(f"models: {options.models}\n")
+        report(bare, tiled, runs, total)
+        if options.workers:
+            walls = [_wall(options, tracks, folder, workers) for workers in (1, options.workers)]
+            print(f"\nwall time: one process {walls[0]:.2f} s, {options.workers} processes {walls[1]:.2f} s")
+        if options.start:
+            for what, seconds in start_times(options.map, tracks).items():
+                print(f"{what}: {seconds:.2f} s from the start of the interpreter")
+    print(f"peak memory of this process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
+
+
+def _wall(options: argparse.Namespace, tracks: Path, folder: Path, workers: int) -> float:
+    walls = []
+    for _ in range(options.repeat):
+        begin = time.perf_counter()
+        whole_run(options.map, tracks, folder / "out", options, workers)
+        walls.append(time.perf_counter() - begin)
+    return statistics.median(walls)
+
+
+def report(bare: list[float], tiled: list[float], runs: list[Counter[str]], total: int) -> None:
+    """The table: seconds, microseconds per vehicle-step, share of the whole run."""
+    whole = statistics.median(sum(run.values()) for run in runs)
+    print(f"{'':22s} {'s':>7s} {'us':>7s} {'share':>6s}")
+    for name in (*STAGES, "rest"):
+        seconds = statistics.median(run[name] for run in runs)
+        print(f"{name:22s} {seconds:7.3f} {1e6 * seconds / total:7.2f} {seconds / whole:6.1%}")
+    print(f"{'whole run':22s} {whole:7.3f} {1e6 * whole / total:7.2f}")
+    for name, loops in (("bare loop", bare), ("bare loop in tiles", tiled)):
+        seconds = statistics.median(loops)
+        ratio = statistics.median(sum(run.values()) / loop for run, loop in zip(runs, loops, strict=True))
+        print(f"{name:22s} {seconds:7.3f} {1e6 * seconds / total:7.2f}   run: {ratio:.2f} x")
+
+
+if __name__ == "__main__":
+    main()
