@@ -80,11 +80,11 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], str]] = {
     "emergency_brake": (EmergencyBrake, "brakes to a standstill along its path"),
     "graph_predictor": (
         GraphPredictor,
-        "learned: accelerations along its path, from the semantic scene graph",
+        "learned: motion along its path, from the semantic scene graph",
     ),
     "graph_image_predictor": (
         GraphImagePredictor,
-        "learned: accelerations and steering, from the scene graph and the road seen from above",
+        "learned: motion from the scene graph and the road seen from above, weighed by attention",
     ),
     "replay": (Replay, "repeats the recorded future, then constant velocity along its path"),
 }

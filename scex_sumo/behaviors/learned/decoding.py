@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.behaviors.learned.surface import path_room
-from scex_sumo.behaviors.motion import drive
+from scex_sumo.behaviors.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive
 from scex_sumo.behaviors.paths import SeedPaths
 from scex_sumo.behaviors.projection import expected_way, project
 from scex_sumo.lines import wrap
@@ -14,8 +14,8 @@ from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, Plan, Scene
 
 RETURN_S = 3.0  # a driver who does not steer otherwise comes back to the path with this time constant
 EDGE_MARGIN_M = 0.1  # of the box to the edge of the drivable surface
-NARROWING_STEPS = 10  # so early a driver makes way for a narrower place
-SMOOTHING_STEPS = 2  # to both sides
+ASIDE_SPEED = 0.8  # m/s; so fast a driver moves aside for a narrower place ahead
+SMOOTHING_STEPS = 4  # to both sides
 STANDING_M = 0.01  # per step; a free trajectory that moves less keeps its heading
 
 
@@ -50,14 +50,20 @@ def plan_along(
     """
     own = history.now[who.child, who.vehicle] if start is None else start
     s, present, _ = project(paths, row, own.x, own.y, expected_way(history, who))
-    steps = acceleration.shape[1]
+    steps, way = acceleration.shape[1], way_of(own.speed, acceleration)
     if offset is None:
         wanted = present[:, None] * np.exp(-STEP_S / return_s * np.arange(steps + 1))
     else:
-        wanted = _smoothed(np.concatenate([present[:, None], offset], axis=1))
-    if road is not None:
+        wanted = np.concatenate([present[:, None], offset], axis=1)
+    if road is None:
+        wanted = _smoothed(wanted)
+    else:
         half = history.seed.width[who.vehicle] / 2 + EDGE_MARGIN_M
-        wanted = within_road(road, paths, row, s, way_of(own.speed, acceleration), wanted, half)
+        least, most = bounds_along(road, paths, row, s, way, half)
+        # Smoothed once it is bounded, so that the vehicle is not still on its way out at the edge.
+        wanted = np.clip(_smoothed(np.clip(wanted, least, most)), least, most)
+    # What follows the path is the rear axle.
+    wanted = wanted - (REAR_AXLE_SHARE * history.seed.length[who.vehicle])[:, None] * _slope(wanted, way)
 
     def accelerate(step: int, v: FloatArray, travelled: FloatArray, at: FloatArray) -> FloatArray:
         return acceleration[:, step]
@@ -66,7 +72,7 @@ def plan_along(
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:
-    """Offsets without the corners that they have at the knots: a mean over half a second, applied twice.
+    """Offsets without the corners that they have at the knots: a mean over 0.9 s, applied twice.
 
     Ends are continued straight, so that a straight line stays as it is.
     """
@@ -92,42 +98,43 @@ def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
     return way
 
 
-def within_road(
-    road: Road,
-    paths: SeedPaths,
-    row: IntArray,
-    s: FloatArray,
-    way: FloatArray,
-    offset: FloatArray,
-    half_width: FloatArray,
-) -> FloatArray:
-    """Offsets bounded so that a box along the path stays on the drivable surface.
+def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
+    """(n, H + 1) change of the offset per metre of way; 0 for who stands."""
+    change, moved = np.diff(offset, axis=1), np.diff(way, axis=1)
+    slope = np.where(moved > STANDING_M, change / np.maximum(moved, STANDING_M), 0.0)
+    whole: FloatArray = np.concatenate([slope, slope[:, -1:]], axis=1)
+    return np.clip(whole, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD, out=whole)
 
-    Where the road is narrower than the box, the middle of the road is aimed at.
+
+def bounds_along(
+    road: Road, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray, half_width: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(n, H + 1) least and most offset with which a box along the path stays on the drivable surface, m.
+
+    Where the road is narrower than the box, both are the middle of the road.
 
     Args:
         road: the map.
         paths: paths of the seed scene.
         row: (n,) path of each vehicle.
         s: (n,) arc length of its centre now, m.
-        way: (n, H + 1) further way after each step, m.
-        offset: (n, H + 1) m.
+        way: (n, H + 1) further way now and after each step, m.
         half_width: (n,) m.
     """
     left, right = path_room(road, paths).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
-    most, least = _narrowest(left) - half_width[:, None], half_width[:, None] - _narrowest(right)
-    middle = (most + least) / 2
-    narrow = most < least
-    bounded: FloatArray = np.clip(offset, np.where(narrow, middle, least), np.where(narrow, middle, most))
-    return bounded
+    most, least = (
+        _ahead_of_narrows(left) - half_width[:, None],
+        half_width[:, None] - _ahead_of_narrows(right),
+    )
+    middle, narrow = (most + least) / 2, most < least
+    return np.where(narrow, middle, least), np.where(narrow, middle, most)
 
 
-def _narrowest(room: FloatArray) -> FloatArray:
-    """(n, H + 1) smallest room within the next steps."""
-    padded = np.pad(room, ((0, 0), (0, NARROWING_STEPS)), mode="edge")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, NARROWING_STEPS + 1, axis=1)
-    narrowest: FloatArray = windows.min(axis=2)
-    return narrowest
+def _ahead_of_narrows(room: FloatArray) -> FloatArray:
+    """(n, H + 1) room from which what is left later can be reached at `ASIDE_SPEED`."""
+    reach = ASIDE_SPEED * STEP_S * np.arange(room.shape[1])
+    reachable: FloatArray = np.minimum.accumulate((room + reach)[:, ::-1], axis=1)[:, ::-1] - reach
+    return reachable
 
 
 def plan_freely(history: SceneHistory, who: Who, free: FloatArray) -> Plan:

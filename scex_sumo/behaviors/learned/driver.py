@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from scex_sumo.behaviors.fallback import follow_path
 from scex_sumo.behaviors.learned.batches import map_image, path_batch, scene_batch
-from scex_sumo.behaviors.learned.decoding import RETURN_S, plan_along, plan_freely
+from scex_sumo.behaviors.learned.decoding import plan_along, plan_freely
 from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictorProfile
 from scex_sumo.behaviors.learned.graph_predictor import GraphPredictorProfile
 from scex_sumo.behaviors.learned.inputs import PathInputs, path_inputs
@@ -66,9 +66,12 @@ def loaded(file: Path, kind: str, sha256: str) -> Loaded:
     """The network of a file, made exact.
 
     Raises:
-        InputError: see `load_weights`; or weights so large that the network could not be exact.
+        InputError: see `load_weights`; or the file has changed since its hash was taken, or weights are so
+            large that the network could not be exact.
     """
     net, meta = load_weights(file, kind)
+    if meta["sha256"] != sha256:
+        raise InputError(f"{file}: has changed since the run began; run again")
     share = make_exact(net)
     if not share < 1:
         raise InputError(f"{file}: weights add up to {share:.0f} times the most that is exact; train again")
@@ -185,7 +188,6 @@ class LearnedDriver:
             acceleration[finite],
             None if offset is None else offset[finite],
             road=road,
-            return_s=float(self.meta.get("return_s", RETURN_S)),
         )
         return made, finite
 

@@ -1,4 +1,4 @@
-"""Graph Predictor: accelerations along the path, learned from recordings, from the semantic scene graph."""
+"""Graph Predictor: motion along the path, learned from recordings, from the semantic scene graph."""
 
 from __future__ import annotations
 
@@ -63,11 +63,10 @@ def weights_file(name: str, given: str) -> Path:
 
 
 class GraphPredictor:
-    """Drives along its path with the accelerations that a graph network predicts.
+    """Drives along its path with the accelerations and the offset that a graph network predicts.
 
-    The network sees all vehicles with their last second, related by the lanes, and the path ahead. It comes
-    back to the path slowly from the offset that it has. Vehicles off the map are left to the path-following
-    driver.
+    The network sees all vehicles with their last second, related by the lanes, the path ahead and who is on
+    it. Vehicles off the map are left to the path-following driver.
     """
 
     def __init__(self, profile: GraphPredictorProfile) -> None:

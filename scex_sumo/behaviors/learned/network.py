@@ -57,7 +57,7 @@ class Modes(NamedTuple):
     Attributes:
         logits: (n, M) of the modes.
         acceleration: (n, M, H) m/s², between -9 and 5.
-        offset: (n, M, H) wanted distance left of the path, m; None where the network does not steer.
+        offset: (n, M, H) wanted distance left of the path, m; None without that head.
         path_logit: (n,) of the path among the candidates of its vehicle.
         free: (n, M, H, 2) x ahead and y to the left of the present pose, m; None without that head.
     """

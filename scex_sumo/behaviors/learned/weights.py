@@ -34,8 +34,9 @@ def save_weights(path: str | Path, net: GraphPredictorNet | GraphImageNet, meta:
     Args:
         path: the file.
         net: the network.
-        meta: plain values: training command, data, figures. Two steer the driver: ``return_s`` (see
-            `plan_along`) and ``best`` (``expected`` takes mode 0, ``likeliest`` that with the largest logit).
+        meta: plain values: training command, data, figures. One steers the driver: with mode=best, ``best``
+            says whether it takes the ``expected`` mode (the default) or that with the largest logit
+            (``likeliest``).
     """
     state = {
         key: value.detach().float().cpu() if value.is_floating_point() else value.cpu()

@@ -1,0 +1,203 @@
+"""The learned drivers as behaviour models, with random weights."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.fallback import follow_path
+from scex_sumo.behaviors.learned.driver import loaded
+from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
+from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
+from scex_sumo.behaviors.learned.surface import surface_of
+from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.errors import InputError
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, Who
+from tests.behaviors import roads
+from tests.behaviors.learned import nets
+
+NAMES = ("graph_predictor", "graph_image_predictor")
+ROAD = roads.fork()
+STATES = ("x", "y", "heading", "speed")
+
+
+def crowd() -> SeedScene:
+    """Eleven vehicles on the fork's lanes."""
+    rng = np.random.default_rng(3)
+    x = np.linspace(2.0, 105.0, 11)
+    return roads.seed(*zip(x, rng.normal(0, 0.3, 11), rng.normal(0, 0.03, 11), rng.uniform(0, 14, 11)))  # noqa: B905
+
+
+SCENE = crowd()
+
+
+def driver(folder: Path, text: str, scene: SeedScene = SCENE) -> Behavior:
+    name = text.partition(":")[0]
+    file = nets.untrained(folder, name, scene, ROAD)
+    return build(parse_models(f"{text}:weights={file}")[0])
+
+
+def apart(children: int) -> SceneHistory:
+    """Children that have come apart, with draws of their own."""
+    rng = np.random.default_rng(4)
+    history = roads.present(SCENE, children, rng.random((children, SCENE.vehicles)))
+    for values, spread in ((history.states.x, 0.5), (history.states.y, 0.2), (history.states.heading, 0.02)):
+        values += rng.normal(0, spread, (children, SCENE.vehicles, 1))
+    return replace(history, step=5)
+
+
+def same(one: Plan, other: Plan, rows: slice | np.ndarray = slice(None)) -> bool:
+    return all(np.array_equal(getattr(one, key)[rows], getattr(other, key)) for key in STATES)
+
+
+@pytest.mark.parametrize("text", [*NAMES, "graph_image_predictor:attention=0", "graph_predictor:mode=draw"])
+def test_nobody_reverses_and_every_box_stays_on_the_road(tmp_path: Path, text: str) -> None:
+    straight = roads.straight()
+    scene = roads.seed(*[(20.0 + 15 * k, 0.1 * (k % 5 - 2), 0.0, float(k)) for k in range(12)])
+    made = roads.plan(driver(tmp_path, text, scene), straight, roads.present(scene))
+    assert made.speed.min() >= 0
+    assert made.x.shape == (12, 30)
+    assert np.abs(made.y).max() < 1.75 - 0.9 + 0.25  # a cell of the surface
+    assert surface_of(straight).at(made.x, made.y).min() > 0
+
+
+@pytest.mark.parametrize("text", [*NAMES, "graph_image_predictor:head=free", "graph_predictor:mode=draw"])
+def test_a_child_gets_the_same_bytes_in_any_batch_from_any_process_on_any_threads(
+    tmp_path: Path, text: str
+) -> None:
+    model = driver(tmp_path, text)
+    history = apart(64)
+    whole = roads.plan(model, ROAD, history)
+    again = pickle.loads(pickle.dumps(model))
+    threads = torch.get_num_threads()
+    for size in (1, 7):
+        torch.set_num_threads(1 if size == 1 else 2)
+        try:
+            for first in range(0, 64 if size > 1 else 12, size):
+                some = slice(first, min(first + size, 64))
+                part = replace(
+                    history,
+                    states=history.states[some],
+                    children=history.children[some],
+                    route_draw=history.route_draw[some],
+                )
+                rows = slice(some.start * SCENE.vehicles, some.stop * SCENE.vehicles)
+                assert same(whole, roads.plan(again, ROAD, part), rows)
+        finally:
+            torch.set_num_threads(threads)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_who_else_is_asked_for_does_not_matter(tmp_path: Path, name: str) -> None:
+    model = driver(tmp_path, name)
+    history = apart(5)
+    whole, everyone = roads.plan(model, ROAD, history), roads.every(history)
+    some = np.arange(2, len(everyone), 3)
+    who = Who(child=everyone.child[some], vehicle=everyone.vehicle[some])
+    assert same(whole, roads.plan(model, ROAD, history, who), some)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_vehicles_off_the_map_are_left_to_the_path_following_driver_and_counted(
+    tmp_path: Path, name: str
+) -> None:
+    scene = roads.seed((8.0, 0.0, 0.0, 6.0), (20.0, 60.0, 1.0, 5.0), (35.0, 0.0, 0.0, 4.0))
+    history = roads.present(scene, 2)
+    made = roads.plan(driver(tmp_path, name, scene), ROAD, history)
+    assert made.fallback is not None
+    assert made.fallback.tolist() == [False, True, False] * 2
+    assert made.reasons[1] == "was not on a mapped lane in the seed scene"
+    assert made.reasons[0] == ""
+    alone = follow_path(history, ROAD, Who(child=np.arange(2), vehicle=np.ones(2, dtype=int)))
+    assert same(made, alone, np.array([1, 4]))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_scene_off_the_map_altogether_still_drives(tmp_path: Path, name: str) -> None:
+    scene = roads.seed((20.0, 60.0, 1.0, 5.0))
+    made = roads.plan(driver(tmp_path, name), ROAD, roads.present(scene))
+    assert made.fallback is not None
+    assert made.fallback.all()
+    assert np.isfinite(made.x).all()
+
+
+def test_nobody_to_plan_for_is_an_empty_plan(tmp_path: Path) -> None:
+    nobody = Who(child=np.zeros(0, dtype=int), vehicle=np.zeros(0, dtype=int))
+    made = roads.plan(driver(tmp_path, "graph_predictor"), ROAD, roads.present(SCENE), nobody)
+    assert made.x.shape == (0, 30)
+
+
+def modes_driven(model: Behavior, history: SceneHistory) -> np.ndarray:
+    """(n,) which mode each vehicle drives, as the driver chooses it."""
+    assert isinstance(model, GraphPredictor | GraphImagePredictor)
+    who = roads.every(history)
+    paths, row = model.driver._paths(history, ROAD, who)
+    _, modes = model.driver.predict(history, ROAD, who, paths, row)
+    return model.driver._modes(history, ROAD, who, row, modes)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_drawn_mode_is_as_frequent_as_it_is_probable_and_stays(tmp_path: Path, name: str) -> None:
+    model = driver(tmp_path, f"{name}:mode=draw")
+    assert isinstance(model, GraphPredictor | GraphImagePredictor)
+    children = 500
+    draw = np.random.default_rng(0).random((children, SCENE.vehicles))
+    history = roads.present(SCENE, children, draw)
+    driven = modes_driven(model, history).reshape(children, SCENE.vehicles)
+    upper = model.driver._choice(SCENE, ROAD).modes
+    _, row = model.driver._paths(history, ROAD, roads.every(history))
+    shares = np.diff(upper[row[: SCENE.vehicles]], axis=1, prepend=0.0)
+    counted = np.stack([(driven == mode).mean(0) for mode in range(shares.shape[1])], 1)
+    assert np.abs(counted - shares).max() < 4 * np.sqrt(0.25 / children)
+    later = replace(apart(64), route_draw=draw[:64])
+    assert np.array_equal(modes_driven(model, later), driven[:64].ravel())
+
+
+def test_the_best_mode_is_the_expected_one(tmp_path: Path) -> None:
+    assert not modes_driven(driver(tmp_path, "graph_predictor"), apart(3)).any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_likeliest_path_is_the_networks_own_and_the_same_in_all_children(
+    tmp_path: Path, name: str
+) -> None:
+    model = driver(tmp_path, f"{name}:path=likeliest")
+    assert isinstance(model, GraphPredictor | GraphImagePredictor)
+    history = apart(4)
+    paths, row = model.driver._paths(history, ROAD, roads.every(history))
+    assert (row.reshape(4, -1) == row[: SCENE.vehicles]).all()
+    now = roads.present(SCENE)
+    vehicle = np.repeat(np.arange(SCENE.vehicles), paths.count)
+    pairs = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+    _, modes = model.driver.predict(now, ROAD, pairs, paths, np.arange(len(vehicle)))
+    for v in range(SCENE.vehicles):
+        mine = np.flatnonzero(vehicle == v)
+        assert modes.path_logit[mine].max() - modes.path_logit[int(row[v])] < 1e-3
+    assert (paths.count > 1).any()
+
+
+def test_attention_changes_what_is_driven(tmp_path: Path) -> None:
+    plans = [
+        roads.plan(driver(tmp_path, f"graph_image_predictor:attention={w}"), ROAD, roads.present(SCENE)).x
+        for w in (0, 0.5, 1)
+    ]
+    assert np.abs(plans[0] - plans[1]).max() > 0.01
+    assert np.abs(plans[1] - plans[2]).max() > 0.01
+
+
+def test_weights_that_change_while_a_run_goes_on_are_not_mixed(tmp_path: Path) -> None:
+    model = driver(tmp_path, "graph_predictor")
+    assert isinstance(model, GraphPredictor)
+    before, sha256 = roads.plan(model, ROAD, roads.present(SCENE)), model.weights_sha256
+    file = nets.untrained(tmp_path, "graph_predictor", SCENE, ROAD, modes=3)
+    assert same(before, roads.plan(model, ROAD, roads.present(SCENE)))
+    assert model.weights_sha256 == sha256
+    loaded.cache_clear()  # as in another process
+    with pytest.raises(InputError, match=f"{file}: has changed since the run began; run again"):
+        roads.plan(pickle.loads(pickle.dumps(model)), ROAD, roads.present(SCENE))
