@@ -51,13 +51,13 @@ def train_command(request: TrainRequest) -> None:
     assert request.out is not None
     device = _device(request.device)
     dataset, rooms = _dataset(request)
-    given = {"epochs": request.epochs, "rounds": request.rounds}
     options = TrainOptions(
         kind=request.kind,  # type: ignore[arg-type]  # checked above
         seed=request.seed,
         minutes=request.minutes,
+        epochs=TrainOptions.epochs if request.epochs is None else request.epochs,
+        rounds=TrainOptions.rounds if request.rounds is None else request.rounds,
         sizes={} if request.edges else {"edges": False},
-        **{name: value for name, value in given.items() if value is not None},
     )
     folder = request.out.with_name(request.out.name + ".training")
     run = Trainer(dataset, options, device=device, drift=rooms(options), folder=folder)

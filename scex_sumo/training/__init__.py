@@ -1,1 +1,1 @@
-"""Training the learned drivers: samples from recordings, losses, the training loop. Never loaded by ``run``."""
+"""Training the learned drivers: samples from recordings, losses, the loop. Never loaded by ``run``."""

@@ -1,4 +1,4 @@
-"""Checkpoints of a training run: written whole after every epoch, and enough to go on as if nothing happened."""
+"""Checkpoints of a training run: written after every epoch, and enough to go on as if nothing happened."""
 
 from __future__ import annotations
 

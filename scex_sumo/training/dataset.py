@@ -30,16 +30,34 @@ from scex_sumo.training.samples import Samples, learnable, scene_samples
 from scex_sumo.training.split import Part, Split, split_moments
 
 # What samples depend on besides the recordings: a change of these modules makes them anew.
-_MODULES = tuple(
-    f"scex_sumo.{name}"
-    for name in (
-        "behaviors.lane_relations behaviors.leaders behaviors.learned.inputs behaviors.learned.surface "
-        "behaviors.paths behaviors.perception behaviors.projection behaviors.road_index "
-        "behaviors.scene_edges behaviors.scene_graph behaviors.scene_nodes behaviors.smoothing "
-        "converters.recordings converters.recordings_read converters.tracks_moments "
-        "converters.tracks_repair converters.tracks_sample converters.tracks_scene matching routes "
-        "training.dataset training.perturb training.samples training.split training.targets"
-    ).split()
+_MODULES = (
+    "scex_sumo.behaviors.lane_relations",
+    "scex_sumo.behaviors.leaders",
+    "scex_sumo.behaviors.learned.inputs",
+    "scex_sumo.behaviors.learned.surface",
+    "scex_sumo.behaviors.paths",
+    "scex_sumo.behaviors.perception",
+    "scex_sumo.behaviors.projection",
+    "scex_sumo.behaviors.road_index",
+    "scex_sumo.behaviors.scene_edges",
+    "scex_sumo.behaviors.scene_graph",
+    "scex_sumo.behaviors.scene_nodes",
+    "scex_sumo.behaviors.smoothing",
+    "scex_sumo.converters.recordings",
+    "scex_sumo.converters.recordings_read",
+    "scex_sumo.converters.tracks_align",
+    "scex_sumo.converters.tracks_moments",
+    "scex_sumo.converters.tracks_repair",
+    "scex_sumo.converters.tracks_sample",
+    "scex_sumo.converters.tracks_scene",
+    "scex_sumo.converters.tracks_smooth",
+    "scex_sumo.matching",
+    "scex_sumo.routes",
+    "scex_sumo.training.dataset",
+    "scex_sumo.training.perturb",
+    "scex_sumo.training.samples",
+    "scex_sumo.training.split",
+    "scex_sumo.training.targets",
 )
 MOST_MOMENTS = 1000  # of a short recording moments lie nearer together, at least 0.1 s apart
 FINEST_S = 0.1

@@ -1,4 +1,4 @@
-"""Copies of a scene in which vehicles are a little off the place and the direction they were recorded with."""
+"""Copies of a scene in which vehicles are a little off the place and direction they were recorded with."""
 
 from __future__ import annotations
 

@@ -85,12 +85,10 @@ class Samples:
     @classmethod
     def concatenate(cls, parts: Sequence[Samples]) -> Samples:
         """All graphs of several sets of samples; the sets must be of one kind."""
-        joined = {
-            f.name: np.concatenate(
-                [getattr(p, f.name) for p in parts], axis=1 if f.name == "edge_index" else 0
-            )
-            for f in fields(cls)
-        }
+        joined = {}
+        for f in fields(cls):
+            axis = 1 if f.name == "edge_index" else 0
+            joined[f.name] = np.concatenate([getattr(part, f.name) for part in parts], axis=axis)
         return cls(**joined)
 
 

@@ -2,37 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.paths import BEHIND_M, SeedPaths
 from scex_sumo.behaviors.projection import project
-from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, States
+from scex_sumo.scene import BoolArray, FloatArray, IntArray, States
 
 AMBIGUOUS_M = 0.3  # two paths this alike over the recorded future are both right
 RETURN_S = 2.5  # how long a driver takes to come back to where the recorded one drove
 RETURN_M = 12.0  # and the shortest way for it: who stands does not move sideways
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Targets:
-    """Recorded futures of n vehicles, each along one of its paths.
-
-    Attributes:
-        row: (n,) the path of `SeedPaths`; a vehicle has several where several are right.
-        vehicle: (n,) index into the seed scene.
-        s: (n, H) m along the path from the foot point of the vehicle's present place.
-        d: (n, H) m left of the path.
-        start_d: (n,) m left of the path now.
-    """
-
-    row: IntArray
-    vehicle: IntArray
-    s: FloatArray
-    d: FloatArray
-    start_d: FloatArray
 
 
 def along_paths(
@@ -112,8 +90,3 @@ def smooth_return(displaced: FloatArray, slope: FloatArray, speed: FloatArray, w
     lean = u - u**3 * (6 - 8 * u + 3 * u**2)
     back: FloatArray = displaced[:, None] * keep + slope[:, None] * length * lean
     return back
-
-
-def plan_times() -> FloatArray:
-    """(H,) s after the moment of the steps of a plan."""
-    return STEP_S * np.arange(1, PLAN_STEPS + 1)

@@ -56,6 +56,7 @@ class TrainOptions:
         gradient: longest gradient.
         dropout: share of hidden values that is dropped in training.
         noise: spread of the noise on all scaled inputs, in their own standard deviations.
+        balance: a site counts like the number of its vehicles to the power of 1 minus this.
         unlinked: share of the graph's edges that is dropped in training.
         sizes: numbers of `Architecture` that differ from the shipped ones.
         weights: of the parts of the loss.
@@ -75,6 +76,7 @@ class TrainOptions:
     dropout: float = 0.1
     noise: float = 0.0
     unlinked: float = 0.0
+    balance: float = 0.5
     sizes: dict[str, int | bool] = field(default_factory=dict)
     weights: LossWeights = field(default_factory=LossWeights)
 
@@ -131,7 +133,7 @@ class Trainer:
         self.optimizer = torch.optim.AdamW(
             _groups(self.net, options.decay), lr=options.rate, betas=(0.9, 0.98)
         )
-        self.site_weight = site_weights(dataset)
+        self.site_weight = site_weights(dataset, options.balance)
         self.images = Images.of_roads(dataset.roads, device) if options.kind == "hybrid" else None
         self.train = Batches(dataset.train, self.site_weight, device)
         self.validation = Batches(dataset.validation, self.site_weight, device)
@@ -188,7 +190,7 @@ class Trainer:
         self.train = Batches(whole, self.site_weight, self.device)
 
     def _epoch(self, tick: Callable[[int, int], None] | None) -> dict[str, float]:
-        """One pass over the samples; drawn from the seed and the epoch's number alone, so that runs resume."""
+        """One pass over the samples; all draws follow from seed and epoch alone, so that runs resume."""
         options = self.options
         rng = np.random.default_rng([options.seed, self.epoch])
         torch.manual_seed(options.seed * 100_003 + self.epoch)
@@ -279,12 +281,12 @@ class Trainer:
         return {"dataset": self.dataset.digest, **asdict(self.options), "minutes": 0.0}
 
 
-def site_weights(dataset: Dataset) -> FloatArray:
-    """(S,) weights: a site counts like the square root of its vehicles, so that large ones do not rule."""
+def site_weights(dataset: Dataset, balance: float) -> FloatArray:
+    """(S,) weights of a site's vehicles, 1 on average over sites of one size; see `TrainOptions.balance`."""
     train = dataset.train
     site = np.repeat(train.site, train.pairs)[train.right]
     count = np.maximum(np.bincount(site, minlength=len(dataset.sites)), 1)
-    weight: FloatArray = np.sqrt(count.mean() / count)
+    weight: FloatArray = (count.mean() / count) ** balance
     return weight
 
 
@@ -310,7 +312,7 @@ def _copy(net: Net) -> Net:
 
 
 def _roughen(net: Net, options: TrainOptions) -> None:
-    """Dropout after every ReLU and noise on scaled inputs, in training only; the network itself has neither."""
+    """Dropout after every ReLU and noise on scaled inputs, in training only; they are not the network's."""
 
     def drop(module: nn.Module, given: Any, out: Tensor) -> Tensor:
         return nn.functional.dropout(out, options.dropout, module.training)

@@ -1,0 +1,233 @@
+"""How well learned drivers predict and drive, against rule-based ones and what they were to reach.
+
+    python benchmarks/predictors.py OUT --data FOLDER... train    trains all networks that OUT does not have
+    python benchmarks/predictors.py OUT --data FOLDER... errors   3 s of prediction on the test part
+    python benchmarks/predictors.py OUT --data FOLDER... loop     10 s of closed loop from perturbed starts
+    python benchmarks/predictors.py OUT table                     the results so far as Markdown
+
+Everything is kept in OUT, and only what is missing there is done: weights as ``NAME.pt``, numbers in
+``results.json``. ``--only WORD`` restricts a part to names with that word; ``--seeds`` says how many
+trainings the means are over. FOLDER is searched for recordings; without it those of SCEX_DATA, else
+../shared/data.
+
+Test part: the last fifth of each recording, at least 1 s after what validation may use; every 0.5 s; vehicles
+with 1 s of recorded past and 3 s of recorded future, standing ones too. Errors are those of the plan that the
+model drives, means over vehicles. Closed loop: all vehicles of a scene, put off by up to 0.7 m and 5 degrees,
+driven by the model for 10 s.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import predictors_measures as measures
+from predictors_report import tables
+
+from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.guard import Guarded
+from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor, GraphImagePredictorProfile
+from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor, GraphPredictorProfile
+from scex_sumo.behaviors.registry import ModelSpec, build
+from scex_sumo.commands.train import TrainRequest, train_command
+from scex_sumo.converters.recordings import Recording, find_recordings
+
+ERRORS_EVERY_S = 0.5
+LOOP_EVERY_S = 4.0
+RULES = ("constant_velocity", "standard_driver", "risky_driver", "calibrated_driver")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Training:
+    """One network to train."""
+
+    name: str
+    kind: str
+    seed: int
+    leave_out: str = ""
+    edges: bool = True
+
+
+def trainings(sites: Sequence[str], seeds: int) -> Iterator[Training]:
+    """All networks of the tables: seeds, the ablation without edges, and each site left out."""
+    for kind in ("graph", "hybrid"):
+        for seed in range(seeds):
+            yield Training(name=f"{kind}-{seed}", kind=kind, seed=seed)
+    for seed in range(seeds):
+        yield Training(name=f"graph-noedges-{seed}", kind="graph", seed=seed, edges=False)
+    for seed in range(seeds):
+        for site in sites:
+            yield Training(name=f"graph-without-{site}-{seed}", kind="graph", seed=seed, leave_out=site)
+
+
+def train(out: Path, roots: Sequence[Path], wanted: Sequence[Training]) -> None:
+    """Train what is not there yet."""
+    for training in wanted:
+        file = out / f"{training.name}.pt"
+        if file.exists():
+            continue
+        begun = time.process_time()
+        train_command(
+            TrainRequest(
+                kind=training.kind,
+                roots=tuple(roots),
+                out=file,
+                seed=training.seed,
+                leave_out=(training.leave_out,) if training.leave_out else (),
+                edges=training.edges,
+                resume=True,
+            )
+        )
+        print(f"{training.name}: {time.process_time() - begun:.0f} s of processor time", flush=True)
+
+
+def learned(file: Path, kind: str, *, attention: float = 0.5, head: str = "bounded") -> Any:
+    """A learned driver with a file of weights."""
+    if kind == "graph":
+        return GraphPredictor(GraphPredictorProfile(path="likeliest", weights=str(file)))
+    return GraphImagePredictor(
+        GraphImagePredictorProfile(path="likeliest", weights=str(file), attention=attention, head=head)
+    )
+
+
+def variants(out: Path, wanted: Sequence[Training]) -> Iterator[tuple[str, str, Callable[[], Any]]]:
+    """(name, site or "", constructor) of every driver that is measured."""
+    for name in RULES:
+        yield name, "", lambda name=name: build(ModelSpec(name=name))  # type: ignore[misc]
+    for training in wanted:
+        file = out / f"{training.name}.pt"
+        if not file.exists():
+            continue
+        given: list[tuple[str, dict[str, Any]]] = [("", {})]
+        if training.kind == "hybrid":
+            given += [("-w0", {"attention": 0.0}), ("-w1", {"attention": 1.0}), ("-free", {"head": "free"})]
+        for suffix, options in given:
+
+            def make(file: Path = file, kind: str = training.kind, options: dict[str, Any] = options) -> Any:
+                return learned(file, kind, **options)
+
+            name = training.name.rpartition("-")
+            yield f"{name[0]}{suffix}-{name[2]}", training.leave_out, make
+
+
+def measure_errors(scenes: Sequence[measures.TestScene], model: Behavior | None) -> dict[str, Any]:
+    """Sums of errors and counts by site, of all vehicles and of those that move at the moment."""
+    sums: dict[str, Any] = {}
+    for test in scenes:
+        vehicle = measures.learnable(test.scene)
+        if model is None:
+            off = measures.straight_on(test.scene, vehicle)
+        else:
+            off = measures.planned(test, model, vehicle)
+        driver = getattr(model, "driver", None)
+        free = getattr(driver, "free", False)
+        best = None if driver is None or free else measures.best_of_six(test, driver, vehicle)
+        moves = measures.moving(test.scene, vehicle)
+        for group, chosen in (("all", np.ones_like(moves)), ("moving", moves)):
+            entry = sums.setdefault(f"{test.dataset}|{test.site}|{group}", [0, 0.0, 0.0, 0.0])
+            entry[0] += int(chosen.sum())
+            entry[1] += float(off[chosen].mean(1).sum())
+            entry[2] += float(off[chosen, -1].sum())
+            entry[3] += float("nan") if best is None else float(best[chosen].sum())
+    return sums
+
+
+def measure_loop(scenes: Sequence[measures.TestScene], model: Behavior) -> dict[str, Any]:
+    """Counts by site: vehicles driven, that left the road, that collided, that braked or accelerated hard."""
+    sums: dict[str, Any] = {}
+    for test in scenes:
+        found = measures.closed_loop(test, model)
+        entry = sums.setdefault(f"{test.dataset}|{test.site}", [0, 0, 0, 0])
+        for k, flags in enumerate((found.driven, found.left, found.collided, found.hard)):
+            entry[k] += int((flags & found.driven).sum())
+    return sums
+
+
+def recorded_loop(scenes: Sequence[measures.TestScene]) -> dict[str, Any]:
+    """The same counts of what was recorded, as long as it was (at most 5 s), not perturbed."""
+    sums: dict[str, Any] = {}
+    for test in scenes:
+        seed = test.scene
+        assert seed.future is not None
+        found = measures.judged(seed, test.road, seed.future)
+        entry = sums.setdefault(f"{test.dataset}|{test.site}", [0, 0, 0, 0])
+        for k, flags in enumerate((found.driven, found.left, found.collided, found.hard)):
+            entry[k] += int((flags & found.driven).sum())
+    return sums
+
+
+class Results:
+    """Numbers in a file, written after each new one."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self.numbers: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}
+
+    def add(self, key: str, make: Callable[[], Any]) -> None:
+        """Measure unless it is there already."""
+        if key in self.numbers:
+            return
+        begun = time.process_time()
+        found = make()
+        # Another part may have written meanwhile.
+        self.numbers = json.loads(self.file.read_text()) if self.file.exists() else {}
+        self.numbers[key] = found
+        self.file.write_text(json.dumps(self.numbers, indent=1))
+        print(f"{key}: {time.process_time() - begun:.0f} s", flush=True)
+
+
+def _of_site(scenes: Sequence[measures.TestScene], site: str) -> list[measures.TestScene]:
+    return [test for test in scenes if not site or test.site == site]
+
+
+def _recordings(given: Sequence[Path]) -> tuple[tuple[Recording, ...], tuple[Path, ...]]:
+    root = Path(os.environ.get("SCEX_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+    roots = tuple(given) or (root / "mona", root / "taf_bw")
+    return find_recordings(roots), roots
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("part", choices=("train", "errors", "loop", "table"))
+    parser.add_argument("--data", type=Path, action="append", default=[])
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--only", default="")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    results = Results(given.out / "results.json")
+    if given.part == "table":
+        print(tables(results.numbers))
+        return
+    recordings, roots = _recordings(given.data)
+    sites = sorted({recording.site for recording in recordings})
+    wanted = [t for t in trainings(sites, given.seeds) if given.only in t.name]
+    if given.part == "train":
+        train(given.out, roots, wanted)
+        return
+    looped = given.part == "loop"
+    scenes = measures.test_scenes(recordings, LOOP_EVERY_S if looped else ERRORS_EVERY_S)
+    if looped:
+        results.add("loop|recorded", lambda: recorded_loop(scenes))
+    else:
+        results.add("errors|straight_on", lambda: measure_errors(scenes, None))
+    for name, site, make in variants(given.out, trainings(sites, given.seeds)):
+        if given.only not in name:
+            continue
+        some = _of_site(scenes, site)
+        if not looped:
+            results.add(f"errors|{name}", lambda: measure_errors(some, make()))  # noqa: B023
+        elif not site:
+            results.add(f"loop|{name}", lambda: measure_loop(some, make()))  # noqa: B023
+            results.add(f"loop|{name}+guard", lambda: measure_loop(some, Guarded(make())))  # noqa: B023
+
+
+if __name__ == "__main__":
+    main()

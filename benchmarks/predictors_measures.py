@@ -1,0 +1,262 @@
+"""Measures of drivers: how near they come to what really happened, and what they do in 10 s by themselves."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
+from scex_sumo.behaviors.learned.decoding import plan_along
+from scex_sumo.behaviors.learned.driver import LearnedDriver
+from scex_sumo.behaviors.learned.surface import Surface, path_room, surface_of
+from scex_sumo.behaviors.paths import BEHIND_M, chosen_paths, seed_paths
+from scex_sumo.behaviors.projection import project
+from scex_sumo.converters.recordings import Recording, load_recording
+from scex_sumo.metrics.rectangles import rectangle_distance
+from scex_sumo.road import Road
+from scex_sumo.rollout import obstacles_at
+from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, SceneHistory, SeedScene, States, Who
+from scex_sumo.training.closed_loop import drive_all
+from scex_sumo.training.dataset import part_scenes
+from scex_sumo.training.perturb import Perturbation, perturbed
+from scex_sumo.training.samples import learnable
+from scex_sumo.training.split import Split
+
+MOVING_MPS = 0.5
+GUESSES = 6
+LOOP_STEPS = 100
+LOOK_STEPS = 5  # leaving the road is looked for every half second
+OUTSIDE = 0.15  # of the box
+HARD_MPS2 = 6.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TestScene:
+    """A seed scene of the test part.
+
+    Attributes:
+        site: where.
+        dataset: of which set.
+        scene: with its future.
+        road: the map.
+    """
+
+    site: str
+    dataset: str
+    scene: SeedScene
+    road: Road
+
+
+def test_scenes(recordings: Sequence[Recording], every_s: float) -> list[TestScene]:
+    """Seed scenes of the test part of all recordings that have a vehicle to measure."""
+    found, roads = [], {}
+    for recording in recordings:
+        loaded = load_recording(recording)
+        road = roads.setdefault(recording.site, loaded.road)
+        found += [
+            TestScene(site=recording.site, dataset=recording.dataset, scene=scene, road=road)
+            for scene in part_scenes(loaded, "test", split=Split(), every_s=every_s)
+        ]
+    return found
+
+
+def _history(seed: SeedScene) -> SceneHistory:
+    obstacles, present = obstacles_at(seed, 0) if seed.obstacles is not None else (None, None)
+    return SceneHistory(
+        seed=seed,
+        states=seed.history.repeat(1),
+        children=np.zeros(1, dtype=np.int64),
+        step=0,
+        route_draw=np.zeros((1, seed.vehicles)),
+        obstacle_states=obstacles,
+        obstacle_present=present,
+    )
+
+
+def straight_on(seed: SeedScene, vehicle: IntArray) -> FloatArray:
+    """(k, H) distances of vehicles that keep velocity and heading to what they did, m."""
+    now, way = seed.now[vehicle], STEP_S * np.arange(1, PLAN_STEPS + 1)
+    return _distances(
+        seed,
+        vehicle,
+        now.x[:, None] + (now.speed * np.cos(now.heading))[:, None] * way,
+        now.y[:, None] + (now.speed * np.sin(now.heading))[:, None] * way,
+    )
+
+
+def planned(test: TestScene, model: Behavior, vehicle: IntArray) -> FloatArray:
+    """(k, H) distances of a model's plans to what the vehicles did, m."""
+    who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+    plan = model.plan(_history(test.scene), test.road, who, [np.random.default_rng(0)])
+    return _distances(test.scene, vehicle, plan.x[:, :PLAN_STEPS], plan.y[:, :PLAN_STEPS])
+
+
+def best_of_six(test: TestScene, driver: LearnedDriver, vehicle: IntArray) -> FloatArray:
+    """(k,) distance after 3 s of the best of six plans, m.
+
+    The six combinations of a candidate path and a mode that the network holds likeliest (the product of both
+    probabilities), each driven as the driver would drive it.
+    """
+    seed, road = test.scene, test.road
+    history = _history(seed)
+    everyone = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+    paths, _ = chosen_paths(history, road, everyone, "straight")
+    count = paths.count[vehicle]
+    owner = np.repeat(np.arange(len(vehicle)), count)
+    row = paths.first[vehicle][owner] + np.arange(len(owner)) - (np.cumsum(count) - count)[owner]
+    pairs = Who(child=np.zeros_like(owner), vehicle=vehicle[owner])
+    _, modes = driver.predict(history, road, pairs, paths, row)
+    logit, choice = modes.path_logit.numpy(), modes.logits.numpy()
+    path = np.exp(logit - logit.max())
+    path /= np.bincount(owner, path, minlength=len(vehicle))[owner]
+    mode = np.exp(choice - choice.max(1, keepdims=True))
+    likely = path[:, None] * mode / mode.sum(1, keepdims=True)
+    pair, number = np.divmod(
+        np.lexsort((-likely.ravel(), np.repeat(owner, likely.shape[1]))), likely.shape[1]
+    )
+    rank = np.arange(len(pair)) - np.searchsorted(owner[pair], owner[pair])
+    pair, number = pair[rank < GUESSES], number[rank < GUESSES]
+    who = Who(child=np.zeros_like(pair), vehicle=vehicle[owner[pair]])
+    offset = None if modes.offset is None else modes.offset.numpy()[pair, number]
+    plan = plan_along(
+        history, who, paths, row[pair], modes.acceleration.numpy()[pair, number], offset, road=road
+    )
+    off = _distances(seed, who.vehicle, plan.x, plan.y)[:, -1]
+    best = np.full(len(vehicle), np.inf)
+    np.minimum.at(best, owner[pair], off)
+    return best
+
+
+def _distances(seed: SeedScene, vehicle: IntArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    assert seed.future is not None
+    steps = slice(0, PLAN_STEPS)
+    distance: FloatArray = np.hypot(x - seed.future.x[vehicle, steps], y - seed.future.y[vehicle, steps])
+    return distance
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Loop:
+    """What the vehicles of a scene did in 10 s of closed loop; (V,) each.
+
+    Attributes:
+        driven: vehicles that were on the mapped road at the beginning.
+        left: more than `OUTSIDE` of the box off the drivable surface, after it had been on it.
+        collided: the box overlapped another's, those that overlapped at the start left out.
+        hard: the speed changed by more than `HARD_MPS2` for a step.
+    """
+
+    driven: BoolArray
+    left: BoolArray
+    collided: BoolArray
+    hard: BoolArray
+
+
+def perturbed_start(test: TestScene) -> SeedScene:
+    """The scene with all vehicles put off by up to 0.7 m and 5 degrees; always the same."""
+    rng = np.random.default_rng(zlib.crc32(test.scene.name.encode()))
+    return replace(test.scene, history=perturbed(test.scene.history, Perturbation(), rng))
+
+
+def closed_loop(test: TestScene, model: Behavior) -> Loop:
+    """Let a model drive all vehicles of a scene for 10 s from perturbed starts, a new plan every 0.5 s."""
+    start = perturbed_start(test)
+    states = drive_all(start, test.road, model, steps=LOOP_STEPS)[0].swapaxes(0, 1)
+    return judged(start, test.road, states)
+
+
+def judged(seed: SeedScene, road: Road, states: States) -> Loop:
+    """What (V, T) states are, from the seed scene on.
+
+    A vehicle counts as long as its box is on the mapped stretch of one of its paths: no road is drawn beyond.
+    """
+    on_map = _on_map(seed, road, states)
+    outside = np.stack(
+        [_outside(surface_of(road), seed, states[:, k]) for k in range(0, states.shape[1], LOOK_STEPS)], 1
+    )
+    looked = on_map[:, ::LOOK_STEPS]
+    been = np.maximum.accumulate((outside <= OUTSIDE) & looked, axis=1)
+    speed = np.concatenate([seed.now.speed[:, None], states.speed], 1)
+    hard = (np.abs(np.diff(speed, axis=1)) > HARD_MPS2 * STEP_S) & on_map
+    return Loop(
+        driven=seed_paths(seed, road).on_road,
+        left=((outside > OUTSIDE) & been & looked).any(1),
+        collided=_collided(seed, states, on_map),
+        hard=hard.any(1),
+    )
+
+
+def _on_map(seed: SeedScene, road: Road, states: States) -> BoolArray:
+    """(V, T) whether the whole box is before the end of the mapped road, on the nearest of its paths."""
+    paths = seed_paths(seed, road, None, 18.0)
+    end = path_room(road, paths).end
+    vehicles, steps = states.shape
+    nearest = np.full((vehicles, steps), np.inf)
+    before = np.zeros((vehicles, steps), dtype=np.bool_)
+    moved = np.hypot(np.diff(states.x, axis=1, prepend=seed.now.x[:, None]),
+                     np.diff(states.y, axis=1, prepend=seed.now.y[:, None]))  # fmt: skip
+    expected = BEHIND_M + np.cumsum(moved, axis=1)
+    for k in range(int(paths.count.max())):
+        some = np.flatnonzero(paths.count > k)
+        row = np.repeat((paths.first + k)[some], steps)
+        s, d, _ = project(paths, row, states.x[some].ravel(), states.y[some].ravel(), expected[some].ravel())
+        s, d = s.reshape(len(some), steps), np.abs(d).reshape(len(some), steps)
+        closer = d < nearest[some]
+        inside = s + seed.length[some, None] / 2 < end[(paths.first + k)[some], None]
+        before[some] = np.where(closer, inside, before[some])
+        nearest[some] = np.where(closer, d, nearest[some])
+    left: BoolArray = np.logical_and.accumulate(before, axis=1) & paths.on_road[:, None]
+    return left
+
+
+def _outside(surface: Surface, seed: SeedScene, states: States) -> FloatArray:
+    """(V,) share of each box that is off the drivable surface, from 9 x 5 points of it."""
+    along, across = np.meshgrid((np.arange(9) - 4) / 9, (np.arange(5) - 2) / 5, indexing="ij")
+    u, v = along.ravel() * seed.length[:, None], across.ravel() * seed.width[:, None]
+    cos, sin = np.cos(states.heading)[:, None], np.sin(states.heading)[:, None]
+    depth = surface.at(states.x[:, None] + cos * u - sin * v, states.y[:, None] + sin * u + cos * v)
+    share: FloatArray = (depth < 0).mean(axis=1)
+    return share
+
+
+def _collided(seed: SeedScene, states: States, counts: BoolArray) -> BoolArray:
+    """(V,) vehicles whose box comes to overlap another's at a step at which both count."""
+    first, second = np.triu_indices(seed.vehicles, 1)
+    fresh = ~_overlap(seed, seed.now, first, second)
+    first, second = first[fresh], second[fresh]
+    hit = np.zeros(seed.vehicles, dtype=np.bool_)
+    reach = (np.hypot(seed.length, seed.width) / 2)[:, None]
+    for step in range(states.shape[1]):
+        now = states[:, step]
+        near = np.hypot(now.x[first] - now.x[second], now.y[first] - now.y[second])
+        near = (near < (reach[first] + reach[second])[:, 0]) & counts[first, step] & counts[second, step]
+        i, j = first[near], second[near]
+        both = _overlap(seed, now, i, j)
+        hit[i[both]] = hit[j[both]] = True
+    return hit
+
+
+def _overlap(seed: SeedScene, now: States, i: IntArray, j: IntArray) -> BoolArray:
+    distance = rectangle_distance(
+        dx=now.x[j] - now.x[i],
+        dy=now.y[j] - now.y[i],
+        cos_1=np.cos(now.heading[i]),
+        sin_1=np.sin(now.heading[i]),
+        cos_2=np.cos(now.heading[j]),
+        sin_2=np.sin(now.heading[j]),
+        length_1=seed.length[i],
+        width_1=seed.width[i],
+        length_2=seed.length[j],
+        width_2=seed.width[j],
+    )
+    return np.asarray(distance <= 0)
+
+
+def moving(seed: SeedScene, vehicle: IntArray) -> BoolArray:
+    """(k,) whether vehicles move at the moment."""
+    return np.asarray(seed.now.speed[vehicle] > MOVING_MPS)
+
+
+__all__ = ["Loop", "TestScene", "best_of_six", "closed_loop", "judged", "learnable", "moving", "planned"]
