@@ -40,8 +40,8 @@ class AlignLimits:
         independent: the evidence counts as at most so many independent observations: samples of one track are
             off alike, and tracks of one lane share the map's own error there.
         least_m: offsets that move the samples by less, across their lanes, are left.
-        least_gain: share by which the median distance to the middle of the lane must shrink, for tracks that
-            the offset was not estimated from.
+        least_gain: share by which the median deviation from how vehicles usually keep in their lanes must
+            shrink, for tracks that the offset was not estimated from.
         most_m: a larger offset is no residual one: the map's origin is wrong.
     """
 
@@ -178,17 +178,16 @@ def find_alignment(samples: Evidence, road: Road) -> tuple[Alignment, float, flo
         return None
     fit = _fit(samples, road)
     stay = replace(fit, dx=0.0, dy=0.0, turn=0.0)
-    before = _distances(samples, road, stay)
-    after = _distances(samples, road, fit)
+    before, after = _offsets(samples, road, stay), _offsets(samples, road, fit)
     moved_m = float(np.median(np.abs(_across(samples, fit))))
     if moved_m < LIMITS.least_m or math.hypot(fit.dx, fit.dy) > LIMITS.most_m:
         return None
     # The gain must show on tracks that the estimate has not seen.
     even: BoolArray = samples.track % 2 == 0
-    unseen = [_distances(samples.take(~half), road, _fit(samples.take(half), road)) for half in (even, ~even)]
-    if np.median(np.concatenate(unseen)) > (1.0 - LIMITS.least_gain) * np.median(before):
+    unseen = [_offsets(samples.take(~half), road, _fit(samples.take(half), road)) for half in (even, ~even)]
+    if _spread(np.concatenate(unseen)) > (1.0 - LIMITS.least_gain) * _spread(before):
         return None
-    return fit, float(np.median(before)), float(np.median(after))
+    return fit, float(np.median(np.abs(before))), float(np.median(np.abs(after)))
 
 
 def on_lanes(samples: Evidence, road: Road) -> float:
@@ -203,8 +202,8 @@ def lane_distance(samples: Evidence, road: Road) -> float:
     """Median distance of samples to the middle of the lane they match, m; nan without any."""
     few = _thinned(samples)
     stay = Alignment(dx=0.0, dy=0.0, turn=0.0, centre=(0.0, 0.0))
-    distances = _distances(few, road, stay) if len(few.x) else np.zeros(0)
-    return float(np.median(distances)) if len(distances) else math.nan
+    offsets = _offsets(few, road, stay) if len(few.x) else np.zeros(0)
+    return float(np.median(np.abs(offsets))) if len(offsets) else math.nan
 
 
 def _fit(samples: Evidence, road: Road) -> Alignment:
@@ -251,9 +250,14 @@ def _matched(
     return x, y, heading[who] - matches.heading_error[best], who, matches.offset[best]
 
 
-def _distances(samples: Evidence, road: Road, alignment: Alignment) -> FloatArray:
-    """(m,) of the samples that are on lanes, distance to the middle of the lane, m."""
-    return np.abs(_matched(samples, road, alignment)[4])
+def _offsets(samples: Evidence, road: Road, alignment: Alignment) -> FloatArray:
+    """(m,) of the samples that are on lanes, how far left of the lane's middle they are, m."""
+    return _matched(samples, road, alignment)[4]
+
+
+def _spread(offsets: FloatArray) -> float:
+    """Median deviation from the usual offset, m; inf without any."""
+    return float(np.median(np.abs(offsets - np.median(offsets)))) if len(offsets) else math.inf
 
 
 def _across(samples: Evidence, alignment: Alignment) -> FloatArray:
