@@ -32,6 +32,9 @@ SUMO = "sumo"
 GUARD = "guard"  # a parameter of every model that we drive
 
 LEARNED = ("graph_predictor", "graph_image_predictor")
+# Names for several models at once. The default has no learned ones, though the paper does: what a run gives
+# must not depend on which extras are installed, and torch takes longer to load than such a run.
+SETS: Mapping[str, str] = {"rules": DEFAULT_MODELS, "paper": ",".join((DEFAULT_MODELS, *LEARNED))}
 
 # Models that cannot fail; what they raise is an error of ours. All others may fall back.
 RULE_BASED = frozenset(
@@ -107,7 +110,7 @@ def behavior(name: str) -> Callable[[T], T]:
     """
 
     def register(constructor: T) -> T:
-        if name in _MODELS or name == SUMO or name in _FILES:
+        if name in _MODELS or name == SUMO or name in _FILES or name in SETS:
             raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
         if not name or any(c in name for c in ",:@= \t\n"):
             raise UsageError(f"behavior {name!r}: a name has none of , : @ = and no spaces")
@@ -155,12 +158,14 @@ def known_models() -> list[ModelInfo]:
 def parse_models(text: str) -> list[ModelSpec]:
     """Read ``name[:parameter=value]...[@weight]``, several separated by commas.
 
-    A name may be an import path, ``package.module:Class``.
+    A name may be an import path, ``package.module:Class``, or one of `SETS`, which stands for its models.
 
     Raises:
         UsageError: unknown model or parameter, a weight or value that makes no sense, a model twice.
     """
-    specs = [_parse_one(part.strip()) for part in text.split(",") if part.strip()]
+    given = [part.strip() for part in text.split(",")]
+    parts = [name for part in given for name in SETS.get(part, part).split(",")]
+    specs = [_parse_one(part) for part in parts if part]
     if not specs:
         raise UsageError(f"no model in {text!r}; known: {', '.join(known_names())}")
     labels = [str(spec) for spec in specs]

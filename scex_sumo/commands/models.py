@@ -8,7 +8,7 @@ from rich.table import Table
 
 def models_command() -> None:
     """Print the behaviour models, their parameters and defaults."""
-    from scex_sumo.behaviors.registry import known_models
+    from scex_sumo.behaviors.registry import SETS, known_models
 
     table = Table(show_lines=False, box=None, pad_edge=False)
     for column in ("model", "parameters", "what it does"):
@@ -16,3 +16,5 @@ def models_command() -> None:
     for model in known_models():
         table.add_row(model.name, ", ".join(model.parameters), model.summary)
     Console().print(table)
+    for name, models in SETS.items():
+        Console().print(f"{name} stands for {models}")

@@ -49,6 +49,23 @@ def test_the_default_models_can_be_built() -> None:
     assert len([build(spec) for spec in parse_models(DEFAULT_MODELS)]) == 4
 
 
+def test_a_set_stands_for_its_models() -> None:
+    assert [spec.name for spec in parse_models("paper")] == [
+        "standard_driver",
+        "risky_driver",
+        "constant_velocity",
+        "emergency_brake",
+        "graph_predictor",
+        "graph_image_predictor",
+    ]
+    assert [str(spec) for spec in parse_models("rules,replay")][-2:] == ["emergency_brake", "replay"]
+
+
+def test_a_model_of_a_set_and_itself_is_given_twice() -> None:
+    with pytest.raises(UsageError, match="risky_driver is given twice"):
+        parse_models("rules,risky_driver")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
