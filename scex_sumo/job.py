@@ -17,9 +17,9 @@ from scex_sumo.fallbacks import fallbacks_table
 from scex_sumo.measure import measure_rollout, worst_of
 from scex_sumo.results import Part, save_part
 from scex_sumo.road import Road
-from scex_sumo.rollout import Cast, roll_out
+from scex_sumo.rollout import Cast, Rollout, roll_out
 from scex_sumo.sampling import child_generator, route_draws
-from scex_sumo.scene import IntArray, SeedScene
+from scex_sumo.scene import FloatArray, IntArray, SeedScene
 from scex_sumo.world import TILE_SLOTS, SumoDriven, World
 
 VEHICLES_AT_ONCE = 2400  # in a batch, over all its children
@@ -43,6 +43,7 @@ class Job:
         folder: the result folder.
         keep_plans: plans are part of the result.
         gui: show the run live in sumo-gui.
+        tested: vehicles (indices) whose own pairs are measured apart.
     """
 
     scene: SeedScene
@@ -57,6 +58,7 @@ class Job:
     folder: Path
     keep_plans: bool = True
     gui: bool = False
+    tested: tuple[int, ...] = ()
 
     @property
     def road(self) -> Road:
@@ -153,7 +155,16 @@ def run_batch(
             names=job.names,
             track_ids=job.scene.track_ids,
         ),
+        tested=_tested(job, rollout),
     )
+
+
+def _tested(job: Job, rollout: Rollout) -> FloatArray | None:
+    """(2, C, 12) metric values of the vehicles under test alone, and 1 where they are defined."""
+    if not job.tested:
+        return None
+    own = measure_rollout(job.scene, rollout, vehicles=job.tested)
+    return np.stack([own.values, own.defined.astype(np.float64)])
 
 
 def _cast(job: Job, children: IntArray) -> Cast:

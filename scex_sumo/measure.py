@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -15,13 +16,21 @@ from scex_sumo.rollout import Rollout
 from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, SeedScene, States
 
 
-def measure_rollout(scene: SeedScene, rollout: Rollout) -> ScenarioValues:
-    """Metric values of a batch of child scenarios, (C, 12); paths are those of the current plans."""
+def measure_rollout(
+    scene: SeedScene, rollout: Rollout, *, vehicles: Collection[int] | None = None
+) -> ScenarioValues:
+    """Metric values of a batch of child scenarios, (C, 12); paths are those of the current plans.
+
+    Args:
+        scene: the seed scene.
+        rollout: the children.
+        vehicles: only pairs that involve one of these (indices); None: all.
+    """
     count, steps, _ = rollout.states.shape
     tracks = _tracks(scene, scene.history.repeat(count), rollout.states, None)
     made_at = np.arange(0, steps, rollout.replan, dtype=np.int64)
     planned = PlannedPaths.from_replans(rollout.plan_x, rollout.plan_y, made_at, steps)
-    return evaluate(tracks, planned)
+    return evaluate(tracks, planned, vehicles=vehicles)
 
 
 def worst_of(scene: SeedScene, values: ScenarioValues, children: IntArray) -> pa.Table:

@@ -36,6 +36,7 @@ class Part:
         plan_x: (C, R, V, H) centres planned at each of the R replans, m; None where plans are not kept.
         plan_y: (C, R, V, H) likewise.
         fallbacks: plans that are not the models' own, rows of ``fallbacks.parquet``; None for none.
+        tested: (2, C, 12) values, and 1 where defined, of the vehicles under test alone; None without any.
     """
 
     children: IntArray
@@ -46,6 +47,7 @@ class Part:
     plan_x: FloatArray | None = None
     plan_y: FloatArray | None = None
     fallbacks: pa.Table | None = None
+    tested: FloatArray | None = None
 
 
 class ResultFolder:
@@ -97,10 +99,10 @@ class ResultFolder:
         """Remove what an earlier run wrote, and nothing else."""
         for name in ("run.json", _PENDING, "seed.csv", "report.html", *_TABLES):
             (self.path / name).unlink(missing_ok=True)
-        for pattern in ("densities.*", "cumulative.*", "scene.png", "explain*", "sample_size*"):
+        for pattern in ("densities.*", "cumulative.*", "scene.png", "under_test.*", "explain*", "sample_size*"):
             for file in self.path.glob(pattern):
                 file.unlink()
-        for name in (_PARTS, "sumo"):
+        for name in (_PARTS, "sumo", "baseline"):
             shutil.rmtree(self.path / name, ignore_errors=True)
 
     def save_part(self, part: Part) -> None:
@@ -132,6 +134,7 @@ class ResultFolder:
                         plan_x=data.get("plan_x"),
                         plan_y=data.get("plan_y"),
                         fallbacks=_unpacked(data["fallbacks"]) if "fallbacks" in data else None,
+                        tested=data.get("tested"),
                     )
                 )
         return parts
@@ -167,6 +170,7 @@ class ResultFolder:
             plan_x=_joined([p.plan_x for p in parts], order),
             plan_y=_joined([p.plan_y for p in parts], order),
             fallbacks=_in_order([p.fallbacks for p in parts]),
+            tested=_joined([p.tested for p in parts], order, axis=1),
         )
 
     def write_table(self, name: str, table: pa.Table) -> None:
@@ -196,13 +200,13 @@ class ResultFolder:
 
 _TABLES = tuple(
     f"{name}.parquet"
-    for name in ("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst", "fallbacks")
+    for name in ("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst", "fallbacks", "under_test")
 )
 
 
-def _joined(parts: Sequence[FloatArray | None], order: IntArray) -> FloatArray | None:
+def _joined(parts: Sequence[FloatArray | None], order: IntArray, axis: int = 0) -> FloatArray | None:
     there = [part for part in parts if part is not None]
-    return np.concatenate(there)[order] if there else None
+    return np.take(np.concatenate(there, axis), order, axis) if there else None
 
 
 def _by_child(tables: Sequence[pa.Table]) -> pa.Table:
@@ -227,7 +231,7 @@ def save_part(folder: Path, part: Part) -> None:
     target = folder / _PARTS / name
     temporary = target.with_name(f".{name}.writing")
     fallbacks = None if part.fallbacks is None else _packed(part.fallbacks)
-    given = {"plan_x": part.plan_x, "plan_y": part.plan_y, "fallbacks": fallbacks}
+    given = {"plan_x": part.plan_x, "plan_y": part.plan_y, "fallbacks": fallbacks, "tested": part.tested}
     some: dict[str, Any] = {name: values for name, values in given.items() if values is not None}
     with temporary.open("wb") as file:
         np.savez(

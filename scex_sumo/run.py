@@ -19,6 +19,7 @@ from scex_sumo.scene import FloatArray, SeedScene, States
 
 if TYPE_CHECKING:
     from scex_sumo.converters.sumo_net import SumoNet
+    from scex_sumo.under_test import UnderTest
 
 DENSITIES_SCHEMA = pa.schema(
     [("metric", pa.string()), *((name, pa.float64()) for name in ("x", "pdf", "cdf", "low", "high"))]
@@ -66,6 +67,23 @@ class Run:
     def worst(self) -> pa.Table:
         """Where each extremum came from: child, metric, timestamp_ms, track_id, other_id, value."""
         return self._table("worst.parquet")
+
+    @cached_property
+    def baseline(self) -> Run | None:
+        """The same children without the models under test; None where there are none, or it was not run."""
+        folder = self.folder / "baseline"
+        return Run(folder) if (folder / "run.json").is_file() else None
+
+    @cached_property
+    def under_test(self) -> UnderTest:
+        """The vehicles under test against the baseline.
+
+        Raises:
+            ResultError: the run has no vehicle under test, or no baseline.
+        """
+        from scex_sumo.under_test import UnderTest
+
+        return UnderTest(self)
 
     @cached_property
     def scene(self) -> SeedScene:
@@ -171,6 +189,14 @@ class Run:
             raise ResultError(f"{self.folder}: {column} is defined in none of {self.children} children")
         index = np.nanargmin(values) if side_of(column) == "left" else np.nanargmax(values)
         return int(self.metrics["child"][int(index)].as_py())
+
+    def table(self, name: str) -> pa.Table:
+        """One of the folder's Parquet files.
+
+        Raises:
+            ResultError: it cannot be read.
+        """
+        return self._table(name)
 
     def _table(self, name: str) -> pa.Table:
         try:

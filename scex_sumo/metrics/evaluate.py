@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -107,6 +107,7 @@ def evaluate(
     preset: str = PAPER_PRESET,
     parameters: MetricParameters = PAPER,
     metrics: tuple[str, ...] | None = None,
+    vehicles: Collection[int] | None = None,
 ) -> ScenarioValues:
     """Metrics of every child.
 
@@ -116,6 +117,7 @@ def evaluate(
         preset: rule for car-following.
         parameters: constants.
         metrics: names; the paper's six by default.
+        vehicles: values are of pairs that involve one of these (indices), or of these themselves; None: all.
 
     Returns:
         The most critical value and the mean of the scenes' most critical values, per child and metric.
@@ -124,7 +126,10 @@ def evaluate(
     parts: dict[str, list[tuple[SceneValues, Worst]]] = {metric.name: [] for metric in chosen}
     for _, scenes in _batches(tracks, planned, preset, parameters):
         for metric in chosen:
-            parts[metric.name].append(_reduce(metric, metric.evaluate(scenes), tracks.first))
+            samples = metric.evaluate(scenes)
+            if vehicles is not None:
+                samples = _of_vehicles(samples, vehicles)
+            parts[metric.name].append(_reduce(metric, samples, tracks.first))
     children = tracks.states.shape[0]
     scene = {
         name: _join_scenes([p[0] for p in part], (children, tracks.steps)) for name, part in parts.items()
@@ -156,6 +161,21 @@ def evaluate_pairs(
         for metric in chosen:
             parts[metric.name].append(_rows(metric.evaluate(scenes), offset, tracks.first))
     return {name: _join_pairs(part) for name, part in parts.items()}
+
+
+def _of_vehicles(samples: Samples, vehicles: Collection[int]) -> Samples:
+    """The rows that involve one of some vehicles."""
+    wanted = np.array(sorted(vehicles), dtype=np.int64)
+    keep: BoolArray = np.isin(samples.row, wanted)
+    if samples.other is not None:
+        keep = keep | np.isin(samples.other, wanted)
+    return replace(
+        samples,
+        value=samples.value[keep],
+        defined=samples.defined[keep],
+        row=samples.row[keep],
+        other=None if samples.other is None else samples.other[keep],
+    )
 
 
 def _batches(
