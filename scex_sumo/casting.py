@@ -92,6 +92,18 @@ def _standing_in(model: Behavior, name: str) -> Behavior:
     return Fallible(model, name)
 
 
+def weights_of(casting: Casting, models: Sequence[Behavior]) -> dict[str, str]:
+    """SHA-256 of the weights of each learned model, by its name."""
+    found = {}
+    for name, model in zip(casting.names, models, strict=True):
+        while isinstance(model, Guarded | Fallible):
+            model = model.model
+        sha256 = getattr(model, "weights_sha256", None)
+        if isinstance(sha256, str):
+            found[name] = sha256
+    return found
+
+
 def try_drivers(casting: Casting, models: Sequence[Behavior], scene: SeedScene, *, seed: int) -> None:
     """Let every model that may fail plan once for the vehicles of the seed scene that it may get.
 

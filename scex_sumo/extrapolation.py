@@ -16,7 +16,7 @@ import numpy as np
 from scex_sumo import __version__
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.behaviors.sumo_driver import SumoDriver
-from scex_sumo.casting import Models, cast_models, drivers, number_of_children, try_drivers
+from scex_sumo.casting import Models, cast_models, drivers, number_of_children, try_drivers, weights_of
 from scex_sumo.colors import model_colors
 from scex_sumo.converters.sumo_net import convert
 from scex_sumo.converters.tracks import write_tracks
@@ -113,6 +113,7 @@ def extrapolate(
         temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
         settings: dict[str, Any] = {
             "models": [{"model": str(s), "weight": s.weight} for s in casting.drawn],
+            "weights": weights_of(casting, built),
             "assign": {str(t): casting.names[m] for t, m in sorted(casting.fixed.items())},
             "children": len(assignment) if until_band is None else most,
             "steps": steps,
@@ -164,7 +165,7 @@ def extrapolate(
             "net_notes": list(net.notes),
             "run_notes": [*_handover_notes(job, part), *pool.deaths],
             "fallbacks": count_fallbacks(part.fallbacks, job.assignment, job.names, -(-steps // replan)),
-            "versions": versions(),
+            "versions": versions(learned=bool(settings["weights"])),
             "timings_s": {
                 "convert": round(converted - started, 3),
                 "simulate_and_measure": round(simulated - converted, 3),
