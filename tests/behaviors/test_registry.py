@@ -142,7 +142,7 @@ def test_learned_drivers_are_parsed_and_listed_without_torch() -> None:
 def test_every_known_model_is_described_with_its_defaults() -> None:
     infos = {info.name: info for info in known_models()}
     assert list(infos) == known_names()
-    assert "time_headway=1.2" in infos["calibrated_driver"].parameters
+    assert "time_headway=3.1" in infos["standard_driver"].parameters
     assert all(info.summary and "\n" not in info.summary for info in infos.values())
 
 
