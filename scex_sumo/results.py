@@ -99,7 +99,7 @@ class ResultFolder:
         """Remove what an earlier run wrote, and nothing else."""
         for name in ("run.json", _PENDING, "seed.csv", "report.html", *_TABLES):
             (self.path / name).unlink(missing_ok=True)
-        for pattern in ("densities.*", "cumulative.*", "scene.png", "under_test.*", "explain*", "sample_size*"):
+        for pattern in _PATTERNS:
             for file in self.path.glob(pattern):
                 file.unlink()
         for name in (_PARTS, "sumo", "baseline"):
@@ -198,9 +198,18 @@ class ResultFolder:
         shutil.rmtree(self.path / _PARTS, ignore_errors=True)
 
 
+_PATTERNS = (
+    "densities.*",
+    "cumulative.*",
+    "scene.png",
+    "under_test.*",
+    "fallbacks.*",
+    "explain*",
+    "sample_size*",
+)
 _TABLES = tuple(
     f"{name}.parquet"
-    for name in ("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst", "fallbacks", "under_test")
+    for name in ("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst")
 )
 
 
