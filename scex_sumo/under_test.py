@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-import pyarrow as pa
 
 from scex_sumo.density import Density, Interval, density, p_critical
 from scex_sumo.errors import ResultError, UsageError
