@@ -20,7 +20,7 @@ import numpy as np
 
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.paths import SeedPaths
-from scex_sumo.behaviors.projection import bend_at, expected_way, project, refine, sample
+from scex_sumo.behaviors.projection import bend_at, clipped, expected_way, project, refine, sample
 from scex_sumo.lines import wrap
 from scex_sumo.scene import STEP_S, FloatArray, IntArray, Plan, SceneHistory, States, Who
 
@@ -73,7 +73,7 @@ def _present_bend(
     # Recorded headings are noisy, a padded history is straight in a curve: never off by more than a
     # driver's own correction could be. One who stands can turn the wheel first.
     most = _bend_limit(v, _urgency(wrap(now.heading - heading)))
-    return np.where(way > 0.02, np.clip(bend, -most, most), 0.0)
+    return np.where(way > 0.02, clipped(bend, -most, most), 0.0)
 
 
 def drive(
@@ -130,7 +130,7 @@ def drive(
             lead = _lead(aside, step, moved)
         bend = _steer(bend, offset, heading - path_heading, v, moved, lead)
         curvature = bend_at(paths, row, s + moved / 2)
-        turn = np.clip(curvature + bend, -CURVATURE_LIMIT, CURVATURE_LIMIT)
+        turn = clipped(curvature + bend, -CURVATURE_LIMIT, CURVATURE_LIMIT)
         bend = turn - curvature
         x, y, heading = _along_arc(x, y, heading, turn * moved, moved)
         s, v = s + moved, np.maximum(following, 0.0)
@@ -174,20 +174,20 @@ def _steer(
     omega = 1 / np.maximum(JOIN_LENGTH_M, JOIN_TIME_S * v)
     urgency = _urgency(error)
     most = _bend_limit(v, urgency)
-    aim = -np.clip(omega / 3 * offset, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
+    aim = -clipped(omega / 3 * offset, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
     if lead is None:
-        wanted = np.clip(omega * (aim - error), -most, most)
+        wanted = clipped(omega * (aim - error), -most, most)
     else:
-        aim = np.clip(aim + lead[0], -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
-        wanted = np.clip(omega * (aim - error) + lead[1], -most, most)
+        aim = clipped(aim + lead[0], -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
+        wanted = clipped(omega * (aim - error) + lead[1], -most, most)
     rate = np.minimum(STEERING_RATE, urgency * JOIN_JERK / np.maximum(v * v, 1.0)) * STEP_S
     change = (3 * omega * moved) * (wanted - bend)
-    return bend + np.clip(change, -rate, rate)
+    return bend + clipped(change, -rate, rate)
 
 
 def _urgency(error: FloatArray) -> FloatArray:
     """(n,) 1 to 2, by the heading error."""
-    return np.clip(np.abs(error) / JOIN_HEADING_RAD, 1.0, 2.0)
+    return clipped(np.abs(error) / JOIN_HEADING_RAD, 1.0, 2.0)
 
 
 def _bend_limit(v: FloatArray, urgency: FloatArray) -> FloatArray:

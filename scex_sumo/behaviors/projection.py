@@ -10,6 +10,12 @@ from scex_sumo.scene import STEP_S, FloatArray, IntArray, SceneHistory, Who
 LAP_WEIGHT = 0.01  # (m off the path)² per (m off the expected arc length)²
 
 
+def clipped(values: FloatArray, low: FloatArray | float, high: FloatArray | float) -> FloatArray:
+    """What ``np.clip`` gives; its wrapping takes longer than some hundred values do."""
+    result: FloatArray = np.minimum(np.maximum(values, low), high)
+    return result
+
+
 def sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
     """Path properties at arc lengths.
 
@@ -22,18 +28,18 @@ def sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
         (6, n) the `COLUMNS`, linear between samples; straight on past both ends.
     """
     position = s * (1 / DS_M)
-    index = np.clip(position, 0, paths.samples - 1).astype(np.int64)
-    values = paths.table[row * paths.samples + index]
-    inner: FloatArray = (values[:, :6] + values[:, 6:] * (position - index)[:, None]).T
+    index = clipped(position, 0.0, paths.samples - 1.0).astype(np.int64)
+    values = np.ascontiguousarray(paths.table.take(row * paths.samples + index, axis=0).T)
+    inner: FloatArray = values[:6] + values[6:] * (position - index)
     return inner
 
 
 def bend_at(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
     """(n,) curvature at arc lengths, 1/m, as in `sample`."""
-    position = np.clip(s * (1 / DS_M), 0, paths.samples - 1)
+    position = clipped(s * (1 / DS_M), 0.0, paths.samples - 1.0)
     index = position.astype(np.int64)
     at = row * paths.samples + index
-    bend: FloatArray = paths.bend[0][at] + paths.bend[1][at] * (position - index)
+    bend: FloatArray = paths.bend[0].take(at) + paths.bend[1].take(at) * (position - index)
     return bend
 
 
@@ -52,7 +58,7 @@ def refine(
         offset = cos * dy - sin * dx
         # Newton on the distance; the bound keeps it on this branch where the path bends around the point.
         step = ahead / np.maximum(1 - curvature * offset, 0.3)
-        s = s + np.clip(step, -COARSE * DS_M, COARSE * DS_M)
+        s = s + clipped(step, -COARSE * DS_M, COARSE * DS_M)
     px, py, cos, sin, heading, _ = sample(paths, row, s)
     return s, cos * (y - py) - sin * (x - px), heading
 
