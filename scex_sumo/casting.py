@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.fallback import Fallible
 from scex_sumo.behaviors.guard import Guarded
-from scex_sumo.behaviors.registry import ModelSpec, build, may_fail, parse_models
+from scex_sumo.behaviors.registry import ModelSpec, build, is_own, may_fail, parse_models
 from scex_sumo.errors import UsageError
 from scex_sumo.rollout import history_at
-from scex_sumo.sampling import child_generator, route_draws
-from scex_sumo.scene import SeedScene, Who
+from scex_sumo.sampling import assignments, child_generator, listing, route_draws
+from scex_sumo.scene import IntArray, SeedScene, Who
 
 Models = str | Sequence[str | ModelSpec]
 
@@ -27,11 +27,13 @@ class Casting:
         drawn: models to draw from.
         specs: all models, those of fixed vehicles included; assignments are indices into it.
         fixed: index of the model by track id, for vehicles that are not drawn.
+        tested: model by track id for vehicles under test; None where one is driven as drawn.
     """
 
     drawn: tuple[ModelSpec, ...]
     specs: tuple[ModelSpec, ...]
     fixed: Mapping[int, int]
+    tested: Mapping[int, str | None] = field(default_factory=dict)
 
     @property
     def weights(self) -> list[float]:
@@ -44,12 +46,15 @@ class Casting:
         return tuple(str(spec) for spec in self.specs)
 
 
-def cast_models(models: Models, assign: Mapping[int, str]) -> Casting:
+def cast_models(
+    models: Models, assign: Mapping[int, str], under_test: Mapping[int, str | None] | None = None
+) -> Casting:
     """Read the models to draw from and those of single vehicles.
 
     Args:
         models: ``name[:parameter=value]...[@weight]``, comma-separated or a list.
         assign: model by track id.
+        under_test: model by track id for vehicles under test; None leaves one to what is drawn.
 
     Raises:
         UsageError: no model, or one that makes no sense.
@@ -62,15 +67,69 @@ def cast_models(models: Models, assign: Mapping[int, str]) -> Casting:
     specs = list(drawn)
     names = [str(s) for s in specs]
     fixed = {}
-    for track, text in assign.items():
+    tested = dict(under_test or {})
+    for track, text in [*assign.items(), *tested.items()]:
+        if text is None:
+            continue
         wanted = parse_models(text)
         if len(wanted) != 1:
-            raise UsageError(f"--assign {track}={text}: names {len(wanted)} models; give one")
+            option = "--under-test" if track in tested else "--assign"
+            raise UsageError(f"{option} {track}={text}: names {len(wanted)} models; give one")
         if str(wanted[0]) not in names:
             specs.append(wanted[0])
             names.append(str(wanted[0]))
         fixed[int(track)] = names.index(str(wanted[0]))
-    return Casting(drawn=tuple(drawn), specs=tuple(specs), fixed=fixed)
+    return Casting(drawn=tuple(drawn), specs=tuple(specs), fixed=fixed, tested=tested)
+
+
+def put_under_test(
+    assign: Mapping[int, str], under_test: Mapping[int, str | None], *, own: bool
+) -> tuple[dict[int, str], dict[int, str | None]]:
+    """Who has a fixed model in any case, and who is under test.
+
+    Args:
+        assign: model by track id.
+        under_test: model by track id; None for as drawn.
+        own: a vehicle whose assigned model is one of the user's own is under test, too.
+
+    Returns:
+        Both mappings, without and with those vehicles.
+
+    Raises:
+        UsageError: a vehicle is in both.
+    """
+    twice = sorted(set(under_test) & set(assign))
+    if twice:
+        raise UsageError(f"--under-test {twice[0]}: --assign names this vehicle too; give one of them")
+    more = {t: text for t, text in assign.items() if own and any(map(is_own, parse_models(text)))}
+    return {t: text for t, text in assign.items() if t not in more}, {**under_test, **more}
+
+
+def draw_assignments(
+    casting: Casting, track_ids: IntArray, *, children: int | None, seed: int, design: str
+) -> IntArray:
+    """(C, V) model of every vehicle in every child, as `assignments`.
+
+    A vehicle under test takes part in the draw and then gets its model, so that all others have the models
+    that they have without it.
+
+    Raises:
+        UsageError: a track id that the seed scene has not, and what `assignments` raises.
+    """
+    ids = [int(track) for track in track_ids]
+    unknown = sorted(set(casting.tested) - set(ids))
+    if unknown:
+        raise UsageError(
+            f"--under-test: no vehicle {unknown[0]} in the seed scene; its vehicles: {listing(ids)}"
+        )
+    always = {track: model for track, model in casting.fixed.items() if track not in casting.tested}
+    drawn = assignments(
+        casting.weights, track_ids, children=children, seed=seed, fixed=always, design=design
+    )
+    for track, model in casting.tested.items():
+        if model is not None:
+            drawn[:, ids.index(track)] = casting.fixed[track]
+    return drawn
 
 
 def drivers(casting: Casting) -> tuple[Behavior, ...]:

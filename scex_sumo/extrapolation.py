@@ -31,9 +31,9 @@ from scex_sumo.plans import PLANS, plans_table
 from scex_sumo.provenance import describe, fingerprint, versions
 from scex_sumo.results import Part, ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.run import Run, densities_table
-from scex_sumo.sampling import assignments
 from scex_sumo.scene import IntArray, SeedScene
 from scex_sumo.sequential import Look, check_band, grow, look
+from scex_sumo.under_test import BASELINE, UNDER_TEST
 from scex_sumo.workers import Workers
 
 DEFAULT_CHILDREN = 385  # the paper's sample size: a 95 % interval of +-5 % around a share of one half
@@ -49,6 +49,8 @@ def extrapolate(
     models: Models = DEFAULT_MODELS,
     children: int | str = DEFAULT_CHILDREN,
     assign: Mapping[int, str] | None = None,
+    under_test: Mapping[int, str | None] | None = None,
+    baseline: bool = True,
     steps: int = DEFAULT_STEPS,
     replan: int = DEFAULT_REPLAN,
     design: str = DEFAULT_DESIGN,
@@ -71,7 +73,10 @@ def extrapolate(
         models: behaviour models to draw from, ``name[:parameter=value]...[@weight]``, comma-separated
             or a list.
         children: number of children, or ``"all"`` for every combination.
-        assign: model by track id for vehicles that are not to be drawn.
+        assign: model by track id for vehicles that are not to be drawn; a model of your own is under test.
+        under_test: model by track id for vehicles whose own encounters are measured apart, see
+            `Run.under_test`; None leaves a vehicle to what is drawn.
+        baseline: run every child a second time without the models under test, to compare with.
         steps: steps of 0.1 s per child.
         replan: steps that a plan is followed before the next, 1 to 30.
         design: how the assignments are drawn, one of `scex_sumo.designs.DESIGNS`.
@@ -100,10 +105,9 @@ def extrapolate(
     """
     started = time.perf_counter()
     _check(scene, steps, replan, seed, workers, batch)
-    casting, most = cast_models(models, assign or {}), number_of_children(children)
-    draw = partial(
-        assignments, casting.weights, scene.track_ids, seed=seed, fixed=casting.fixed, design=design
-    )
+    assign, tested = put_under_test(assign or {}, under_test or {}, own=baseline)
+    casting, most = cast_models(models, assign, tested), number_of_children(children)
+    draw = partial(draw_assignments, casting, scene.track_ids, seed=seed, design=design)
     if until_band is not None:
         _check_until(until_band, design, most)
     built = drivers(casting)
@@ -115,6 +119,7 @@ def extrapolate(
             "models": [{"model": str(s), "weight": s.weight} for s in casting.drawn],
             "weights": weights_of(casting, built),
             "assign": {str(t): casting.names[m] for t, m in sorted(casting.fixed.items())},
+            "under_test": {str(t): model for t, model in sorted(tested.items())},
             "children": len(assignment) if until_band is None else most,
             "steps": steps,
             "replan": replan,
@@ -142,13 +147,36 @@ def extrapolate(
             folder=folder.path,
             keep_plans=keep_plans,
             gui=gui,
+            tested=tuple(v for v, track in enumerate(scene.track_ids.tolist()) if track in tested),
         )
-        go = partial(_run_all, folder=folder, workers=pool, batch=batch, progress=progress)
+        baseline = baseline and any(model is not None for model in tested.values())
+        tick = _part_of(progress, 0, 2) if baseline else progress
+        go = partial(_run_all, folder=folder, workers=pool, batch=batch, progress=tick)
         band = None
         if until_band is None or most is None:
             go(job)
         else:
             job, band = _run_until(job, folder, go, draw, until_band, most, design)
+        if baseline and not (folder.path / BASELINE / "run.json").is_file():
+            extrapolate(
+                scene,
+                models=models,
+                children="all" if most is None else len(job.assignment),
+                assign=assign,
+                under_test=dict.fromkeys(tested),
+                steps=steps,
+                replan=replan,
+                design=design,
+                seed=seed,
+                workers=pool,
+                batch=batch,
+                out=folder.path / BASELINE,
+                overwrite=True,
+                keep_plans=keep_plans,
+                thresholds=thresholds,
+                command=command,
+                progress=_part_of(progress, 1, 2),
+            )
     simulated = time.perf_counter()
     part = folder.collect(len(job.assignment))
     _write_tables(folder, job, part)
@@ -174,6 +202,16 @@ def extrapolate(
         }
     )
     return Run(folder.path, temporary)
+
+
+def _part_of(
+    progress: Callable[[int, int], None] | None, part: int, parts: int
+) -> Callable[[int, int], None] | None:
+    """Progress of one of several equal parts, told as that of the whole."""
+    if progress is None:
+        return None
+    whole = progress
+    return lambda done, total: whole(part * total + done, parts * total)
 
 
 def _check_until(until_band: float, design: str, most: int | None) -> None:
@@ -274,6 +312,9 @@ def _write_tables(folder: ResultFolder, job: Job, part: Part) -> None:
     metrics = values_table(COLUMNS, part.values, part.defined, part.children)
     folder.write_table("metrics.parquet", metrics)
     folder.write_table("worst.parquet", part.worst)
+    if part.tested is not None:
+        values, defined = part.tested
+        folder.write_table(UNDER_TEST, values_table(COLUMNS, values, defined > 0, part.children))
     if part.fallbacks is not None:
         folder.write_table(FALLBACKS, part.fallbacks)
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.names))

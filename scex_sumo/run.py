@@ -72,7 +72,7 @@ class Run:
     def baseline(self) -> Run | None:
         """The same children without the models under test; None where there are none, or it was not run."""
         folder = self.folder / "baseline"
-        return Run(folder) if (folder / "run.json").is_file() else None
+        return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
 
     @cached_property
     def under_test(self) -> UnderTest:

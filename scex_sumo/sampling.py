@@ -124,7 +124,7 @@ def assignments(
     unknown = sorted(set(fixed) - set(ids))
     if unknown:
         raise UsageError(
-            f"--assign: no vehicle {unknown[0]} in the seed scene; its vehicles: {_listing(ids)}"
+            f"--assign: no vehicle {unknown[0]} in the seed scene; its vehicles: {listing(ids)}"
         )
     if children is None:
         drawn = [i for i, weight in enumerate(weights) if weight > 0]
@@ -159,6 +159,7 @@ def route_draws(children: Sequence[int] | IntArray, vehicles: int, *, seed: int)
     return np.stack([child_generator(seed, int(c), _ROUTE_STREAM).random(vehicles) for c in children])
 
 
-def _listing(ids: Sequence[int], most: int = 12) -> str:
+def listing(ids: Sequence[int], most: int = 12) -> str:
+    """Some ids as words, the first few of many."""
     shown = ", ".join(str(i) for i in ids[:most])
     return shown if len(ids) <= most else f"{shown}, ... ({len(ids)} in all)"

@@ -127,6 +127,11 @@ def may_fail(spec: ModelSpec) -> bool:
     return spec.name not in RULE_BASED and not spec.name.startswith(f"{SUMO}:")
 
 
+def is_own(spec: ModelSpec) -> bool:
+    """Whether a model is the user's: registered, by import path, from a file, or of another package."""
+    return spec.name not in _MODELS and not spec.name.startswith(f"{SUMO}:")
+
+
 def known_names() -> list[str]:
     """Names that `build` can build, ``sumo:<model>`` among them."""
     return [*_MODELS, *(f"{SUMO}:{model}" for model in SUMO_MODELS), *_further()]
