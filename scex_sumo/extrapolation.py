@@ -16,7 +16,16 @@ import numpy as np
 from scex_sumo import __version__
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.behaviors.sumo_driver import SumoDriver
-from scex_sumo.casting import Models, cast_models, drivers, number_of_children, try_drivers, weights_of
+from scex_sumo.casting import (
+    Models,
+    cast_models,
+    draw_assignments,
+    drivers,
+    number_of_children,
+    put_under_test,
+    try_drivers,
+    weights_of,
+)
 from scex_sumo.colors import model_colors
 from scex_sumo.converters.sumo_net import convert
 from scex_sumo.converters.tracks import write_tracks
