@@ -7,7 +7,7 @@ children are compared pair by pair.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -18,7 +18,7 @@ from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.run import Run, side_of
 from scex_sumo.scene import BoolArray, FloatArray
 
-TABLE: Final = "under_test.parquet"
+UNDER_TEST: Final = "under_test.parquet"
 BASELINE: Final = "baseline"
 
 Driven = Literal["under_test", "baseline"]
@@ -83,11 +83,11 @@ class UnderTest:
             )
         self._run = run
         self.vehicles: dict[int, str | None] = {int(track): model for track, model in known.items()}
-        self.metrics = run.table(TABLE)
+        self.metrics = run.table(UNDER_TEST)
         without = run.baseline
         if without is None:
             raise ResultError(f"{run.folder}: its baseline was not run; run again without --no-baseline")
-        self.baseline = without.table(TABLE)
+        self.baseline = without.table(UNDER_TEST)
         if self.baseline["child"] != self.metrics["child"]:
             raise ResultError(f"{without.folder}: has not the children of {run.folder}; run again")
         self.columns = [name for name in self.metrics.column_names if name != "child"]
@@ -216,23 +216,3 @@ def _critical(values: FloatArray, limit: float | None, sign: float) -> BoolArray
 
 def _median(values: FloatArray) -> float:
     return float(np.median(values)) if len(values) else float("nan")
-
-
-def vehicles_under_test(
-    under_test: Mapping[int, str | None], assign: Mapping[int, str], own: Collection[int]
-) -> tuple[dict[int, str | None], dict[int, str]]:
-    """Who is under test, and who has a fixed model in any case.
-
-    Args:
-        under_test: model by track id as asked for; None for as drawn.
-        assign: model by track id as asked for.
-        own: vehicles whose assigned model is one of the user's own: those are under test too.
-
-    Raises:
-        UsageError: a vehicle is in both.
-    """
-    twice = sorted(set(under_test) & set(assign))
-    if twice:
-        raise UsageError(f"vehicle {twice[0]}: is in both --under-test and --assign; give it once")
-    tested = dict(under_test) | {track: assign[track] for track in assign if track in own}
-    return tested, {track: model for track, model in assign.items() if track not in own}
