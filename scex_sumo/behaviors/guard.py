@@ -14,6 +14,7 @@ from scex_sumo.behaviors.parameters import check_positive
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, Plan, SceneHistory, States, Who
 
+LAST_GAP_M = 0.2  # the nearest that hard braking aims for
 LEAST_CHANGE_MPS = 1e-6  # a bound that lowers a speed by less does not count
 
 
@@ -176,11 +177,19 @@ def _bounds(
     position = holds.position + holds.speed * gone - 0.5 * holds.deceleration * gone**2
     leader = np.maximum(holds.speed - holds.deceleration * (t + STEP_S), 0.0)
     gap = position - s
-    active = holds.until > t
-    b = profile.comfort_deceleration
-    bound = safe_speed(gap - profile.minimum_gap, leader, deceleration=b, reaction_time=profile.reaction_time)
+    b, tau = profile.comfort_deceleration, profile.reaction_time
+    bound = safe_speed(gap - profile.minimum_gap, leader, deceleration=b, reaction_time=tau)
     closing = np.where(v > leader, v**2 - leader**2, 0.0)
-    braking = np.where(holds.firm, closing / (2 * np.maximum(gap - 0.2, 0.1)), 0.0)
+    braking = np.where(holds.firm, closing / (2 * np.maximum(gap - LAST_GAP_M, LAST_GAP_M)), 0.0)
+    # Who will follow another one that is not there yet is not to be at the place before it.
+    early = (holds.enter > t) & (holds.speed > 0)
+    ahead = holds.position + holds.speed * holds.enter - s
+    wait = safe_speed(ahead - profile.minimum_gap, np.zeros_like(v), deceleration=b, reaction_time=tau)
+    wait = np.maximum(wait, np.maximum(ahead, 0.0) / np.maximum(holds.enter - t, STEP_S))
+    halting = np.where(wait < v, v**2 / (2 * np.maximum(ahead - LAST_GAP_M, LAST_GAP_M)), 0.0)
+    bound = np.where(early, np.minimum(bound, wait), np.where(gap < 0, 0.0, bound))
+    braking = np.where(early, np.maximum(braking, halting), braking)
+    active = holds.until > t
     lowest = np.minimum.reduceat(np.where(active, bound, np.inf), first)
     hardest = np.maximum.reduceat(np.where(active, braking, 0.0), first)
     return lowest, np.clip(hardest, b, profile.max_deceleration)

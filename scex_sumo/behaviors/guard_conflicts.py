@@ -19,6 +19,7 @@ SAME_WAY = 0.5  # cosine above which two go the same way: one follows the other 
 TOWARDS = -0.5  # cosine below which one comes towards the other
 STOP_DECELERATION = 6.0  # m/s²; who would have to brake harder than that cannot give way
 ORDER_DOUBT_M = 0.5
+AT_ONCE_M = 0.3
 CROSSING_M = 0.5  # two are at their crossing where the offset is this near to the least one
 
 
@@ -35,6 +36,7 @@ class Holds:
         speed: (P,) of the line, m/s, at least 0.
         deceleration: (P,) of the line, m/s², at least 0.
         stop_time: (P,) when the line stands still, s; inf where it does not.
+        enter: (P,) when the other one gets into the corridor, s; 0 for one who is in it.
         until: (P,) when the hold ends, s.
         firm: (P,) True where harder braking than comfortable is worth it.
     """
@@ -44,6 +46,7 @@ class Holds:
     speed: FloatArray
     deceleration: FloatArray
     stop_time: FloatArray
+    enter: FloatArray
     until: FloatArray
     firm: BoolArray
 
@@ -67,7 +70,7 @@ def find_holds(
         _holds_of(paths, around, history, who, profile, i[k : k + size], j[k : k + size])
         for k in range(0, max(1, len(i)), size)
     ]
-    names = ("row", "position", "speed", "deceleration", "stop_time", "until", "firm")
+    names = ("row", "position", "speed", "deceleration", "stop_time", "enter", "until", "firm")
     return Holds(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
@@ -141,7 +144,8 @@ def _holds_of(
     lead = v * (SAMPLE_S * crossing) - blocked.s[pair, crossing]  # by how much the own vehicle is ahead
     in_front = enter == 0
     way = np.where(along > 0, blocked.low[pair, enter], line)
-    stops = way >= v**2 / (2 * STOP_DECELERATION)
+    # One who is slow stops where it is: better beside the other's way than in it.
+    stops = np.maximum(way, AT_ONCE_M) >= v**2 / (2 * STOP_DECELERATION)
     other_stops = SAMPLE_S * enter >= v_other / (2 * STOP_DECELERATION)
     other_stops &= ~around.others.obstacle[j]
     # One of two goes first unless clearly later, the other one only if clearly earlier still: so that both
@@ -169,6 +173,7 @@ def _holds_of(
         speed=along[k],
         deceleration=braking[k],
         stop_time=np.where(braking > 0, along / np.maximum(braking, 1e-9), np.inf)[k],
+        enter=SAMPLE_S * enter[k],
         until=until[k],
         firm=(in_front | (along == 0))[k],
     )
