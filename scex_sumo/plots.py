@@ -32,7 +32,7 @@ LABELS = {
     "ttc": "1 / TTC [1/s]",
 }
 _CURVE, _CRITICAL, _RECORDED = "#1f4e79", "#c0392b", "#222222"
-_STYLE: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "font.size": 8,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -71,16 +71,16 @@ def draw_densities(run: Run, stem: Path) -> list[Path]:
         run: a finished run.
         stem: path without ending.
     """
-    return _save(_panels(run, "density", density_panel), stem)
+    return save(_panels(run, "density", density_panel), stem)
 
 
 def draw_cumulative(run: Run, stem: Path) -> list[Path]:
     """Write the cumulative density of each column with its 95 % band as SVG and PNG."""
-    return _save(_panels(run, "cumulative density", cumulative_panel), stem)
+    return save(_panels(run, "cumulative density", cumulative_panel), stem)
 
 
 def _panels(run: Run, what: str, draw: Callable[[Run, str, Axes], None]) -> Figure:
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(STYLE):
         columns = run.columns
         figure, grid = plt.subplots(3, 4, figsize=(11.5, 7.2), layout="constrained")
         for axes, column in zip(grid.flat, columns, strict=True):
@@ -198,7 +198,7 @@ def draw_scene(
     low, high = _extent(seed, futures)
     wide, tall = (high - low) * 9 / max(high - low)
     size = (max(wide, 3.5) + 0.8, max(tall, 1.5) + 0.8)
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=size, layout="constrained")
         scene_panel(axes, road, seed, futures)
         axes.set(xlabel="x [m]", ylabel="y [m]")
@@ -261,9 +261,10 @@ def vehicle_boxes(seed: SeedScene) -> FloatArray:
     )
 
 
-def _save(figure: Figure, stem: Path) -> list[Path]:
+def save(figure: Figure, stem: Path) -> list[Path]:
+    """Write a figure as SVG and PNG, and close it; returns the paths."""
     files = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(STYLE):
         figure.savefig(files[0], metadata={"Date": None})
         figure.savefig(files[1], dpi=150)
     plt.close(figure)

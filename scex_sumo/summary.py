@@ -11,7 +11,7 @@ from scex_sumo.run import Run, side_of
 from scex_sumo.scene import FloatArray
 
 # Shown per metric: its name and unit; the column ttc holds the inverse.
-_ROWS = {
+METRIC_LABELS = {
     "distance": "distance [m]",
     "tq": "traffic quality",
     "gap_time": "gap time [s]",
@@ -51,7 +51,7 @@ def summary_table(run: Run) -> Table:
     table.add_column("metric")
     for name in ("recorded", "median", "critical if", "P(critical)", "95 % interval", "defined"):
         table.add_column(name, justify="right", no_wrap=True)
-    for column, label in _ROWS.items():
+    for column, label in METRIC_LABELS.items():
         samples = run.samples(column)
         recorded = run.recorded_value(column)
         threshold = run.thresholds.get(column)
