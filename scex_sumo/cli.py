@@ -80,6 +80,13 @@ def run(
     assign: Annotated[
         list[str] | None, typer.Option(metavar="TRACK=MODEL", help="A vehicle's model; repeatable.")
     ] = None,
+    under_test: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TRACK=MODEL", help="A driving function under test, reported apart; repeatable."),
+    ] = None,
+    baseline: Annotated[
+        bool, typer.Option(help="Run the children without the models under test, too.")
+    ] = True,
     design: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="How assignments are drawn: balanced (default), random, ..."),
@@ -119,6 +126,8 @@ def run(
             replan=replan,
             models=models,
             assign=tuple(assign or ()),
+            under_test=tuple(under_test or ()),
+            baseline=baseline,
             thresholds=tuple(threshold or ()),
             design=design,
             until_band=until_band,

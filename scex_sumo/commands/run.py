@@ -28,6 +28,8 @@ class RunRequest(SeedRequest):
     replan: int
     models: str | None
     assign: tuple[str, ...]
+    under_test: tuple[str, ...]
+    baseline: bool
     thresholds: tuple[str, ...]
     design: str | None
     until_band: float | None
@@ -66,6 +68,7 @@ def _run(request: RunRequest, workers: Workers) -> tuple[SeedScene, Path, Run]:
     from scex_sumo.sequential import MOST_CHILDREN
 
     assign = parse_assign(request.assign)
+    under_test = parse_under_test(request.under_test)
     thresholds = parse_thresholds(request.thresholds)
     scene = seed_scene(request)
     out = request.out if request.out is not None else Path("out") / scene.name
@@ -76,6 +79,8 @@ def _run(request: RunRequest, workers: Workers) -> tuple[SeedScene, Path, Run]:
                 models=request.models if request.models is not None else DEFAULT_MODELS,
                 children=request.children or (MOST_CHILDREN if request.until_band else DEFAULT_CHILDREN),
                 assign=assign,
+                under_test=under_test,
+                baseline=request.baseline,
                 thresholds=thresholds,
                 steps=request.steps,
                 replan=request.replan,
@@ -108,11 +113,21 @@ def _tell(request: RunRequest, scene: SeedScene, out: Path, run: Run) -> None:
     print_summary(run, Console(width=None if sys.stdout.isatty() else 110))
     if request.until_band is not None:
         _print_band(run.info["band"])
+    tested = run.baseline is not None
+    if tested:
+        from scex_sumo.summary_under_test import print_under_test
+
+        print_under_test(run.under_test, Console(width=None if sys.stdout.isatty() else 110))
     if request.plots:
         from scex_sumo.commands.view import write_critical
         from scex_sumo.plots import draw_run
 
-        pictures = [file.name for file in draw_run(run, scene) if file.suffix == ".png"]
+        drawn = draw_run(run, scene)
+        if tested:
+            from scex_sumo.plots_under_test import draw_under_test
+
+            drawn += draw_under_test(run, run.folder / "under_test")
+        pictures = [file.name for file in drawn if file.suffix == ".png"]
         write_critical(run)
         print(f"result: {out}; pictures in it: {', '.join(pictures)}")
     else:
@@ -136,19 +151,39 @@ def _print_band(band: dict[str, Any]) -> None:
     )
 
 
-def parse_assign(entries: tuple[str, ...]) -> dict[int, str]:
+def parse_assign(entries: tuple[str, ...], option: str = "--assign") -> dict[int, str]:
     """``TRACK=MODEL`` entries as a mapping.
 
+    Args:
+        entries: as given.
+        option: what they were given to, for messages.
+
     Raises:
-        UsageError: an entry is not of that form.
+        UsageError: an entry is not of that form, or names a vehicle again.
     """
-    result = {}
+    result: dict[int, str] = {}
     for entry in entries:
         track, equals, model = entry.partition("=")
         if not equals or not model or not track.strip().lstrip("-").isdigit():
-            raise UsageError(f"--assign {entry}: needs TRACK=MODEL, e.g. --assign 17=emergency_brake")
+            raise UsageError(f"{option} {entry}: needs TRACK=MODEL, e.g. {option} 17=emergency_brake")
+        if int(track) in result:
+            raise UsageError(f"{option} {entry}: vehicle {int(track)} is given twice; give it one model")
         result[int(track)] = model
     return result
+
+
+def parse_under_test(entries: tuple[str, ...]) -> dict[int, str | None]:
+    """``TRACK=MODEL`` entries, or ``TRACK`` alone for a vehicle that is driven as drawn, as a mapping.
+
+    Raises:
+        UsageError: an entry is not of that form, or names a vehicle again.
+    """
+    alone = [entry for entry in entries if entry.strip().isdigit()]
+    models = parse_assign(tuple(entry for entry in entries if entry not in alone), "--under-test")
+    for entry in alone:
+        if int(entry) in models:
+            raise UsageError(f"--under-test {entry}: vehicle {int(entry)} is given twice; give it once")
+    return {**models, **{int(entry): None for entry in alone}}
 
 
 def parse_thresholds(entries: tuple[str, ...]) -> dict[str, float]:
