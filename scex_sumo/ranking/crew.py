@@ -107,8 +107,10 @@ class Processes:
     def close(self) -> None:
         """See `Crew`."""
         for worker in self._workers:
-            worker.end()
+            worker.kill()
         self._threads.shutdown()
+        for worker in self._workers:
+            worker.bury()
         self._folder.cleanup()
 
 
@@ -164,15 +166,22 @@ class _Worker:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout=1)
         self._process.kill()
-        status = self._process.wait()
+        status = self.bury()
         return f"signal {-status}" if status < 0 else f"exit status {status}"
 
-    def end(self) -> None:
-        """Kill it, whatever it is at."""
+    def kill(self) -> None:
+        """End it for good, whatever it is at; somebody may be waiting for its answer."""
         with self._ending:
             self._ended = True
         self._process.kill()
-        self._process.wait()
+
+    def bury(self) -> int:
+        """Clear away what is left of it when nobody waits for it; returns its exit status."""
+        for stream in (self._process.stdin, self._process.stdout):
+            if stream is not None:
+                with suppress(OSError):  # what was never sent
+                    stream.close()
+        return self._process.wait()
 
 
 def serve() -> None:
