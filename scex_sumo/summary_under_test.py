@@ -1,0 +1,69 @@
+"""What the terminal says of vehicles under test: with their models and without, side by side."""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from scex_sumo.density import Interval
+from scex_sumo.summary import METRIC_LABELS, counted
+from scex_sumo.under_test import Difference, UnderTest, holm
+
+
+def print_under_test(tested: UnderTest, console: Console) -> None:
+    """Print the comparison, and what its columns mean."""
+    console.print(under_test_table(tested))
+    console.print(
+        Text(
+            "only pairs that involve a vehicle under test; baseline: the same children, driven as drawn; worse :"
+            " better: children\nthat are more and less critical than in the baseline; p: of no difference, "
+            "signed-rank test of the values and McNemar's\ntest of the shares, child by child, each corrected "
+            "for the number of metrics (Holm)"
+        ),
+        soft_wrap=True,
+    )
+
+
+def under_test_table(tested: UnderTest) -> Table:
+    """Per metric: medians, critical shares, children that are worse and better, and how sure that is."""
+    children = counted(tested.metrics.num_rows, "child scenario")
+    table = Table(title=f"under test, {tested.label}: {children}", title_justify="left")
+    table.add_column("metric")
+    for name in ("median", "baseline", "worse : better", "p", "P(critical)", "baseline", "p"):
+        table.add_column(name, justify="right", no_wrap=True)
+    found = [tested.difference(column) for column in METRIC_LABELS]
+    values = holm([one.p_value for one in found])
+    shares = holm([one.critical_p_value for one in found])
+    for one, p_value, p_share in zip(found, values, shares, strict=True):
+        table.add_row(
+            Text(METRIC_LABELS[one.column]),
+            _number(one.under_test),
+            _number(one.baseline),
+            _counts(one),
+            _chance(p_value),
+            _share(one.p_critical),
+            _share(one.baseline_p_critical),
+            _chance(p_share),
+        )
+    return table
+
+
+def _counts(one: Difference) -> str:
+    return f"{one.worse} : {one.better}" if one.children else "–"
+
+
+def _number(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.2f}"
+
+
+def _share(share: Interval | None) -> str:
+    return "–" if share is None else f"{share.value:.1%}"
+
+
+def _chance(p_value: float) -> str:
+    if math.isnan(p_value):
+        return "–"
+    return "< 0.001" if p_value < 0.001 else f"{p_value:.3f}"
