@@ -199,6 +199,9 @@ class _Helper:
             self._ended = True
         self._process.kill()
         self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError):  # an order that it did not read any more
+                _there(pipe).close()
 
 
 class _Elsewhere(Exception):

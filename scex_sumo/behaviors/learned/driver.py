@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -151,7 +152,7 @@ class LearnedDriver:
         graph = scene_graph(history, road, radius=self.profile.radius)
         inputs = path_inputs(history, road, who, paths, row, radius=self.profile.radius)
         net = self._loaded.net
-        with torch.inference_mode():
+        with torch.inference_mode(), _one_thread():
             scene, path = scene_batch(graph), path_batch(inputs)
             if isinstance(net, GraphImageNet):
                 image = self._image(history, road, who)
@@ -225,6 +226,17 @@ class LearnedDriver:
             while len(self._choices) > 8:
                 self._choices.popitem(last=False)
         return self._choices[seed]
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Torch computes on one core: children share the others, and such small products gain nothing."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _rounded(values: torch.Tensor) -> FloatArray:
