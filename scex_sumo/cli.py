@@ -82,7 +82,7 @@ def run(
     ] = None,
     under_test: Annotated[
         list[str] | None,
-        typer.Option(metavar="TRACK=MODEL", help="A driving function under test, reported apart; repeatable."),
+        typer.Option(metavar="TRACK=MODEL", help="A driving function under test, told apart; repeatable."),
     ] = None,
     baseline: Annotated[
         bool, typer.Option(help="Run the children without the models under test, too.")

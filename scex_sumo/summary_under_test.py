@@ -18,10 +18,9 @@ def print_under_test(tested: UnderTest, console: Console) -> None:
     console.print(under_test_table(tested))
     console.print(
         Text(
-            "only pairs that involve a vehicle under test; baseline: the same children, driven as drawn; worse :"
-            " better: children\nthat are more and less critical than in the baseline; p: of no difference, "
-            "signed-rank test of the values and McNemar's\ntest of the shares, child by child, each corrected "
-            "for the number of metrics (Holm)"
+            "only pairs that involve a vehicle under test; baseline: the same children, driven as drawn\n"
+            "worse : better: children that are more and less critical than in the baseline\n"
+            "p: of no difference; signed-rank test of the values, McNemar's of the shares, corrected after Holm"
         ),
         soft_wrap=True,
     )
