@@ -19,8 +19,6 @@ from scex_sumo.converters.recordings_read import chains, chunk_span
 from scex_sumo.converters.tracks_scene import recording_name
 from scex_sumo.errors import MapError, TrackError
 
-NEAR_M = 2000.0
-"""A map whose middle is farther from a recording's place is another site's."""
 _SCENE = re.compile(r"(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+")
 
 
@@ -155,7 +153,7 @@ def _levelx(path: Path) -> Recording:
 
 
 def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
-    """The Lanelet2 map in ``maps`` beside or above the tracks that lies where they were recorded."""
+    """The Lanelet2 map in ``maps``, beside or above the tracks, nearest to where they were recorded."""
     folders = [folder / "maps" for folder in (path.parent, path.parent.parent)]
     maps = sorted(file for folder in folders for file in folder.rglob("*.osm"))
     unknown = folders[-1] / f"location{meta.get('locationId', '')}.osm"
@@ -164,8 +162,7 @@ def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
     except (KeyError, ValueError):
         return maps[0] if len(maps) == 1 else unknown
     distances = [(distance_m(_place(file, file.stat().st_mtime_ns), place), file) for file in maps]
-    near = [(apart, file) for apart, file in distances if apart < NEAR_M]
-    return min(near)[1] if near else unknown
+    return min(distances)[1] if distances else unknown
 
 
 @lru_cache(maxsize=64)
