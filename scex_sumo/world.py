@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 import tempfile
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -238,7 +239,8 @@ class World:
         batch, get = self._batch, self._call
         shape = batch.overridden.shape
         with self._session.refusals("read vehicles"):
-            front = np.array(list(map(get.getPosition, batch.ids))).reshape(*shape, 2)
+            ends = chain.from_iterable(map(get.getPosition, batch.ids))
+            front = np.fromiter(ends, np.float64, 2 * len(batch.ids)).reshape(*shape, 2)
             angle = np.fromiter(map(get.getAngle, batch.ids), np.float64, len(batch.ids)).reshape(shape)
             speed = batch.held.copy()
             for child in np.flatnonzero(batch.mixed):

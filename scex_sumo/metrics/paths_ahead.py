@@ -183,14 +183,23 @@ class PathsAhead:
 
     def boxes_ahead(self) -> FloatArray:
         """(4, 2, V, C, T) octagons around each path ahead, first segment included."""
-        nodes = self.lines.octagons[..., ::-1]
-        at = self.line, nodes.shape[2] - 1 - np.minimum(self.column, nodes.shape[2] - 1)
+        nodes = self.lines.octagons
+        columns, which = np.unique(np.minimum(self.column, nodes.shape[2] - 1), return_inverse=True)
+        low = np.empty((4, len(columns), nodes.shape[1]))  # of the nodes from each column on
+        high = np.empty_like(low)
+        for k in reversed(range(len(columns))):
+            last = k + 1 == len(columns)
+            part = nodes[:, :, columns[k] : None if last else columns[k + 1]]
+            np.min(part, axis=2, out=low[:, k])
+            np.max(part, axis=2, out=high[:, k])
+            if not last:
+                np.minimum(low[:, k], low[:, k + 1], out=low[:, k])
+                np.maximum(high[:, k], high[:, k + 1], out=high[:, k])
         boxes = self.first_boxes.copy()
+        at = which.reshape(-1), self.line
         for axis in range(4):
-            low = np.minimum.accumulate(nodes[axis], axis=-1)[at]
-            high = np.maximum.accumulate(nodes[axis], axis=-1)[at]
-            np.minimum(boxes[axis, 0], low, out=boxes[axis, 0], where=self.has_path)
-            np.maximum(boxes[axis, 1], high, out=boxes[axis, 1], where=self.has_path)
+            np.minimum(boxes[axis, 0], low[axis][at], out=boxes[axis, 0], where=self.has_path)
+            np.maximum(boxes[axis, 1], high[axis][at], out=boxes[axis, 1], where=self.has_path)
         return boxes
 
     def _near_first_segments(self) -> tuple[IntArray, IntArray, IntArray]:
