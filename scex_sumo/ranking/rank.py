@@ -11,8 +11,8 @@ from typing import Any
 import pyarrow as pa
 
 from scex_sumo import __version__
-from scex_sumo.behaviors.registry import DEFAULT_MODELS, build
-from scex_sumo.casting import Models, cast_models
+from scex_sumo.behaviors.registry import DEFAULT_MODELS
+from scex_sumo.casting import Models, cast_models, drivers, weights_of
 from scex_sumo.converters.recordings import Recording, find_recordings
 from scex_sumo.density import THRESHOLDS
 from scex_sumo.designs import DEFAULT_DESIGN
@@ -104,8 +104,7 @@ def rank(
     _check(every, children, first, min_vehicles, seed, top, keep, workers, steps, replan)
     limits = {**THRESHOLDS, **(thresholds or {})}
     casting = cast_models(models, {})
-    for spec in casting.specs:
-        build(spec)
+    weights = weights_of(casting, drivers(casting))
     recordings = find_recordings([roots] if isinstance(roots, str | Path) else roots)
     plan = Plan(
         recordings=recordings,
@@ -116,6 +115,7 @@ def rank(
         top=top,
         settings=Settings(
             models=tuple(f"{spec}@{spec.weight!r}" for spec in casting.drawn),
+            weights=tuple(sorted(weights.items())),
             steps=steps,
             replan=replan,
             design=DEFAULT_DESIGN,
@@ -200,6 +200,7 @@ def _describe(plan: Plan) -> dict[str, Any]:
         "children": plan.children,
         "top": plan.top,
         "models": list(settings.models),
+        "weights": dict(settings.weights),
         "steps": settings.steps,
         "replan": settings.replan,
         "design": settings.design,

@@ -23,11 +23,11 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo import __version__
-from scex_sumo.behaviors.registry import build
-from scex_sumo.casting import Casting, cast_models
+from scex_sumo.behaviors.base import Behavior
+from scex_sumo.casting import Casting, cast_models, draw_assignments, drivers, try_drivers, weights_of
 from scex_sumo.colors import model_colors
 from scex_sumo.converters.sumo_net import SumoNet, convert
-from scex_sumo.errors import TrackError
+from scex_sumo.errors import TrackError, UsageError
 from scex_sumo.job import Job, batch_size, batches_of, run_batch
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.ranking.seeds import reason_of
@@ -35,7 +35,6 @@ from scex_sumo.results import Part, tracks_table
 from scex_sumo.road import Road
 from scex_sumo.routes import off_road
 from scex_sumo.run import side_of
-from scex_sumo.sampling import assignments
 from scex_sumo.scene import BoolArray, FloatArray, IntArray, SeedScene
 from scex_sumo.world import World
 
@@ -52,6 +51,7 @@ class Settings:
 
     Attributes:
         models: behaviour models to draw from, as on the command line.
+        weights: learned model and the digest of its weights.
         steps: steps of 0.1 s per child.
         replan: steps that a plan is followed.
         design: how assignments are drawn; fewer children must be the first of more.
@@ -61,6 +61,7 @@ class Settings:
     """
 
     models: tuple[str, ...]
+    weights: tuple[tuple[str, str], ...]
     steps: int
     replan: int
     design: str
@@ -149,13 +150,23 @@ _maps: OrderedDict[str, tuple[Road, SumoNet, Any]] = OrderedDict()
 
 def run_seed(task: SeedTask, parcel: Parcel) -> SeedPart | str:
     """Run the children of a task; in words what is wrong with the seed scene where that fails."""
-    if task.version != __version__:
-        return f"the worker has scex-sumo {__version__}, needs {task.version}; install the same everywhere"
     try:
+        _check_versions(task)
         with _one_at_a_time:
             return _run(task, *_mapped(parcel))
     except Exception as error:  # whatever it is, the other seeds go on
         return reason_of(error)
+
+
+def _check_versions(task: SeedTask) -> None:
+    """A worker of another version would give other values."""
+    if task.version != __version__:
+        raise UsageError(
+            f"the worker has scex-sumo {__version__}, needs {task.version}; install the same everywhere"
+        )
+    casting, built = _models(task.settings.models)
+    if weights_of(casting, built) != dict(task.settings.weights):
+        raise UsageError("the worker has other weights of learned models; install the same everywhere")
 
 
 def _mapped(parcel: Parcel) -> tuple[Road, SumoNet]:
@@ -172,9 +183,9 @@ def _mapped(parcel: Parcel) -> tuple[Road, SumoNet]:
 
 
 @lru_cache(maxsize=4)
-def _models(models: tuple[str, ...]) -> tuple[Casting, tuple[Any, ...]]:
+def _models(models: tuple[str, ...]) -> tuple[Casting, tuple[Behavior, ...]]:
     casting = cast_models(models, {})
-    return casting, tuple(build(spec) for spec in casting.specs)
+    return casting, drivers(casting)
 
 
 def _run(task: SeedTask, road: Road, net: SumoNet) -> SeedPart:
@@ -184,8 +195,10 @@ def _run(task: SeedTask, road: Road, net: SumoNet) -> SeedPart:
         raise TrackError(f"none of its {scene.vehicles} vehicles is on a mapped lane; check the map's origin")
     settings = task.settings
     casting, built = _models(settings.models)
-    assignment = assignments(
-        casting.weights, scene.track_ids, children=task.stop, seed=settings.seed, design=settings.design
+    if task.first == 0:
+        try_drivers(casting, built, scene, seed=settings.seed)
+    assignment = draw_assignments(
+        casting, scene.track_ids, children=task.stop, seed=settings.seed, design=settings.design
     )
     job = Job(
         scene=scene,

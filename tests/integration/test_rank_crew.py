@@ -20,6 +20,7 @@ from scex_sumo.scene import SeedScene
 
 SETTINGS = Settings(
     models=("standard_driver", "risky_driver"),
+    weights=(),
     steps=30,
     replan=5,
     design="balanced",

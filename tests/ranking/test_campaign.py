@@ -22,6 +22,7 @@ from scex_sumo.ranking.work import SeedPart, Settings, choose_kept, critical_by
 
 SETTINGS = Settings(
     models=("standard_driver",),
+    weights=(),
     steps=30,
     replan=5,
     design="balanced",
