@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -11,6 +12,7 @@ from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.fallback import Fallible
 from scex_sumo.behaviors.guard import Guarded
 from scex_sumo.behaviors.registry import ModelSpec, build, is_own, may_fail, parse_models
+from scex_sumo.behaviors.usable import source_file
 from scex_sumo.errors import UsageError
 from scex_sumo.rollout import history_at
 from scex_sumo.sampling import assignments, child_generator, listing, route_draws
@@ -123,9 +125,7 @@ def draw_assignments(
             f"--under-test: no vehicle {unknown[0]} in the seed scene; its vehicles: {listing(ids)}"
         )
     always = {track: model for track, model in casting.fixed.items() if track not in casting.tested}
-    drawn = assignments(
-        casting.weights, track_ids, children=children, seed=seed, fixed=always, design=design
-    )
+    drawn = assignments(casting.weights, track_ids, children=children, seed=seed, fixed=always, design=design)
     for track, model in casting.tested.items():
         if model is not None:
             drawn[:, ids.index(track)] = casting.fixed[track]
@@ -160,6 +160,18 @@ def weights_of(casting: Casting, models: Sequence[Behavior]) -> dict[str, str]:
         sha256 = getattr(model, "weights_sha256", None)
         if isinstance(sha256, str):
             found[name] = sha256
+    return found
+
+
+def sources_of(casting: Casting, models: Sequence[Behavior]) -> dict[str, str]:
+    """SHA-256 of the file that each of the user's own models comes from, by its name, where there is one."""
+    found = {}
+    for spec, name, model in zip(casting.specs, casting.names, models, strict=True):
+        while isinstance(model, Guarded | Fallible):
+            model = model.model
+        file = source_file(model) if is_own(spec) else None
+        if file is not None and file.is_file():
+            found[name] = hashlib.sha256(file.read_bytes()).hexdigest()
     return found
 
 

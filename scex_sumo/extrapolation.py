@@ -23,6 +23,7 @@ from scex_sumo.casting import (
     drivers,
     number_of_children,
     put_under_test,
+    sources_of,
     try_drivers,
     weights_of,
 )
@@ -127,6 +128,7 @@ def extrapolate(
         settings: dict[str, Any] = {
             "models": [{"model": str(s), "weight": s.weight} for s in casting.drawn],
             "weights": weights_of(casting, built),
+            "sources": sources_of(casting, built),
             "assign": {str(t): casting.names[m] for t, m in sorted(casting.fixed.items())},
             "under_test": {str(t): model for t, model in sorted(tested.items())},
             "children": len(assignment) if until_band is None else most,

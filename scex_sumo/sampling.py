@@ -123,9 +123,7 @@ def assignments(
     fixed = dict(fixed or {})
     unknown = sorted(set(fixed) - set(ids))
     if unknown:
-        raise UsageError(
-            f"--assign: no vehicle {unknown[0]} in the seed scene; its vehicles: {listing(ids)}"
-        )
+        raise UsageError(f"--assign: no vehicle {unknown[0]} in the seed scene; its vehicles: {listing(ids)}")
     if children is None:
         drawn = [i for i, weight in enumerate(weights) if weight > 0]
         picked = all_assignments([1 if t in fixed else len(drawn) for t in ids])

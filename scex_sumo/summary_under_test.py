@@ -20,7 +20,7 @@ def print_under_test(tested: UnderTest, console: Console) -> None:
         Text(
             "only pairs that involve a vehicle under test; baseline: the same children, driven as drawn\n"
             "worse : better: children that are more and less critical than in the baseline\n"
-            "p: of no difference; signed-rank test of the values, McNemar's of the shares, corrected after Holm"
+            "p: of no difference; signed-rank test of values, McNemar's of shares, corrected after Holm"
         ),
         soft_wrap=True,
     )
