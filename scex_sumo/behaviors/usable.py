@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import traceback
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -106,8 +107,27 @@ def _short(words: str) -> str:
 
 def where_from(model: Any) -> str:
     """``class Driver of /path/driver.py``: where to look for a model."""
-    made = type(model.model if isinstance(model, SingleVehicle) else model)
+    made = _author(model)
+    if hasattr(made, "file"):
+        return f"the file {made.file}"
+    kind = "function" if inspect.isfunction(made) else "class"
+    file = source_file(model)
+    return f"{kind} {made.__qualname__} of {made.__module__ if file is None else file}"
+
+
+def source_file(model: Any) -> Path | None:
+    """The file that a model comes from: that of its class or function, or the model's own; None without one."""
+    made = _author(model)
+    if hasattr(made, "file"):
+        return Path(made.file)
     try:
-        return f"class {made.__qualname__} of {inspect.getfile(made)}"
+        return Path(inspect.getfile(made))
     except (OSError, TypeError):
-        return f"class {made.__qualname__} of {made.__module__}"
+        return None
+
+
+def _author(model: Any) -> Any:
+    """What a user wrote: a class, a function, or what stands for a file."""
+    inner = getattr(model, "function", model.model if isinstance(model, SingleVehicle) else model)
+    inner = inner.func if isinstance(inner, partial) else inner
+    return inner if inspect.isfunction(inner) or hasattr(inner, "file") else type(inner)
