@@ -1,0 +1,148 @@
+"""What the learned drivers cost: ms per child, from graph to plan, without SUMO and metrics.
+
+All vehicles of all children on one learned driver, 3 s in closed loop with a plan every 0.5 s, in a world
+that holds what it is told. CPU time of this process, the fastest of some repetitions after a first one.
+
+    OMP_NUM_THREADS=1 python benchmarks/learned.py [MAP.osm] [--children 64] [--vehicles 11] [--untrained]
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from plain_world import PlainWorld
+
+import scex_sumo as scex
+from scex_sumo.behaviors.learned import driver
+from scex_sumo.behaviors.learned.batches import architecture
+from scex_sumo.behaviors.learned.weights import KINDS, save_weights
+from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.rollout import Cast, roll_out
+from scex_sumo.scene import SeedScene
+
+MODELS = {"graph_predictor": "graph", "graph_image_predictor": "hybrid"}
+PARTS = ("scene_graph", "path_inputs", "network", "plan_along", "the rest")
+GOAL_MS = {"graph_predictor": 5.0, "graph_image_predictor": 10.0}
+
+
+class Watch:
+    """CPU time of named parts; inner parts are taken off the outer ones."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.open: list[str] = []
+        self.last = time.process_time()
+
+    def switch(self) -> None:
+        now = time.process_time()
+        if self.open:
+            self.seconds[self.open[-1]] += now - self.last
+        self.last = now
+
+    def around(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def timed(*args: Any, **keywords: Any) -> Any:
+            self.switch()
+            self.open.append(name)
+            try:
+                return function(*args, **keywords)
+            finally:
+                self.switch()
+                self.open.pop()
+
+        return timed
+
+
+def first_vehicles(scene: SeedScene, count: int) -> SeedScene:
+    """The scene with its first vehicles only."""
+    if scene.vehicles < count:
+        raise SystemExit(f"{scene.name} has {scene.vehicles} vehicles, not {count}")
+    return scene.reordered(range(count), name=scene.name)
+
+
+def children_of(scene: SeedScene, model: Any, count: int) -> Cast:
+    rng = np.random.default_rng(0)
+    return Cast(
+        children=np.arange(count),
+        assignment=np.zeros((count, scene.vehicles), dtype=np.int64),
+        models=[model],
+        names=["learned"],
+        overridden=np.ones(1, dtype=np.bool_),
+        route_draw=rng.random((count, scene.vehicles)),
+        generators=[np.random.default_rng(c) for c in range(count)],
+    )
+
+
+def untrained(folder: Path, name: str) -> str:
+    torch.manual_seed(0)
+    save_weights(folder / f"{name}.pt", KINDS[MODELS[name]](architecture()), {})
+    return str(folder / f"{name}.pt")
+
+
+def measured(scene: SeedScene, text: str, children: int, repeat: int) -> tuple[dict[str, float], float]:
+    """CPU seconds of each part, those of the fastest repetition; and of the very first plan."""
+    model: Any = build(parse_models(text)[0])
+    cast = children_of(scene, model, children)
+    assert scene.road is not None
+    plan, net = model.plan, model.driver._loaded.net
+    begin = time.process_time()
+    roll_out(PlainWorld(scene), scene.road, scene, cast, steps=1, replan=5)
+    first = time.process_time() - begin
+    found = []
+    originals = {name: getattr(driver, name) for name in ("scene_graph", "path_inputs", "plan_along")}
+    for _ in range(repeat):
+        watch = Watch()
+        for name, function in originals.items():
+            setattr(driver, name, watch.around(name, function))
+        net.forward = watch.around("network", type(net).forward.__get__(net))
+        model.plan = watch.around("the rest", plan)
+        roll_out(PlainWorld(scene), scene.road, scene, cast, steps=30, replan=5)
+        found.append(watch.seconds)
+    for name, function in originals.items():
+        setattr(driver, name, function)
+    return min(found, key=lambda seconds: sum(seconds.values())), first
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("map", nargs="?", default=str(scex.example_path("urban_intersection")))
+    parser.add_argument("--tracks")
+    parser.add_argument("--time", type=float)
+    parser.add_argument("--children", type=int, default=64)
+    parser.add_argument("--vehicles", type=int, default=11)
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--untrained", action="store_true", help="random weights instead of the shipped ones")
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    scene = first_vehicles(scex.read_seed(given.map, tracks=given.tracks, time=given.time), given.vehicles)
+    print(f"{scene.name}: {given.children} children of {scene.vehicles} vehicles, 6 plans each, ms per child")
+    print(
+        f"{'':24s}"
+        + "".join(f"{part:>13s}" for part in PARTS)
+        + f"{'all':>9s}{'goal':>7s}{'first plan':>13s}"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        for name in MODELS:
+            text = f"{name}:mode=draw:path=likeliest"
+            text += f":weights={untrained(Path(folder), name)}" if given.untrained else ""
+            seconds, first = measured(scene, text, given.children, given.repeat)
+            each = [1e3 * seconds[part] / given.children for part in PARTS]
+            print(
+                f"{name:24s}"
+                + "".join(f"{ms:13.3f}" for ms in each)
+                + f"{sum(each):9.2f}{GOAL_MS[name]:7.0f}"
+                f"{first:11.2f} s"
+            )
+
+
+if __name__ == "__main__":
+    main()
