@@ -1,0 +1,206 @@
+"""Training runs on recordings of our own: they learn, they go on where they stopped, they notice bad tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("torch_geometric")
+
+from scex_sumo.behaviors.learned.weights import load_weights  # noqa: E402
+from scex_sumo.commands.train import TrainRequest, train_command  # noqa: E402
+from scex_sumo.converters.recordings import find_recordings, load_recording  # noqa: E402
+from scex_sumo.errors import ResultError, TrackError, UsageError  # noqa: E402
+from scex_sumo.scenarios import example_path  # noqa: E402
+from scex_sumo.training import dataset as dataset_module  # noqa: E402
+from scex_sumo.training.dataset import Dataset, SampleOptions, make_dataset, part_scenes  # noqa: E402
+from scex_sumo.training.images import Images, turned  # noqa: E402
+from scex_sumo.training.split import Split  # noqa: E402
+from scex_sumo.training.train import Progress, Trainer, TrainOptions  # noqa: E402
+
+SMALL = {"hidden": 16, "heads": 2, "layers": 1}
+# The examples last 18 s: half of it for training is 9 s, of which the last 5 s are targets.
+SAMPLING = SampleOptions(copies=1, split=Split(validation=0.45, test=0.0))
+CPU = torch.device("cpu")
+
+
+@pytest.fixture(scope="module")
+def small() -> Dataset:
+    folder = example_path("motorway_merge").parent
+    merge = [r for r in find_recordings([folder]) if r.name == "motorway_merge"]
+    return make_dataset(merge, SAMPLING)
+
+
+def options(**given: object) -> TrainOptions:
+    usual = {"kind": "graph", "epochs": 2, "rounds": 0, "nodes": 100, "sizes": SMALL}
+    return TrainOptions(**{**usual, **given})
+
+
+def trained(
+    small: Dataset, given: TrainOptions, folder: Path | None = None, stop: int | None = None
+) -> tuple[Trainer, list[Progress]]:
+    """A run, in closed loop with the first graphs as what it drifted to; interrupted after an epoch."""
+    part = dataset_module.Samples.concatenate([small.train])
+    run = Trainer(small, given, device=CPU, drift=lambda file, number: part, folder=folder)
+    run.resume()
+    log: list[Progress] = []
+
+    def report(progress: Progress) -> None:
+        log.append(progress)
+        if progress.epoch == stop:
+            raise KeyboardInterrupt
+
+    try:
+        run.run(report)
+    except KeyboardInterrupt:
+        assert stop is not None
+    return run, log
+
+
+def weights(run: Trainer) -> dict[str, np.ndarray]:
+    return {name: value.numpy() for name, value in run.finished().state_dict().items()}
+
+
+def assert_same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
+    assert one.keys() == other.keys()
+    for name in one:
+        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+
+
+def test_the_loss_falls(small: Dataset) -> None:
+    _, log = trained(small, options(epochs=4))
+    first, last = (sum(progress.parts.values()) for progress in (log[0], log[-1]))
+    assert last < 0.8 * first  # an untrained network is metres off after 3 s
+
+
+def test_the_same_seed_gives_the_same_weights_and_another_others(small: Dataset) -> None:
+    once, again = (weights(trained(small, options(epochs=1))[0]) for _ in range(2))
+    other = weights(trained(small, options(epochs=1, seed=1))[0])
+    assert_same(once, again)
+    assert any((once[name] != other[name]).any() for name in once)
+
+
+@pytest.mark.parametrize("rounds", [0, 1])
+def test_an_interrupted_run_goes_on_to_the_same_weights(small: Dataset, tmp_path: Path, rounds: int) -> None:
+    given = options(epochs=3, rounds=rounds)
+    whole, _ = trained(small, given, tmp_path / "whole")
+    _, before = trained(small, given, tmp_path / "parts", stop=2)
+    resumed, after = trained(small, given, tmp_path / "parts")
+    assert [p.epoch for p in before + after] == [1, 2, 3]
+    assert_same(weights(resumed), weights(whole))
+
+
+def test_a_checkpoint_of_other_options_is_refused(small: Dataset, tmp_path: Path) -> None:
+    trained(small, options(epochs=1), tmp_path)
+    with pytest.raises(ResultError, match=r"another run|another seed"):
+        trained(small, options(epochs=1, seed=5), tmp_path)
+
+
+def test_a_broken_checkpoint_is_named(small: Dataset, tmp_path: Path) -> None:
+    (tmp_path / "checkpoint.pt").write_bytes(b"torn")
+    with pytest.raises(ResultError, match=r"checkpoint\.pt: not a checkpoint"):
+        trained(small, options(epochs=1), tmp_path)
+
+
+def test_training_stops_when_validation_gets_no_better(small: Dataset) -> None:
+    run, log = trained(small, options(epochs=30, patience=1, rate=0.0))
+    assert len(log) == 2  # the first is the best, the second is no better
+    assert run.best_epoch == 1
+
+
+def test_the_hybrid_learns_from_turned_maps(small: Dataset) -> None:
+    _, log = trained(small, options(kind="hybrid", epochs=2))
+    assert "free" in log[0].parts
+    assert sum(log[-1].parts.values()) < sum(log[0].parts.values())
+
+
+def test_a_turned_map_shows_the_turned_vehicle_the_same_road(small: Dataset) -> None:
+    maps = Images.of_roads(small.roads, CPU).maps[0]
+    pose = torch.as_tensor(small.validation.pose[:1])
+    for quarter, image in enumerate(maps):
+        x, y, heading = turned(pose, quarter)[0]
+        column, row = (float(v) for v in torch.stack([x, y]) - image.corner)
+        here = image.raster[:, round(row), round(column)]
+        assert float(here[0]) == 1.0  # drivable
+        # The lane's direction there is the vehicle's: cos and sin of the difference.
+        along = here[3] * torch.cos(heading) + here[4] * torch.sin(heading)
+        assert float(along) == pytest.approx(1.0, abs=0.05)
+
+
+def test_samples_come_from_the_cache_the_second_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: Dataset
+) -> None:
+    folder = example_path("motorway_merge").parent
+    merge = [r for r in find_recordings([folder]) if r.name == "motorway_merge"]
+    first = make_dataset(merge, SAMPLING, cache=tmp_path)
+
+    def fails(*given: object) -> Callable[..., None]:
+        raise AssertionError("made again")
+
+    monkeypatch.setattr(dataset_module, "_make", fails)
+    again = make_dataset(merge, SAMPLING, cache=tmp_path)
+    np.testing.assert_array_equal(first.train.feature, again.train.feature)
+    assert first.digest == again.digest == small.digest
+    with pytest.raises(AssertionError, match="made again"):
+        make_dataset(merge, replace(SAMPLING, copies=2), cache=tmp_path)
+
+
+def test_tracks_that_are_not_finite_are_named() -> None:
+    folder = example_path("motorway_merge").parent
+    (merge,) = (r for r in find_recordings([folder]) if r.name == "motorway_merge")
+    loaded = load_recording(merge)
+    x = loaded.table.vehicles.x.copy()
+    x[50] = np.nan
+    broken = replace(loaded, table=replace(loaded.table, vehicles=loaded.table.vehicles.with_columns(x=x)))
+    with pytest.raises(TrackError, match=r"motorway_merge: track \d+ has no finite x around"):
+        part_scenes(broken, "train", split=SAMPLING.split, every_s=0.5)
+
+
+def test_a_recording_too_short_says_so() -> None:
+    folder = example_path("motorway_merge").parent
+    merge = [r for r in find_recordings([folder]) if r.name == "motorway_merge"]
+    with pytest.raises(TrackError, match="no vehicle for validation"):
+        make_dataset(merge, SampleOptions(copies=0))
+
+
+def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
+    def request(**given: object) -> TrainRequest:
+        usual = {"kind": "graph", "roots": (tmp_path,), "out": tmp_path / "w.pt"}
+        return TrainRequest(**{**usual, **given})
+
+    with pytest.raises(UsageError, match="unknown network; known: graph, hybrid"):
+        train_command(request(kind="transformer"))
+    with pytest.raises(UsageError, match="needs --out"):
+        train_command(request(out=None))
+    with pytest.raises(UsageError, match="needs --data"):
+        train_command(request(roots=()))
+    with pytest.raises(UsageError, match="no such folder"):
+        train_command(request(roots=(tmp_path / "nowhere",)))
+    (tmp_path / "w.pt").write_bytes(b"")
+    with pytest.raises(ResultError, match="--overwrite"):
+        train_command(request())
+
+
+def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monkeypatch) -> None:
+    short = replace(SAMPLING, copies=0)
+    monkeypatch.setattr(dataset_module.SampleOptions, "__call__", None, raising=False)
+    monkeypatch.setattr("scex_sumo.training.dataset.SampleOptions", lambda **given: short)
+    folder = tmp_path / "data"
+    folder.mkdir()
+    for suffix in (".osm", ".csv"):
+        source = example_path("motorway_merge").with_suffix(suffix)
+        (folder / source.name).write_bytes(source.read_bytes())
+    out = tmp_path / "mine.pt"
+    train_command(
+        TrainRequest(kind="graph", roots=(folder,), out=out, epochs=2, rounds=1, cache=tmp_path / "cache")
+    )
+    _, meta = load_weights(out, "graph")
+    assert meta["sites"] == ["motorway_merge"]
+    assert meta["command"] == "scex-sumo train graph --data data --seed 0 --epochs 2 --rounds 1 --every 0.5"
+    assert meta["validation"]["motorway_merge"]["fde_m"] > 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "data", "mine.pt"]  # no checkpoints left
