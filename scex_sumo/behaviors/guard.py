@@ -15,6 +15,8 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, Plan, SceneHistory, States, Who
 
 LAST_GAP_M = 0.2  # the nearest that hard braking aims for
+LEAP_MPS2 = 6.0  # who is to gain speed faster than that, or more way than this in a step, would leap
+LEAP_M = 0.1
 LEAST_CHANGE_MPS = 1e-6  # a bound that lowers a speed by less does not count
 
 
@@ -120,7 +122,7 @@ def slowed(plan: Plan, history: SceneHistory, road: Road, who: Who, profile: Gua
         (n, H); rows that need no change are the very same numbers.
     """
     paths = planned_paths(plan, history, who, profile)
-    holds = find_holds(paths, history, road, who, profile)
+    holds = find_holds(paths, history, road, who, profile).joined_by(_leaping(paths))
     if not len(holds.row):
         return plan
     speed, arc, changed = _timed(paths, holds, profile)
@@ -130,6 +132,17 @@ def slowed(plan: Plan, history: SceneHistory, road: Road, who: Who, profile: Gua
     slow = States(x=plan.x.copy(), y=plan.y.copy(), heading=plan.heading.copy(), speed=plan.speed.copy())
     slow.assign(rows, paths.poses(rows, arc[rows], speed[rows]))
     return replace(plan, x=slow.x, y=slow.y, heading=slow.heading, speed=slow.speed)
+
+
+def _leaping(paths: PlannedPaths) -> IntArray:
+    """Vehicles whose plan does not start from where they are: a model that takes no account of being slowed.
+
+    Such as one that keeps the speed it had, or repeats a recording.
+    """
+    v = paths.start_speed
+    fast = paths.speed[:, 0] > v + LEAP_MPS2 * STEP_S
+    far = paths.arc[:, 1] > (v + LEAP_MPS2 * STEP_S / 2) * STEP_S + LEAP_M
+    return np.flatnonzero(fast | far)
 
 
 def _timed(
@@ -143,17 +156,18 @@ def _timed(
     s, v = np.zeros(len(mine)), paths.start_speed[mine]
     planned, way = paths.speed[mine], np.diff(paths.arc[mine], axis=1)
     count = np.diff(np.append(first, len(holds.row)))
-    gain = np.maximum(profile.release_acceleration, np.diff(planned, axis=1, prepend=v[:, None]) / STEP_S)
+    gain = np.diff(planned, axis=1, prepend=v[:, None]) / STEP_S
+    gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), profile.release_acceleration)
     for step in range(steps):
         bound, braking = _bounds(holds, profile, step, np.repeat(s, count), np.repeat(v, count), first)
         wanted = np.minimum(planned[:, step], bound)
         wanted = np.minimum(np.maximum(wanted, v - braking * STEP_S), v + gain[:, step] * STEP_S)
         following = np.maximum(np.minimum(wanted, planned[:, step]), 0.0)
-        moved = np.minimum((v + following) * (STEP_S / 2), way[:, step])
-        held = following < planned[:, step] - LEAST_CHANGE_MPS
+        moved = (v + following) * (STEP_S / 2)
+        held = (following < planned[:, step] - LEAST_CHANGE_MPS) | (moved < way[:, step] - LEAP_M)
         changed[mine] |= held
         free = ~changed[mine]
-        s = np.where(free, paths.arc[mine, step + 1], s + moved)
+        s = np.where(free, paths.arc[mine, step + 1], s + np.minimum(moved, way[:, step]))
         v = following
         speed[mine, step], arc[mine, step] = v, s
     return speed, arc, changed

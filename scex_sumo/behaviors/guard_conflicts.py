@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,6 +50,18 @@ class Holds:
     until: FloatArray
     firm: BoolArray
 
+    def joined_by(self, rows: IntArray) -> Holds:
+        """The same holds, and one without effect for each of some further vehicles."""
+        further = np.setdiff1d(rows, self.row)
+        if not len(further):
+            return self
+        order = np.argsort(np.concatenate([self.row, further]), kind="stable")
+        idle = np.zeros(len(further))
+        values = {f.name: np.concatenate([getattr(self, f.name), idle])[order] for f in fields(self)}
+        values["row"] = np.concatenate([self.row, further])[order]
+        values["firm"] = values["firm"].astype(np.bool_)
+        return Holds(**values)
+
 
 def find_holds(
     paths: PlannedPaths, history: SceneHistory, road: Road, who: Who, profile: GuardProfile
@@ -70,8 +82,7 @@ def find_holds(
         _holds_of(paths, around, history, who, profile, i[k : k + size], j[k : k + size])
         for k in range(0, max(1, len(i)), size)
     ]
-    names = ("row", "position", "speed", "deceleration", "stop_time", "enter", "until", "firm")
-    return Holds(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+    return Holds(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Holds)})
 
 
 def _near_pairs(

@@ -215,9 +215,10 @@ def desired_speed(
     shown = np.clip(
         speed + profile.habit_lead * acceleration + profile.habit_margin, 0.0, np.maximum(wished, speed)
     )
-    desired: FloatArray = wished + (shown - wished) * np.exp(-time_s / profile.habit_memory)
+    desired = wished + (shown - wished) * np.exp(-time_s / profile.habit_memory)
     gentle = (1 + profile.comfort_deceleration / profile.max_acceleration) ** -0.25
-    return np.maximum(desired, gentle * present)
+    bounded: FloatArray = np.maximum(desired, gentle * present)
+    return bounded
 
 
 @lru_cache(maxsize=32)
