@@ -116,7 +116,7 @@ def where_from(model: Any) -> str:
 
 
 def source_file(model: Any) -> Path | None:
-    """The file that a model comes from: that of its class or function, or the model's own; None without one."""
+    """The file that a model comes from: its own, or that of its class or function; None without one."""
     made = _author(model)
     if hasattr(made, "file"):
         return Path(made.file)
