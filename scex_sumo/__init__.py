@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from scex_sumo.converters.sumo_net import convert as convert
     from scex_sumo.errors import ScexError as ScexError
     from scex_sumo.extrapolation import extrapolate as extrapolate
+    from scex_sumo.plots_attention import plot_attention as plot_attention
     from scex_sumo.plots_graph import plot_scene_graph as plot_scene_graph
     from scex_sumo.road import Lane as Lane
     from scex_sumo.road import Road as Road
@@ -72,6 +73,7 @@ _HOMES = {
     "load_recording": "scex_sumo.converters.recordings",
     "open_run": "scex_sumo.run",
     "parse_models": "scex_sumo.behaviors.registry",
+    "plot_attention": "scex_sumo.plots_attention",
     "plot_scene_graph": "scex_sumo.plots_graph",
     "predictor": "scex_sumo.behaviors.predictor",
     "read_map": "scex_sumo.converters.maps",

@@ -1,0 +1,140 @@
+"""Picture of the Graph Image Predictor: one moment, and what it plans with the graph or the road in mind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Colormap
+
+from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.errors import UsageError
+from scex_sumo.plots import STYLE, draw_road, vehicle_boxes
+from scex_sumo.rollout import history_at
+from scex_sumo.scene import STEP_S, FloatArray, Plan, SeedScene, Who
+
+VALUES = (0.0, 0.25, 0.5, 0.75, 1.0)
+SHOWN = 3  # vehicles whose speeds are drawn
+MARGIN_M = 12.0
+
+
+def plot_attention(
+    seed: SeedScene,
+    path: str | Path,
+    *,
+    weights: str | Path = "",
+    values: Sequence[float] = VALUES,
+    head: str = "bounded",
+) -> Path:
+    """Draw a seed scene with the plans of all its vehicles for several attention weights.
+
+    Beside it the planned speeds of those vehicles whose plans differ most.
+
+    Args:
+        seed: the seed scene, with its road.
+        path: PNG or SVG file.
+        weights: file of weights of the Graph Image Predictor; empty takes the shipped ones.
+        values: attention weights w in [0, 1]; 1 looks at the scene graph alone.
+        head: ``bounded`` or ``free``, as of the model.
+
+    Returns:
+        The file.
+
+    Raises:
+        UsageError: the scene has no road, or no values are given.
+        InputError: the weights cannot be used.
+    """
+    if seed.road is None:
+        raise UsageError(f"{seed.name}: the scene has no road; read it with its map")
+    if not len(values):
+        raise UsageError("values: got none; give at least one attention weight")
+    plans = [_plan(seed, f"graph_image_predictor:attention={w:g}:head={head}", weights) for w in values]
+    order = _most_different(plans)[: min(SHOWN, seed.vehicles)]
+    palette = plt.get_cmap("plasma")
+    with plt.rc_context(STYLE):
+        figure = plt.figure(figsize=(10, 5.4), layout="constrained")
+        grid = figure.add_gridspec(len(order), 2, width_ratios=[2.1, 1])
+        _scene(figure.add_subplot(grid[:, 0]), seed, plans, values, order, palette)
+        for place, vehicle in enumerate(order):
+            axes = figure.add_subplot(grid[place, 1])
+            _speeds(axes, seed, plans, values, vehicle, palette)
+            axes.set_title("ABC"[place], loc="left", fontweight="bold")
+        figure.axes[-1].set_xlabel("time [s]")
+        figure.savefig(path, dpi=130)
+        plt.close(figure)
+    return Path(path)
+
+
+def _plan(seed: SeedScene, model: str, weights: str | Path) -> Plan:
+    assert seed.road is not None
+    built = build(parse_models(f"{model}:weights={weights}" if str(weights) else model)[0])
+    one = np.zeros(1, dtype=np.int64)
+    history = history_at(seed, seed.history.repeat(1), one, np.zeros((1, seed.vehicles)), step=0)
+    who = Who(child=np.zeros(seed.vehicles, dtype=np.int64), vehicle=np.arange(seed.vehicles))
+    return built.plan(history, seed.road, who, [np.random.default_rng(0)])
+
+
+def _most_different(plans: Sequence[Plan]) -> list[int]:
+    """Vehicles by how far their plans end from each other, the furthest first."""
+    ends = np.stack([np.stack([plan.x[:, -1], plan.y[:, -1]], -1) for plan in plans])
+    spread = np.hypot(*(ends.max(axis=0) - ends.min(axis=0)).T)
+    return [int(v) for v in np.argsort(-spread, kind="stable")]
+
+
+def _scene(
+    axes: Axes,
+    seed: SeedScene,
+    plans: Sequence[Plan],
+    values: Sequence[float],
+    order: Sequence[int],
+    palette: Colormap,
+) -> None:
+    assert seed.road is not None
+    draw_road(axes, seed.road)
+    for box in vehicle_boxes(seed):
+        axes.fill(*box.T, facecolor="#222222", edgecolor="white", linewidth=0.6, zorder=5)
+    for number, (plan, w) in enumerate(zip(plans, values, strict=True)):
+        x, y = (np.column_stack([a, b]) for a, b in ((seed.now.x, plan.x), (seed.now.y, plan.y)))
+        lines = axes.plot(x.T, y.T, color=_color(palette, w), linewidth=1.4, zorder=4 - 0.1 * number)
+        lines[0].set_label(f"w = {w:g}")
+        axes.scatter(x[:, -1], y[:, -1], s=16, color=_color(palette, w), zorder=6, linewidths=0)
+    for name, vehicle in zip("ABC", order, strict=False):
+        at = (float(seed.now.x[vehicle]), float(seed.now.y[vehicle]))
+        axes.annotate(name, at, xytext=(7, 7), textcoords="offset points", fontweight="bold", zorder=7)
+    low, high = _extent(seed, plans)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    axes.set_title("plans of 3 s; w = 1 looks at the scene graph alone, w = 0 at the road alone", loc="left")
+    axes.legend(loc="best", frameon=True, framealpha=0.9)
+
+
+def _speeds(
+    axes: Axes,
+    seed: SeedScene,
+    plans: Sequence[Plan],
+    values: Sequence[float],
+    vehicle: int,
+    palette: Colormap,
+) -> None:
+    past = seed.history.speed[vehicle]
+    before = STEP_S * np.arange(1 - len(past), 1)
+    axes.plot(before, past, color="#222222", linewidth=1.4)
+    for plan, w in zip(plans, values, strict=True):
+        ahead = STEP_S * np.arange(plan.speed.shape[1] + 1)
+        axes.plot(ahead, [past[-1], *plan.speed[vehicle]], color=_color(palette, w), linewidth=1.4)
+    axes.set(ylabel="speed [m/s]", xlim=(before[0], STEP_S * plans[0].speed.shape[1]))
+    axes.set_ylim(bottom=min(0.0, float(axes.get_ylim()[0])))
+
+
+def _color(palette: Colormap, w: float) -> tuple[float, float, float, float]:
+    return palette(0.9 * w)
+
+
+def _extent(seed: SeedScene, plans: Sequence[Plan]) -> tuple[FloatArray, FloatArray]:
+    """Lower left and upper right corner around vehicles and plans, m."""
+    x = np.concatenate([seed.now.x, *(plan.x.ravel() for plan in plans)])
+    y = np.concatenate([seed.now.y, *(plan.y.ravel() for plan in plans)])
+    low, high = np.array([x.min(), y.min()]), np.array([x.max(), y.max()])
+    return low - MARGIN_M, high + MARGIN_M
