@@ -176,7 +176,7 @@ class _Helper:
         """Have it run a batch, its reports passed on; raises one of ``_DIED`` where it dies."""
         orders, answers = _there(self._process.stdin), _there(self._process.stdout)
         if self.job is not job:
-            _write(orders, ("job", job))
+            _write(orders, ("job", (sys.path, job)))  # as it is now: the user's own models may be in a new place
             self.job = job
         _write(orders, ("batch", batch))
         kind = "tick"
@@ -234,7 +234,8 @@ def serve() -> None:
         order = pickle.load(orders)
         try:
             while True:
-                job, slots = pickle.loads(order[1])
+                sys.path[:], packed = order[1]
+                job, slots = pickle.loads(packed)
                 for children in run_batches(job, batches(), slots=slots, on_step=tick):
                     _write(reports, ("done", children))
         except (EOFError, BrokenPipeError):
