@@ -106,11 +106,10 @@ def tq(scenes: Scenes) -> Samples:
     radius = (0.36 * speed) ** 2 + scenes.length + speed
     first, second = scenes.pairs
     micro, nano = np.zeros_like(speed), np.zeros_like(speed)
-    near = np.zeros((vehicles, *scenes.shape), dtype=bool)
+    apart = np.full((vehicles, vehicles, *scenes.shape), np.inf)
+    apart[first, second] = apart[second, first] = np.where(scenes.both_present, scenes.distance, np.inf)
     for vehicle in range(vehicles):
-        near[vehicle] = False
-        for pairs, others in ((first == vehicle, second), (second == vehicle, first)):
-            near[others[pairs]] = scenes.both_present[pairs] & (scenes.distance[pairs] <= radius[vehicle])
+        near = apart[vehicle] <= radius[vehicle]
         micro[vehicle] = near.sum(axis=0) / np.maximum(count, 1)
         nano[vehicle] = _variation(speed, near)
     closeness = np.exp(-smallest_rectangle_distance(scenes) / DISTANCE_SCALE_M)
