@@ -1,0 +1,117 @@
+"""A driving function of the user's own, from the folder that the command is run in."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import scex_sumo
+
+ROUNDABOUT = scex_sumo.example_path("roundabout")
+SCRIPT = "import sys; sys.path.pop(0); from scex_sumo.cli import main; main()"  # as a console script does
+MODELS = "standard_driver,constant_velocity"
+DRIVER = '''
+import numpy as np
+
+import scex_sumo as scex
+
+
+class Straight:
+    """Keeps speed and heading; in odd children it gives up after a while, in all of them where told to."""
+
+    def __init__(self, *, gives_up=False):
+        self.gives_up = gives_up
+
+    def plan_one(self, history, road, child, vehicle, rng):
+        if self.gives_up or (history.step >= 15 and history.children[child] % 2):
+            raise RuntimeError("lost the lane")
+        now = history.now[child, vehicle]
+        way = float(now.speed) * 0.1 * np.arange(1, 31)
+        return scex.States(
+            x=now.x + way * np.cos(now.heading),
+            y=now.y + way * np.sin(now.heading),
+            heading=np.full(30, now.heading),
+            speed=np.full(30, now.speed),
+        )
+'''
+
+
+def scex(where: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", SCRIPT, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=where, timeout=120, check=False)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a driver and the result of a run with it under test."""
+    where = tmp_path_factory.mktemp("plug_in")
+    (where / "drivers").mkdir()
+    (where / "drivers" / "__init__.py").write_text(DRIVER)
+    options = ("--children", 6, "--models", MODELS, "--assign", "3=drivers:Straight", "-o", "out")
+    done = scex(where, "run", ROUNDABOUT, *options)
+    assert done.returncode == 0, done.stderr
+    (where / "printed.txt").write_text(done.stdout)
+    return where
+
+
+def test_a_run_tells_the_vehicle_under_test_apart(folder: Path) -> None:
+    printed = (folder / "printed.txt").read_text()
+    assert "under test, vehicle 3: drivers:Straight: 6 child scenarios" in printed
+    assert "worse : better" in printed
+    assert "under_test.png" in printed and (folder / "out" / "under_test.svg").is_file()
+    # One vehicle, 6 children of 6 plans; 3 of these children lose the last 3.
+    line = (
+        "drivers:Straight: 9 of 36 plans replaced by the path-following driver's, in 3 children; "
+        "first (child 1, vehicle 3, 1.5 s): raised RuntimeError: lost the lane (__init__.py, line 15)"
+    )
+    assert line in printed
+    info = json.loads((folder / "out" / "run.json").read_text())
+    assert info["under_test"] == {"3": "drivers:Straight"}
+    assert info["fallbacks"][0]["replaced"] == 9
+    assert list(info["sources"]) == ["drivers:Straight"]
+    assert pq.read_table(folder / "out" / "fallbacks.parquet").num_rows == 9
+
+
+def test_the_baseline_are_the_same_children_but_for_that_vehicle(folder: Path) -> None:
+    run = scex_sumo.open_run(folder / "out")
+    assert run.baseline is not None
+    other = np.asarray(run.assignments["track_id"]) != 3
+    mine, theirs = (np.asarray(r.assignments["model"].to_pylist()) for r in (run, run.baseline))
+    assert np.array_equal(mine[other], theirs[other])
+    assert set(mine[~other]) == {"drivers:Straight"} and set(theirs[~other]) == set(MODELS.split(","))
+
+
+def test_values_under_test_are_those_of_the_vehicles_own_pairs(folder: Path) -> None:
+    done = scex(folder, "metrics", "out", "--level", "pair", "-o", "pairs.parquet")
+    assert done.returncode == 0, done.stderr
+    pairs = pq.read_table(folder / "pairs.parquet").to_pandas()
+    own = pairs[(pairs.metric == "wttc") & ((pairs.track_id == 3) | (pairs.other_id == 3))]
+    tested = scex_sumo.open_run(folder / "out").under_test.metrics
+    assert tested["wttc"].to_pylist() == own.groupby("case_id").value.min().tolist()
+
+
+def test_workers_and_batches_leave_the_same_bytes(folder: Path) -> None:
+    options = ("--children", 6, "--models", MODELS, "--assign", "3=drivers:Straight", "--no-plots")
+    done = scex(folder, "run", ROUNDABOUT, *options, "--workers", 2, "--batch", 1, "-o", "again")
+    assert done.returncode == 0, done.stderr
+    for name in ("tracks", "metrics", "fallbacks", "under_test", "baseline/under_test", "baseline/tracks"):
+        one, two = (folder / out / f"{name}.parquet" for out in ("out", "again"))
+        assert one.read_bytes() == two.read_bytes(), name
+
+
+def test_a_driver_that_fails_from_the_start_is_one_line_and_no_folder(folder: Path) -> None:
+    options = ("--children", 4, "--under-test", "3=drivers:Straight:gives_up=true", "-o", "none")
+    done = scex(folder, "run", ROUNDABOUT, *options)
+    assert done.returncode == 1
+    (line,) = [text for text in done.stderr.splitlines() if not text.startswith("note: ")]
+    assert line.startswith(
+        "error: drivers:Straight:gives_up=true: no usable plan for any of 1 vehicles of the seed scene: "
+        "raised RuntimeError: lost the lane (__init__.py, line 15); it is class Straight of"
+    )
+    assert not (folder / "none").exists()
