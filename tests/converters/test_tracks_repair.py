@@ -85,7 +85,14 @@ def test_jittering_positions_are_smoothed(tmp_path: Path) -> None:
     rows = moving(_turn, 1, range(200))
     noisy = [row | {"x": row["x"] + 0.15 * a, "y": row["y"] + 0.15 * b} for row, a, b in _noise(rows, rng)]
     table, said = _repaired(tmp_path, noisy)
-    assert re.search(r"positions jitter by 0\.1[2-7] m: smoothed", said)
+    found = re.search(
+        r"positions jitter by 0\.1[2-7] m: smoothed \(.*?([-.\d]+)\.\.([.\d]+) -> (.*?) m/s²", said
+    )
+    assert found
+    # Speeds from noise of 0.15 m are off by sqrt(1/2) 0.15 / 0.1 = 1.06 m/s, their changes by 15 m/s² (1 sigma).
+    assert float(found[1]) < -15.0 < 15.0 < float(found[2])
+    low, high = map(float, found[3].split(".."))
+    assert -4.0 < low < high < 4.0  # the vehicle itself keeps its speed
     vehicles = table.vehicles
     t = vehicles.timestamp_ms / 1000.0
     off = np.hypot(vehicles.x - 20 * np.sin(0.4 * t), vehicles.y - 20 * (1 - np.cos(0.4 * t)))
