@@ -133,73 +133,128 @@ def _holds_of(
     j: IntArray,
 ) -> Holds:
     """Holds of pairs: vehicle i of the n, other j of the M."""
-    child, vehicle = who.child[i], who.vehicle[i]
-    blocked = _blocked(paths, around, history, profile, i, j, child, vehicle)
+    blocked = _blocked(paths, around, history, who, profile, i, j)
     some = blocked.inside.any(axis=1)
-    i, j, child, vehicle = i[some], j[some], child[some], vehicle[some]
-    blocked = _Blocked(**{key: values[some] for key, values in vars(blocked).items()})
-    inside = blocked.inside
-    pair = np.arange(len(i))
+    i, j = i[some], j[some]
+    blocked = _Blocked(**{f.name: getattr(blocked, f.name)[some] for f in fields(_Blocked)})
+    v, v_other = paths.start_speed[i], np.maximum(around.others.states.speed[who.child[i], j], 0.0)
+    meeting = _meetings(blocked, v, v_other)
+    obstacle = around.others.obstacle[j]
+    yields = _yields(meeting, v, v_other, ~obstacle, j < who.vehicle[i], profile.order_margin)
+    # Who is through before the other one comes need not wait.
+    before = (meeting.enter - profile.time_margin) / STEP_S
+    before = np.clip(before, 0, paths.arc.shape[1] - 1).astype(np.int64)
+    yields &= (meeting.enter == 0) | (paths.arc[i, before] <= meeting.high)
+    k = np.flatnonzero(yields)
+    speed, in_front = meeting.speed[k], meeting.enter[k] == 0
+    braking = np.minimum(around.braking[who.child[i], j], profile.comfort_deceleration)[k]
+    braking = np.where(in_front & (speed > 0), braking, 0.0)
+    return Holds(
+        row=i[k],
+        position=meeting.position[k],
+        speed=speed,
+        deceleration=braking,
+        stop_time=np.where(braking > 0, speed / np.maximum(braking, 1e-9), np.inf),
+        enter=meeting.enter[k],
+        until=meeting.leave[k] + profile.time_margin,
+        firm=in_front | (speed == 0),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Meeting:
+    """How P pairs meet; places are of the own centre, m along the plan.
+
+    Attributes:
+        enter: (P,) when the other one is in the corridor first, s; 0 for now.
+        leave: (P,) when it has left, s; inf where it has not within the time looked ahead.
+        position: (P,) where the moving stop line behind the other is now.
+        speed: (P,) of that line, m/s; 0 for one that crosses.
+        entry: (P,) the place to stop at, for one that is not there yet.
+        high: (P,) the place from which the own vehicle is through.
+        lead: (P,) how far the own vehicle is ahead of the other when that one gets to the crossing, m.
+    """
+
+    enter: FloatArray
+    leave: FloatArray
+    position: FloatArray
+    speed: FloatArray
+    entry: FloatArray
+    high: FloatArray
+    lead: FloatArray
+
+
+def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray) -> _Meeting:
+    """Where and when pairs meet, whose other one gets into the corridor at least once."""
+    inside, pair = blocked.inside, np.arange(len(v))
     enter = inside.argmax(axis=1)
-    leave = SAMPLES - 1 - inside[:, ::-1].argmax(axis=1)
+    leave = SAMPLES - inside[:, ::-1].argmax(axis=1)
     distance = np.where(inside, np.abs(blocked.offset), np.inf)
     crossing = (distance <= distance.min(axis=1, keepdims=True) + CROSSING_M).argmax(axis=1)
     crossing = np.where(enter == 0, 0, crossing)
-    v = paths.start_speed[i]
-    v_other = np.maximum(around.others.states.speed[child, j], 0.0)
     cos = blocked.cos[pair, crossing]
-    along = np.where(cos > SAME_WAY, v_other * cos, 0.0)
+    speed = np.where(cos > SAME_WAY, v_other * cos, 0.0)
     # The line that lies under all places where the other is in the way.
-    times = SAMPLE_S * np.arange(SAMPLES)
-    line = np.where(inside, blocked.low - along[:, None] * times, np.inf).min(axis=1)
-    lead = v * (SAMPLE_S * crossing) - blocked.s[pair, crossing]  # by how much the own vehicle is ahead
-    in_front = enter == 0
-    way = np.where(along > 0, blocked.low[pair, enter], line)
+    line = np.where(inside, blocked.low - speed[:, None] * (SAMPLE_S * np.arange(SAMPLES)), np.inf)
+    position = line.min(axis=1)
+    entry = np.where(speed > 0, blocked.low[pair, enter], position)
+    # Two who come towards each other share the way between them.
+    share = blocked.low[:, 0] * v / np.maximum(v + v_other, 0.1)
+    towards = (enter == 0) & (cos < TOWARDS)
+    return _Meeting(
+        enter=SAMPLE_S * enter,
+        leave=np.where(leave == SAMPLES, np.inf, SAMPLE_S * leave),
+        position=np.where(towards, np.maximum(position, share), position),
+        speed=speed,
+        entry=entry,
+        high=np.where(inside, blocked.high, -np.inf).max(axis=1),
+        lead=v * (SAMPLE_S * crossing) - blocked.s[pair, crossing],
+    )
+
+
+def _yields(
+    meeting: _Meeting,
+    v: FloatArray,
+    v_other: FloatArray,
+    gives_way: BoolArray,
+    other_first: BoolArray,
+    margin: float,
+) -> BoolArray:
+    """(P,) whether the own vehicle gives way.
+
+    To one who is in the corridor already, unless that one is behind. Else, who alone can still stop gives
+    way; where both can, or neither, the one that gets to the crossing later; by number where that is close.
+
+    Args:
+        meeting: of the pairs.
+        v: (P,) own speed, m/s.
+        v_other: (P,) the other one's, m/s.
+        gives_way: (P,) False for an other one that never does.
+        other_first: (P,) the other one's number is the smaller one.
+        margin: what is close, m.
+    """
     # One who is slow stops where it is: better beside the other's way than in it.
-    stops = np.maximum(way, AT_ONCE_M) >= v**2 / (2 * STOP_DECELERATION)
-    other_stops = SAMPLE_S * enter >= v_other / (2 * STOP_DECELERATION)
-    other_stops &= ~around.others.obstacle[j]
-    # One of two goes first unless clearly later, the other one only if clearly earlier still: so that both
-    # never go, though each sees the other's way a little differently.
-    margin = profile.order_margin
-    later = np.where(j < vehicle, lead < margin + ORDER_DOUBT_M, lead < -margin)
+    stops = np.maximum(meeting.entry, AT_ONCE_M) >= v**2 / (2 * STOP_DECELERATION)
+    other_stops = gives_way & (meeting.enter >= v_other / (2 * STOP_DECELERATION))
+    # One of the two goes first unless clearly later, the other one only if clearly earlier still: so that
+    # they never both go, though each sees the other's way a little differently.
+    later = np.where(other_first, meeting.lead < margin + ORDER_DOUBT_M, meeting.lead < -margin)
     yields = np.where(stops == other_stops, later, stops)
-    yields = np.where(in_front, lead < 0, yields)
-    # Through before the other comes.
-    before = np.clip(
-        ((SAMPLE_S * enter - profile.time_margin) / STEP_S).astype(np.int64), 0, paths.arc.shape[1] - 1
-    )
-    high = np.where(inside, blocked.high, -np.inf).max(axis=1)
-    yields &= in_front | (paths.arc[i, before] <= high)
-    towards = in_front & (cos < TOWARDS)
-    share = v / np.maximum(v + v_other, 0.1)
-    line = np.where(towards, np.maximum(line, blocked.low[:, 0] * share), line)
-    braking = np.where(in_front & (along > 0), np.minimum(around.braking[child, j], along * 10), 0.0)
-    braking = np.minimum(braking, profile.comfort_deceleration)
-    until = np.where(leave == SAMPLES - 1, np.inf, SAMPLE_S * (leave + 1) + profile.time_margin)
-    k = np.flatnonzero(yields)
-    return Holds(
-        row=i[k],
-        position=line[k],
-        speed=along[k],
-        deceleration=braking[k],
-        stop_time=np.where(braking > 0, along / np.maximum(braking, 1e-9), np.inf)[k],
-        enter=SAMPLE_S * enter[k],
-        until=until[k],
-        firm=(in_front | (along == 0))[k],
-    )
+    result: BoolArray = np.where(meeting.enter == 0, meeting.lead < 0, yields)
+    return result
 
 
 def _blocked(
     paths: PlannedPaths,
     around: Expected,
     history: SceneHistory,
+    who: Who,
     profile: GuardProfile,
     i: IntArray,
     j: IntArray,
-    child: IntArray,
-    vehicle: IntArray,
 ) -> _Blocked:
+    """How the others j cover the corridors of the vehicles i."""
+    child, vehicle = who.child[i], who.vehicle[i]
     x, y, heading = around.x[child, j], around.y[child, j], around.heading[child, j]
     s, offset, line_cos, line_sin, swing = _onto(paths, i, x, y)
     ahead, left = np.cos(heading), np.sin(heading)
