@@ -176,7 +176,7 @@ class _Helper:
         """Have it run a batch, its reports passed on; raises one of ``_DIED`` where it dies."""
         orders, answers = _there(self._process.stdin), _there(self._process.stdout)
         if self.job is not job:
-            _write(orders, ("job", (sys.path, job)))  # as it is now: the user's own models may be in a new place
+            _write(orders, ("job", (sys.path, job)))  # as it is now, with the folder of the user's own models
             self.job = job
         _write(orders, ("batch", batch))
         kind = "tick"
