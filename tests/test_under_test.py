@@ -73,9 +73,10 @@ def test_all_vehicles_together_give_the_scenes_own_values() -> None:
     )
 
 
-def folder_of(
-    path: Path, tested: dict[str, list[float | None]], baseline: dict[str, list[float | None]]
-) -> Run:
+Columns = dict[str, list[float | None]]
+
+
+def folder_of(path: Path, tested: Columns, baseline: Columns) -> Run:
     """A result folder with values under test; columns that are not given are null."""
 
     def write(folder: Path, values: Columns, vehicles: dict[str, str | None]) -> None:
