@@ -1,0 +1,22 @@
+"""Draw docs/images/attention.png: one moment of an example, and what is planned for several attention weights.
+
+Run: ``python docs/make_learned.py`` (about 10 s; needs the extra ``learned``).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import scex_sumo as scex
+
+IMAGES = Path(__file__).resolve().parent / "images"
+
+
+def main() -> None:
+    """Read the example and draw it."""
+    IMAGES.mkdir(exist_ok=True)
+    scex.plot_attention(scex.read_seed(scex.example_path("urban_intersection")), IMAGES / "attention.png")
+
+
+if __name__ == "__main__":
+    main()
