@@ -89,7 +89,7 @@ def test_jittering_positions_are_smoothed(tmp_path: Path) -> None:
         r"positions jitter by 0\.1[2-7] m: smoothed \(.*?([-.\d]+)\.\.([.\d]+) -> (.*?) m/s²", said
     )
     assert found
-    # Speeds from noise of 0.15 m are off by sqrt(1/2) 0.15 / 0.1 = 1.06 m/s, their changes by 15 m/s² (1 sigma).
+    # Noise of 0.15 m puts speeds off by sqrt(1/2) 0.15 / 0.1 = 1.06 m/s, their changes by 15 m/s², one sigma.
     assert float(found[1]) < -15.0 < 15.0 < float(found[2])
     low, high = map(float, found[3].split(".."))
     assert -4.0 < low < high < 4.0  # the vehicle itself keeps its speed
