@@ -1,4 +1,4 @@
-"""Draw docs/images/attention.png: one moment of an example, and what is planned for several attention weights.
+"""Draw docs/images/attention.png: an example, and what is planned for several attention weights.
 
 Run: ``python docs/make_learned.py`` (about 10 s; needs the extra ``learned``).
 """
