@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,28 @@ if TYPE_CHECKING:
 _CONNECT_S = 20
 _AHEAD = 2
 """Orders for each thread of the cluster: one that runs, one that waits for it."""
+
+
+def _knock(address: str) -> None:
+    """Ask whether anybody listens, which Dask would go on trying for a while, and not in one line.
+
+    Raises:
+        UsageError: nobody does, or it is no address.
+    """
+    host, _, port = address.rpartition("://")[2].rpartition(":")
+    if not host or not port.isdigit():
+        raise UsageError(f"--cluster {address}: needs the address of a Dask scheduler, e.g. tcp://host:8786")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=_CONNECT_S).close()
+    except (OSError, OverflowError) as error:
+        raise _no_scheduler(address, error) from None
+
+
+def _no_scheduler(address: str, error: Exception) -> UsageError:
+    return UsageError(
+        f"--cluster {address}: no Dask scheduler answers: {one_line(str(error))}; start one with "
+        "'dask scheduler' and give the address that it prints"
+    )
 
 
 def hand_on(parcel: Parcel) -> Parcel:
@@ -44,13 +67,11 @@ class Cluster:
             raise MissingExtraError(
                 "--cluster: distributed is not installed; pip install 'scex-sumo[cluster]'"
             ) from None
+        _knock(address)
         try:
             self._client: Client = Client(address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:  # a timeout is an OSError
-            raise UsageError(
-                f"--cluster {address}: no Dask scheduler answers: {' '.join(str(error).split())}; "
-                "start one with 'dask scheduler' and give its address, e.g. tcp://host:8786"
-            ) from None
+            raise _no_scheduler(address, error) from None
         try:
             self._client.wait_for_workers(1, timeout=_CONNECT_S)
         except TimeoutError:

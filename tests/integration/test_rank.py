@@ -1,0 +1,241 @@
+"""``scex-sumo rank`` as a user meets it: a whole folder of recordings, interrupted, wrong, and ranked."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.dataset as pds
+import pyarrow.parquet as pq
+import pytest
+
+import scex_sumo
+from scex_sumo.errors import UsageError
+from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.ranking.rank import rank as rank_dataset
+
+MODELS = "standard_driver,risky_driver,emergency_brake"
+OPTIONS = ("--every", "4", "--first", "3", "--children", "6", "--top", "2", "--models", MODELS)
+
+
+def command(*arguments: object) -> list[str]:
+    return [sys.executable, "-m", "scex_sumo", "rank", *map(str, arguments)]
+
+
+def rank(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command(*arguments), capture_output=True, text=True, timeout=120, check=False)
+
+
+def refused(*arguments: object, status: int = 1) -> str:
+    done = rank(*arguments)
+    assert done.returncode == status, (done.stdout, done.stderr)
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: ")
+    return line
+
+
+def result_of(folder: Path) -> dict[str, bytes]:
+    """Every file of a ranking but the one that tells of times."""
+    files = [f for f in sorted(folder.rglob("*")) if f.is_file() and f.name != "rank.json"]
+    return {str(f.relative_to(folder)): f.read_bytes() for f in files}
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of 18 s, and one whose map is none."""
+    folder = tmp_path_factory.mktemp("dataset")
+    source = scex_sumo.example_path("roundabout")
+    for suffix in (".osm", ".csv"):
+        shutil.copy(source.with_suffix(suffix), folder / f"roundabout{suffix}")
+    shutil.copy(source.with_suffix(".csv"), folder / "broken.csv")
+    (folder / "broken.osm").write_text("no map at all")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("rank") / "out"
+    done = rank(dataset, *OPTIONS, "-o", out)
+    assert done.returncode == 0, done.stderr
+    (note,) = done.stderr.splitlines()
+    assert note.startswith("note: broken: failed: ")
+    assert "roundabout_t" in done.stdout
+    return out
+
+
+def test_the_table_has_a_row_for_every_seed_and_for_what_failed(result: Path) -> None:
+    table = pq.read_table(result / "ranking.parquet")
+    assert table["rank"].to_pylist() == [1, 2, 3, None]
+    assert sorted(table["time_s"].to_pylist()[:3]) == [4.1, 8.1, 12.1]
+    assert table["seed"].to_pylist()[3] == "broken"
+    assert "XML" in table["failure"].to_pylist()[3]
+    assert set(table["children"].to_pylist()[:3]) <= {3, 6}
+    info = json.loads((result / "rank.json").read_text())
+    assert (info["seeds"], info["failed"]) == (3, 1)
+    assert info["children_run"] == sum(table["children"].to_pylist())
+
+
+def test_a_row_is_what_run_gives(result: Path, tmp_path: Path) -> None:
+    row = pq.read_table(result / "ranking.parquet").to_pylist()[0]
+    seed = scex_sumo.read_seed(scex_sumo.example_path("roundabout"), time=row["time_s"])
+    run = scex_sumo.extrapolate(
+        seed, models=MODELS.split(","), children=row["children"], out=tmp_path / "out"
+    )
+    for column in COLUMNS:
+        samples = run.samples(column)
+        assert row[f"median_{column}"] == (np.median(samples) if len(samples) else None)
+    for column in run.thresholds:
+        share = run.p_critical(column)
+        assert (row[f"p_{column}_low"], row[f"p_{column}_high"]) == (share.low, share.high)
+        assert row[f"p_{column}"] == (share.value if share.count else None)
+
+
+def test_the_children_of_a_seed_are_what_its_row_counts(result: Path) -> None:
+    children = pds.dataset(result / "children", partitioning="hive").to_table()
+    table = pq.read_table(result / "ranking.parquet")
+    for row in table.to_pylist()[:3]:
+        mine = children.filter(pds.field("seed") == row["seed"])
+        assert sorted(mine["child"].to_pylist()) == list(range(row["children"]))
+        assert {len(models) for models in mine["model"].to_pylist()} == {row["vehicles"]}
+
+
+def test_killed_in_the_middle_it_goes_on_to_the_same_bytes(
+    dataset: Path, result: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    process = subprocess.Popen(command(dataset, *OPTIONS, "-o", out), stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while len(list(out.glob("children/*/*/*.parquet"))) < 2 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    assert not (out / "rank.json").exists()
+    done = rank(dataset, *OPTIONS, "-o", out, "--workers", 2)
+    assert done.returncode == 0, done.stderr
+    assert result_of(out) == result_of(result)
+
+
+def test_ctrl_c_leaves_one_line_and_what_has_finished(dataset: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = subprocess.Popen(command(dataset, *OPTIONS, "-o", out), stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while not list(out.glob("children/*/*/*.parquet")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == 130
+    (line,) = said.splitlines()
+    assert line.startswith("interrupted; finished seeds are kept")
+    assert (out / "incomplete.json").exists()
+    assert list(out.glob("children/*/*/*.parquet"))
+
+
+class _Page(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.pictures: list[str] = []
+        self.loaded: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            if name in ("src", "href"):
+                (self.pictures if (value or "").startswith("data:image/png") else self.loaded).append(
+                    value or ""
+                )
+
+
+def test_the_page_shows_the_top_and_loads_nothing(result: Path) -> None:
+    text = (result / "ranking.html").read_text()
+    page = _Page()
+    page.feed(text)
+    assert page.loaded == []
+    assert len(page.pictures) == 2
+    assert len(set(page.pictures)) == 2
+    for seed in json.loads((result / "rank.json").read_text())["shown"]:
+        assert f'id="{seed}"' in text
+    assert "Failed" in text
+    assert "$" not in text.split("<script>")[0]
+
+
+def test_the_command_on_the_page_looks_at_the_same_moment(result: Path, tmp_path: Path) -> None:
+    import html
+    import shlex
+
+    text = (result / "ranking.html").read_text()
+    words = shlex.split(html.unescape(text.split("<code>")[1].split("</code>")[0]))
+    words[words.index("-o") + 1] = str(tmp_path / "out")
+    options = [*words[1:], "--children", "3", "--no-plots"]
+    subprocess.run([sys.executable, "-m", "scex_sumo", *options], check=True, capture_output=True)
+    run = scex_sumo.open_run(tmp_path / "out")
+    shown = json.loads((result / "rank.json").read_text())["shown"][0]
+    children = pds.dataset(result / "children", partitioning="hive").to_table()
+    children = children.filter(pds.field("seed") == shown).sort_by("child").slice(0, 3)
+    assert children["wttc"].to_pylist() == run.metrics["wttc"].to_pylist()
+
+
+def test_tracks_are_kept_of_the_children_that_say_so(dataset: Path, result: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = rank(dataset, *OPTIONS, "--keep", "critical", "-o", out)
+    assert done.returncode == 0, done.stderr
+    children = pds.dataset(out / "children", partitioning="hive").to_table()
+    tracks = pds.dataset(out / "tracks", partitioning="hive").to_table()
+    kept = children.filter(pds.field("kept"))
+    pairs = zip(kept["seed"].to_pylist(), kept["child"].to_pylist(), strict=True)
+    there = zip(tracks["seed"].to_pylist(), tracks["case_id"].to_pylist(), strict=True)
+    assert set(pairs) == set(there)
+    assert 0 < kept.num_rows <= 3 * 5
+    assert (out / "ranking.csv").read_bytes() == (result / "ranking.csv").read_bytes()
+
+
+def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
+    assert "no recording found" in refused(tmp_path, "-o", tmp_path / "out")
+    assert "nowhere" in refused(tmp_path / "nowhere", "-o", tmp_path / "out")
+
+
+def test_recordings_without_a_seed_are_refused_with_the_reason(dataset: Path, tmp_path: Path) -> None:
+    line = refused(dataset, "--min-vehicles", 99, "-o", tmp_path / "out")
+    assert "99 moving vehicles" in line
+    assert "broken" not in line or "XML" in line
+
+
+def test_another_ranking_is_kept(dataset: Path, result: Path) -> None:
+    before = result_of(result)
+    assert "another ranking" in refused(dataset, "--every", 5, "-o", result)
+    assert result_of(result) == before
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"every": 0.0}, "--every"),
+        ({"every": float("nan")}, "--every"),
+        ({"children": 0}, "--children"),
+        ({"first": 0}, "--first"),
+        ({"top": 0}, "--top"),
+        ({"min_vehicles": 0}, "--min-vehicles"),
+        ({"workers": 0}, "--workers"),
+        ({"steps": 0}, "--steps"),
+        ({"replan": 31}, "--replan"),
+        ({"seed": -1}, "--seed"),
+        ({"keep": "some"}, "none, critical, all"),
+        ({"models": "granny"}, "unknown behavior 'granny'"),
+    ],
+)
+def test_options_that_make_no_sense_are_usage_errors(
+    dataset: Path, tmp_path: Path, options: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(UsageError, match=words):
+        rank_dataset(dataset, out=tmp_path / "out", **options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_usage_errors_have_their_status(dataset: Path, tmp_path: Path) -> None:
+    assert "METRIC=VALUE" in refused(dataset, "--threshold", "ttc", "-o", tmp_path / "out", status=2)

@@ -1,0 +1,93 @@
+"""``rank`` over a Dask cluster: a scheduler and two workers on this machine, one of which dies."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+import scex_sumo
+
+pytest.importorskip("distributed")
+
+OPTIONS = ("--every", "2", "--first", "4", "--children", "8", "--top", "2")
+
+
+def rank(*arguments: object) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "scex_sumo", "rank", *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def dask(*arguments: object) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "dask", *map(str, arguments), "--no-dashboard"]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    address = f"tcp://127.0.0.1:{free_port()}"
+    host, port = address.removeprefix("tcp://").split(":")
+    scheduler = dask("scheduler", "--host", host, "--port", port)
+    options = ("--nthreads", 1, "--no-nanny", "--local-directory", tmp_path / "dask")
+    workers = [dask("worker", address, *options) for _ in range(2)]
+    yield address, workers
+    for process in (*workers, scheduler):
+        process.kill()
+        process.wait()
+
+
+def result_of(folder: Path) -> dict[str, bytes]:
+    files = [f for f in sorted(folder.rglob("*")) if f.is_file() and f.name != "rank.json"]
+    return {str(f.relative_to(folder)): f.read_bytes() for f in files}
+
+
+def test_a_worker_killed_in_the_middle_changes_no_byte(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    address, workers = cluster
+    dataset = tmp_path / "dataset"
+    dataset.mkdir()
+    for suffix in (".osm", ".csv"):
+        shutil.copy(scex_sumo.example_path("roundabout").with_suffix(suffix), dataset)
+    ranking = rank(dataset, *OPTIONS, "--cluster", address, "-o", tmp_path / "cluster")
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob("cluster/children/*/*/*.parquet")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    workers[0].kill()
+    _, err = ranking.communicate(timeout=120)
+    assert (ranking.returncode, err) == (0, "")
+    assert (tmp_path / "cluster" / "rank.json").exists()
+
+    alone = rank(dataset, *OPTIONS, "-o", tmp_path / "alone")
+    _, err = alone.communicate(timeout=120)
+    assert alone.returncode == 0, err
+    assert result_of(tmp_path / "cluster") == result_of(tmp_path / "alone")
+    table = pq.read_table(tmp_path / "cluster" / "ranking.parquet")
+    assert table["failure"].null_count == table.num_rows == 7
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [("nonsense", "needs the address"), (f"tcp://127.0.0.1:{free_port()}", "no Dask scheduler answers")],
+)
+def test_an_address_where_nobody_answers_is_refused(tmp_path: Path, address: str, words: str) -> None:
+    ranking = rank(scex_sumo.example_path("roundabout"), "--cluster", address, "-o", tmp_path / "out")
+    _, err = ranking.communicate(timeout=60)
+    assert ranking.returncode == 2, err
+    (line,) = err.splitlines()
+    assert line.startswith(f"error: --cluster {address}: ")
+    assert words in line
