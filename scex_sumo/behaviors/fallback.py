@@ -73,7 +73,7 @@ class Fallible:
         try:
             made = checked_shape(self.model.plan(history, road, who, rng), len(who))
             wrong = wrong_with(made, history, who)
-        except Exception as error:  # whatever a user's code raises
+        except (Exception, SystemExit) as error:  # whatever a user's code raises
             if len(who) == 1:
                 return _blank(1), [reason_of(error)], np.ones(1, dtype=np.bool_)
             for child, state in zip(asked, before, strict=True):

@@ -79,7 +79,7 @@ def _off_the_motion(made: Plan, history: SceneHistory, who: Who) -> FloatArray:
     return off
 
 
-def reason_of(error: Exception) -> str:
+def reason_of(error: BaseException) -> str:
     """What an exception of a model says, and where in the model's own code it was raised; one line."""
     words = " ".join(str(error).split()) or "no message"
     if isinstance(error, ScexError):
@@ -89,7 +89,7 @@ def reason_of(error: Exception) -> str:
     return _short(f"raised {type(error).__name__}: {words}") + place
 
 
-def _authors_frame(error: Exception) -> traceback.FrameSummary | None:
+def _authors_frame(error: BaseException) -> traceback.FrameSummary | None:
     """Where a model's author looks first: the innermost frame that is neither ours nor a library's."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith("<")]
     frames = [f for f in frames if _PACKAGE not in Path(f.filename).parents]

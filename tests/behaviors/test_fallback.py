@@ -134,6 +134,15 @@ class Drawing:
         return replace(made, y=made.y + draws[:, None])
 
 
+def test_a_model_that_ends_the_program_does_not() -> None:
+    def leave(made: Plan, who: Who) -> Plan:
+        raise SystemExit(3)
+
+    made, path = asked(Forward(leave))
+    assert made.reasons[0].startswith("raised SystemExit: 3 (test_fallback.py")
+    assert np.array_equal(made.x, path.x)
+
+
 def test_another_childs_failure_does_not_change_what_a_child_draws() -> None:
     history = roads.present(TWO, 2)
     together = roads.plan(Fallible(Drawing(), "mine"), ROAD, history)
