@@ -192,17 +192,22 @@ def _bounds(
     leader = np.maximum(holds.speed - holds.deceleration * (t + STEP_S), 0.0)
     gap = position - s
     b, tau = profile.comfort_deceleration, profile.reaction_time
-    bound = safe_speed(gap - profile.minimum_gap, leader, deceleration=b, reaction_time=tau)
+    follow = safe_speed(gap - profile.minimum_gap, leader, deceleration=b, reaction_time=tau)
     closing = np.where(v > leader, v**2 - leader**2, 0.0)
     braking = np.where(holds.firm, closing / (2 * np.maximum(gap - LAST_GAP_M, LAST_GAP_M)), 0.0)
-    # Who will follow another one that is not there yet is not to be at the place before it.
-    early = (holds.enter > t) & (holds.speed > 0)
-    ahead = holds.position + holds.speed * holds.enter - s
-    wait = safe_speed(ahead - profile.minimum_gap, np.zeros_like(v), deceleration=b, reaction_time=tau)
-    wait = np.maximum(wait, np.maximum(ahead, 0.0) / np.maximum(holds.enter - t, STEP_S))
-    halting = np.where(wait < v, v**2 / (2 * np.maximum(ahead - LAST_GAP_M, LAST_GAP_M)), 0.0)
-    bound = np.where(early, np.minimum(bound, wait), np.where(gap < 0, 0.0, bound))
-    braking = np.where(early, np.maximum(braking, halting), braking)
+    bound = np.where(gap < 0, 0.0, follow)
+    early = np.flatnonzero((holds.enter > t) & (holds.speed > 0))
+    if len(early):
+        # Who will follow another one that is not there yet is not to be at the place before it.
+        entry = holds.position[early] + holds.speed[early] * holds.enter[early]
+        ahead, left = entry - s[early], holds.enter[early] - t
+        wait = safe_speed(
+            ahead - profile.minimum_gap, np.zeros_like(ahead), deceleration=b, reaction_time=tau
+        )
+        wait = np.maximum(wait, np.maximum(ahead, 0.0) / np.maximum(left, STEP_S))
+        halting = v[early] ** 2 / (2 * np.maximum(ahead - LAST_GAP_M, LAST_GAP_M))
+        bound[early] = np.minimum(follow[early], wait)
+        braking[early] = np.where(wait < v[early], np.maximum(braking[early], halting), braking[early])
     active = holds.until > t
     lowest = np.minimum.reduceat(np.where(active, bound, np.inf), first)
     hardest = np.maximum.reduceat(np.where(active, braking, 0.0), first)
