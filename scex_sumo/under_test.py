@@ -41,7 +41,8 @@ class Difference:
         baseline_p_critical: without.
         newly_critical: children that are critical with the models under test only.
         no_longer_critical: critical without them only.
-        critical_p_value: of no difference in the shares: McNemar's exact test; NaN without a threshold.
+        critical_p_value: of no difference in the shares: McNemar's exact test; NaN without a threshold or
+            such children.
     """
 
     column: str
@@ -143,7 +144,7 @@ class UnderTest:
             baseline_p_critical=self.p_critical(column, "baseline"),
             newly_critical=newly,
             no_longer_critical=no_longer,
-            critical_p_value=float("nan") if limit is None else mcnemar(newly, no_longer),
+            critical_p_value=mcnemar(newly, no_longer) if limit is not None and both.any() else float("nan"),
         )
 
 
