@@ -37,9 +37,17 @@ from scex_sumo.fallbacks import FALLBACKS, count_fallbacks
 from scex_sumo.job import Job, batch_size, batches_of
 from scex_sumo.measure import handover_jumps, measure_recorded
 from scex_sumo.metrics.evaluate import COLUMNS, PAPER_PRESET
+from scex_sumo.parts import joined
 from scex_sumo.plans import PLANS, plans_table
 from scex_sumo.provenance import describe, fingerprint, versions
-from scex_sumo.results import Part, ResultFolder, assignments_table, tracks_table, values_table
+from scex_sumo.results import (
+    LOGGED_HISTORY,
+    Part,
+    ResultFolder,
+    assignments_table,
+    tracks_table,
+    values_table,
+)
 from scex_sumo.run import Run, densities_table
 from scex_sumo.scene import IntArray, SeedScene
 from scex_sumo.sequential import Look, check_band, grow, look
@@ -50,6 +58,7 @@ DEFAULT_CHILDREN = 385  # the paper's sample size: a 95 % interval of +-5 % arou
 DEFAULT_STEPS = 30
 DEFAULT_REPLAN = 5
 HANDOVER_M = 0.5  # a jump of a vehicle's centre that SUMO's own drivers are told of
+ROWS_AT_ONCE = 1 << 20  # of tracks, written to the disk: a row group of Parquet
 MAX_REPLAN = 30  # models plan at least 30 steps
 
 
@@ -189,8 +198,7 @@ def extrapolate(
                 progress=_part_of(progress, 1, 2),
             )
     simulated = time.perf_counter()
-    part = folder.collect(len(job.assignment))
-    _write_tables(folder, job, part)
+    part = _write_tables(folder, job)
     folder.finish(
         {
             "scex_sumo": __version__,
@@ -315,11 +323,9 @@ def _handover_notes(job: Job, part: Part) -> list[str]:
     ]
 
 
-def _write_tables(folder: ResultFolder, job: Job, part: Part) -> None:
-    folder.write_table("tracks.parquet", tracks_table(job.scene, part))
-    plans = plans_table(job.scene, part, job.replan)
-    if plans is not None:
-        folder.write_table(PLANS, plans)
+def _write_tables(folder: ResultFolder, job: Job) -> Part:
+    """Write the tables; what is left of the children, of their states the first step."""
+    part = _write_tracks(folder, job)
     metrics = values_table(COLUMNS, part.values, part.defined, part.children)
     folder.write_table("metrics.parquet", metrics)
     folder.write_table("worst.parquet", part.worst)
@@ -334,3 +340,17 @@ def _write_tables(folder: ResultFolder, job: Job, part: Part) -> None:
     if recorded is not None:
         folder.write_table("recorded.parquet", values_table(COLUMNS, recorded.values, recorded.defined))
     write_tracks(folder.path / "seed.csv", job.scene)
+    return part
+
+
+def _write_tracks(folder: ResultFolder, job: Job) -> Part:
+    """Tracks and plans, some children at a time, so that memory does not grow with their number."""
+    left, rows = [], job.scene.vehicles * (LOGGED_HISTORY + job.steps)
+    with folder.writer("tracks.parquet") as add_tracks, folder.writer(PLANS) as add_plans:
+        for part in folder.in_order(len(job.assignment), size=max(ROWS_AT_ONCE // rows, 1)):
+            add_tracks(tracks_table(job.scene, part))
+            if (plans := plans_table(job.scene, part, job.replan)) is not None:
+                add_plans(plans)
+            first = part.states[:, :1].map(np.copy)
+            left.append(dataclasses.replace(part, states=first, plan_x=None, plan_y=None))
+    return joined(left)

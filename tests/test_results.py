@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.errors import ResultError
+from scex_sumo.parts import joined
 from scex_sumo.results import Part, ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.run import open_run
 from scex_sumo.scene import States
@@ -50,6 +51,35 @@ def test_plans_are_collected_like_the_children_that_made_them(tmp_path: Path) ->
     assert whole.plan_x.shape == (5, 2, 2, 30)
     assert whole.plan_x[:, 1, 1, 29].tolist() == [0, 1, 2, 3, 4]
     assert whole.plan_y[:, 0, 0, 0].tolist() == [0.5, 1.5, 2.5, 3.5, 4.5]
+
+
+def test_children_are_read_some_at_a_time_in_order_from_parts_that_interlock(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "out", {"seed": 1})
+    for numbers in ([0, 2, 6], [1, 4], [3, 5]):
+        tested = np.stack([np.full((len(numbers), 12), 1.0), part_of(numbers).values])
+        folder.save_part(dataclasses.replace(part_of(numbers), tested=tested))
+    pieces = list(folder.in_order(7, size=3))
+    assert [piece.children.tolist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
+    assert [piece.worst["child"].to_pylist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
+    assert [piece.states.y[:, 2, 1].tolist() for piece in pieces] == [[1, 101, 201], [301, 401, 501], [601]]
+    whole = joined(pieces)
+    assert whole.values[:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6]
+    assert whole.tested is not None
+    assert whole.tested[:, :, 0].tolist() == [[1] * 7, [0, 1, 2, 3, 4, 5, 6]]
+
+
+def test_a_table_written_in_pieces_is_there_whole_or_not_at_all(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "out", {"seed": 1})
+    with folder.writer("metrics.parquet") as write:
+        write(pa.table({"child": [0, 1]}))
+        write(pa.table({"child": [2]}))
+    assert pq.read_table(folder.path / "metrics.parquet")["child"].to_pylist() == [0, 1, 2]
+    with folder.writer("tracks.parquet"):
+        pass
+    with pytest.raises(ValueError), folder.writer("plans.parquet") as write:
+        write(pa.table({"child": [0]}))
+        raise ValueError
+    assert sorted(file.name for file in folder.path.glob("*.parquet")) == ["metrics.parquet"]
 
 
 def test_parts_without_plans_are_collected_without(tmp_path: Path) -> None:

@@ -1,0 +1,181 @@
+"""How time and memory grow with children, vehicles, steps and the size of the map.
+
+Every point is a process of its own: processor time of a whole run (without reading the map), by stage where it
+grows, and the peak of the process's memory above that before the run. Vehicles and maps grow on copies of a map
+side by side, whose scenes are those of the map.
+
+    python benchmarks/scaling.py [MAP.osm] [--full]
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from bare_loop import DEFAULT_MAP
+
+from scex_sumo.road import Lane, Road
+from scex_sumo.scene import FloatArray, SeedScene, States
+
+PITCH_M = 1500.0
+PER_COPY = 10  # vehicles in each copy of the map
+
+
+def copied_road(road: Road, copies: int) -> Road:
+    """Copies of a map side by side; lanes of copy k have ids that end in k."""
+
+    def lane_id(lane: int, copy: int) -> int:
+        return lane * 100 + copy
+
+    def ids(lanes: tuple[int, ...], copy: int) -> tuple[int, ...]:
+        return tuple(lane_id(lane, copy) for lane in lanes)
+
+    def one(lane: int | None, copy: int) -> int | None:
+        return None if lane is None else lane_id(lane, copy)
+
+    def moved(points: FloatArray, copy: int) -> FloatArray:
+        return points + np.array([PITCH_M * copy, 0.0])
+
+    def copied(lane: Lane, copy: int) -> Lane:
+        return dataclasses.replace(
+            lane,
+            lane_id=lane_id(lane.lane_id, copy),
+            centreline=moved(lane.centreline, copy),
+            left_bound=moved(lane.left_bound, copy),
+            right_bound=moved(lane.right_bound, copy),
+            successors=ids(lane.successors, copy),
+            predecessors=ids(lane.predecessors, copy),
+            left=one(lane.left, copy),
+            right=one(lane.right, copy),
+            adjacent_left=one(lane.adjacent_left, copy),
+            adjacent_right=one(lane.adjacent_right, copy),
+            conflicts=ids(lane.conflicts, copy),
+            reverse_of=one(lane.reverse_of, copy),
+        )
+
+    lanes = [copied(lane, copy) for copy in range(copies) for lane in road.lanes.values()]
+    rules = [
+        dataclasses.replace(
+            rule,
+            element_id=rule.element_id * 100 + copy,
+            lanes=ids(rule.lanes, copy),
+            yielding=ids(rule.yielding, copy),
+            priority=ids(rule.priority, copy),
+            stop_lines=tuple(moved(line, copy) for line in rule.stop_lines),
+            lights=ids(rule.lights, copy),
+        )
+        for copy in range(copies)
+        for rule in road.regulations
+    ]
+    by_id = {lane.lane_id: lane for lane in lanes}
+    return Road(name=f"{road.name}_{copies}", lanes=by_id, regulations=tuple(rules), origin=road.origin)
+
+
+def copied_scene(scene: SeedScene, road: Road, vehicles: int) -> SeedScene:
+    """The scene's first vehicles in one copy of its map after the other, as many as are wanted."""
+    copy, index = np.divmod(np.arange(vehicles), min(PER_COPY, scene.vehicles))
+    history = scene.history[index]
+    moved = dataclasses.replace(history, x=history.x + PITCH_M * copy[:, None])
+    return SeedScene(
+        name=f"{scene.name}_{vehicles}",
+        location=scene.location,
+        time_s=scene.time_s,
+        track_ids=np.arange(vehicles),
+        types=tuple(scene.types[i] for i in index),
+        length=scene.length[index],
+        width=scene.width[index],
+        history=States(x=moved.x, y=moved.y, heading=moved.heading, speed=moved.speed),
+        recorded_steps=scene.recorded_steps[index],
+        road=road,
+    )
+
+
+def measure(map_path: Path, vehicles: int, children: int, steps: int, copies: int) -> dict[str, float]:
+    """One run; for a process of its own."""
+    from one_seed import measured
+
+    import scex_sumo
+    from scex_sumo.seeds import synthetic_seed
+    from scex_sumo.world import load_sumo
+
+    load_sumo()
+    small = synthetic_seed(map_path, vehicles=PER_COPY)
+    assert small.road is not None
+    scene = copied_scene(small, copied_road(small.road, copies), vehicles)
+    scex_sumo.extrapolate(small, children=2, steps=5)  # imports
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    begin = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder, measured() as stages:
+        scex_sumo.extrapolate(scene, children=children, steps=steps, out=Path(folder) / "out")
+        size = sum(f.stat().st_size for f in (Path(folder) / "out").rglob("*") if f.is_file())
+    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return {
+        **stages.spent,
+        "cpu": sum(stages.spent.values()),
+        "wall": time.perf_counter() - begin,
+        "memory": (after - before) / 1024,
+        "size": size / 1e6,
+    }
+
+
+def series(
+    name: str, map_path: Path, points: list[int], fixed: dict[str, int], growing: tuple[str, ...]
+) -> None:
+    """Measure some points, print a table with the exponent of each quantity over its last points."""
+    print(f"\n{name} ({', '.join(f'{value} {key}' for key, value in fixed.items() if key != name)})")
+    columns = ("cpu", *growing, "memory", "size")
+    print(f"{name:>10s}" + "".join(f"{c:>22s}" for c in columns))
+    found = []
+    for point in points:
+        given = {**fixed, name: point}
+        if name == "vehicles":
+            given["copies"] = fixed["copies"]
+        command = [sys.executable, __file__, str(map_path), "--one", json.dumps(given)]
+        done = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True)
+        found.append(json.loads(done.stdout.splitlines()[-1]))
+        print(f"{point:10d}" + "".join(f"{_shown(c, found[-1][c]):>22s}" for c in columns), flush=True)
+    last = slice(len(points) // 2, None)
+    slopes = [
+        np.polyfit(np.log(points[last]), np.log([max(f[c], 1e-6) for f in found[last]]), 1)[0]
+        for c in columns
+    ]
+    print(f"{'exponent':>10s}" + "".join(f"{slope:22.2f}" for slope in slopes))
+
+
+def _shown(column: str, value: float) -> str:
+    return f"{value:.1f} MB" if column in ("memory", "size") else f"{value:.3f} s"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("map", type=Path, nargs="?", default=DEFAULT_MAP)
+    parser.add_argument(
+        "--full", action="store_true", help="to 10 000 children and 100 vehicles x 385 children"
+    )
+    parser.add_argument("--one", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.one:
+        print(json.dumps(measure(options.map, **json.loads(options.one))))
+        return
+    full = options.full
+    base = {"children": 96, "vehicles": 10, "steps": 30, "copies": 1}
+    stages = ("draw the design", "world", "loop", "metrics", "write")
+    children = [10, 30, 100, 300, 1000, *([3000, 10000] if full else [])]
+    series("children", options.map, children, base, stages)
+    series("steps", options.map, [15, 30, 60, 120, *([240] if full else [])], base, stages)
+    crowd = {**base, "copies": math.ceil(100 / PER_COPY), "children": 385 if full else 96}
+    series("vehicles", options.map, [2, 5, 10, 20, 50, 100], crowd, stages)
+    series("copies", options.map, [1, 4, 16], base, ("convert", "world", "loop"))
+
+
+if __name__ == "__main__":
+    main()
