@@ -115,7 +115,7 @@ class LearnedDriver:
         self.sha256 = sha256_of(file) if file.is_file() else ""
         if free and not self._loaded.net.sizes.free:
             raise InputError(f"{file}: trained without the head for free trajectories; use head=bounded")
-        self._choices: OrderedDict[SeedScene, _Choice] = OrderedDict()
+        self._choices: OrderedDict[tuple[SeedScene, Road], _Choice] = OrderedDict()
 
     def __getstate__(self) -> dict[str, Any]:
         # A worker loads the network itself.
@@ -210,7 +210,8 @@ class LearnedDriver:
 
     def _choice(self, seed: SeedScene, road: Road) -> _Choice:
         """Paths and modes as the network sees them in the seed scene."""
-        if seed not in self._choices:
+        key = seed, road
+        if key not in self._choices:
             history = _alone(seed)
             everyone = Who(child=np.zeros(seed.vehicles, np.int64), vehicle=np.arange(seed.vehicles))
             paths, _ = chosen_paths(history, road, everyone, _plain(self.profile.path))
@@ -222,10 +223,10 @@ class LearnedDriver:
             best = [int(f + np.argmax(logit[f:e])) for f, e in zip(paths.first, ends, strict=True)]
             weight = np.exp(_rounded(modes.logits) - _rounded(modes.logits).max(1, keepdims=True))
             upper = np.cumsum(weight, 1) / weight.sum(1, keepdims=True)
-            self._choices[seed] = _Choice(np.array(best, dtype=np.int64), upper)
+            self._choices[key] = _Choice(np.array(best, dtype=np.int64), upper)
             while len(self._choices) > 8:
                 self._choices.popitem(last=False)
-        return self._choices[seed]
+        return self._choices[key]
 
 
 @contextmanager
