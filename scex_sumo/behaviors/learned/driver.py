@@ -56,7 +56,7 @@ class Loaded:
         assert isinstance(self.net, GraphImageNet)
         if road not in self.maps:
             image = map_image(road)
-            self.maps[road] = image._replace(features=self.net.image.features(image.raster))
+            self.maps[road] = image._replace(features=self.net.image.features_in_strips(image.raster))
             while len(self.maps) > 4:
                 self.maps.popitem(last=False)
         return self.maps[road]

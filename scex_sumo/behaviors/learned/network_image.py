@@ -24,6 +24,7 @@ AHEAD_M = (-8.0, -2.0, 4.0, 10.0, 16.0, 22.0, 29.0, 36.0, 43.0, 50.0)
 ASIDE_M = (-12.0, -8.0, -5.0, -2.0, 2.0, 5.0, 8.0, 12.0)
 FEATURES = 10  # channels that the convolutions add to those of the raster
 STRIDE = 2  # of the convolutions, pixels
+STRIP, HALO = 128, 16  # rows of a map at a time, and those around them that convolutions reach
 COS, SIN = CHANNELS.index("cos"), CHANNELS.index("sin")
 
 
@@ -87,6 +88,16 @@ class ImageEncoder(nn.Module):
         for layer in self.convolve:
             h = layer(snapped(h) if isinstance(layer, nn.Conv2d) else h)
         return snapped(h[0])
+
+    def features_in_strips(self, raster: Tensor) -> Tensor:
+        """The same, strip by strip: convolutions of a whole large map at once take gigabytes."""
+        rows, kept = raster.shape[1], []
+        for first in range(0, rows, STRIP):
+            top, bottom = max(first - HALO, 0), min(first + STRIP + HALO, rows)
+            strip = self.features(raster[:, top:bottom])
+            start = (first - top) // STRIDE
+            kept.append(strip[:, start : start + STRIP // STRIDE])
+        return torch.cat(kept, 1)
 
     def forward(self, image: ImageBatch) -> Tensor:
         """(K, hidden) of the places."""

@@ -15,7 +15,7 @@ from scex_sumo.scene import FloatArray
 PIXEL_M = 1.0
 FINE = 2  # areas are sampled on so many cells per pixel and direction, for soft edges
 MARGIN_M = 16.0  # around the outermost lane
-MOST_PIXELS = 4_000_000  # larger maps are cut around their middle
+MOST_PIXELS = 2_000_000  # larger maps are cut around their middle
 CHANNELS = ("drivable", "boundary", "marking", "cos", "sin", "limit", "crosswalk")
 LIMIT_SCALE_MPS = 15.0
 CROSSING = ("crosswalk", "zebra")

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from scex_sumo.behaviors.learned.batches import map_image, path_batch, scene_batch
 from scex_sumo.behaviors.learned.inputs import path_inputs
+from scex_sumo.behaviors.learned.layers import make_exact
 from scex_sumo.behaviors.learned.network import (
     KNOTS,
     STRONGEST_ACCELERATION,
@@ -197,3 +198,13 @@ def test_several_maps_in_one_batch_give_what_each_gives_alone() -> None:
             none = torch.zeros(1).long()
             alone = net.image(ImageBatch((maps[k],), none, pose[k : k + 1], none))
             assert torch.allclose(alone[0], together[k], atol=CLOSE)
+
+
+@pytest.mark.parametrize("rows", [1, 127, 128, 129, 300])
+def test_a_large_map_gives_the_same_features_strip_by_strip(rows: int) -> None:
+    net = network("hybrid")
+    assert isinstance(net, GraphImageNet)
+    raster = torch.rand(len(CHANNELS), rows, 40, dtype=torch.float64)
+    make_exact(net)
+    with torch.inference_mode():
+        assert torch.equal(net.image.features_in_strips(raster), net.image.features(raster))
