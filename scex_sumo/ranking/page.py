@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from scex_sumo.behaviors.registry import DEFAULT_MODELS
+from scex_sumo.casting import cast_models
 from scex_sumo.ranking.campaign import Campaign
 from scex_sumo.ranking.crew import Outcome
 from scex_sumo.ranking.cutting import Plan
@@ -118,7 +120,8 @@ def _command(plan: Plan, ref: SeedRef) -> str:
     words += ["--tracks", str(files[0] if len(files) == 1 else files[0].parent)]
     words += ["--case", ref.case] if ref.case else []
     words += ["--time", f"{ref.time_s:g}", "--seed", str(plan.settings.seed)]
-    words += ["--models", ",".join(plan.settings.models)]
+    if plan.settings.models != tuple(str(spec) for spec in cast_models(DEFAULT_MODELS, {}).drawn):
+        words += ["--models", ",".join(plan.settings.models)]
     return shlex.join([*words, "-o", f"out/{ref.seed}"])
 
 

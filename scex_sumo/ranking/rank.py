@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from scex_sumo import __version__
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.casting import Models, cast_models, drivers, weights_of
+from scex_sumo.casting import Casting, Models, cast_models, drivers, weights_of
 from scex_sumo.converters.recordings import Recording, find_recordings
 from scex_sumo.density import THRESHOLDS
 from scex_sumo.designs import DEFAULT_DESIGN
@@ -114,7 +114,7 @@ def rank(
         children=children,
         top=top,
         settings=Settings(
-            models=tuple(f"{spec}@{spec.weight!r}" for spec in casting.drawn),
+            models=_written(casting),
             weights=tuple(sorted(weights.items())),
             steps=steps,
             replan=replan,
@@ -181,6 +181,11 @@ def _check(
         raise UsageError(f"--replan: got {replan}, needs 1 to 30 (models plan 30 steps)")
     if keep not in KEEP:
         raise UsageError(f"--keep: got {keep!r}; known: {', '.join(KEEP)}")
+
+
+def _written(casting: Casting) -> tuple[str, ...]:
+    """The models to draw from as on the command line."""
+    return tuple(f"{s}@{s.weight!r}" if s.weight != 1 else str(s) for s in casting.drawn)
 
 
 def _cluster(address: str) -> Crew:

@@ -1,0 +1,299 @@
+"""Ranking at scale: seeds per minute with processes and Dask workers, costs per seed, memory, sizes on disk.
+
+    python benchmarks/rank.py [DATASET] [--every S] [--children 32] [--repeat 3] [--what PART,...]
+
+Throughput is taken between the first and the last seed that comes back, without start, table and page; one
+and two workers take turns, medians. Costs, of the process that hands out the seeds, are processor time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import pickle
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import scex_sumo
+from scex_sumo.converters.recordings import find_recordings, load_recording, recording_moments, seed_at
+from scex_sumo.ranking.campaign import Campaign
+from scex_sumo.ranking.crew import Crew, Order, Processes
+from scex_sumo.ranking.cutting import Plan, Wanted, cut
+from scex_sumo.ranking.folder import RankFolder
+from scex_sumo.ranking.rank import rank
+from scex_sumo.ranking.seeds import list_seeds
+from scex_sumo.ranking.work import Settings, run_seed
+
+DATASET = scex_sumo.example_path("roundabout").parent
+MODELS = ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake")
+TEN_THOUSAND = 10_000
+
+
+def plan_of(args: argparse.Namespace, **changed: Any) -> Plan:
+    settings = {
+        "models": MODELS,
+        "weights": (),
+        "steps": 30,
+        "replan": 5,
+        "design": "balanced",
+        "seed": 0,
+        "thresholds": (("distance", 5.0), ("tq", 1.2), ("wttc", 0.26), ("ttc", 1 / 1.5)),
+        "keep": "none",
+        **changed,
+    }
+    return Plan(
+        recordings=find_recordings([args.dataset]),
+        every_s=args.every,
+        min_vehicles=2,
+        first=args.children,
+        children=args.children,
+        top=10,
+        settings=Settings(**settings),
+    )
+
+
+def seeds_per_minute(plan: Plan, crew: Crew) -> tuple[float, int]:
+    """Rate of a crew whose workers have started, and the number of seeds."""
+    times: list[float] = []
+    with tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}) as folder:
+        try:
+            Campaign(plan, folder, crew, lambda done, total: times.append(time.perf_counter())).run()
+        finally:
+            crew.close()
+    came = times[1:]  # the first is the beginning
+    return 60 * (len(came) - 1) / (came[-1] - came[0]), len(came)
+
+
+@contextmanager
+def dask_cluster(workers: int) -> Iterator[str]:
+    """A scheduler and workers on loopback, one thread each."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = str(probe.getsockname()[1])
+    address = f"tcp://127.0.0.1:{port}"
+    with tempfile.TemporaryDirectory() as folder:
+        options = ["--nthreads", "1", "--no-nanny", "--local-directory", folder]
+        commands = [["scheduler", "--host", "127.0.0.1", "--port", port]]
+        commands += [["worker", address, *options]] * workers
+        one_thread = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        running = [
+            subprocess.Popen(
+                [sys.executable, "-m", "dask", *command, "--no-dashboard"],
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                env=one_thread,
+            )
+            for command in commands
+        ]
+        try:
+            yield address
+        finally:
+            for process in reversed(running):
+                process.kill()
+                process.wait()
+
+
+def cluster_crew(address: str, workers: int) -> Crew:
+    from distributed import Client
+
+    from scex_sumo.ranking.cluster import Cluster
+
+    deadline = time.monotonic() + 60
+    while True:
+        try:
+            Client(address, timeout=5, set_as_default=False).close()
+            break
+        except OSError:
+            if time.monotonic() > deadline:
+                raise
+    crew = Cluster(address)
+    crew._client.wait_for_workers(workers, timeout=60)
+    return crew
+
+
+def throughput(args: argparse.Namespace) -> None:
+    plan = plan_of(args)
+    rates: dict[tuple[str, int], list[float]] = {}
+    for _ in range(args.repeat):
+        for workers in (1, 2):
+            rate, seeds = seeds_per_minute(plan, Processes(workers))
+            rates.setdefault(("processes", workers), []).append(rate)
+            with dask_cluster(workers) as address:
+                rate, seeds = seeds_per_minute(plan, cluster_crew(address, workers))
+            rates.setdefault(("dask", workers), []).append(rate)
+    print(f"throughput, {seeds} seeds of {args.children} children, median of {args.repeat}:")
+    for kind in ("processes", "dask"):
+        one, two = (statistics.median(rates[kind, n]) for n in (1, 2))
+        print(
+            f"  {kind:10} 1 worker {one:7.1f} seeds/min, 2 workers {two:7.1f}: {two / (2 * one):.0%} of 2 x 1"
+        )
+
+
+def costs(args: argparse.Namespace) -> None:
+    """What the process that hands out the seeds spends on each."""
+    plan = plan_of(args)
+    begin = time.process_time()
+    loaded = [load_recording(recording) for recording in plan.recordings]
+    loading = time.process_time() - begin
+    listings = {
+        one.recording.name: list_seeds(
+            one.recording, recording_moments(one, every_s=args.every), min_vehicles=2
+        )
+        for one in loaded
+    }
+    refs = [(ref, one) for one in loaded for ref in listings[one.recording.name].seeds]
+    begin = time.process_time()
+    for ref, one in refs:
+        seed_at(one, ref.time_s, case=ref.case or None)
+    building = (time.process_time() - begin) / len(refs)
+    wanted = Wanted(
+        seeds=lambda listing: listing.seeds[:: max(len(listing.seeds) // 5, 1)],
+        first=0,
+        stop=args.children,
+        spare=lambda ref: 0,
+        settings=plan.settings,
+    )
+    orders = [order for order in cut(plan, listings, wanted) if isinstance(order, Order)]
+    sent = [pickle.dumps((order.task, order.parcel)) for order in orders]
+    parts = [(order.ref, run_seed(order.task, order.parcel)) for order in orders]
+    begin = time.process_time()
+    parts = [(order.ref, run_seed(order.task, order.parcel)) for order in orders]
+    running = (time.process_time() - begin) / len(orders)
+    back = [pickle.dumps(part) for _, part in parts]
+    begin = time.process_time()
+    for content in sent:
+        pickle.loads(content)
+    for order in orders:
+        pickle.dumps((order.task, order.parcel))
+    packing = (time.process_time() - begin) / len(sent)
+    with tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}) as folder:
+        begin = time.process_time()
+        for ref, part in parts:
+            folder.append(ref, part)
+        appending = (time.process_time() - begin) / len(parts)
+    print(f"costs per seed of {args.children} children, {len(refs)} seeds in {len(loaded)} recordings:")
+    print(f"  worker: run and measure {1e3 * running:.0f} ms")
+    print(f"  main process: load {1e3 * loading / len(refs):.1f} ms, build {1e3 * building:.1f} ms, ", end="")
+    print(f"pack and unpack {1e3 * packing:.1f} ms, append {1e3 * appending:.1f} ms")
+    print(f"  bytes: {mean(sent):.0f} to the worker, {mean(back):.0f} back")
+
+
+def mean(contents: Sequence[bytes]) -> float:
+    return sum(map(len, contents)) / len(contents)
+
+
+def echo(content: bytes, size: int) -> bytes:
+    """A task that does nothing, with the bytes of one that does."""
+    return content[:size]
+
+
+def scheduler(args: argparse.Namespace, *, to: int = 60_000, back: int = 10_000, tasks: int = 2000) -> None:
+    """How many tasks per second Dask hands out and brings back."""
+    from distributed import Client, as_completed
+
+    with dask_cluster(2) as address:
+        crew = cluster_crew(address, 2)
+        crew.close()
+        with Client(address, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=60)
+            content = os.urandom(to)
+            begin = time.perf_counter()
+            running = as_completed(
+                [client.submit(echo, content, back, pure=False) for _ in range(20)], loop=client.loop
+            )
+            left = tasks - 20
+            for future in running:
+                future.result()
+                future.release()
+                if left:
+                    left -= 1
+                    running.add(client.submit(echo, content, back, pure=False))
+            rate = tasks / (time.perf_counter() - begin)
+    print(f"scheduler: {rate:.0f} tasks/s with {to} bytes there and {back} back, 2 workers, 20 in flight")
+
+
+def resident(pid: int) -> float:
+    """Memory of a process, MB."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS")) / 1e3
+
+
+def memory(args: argparse.Namespace) -> None:
+    """Resident memory of main process and worker over the seeds."""
+    plan = plan_of(args)
+    crew = Processes(1)
+    worker = crew._workers[0]._process.pid
+    seen: list[tuple[float, float]] = []
+    with tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}) as folder:
+        try:
+            Campaign(
+                plan, folder, crew, lambda *_: seen.append((resident(os.getpid()), resident(worker)))
+            ).run()
+        finally:
+            crew.close()
+    print(f"memory over {len(seen) - 1} seeds, MB:")
+    for share in (0.1, 0.25, 0.5, 0.75, 1.0):
+        index = max(int(share * (len(seen) - 1)), 1)
+        print(f"  after {index:5d} seeds: main process {seen[index][0]:.0f}, worker {seen[index][1]:.0f}")
+
+
+def sizes(args: argparse.Namespace) -> None:
+    """Bytes on disk per seed, and for ten thousand."""
+    for keep in ("none", "critical", "all"):
+        with tempfile.TemporaryDirectory() as out:
+            rank(
+                args.dataset,
+                out=Path(out) / "out",
+                every=args.every,
+                children=args.children,
+                first=args.children,
+                models=list(MODELS),
+                keep=keep,
+            )
+            seeds = len(list(Path(out).glob("out/children/*/*")))
+            found = {
+                kind: sum(f.stat().st_size for f in Path(out, "out", kind).rglob("*.parquet"))
+                for kind in ("children", "tracks")
+            }
+        each = {kind: size / seeds for kind, size in found.items()}
+        whole = sum(each.values()) * TEN_THOUSAND / 1e9
+        print(
+            f"sizes, --keep {keep:8}: children {each['children'] / 1e3:.1f} kB, "
+            f"tracks {each['tracks'] / 1e3:.1f} kB per seed of {args.children} children; "
+            f"{whole:.2f} GB for {TEN_THOUSAND} seeds"
+        )
+
+
+PARTS = {
+    "throughput": throughput,
+    "costs": costs,
+    "scheduler": scheduler,
+    "memory": memory,
+    "sizes": sizes,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("dataset", nargs="?", type=Path, default=DATASET)
+    parser.add_argument("--every", type=float, default=1.0)
+    parser.add_argument("--children", type=int, default=32)
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--what", default=",".join(PARTS), help=f"some of {','.join(PARTS)}")
+    args = parser.parse_args()
+    for name in args.what.split(","):
+        PARTS[name](args)
+
+
+if __name__ == "__main__":
+    main()
