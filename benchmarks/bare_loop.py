@@ -1,8 +1,12 @@
 """The bare loop: what SUMO alone takes for the vehicle-steps of a run, without models, metrics and files.
 
-Tiles are loaded, vehicles added, and at every step each is moved to a given pose (moveToXY), SUMO steps, and each
-pose is read back (getPosition, getAngle); poses are computed before. Nothing faster is known: the route edge with
-the fewest points, lanes looked for on that route only, libsumo's inner functions, one tile for all children.
+Tiles are loaded, vehicles added, and at every step each is moved to a given pose (moveToXY), SUMO steps, and
+each pose is read back (getPosition, getAngle); poses are computed before. Three ways, slowest first:
+
+- *plain*: libsumo as its documentation has it, keepRoute=2 and matchThreshold=5, a tile for each child;
+- *in tiles*: with what this project found: a route of the edge with the fewest points, lanes looked for on
+  that route only (keepRoute=3), libsumo's inner functions without their Python wrappers;
+- *in one tile*: the same, all children in one copy of the map, as a run without drivers of SUMO's does it.
 
     python benchmarks/bare_loop.py [MAP.osm] [--children 385] [--vehicles 11] [--steps 30]
 """
@@ -35,7 +39,7 @@ OPTIONS = (
     *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
     *("--duration-log.disable", "true"),
 )
-OWN_ROUTE, MATCH_M = 3, 20.0
+WAYS = ("plain", "in tiles", "in one tile")
 
 
 @dataclass(frozen=True)
@@ -52,15 +56,17 @@ def poses_of(states: States, length: FloatArray) -> Poses:
     return Poses(*to_sumo(states, length))
 
 
-def bare_loop(net: Path, poses: Poses, *, tiles: int = 1) -> dict[str, float]:
+def bare_loop(net: Path, poses: Poses, way: str = "in one tile") -> dict[str, float]:
     """Seconds of processor time by part.
 
     Args:
         net: SUMO net.
         poses: where every vehicle of every child is at every step.
-        tiles: copies of the net; with more than one, children of a batch lie in tiles of their own.
+        way: one of `WAYS`.
     """
     sumo = load_sumo()
+    plain, tiles = way == "plain", 1 if way == "in one tile" else TILE_SLOTS
+    keep_route, threshold = (2, 5.0) if plain else (3, 20.0)
     children, states, vehicles = poses.x.shape
     spent: Counter[str] = Counter()
     clock = time.process_time()
@@ -74,7 +80,8 @@ def bare_loop(net: Path, poses: Poses, *, tiles: int = 1) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         template = TileTemplate(net)
-        layout, edge = template.layout(), template.plainest_edge
+        layout = template.layout()
+        edge = next(iter(template._edges)) if plain else template.plainest_edge
         template.write(folder / "tiles.net.xml", range(tiles), layout)
         kind = '<vType id="car" vClass="ignoring" length="4.5" width="1.8" maxSpeed="200"/>'
         (folder / "types.add.xml").write_text(f"<additional>{kind}</additional>")
@@ -84,7 +91,7 @@ def bare_loop(net: Path, poses: Poses, *, tiles: int = 1) -> dict[str, float]:
             for tile in range(tiles):
                 sumo.route.add(f"r{tile}", [tile_id(tile, edge)])
             sumo.simulation.saveState(str(folder / "empty.xml"))
-            call = VehicleCalls.of(sumo)
+            call = sumo.vehicle if plain else VehicleCalls.of(sumo)
             lap("load tiles")
             batch = (
                 tiles
@@ -112,7 +119,7 @@ def bare_loop(net: Path, poses: Poses, *, tiles: int = 1) -> dict[str, float]:
                 lap("add vehicles")
                 for pose in told:
                     for key, to_x, to_y, degrees in zip(ids, *pose, strict=True):
-                        call.moveToXY(key, "", -1, to_x, to_y, degrees, OWN_ROUTE, MATCH_M)
+                        call.moveToXY(key, "", -1, to_x, to_y, degrees, keep_route, threshold)
                     lap("move")
                     sumo.simulationStep()
                     lap("step")
@@ -154,9 +161,9 @@ def main() -> None:
     total = options.children * options.vehicles * options.steps
     with tempfile.TemporaryDirectory() as folder:
         net = convert(road, Path(folder) / "map.net.xml").path
-        for tiles in (1, TILE_SLOTS):
-            spent = bare_loop(net, poses, tiles=tiles)
-            print(f"\n{tiles} tile{'s' if tiles > 1 else ''}")
+        for way in WAYS:
+            spent = bare_loop(net, poses, way)
+            print(f"\n{way}")
             for name, seconds in [*spent.items(), ("all", sum(spent.values()))]:
                 print(f"{name:14s} {seconds:7.3f} s {1e6 * seconds / total:7.2f} us per vehicle-step")
 

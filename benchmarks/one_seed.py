@@ -1,7 +1,8 @@
 """One seed from map to result folder: how long each stage takes, and how that compares with the bare loop.
 
-Everything in one process, interleaved, processor time, medians: a bare loop over the very poses of the run, then
-a whole run (map and tracks read, converted, simulated, measured, densities and files written).
+Everything in one process, interleaved, processor time, medians: bare loops over the very poses of the run
+(see `bare_loop`), then a whole run: map and tracks read, converted, simulated, measured, densities and files
+written.
 
     python benchmarks/one_seed.py [MAP.osm] [--children 385] [--vehicles 11] [--steps 30] [--models all]
         [--repeat 5] [--workers 2] [--start]
@@ -24,14 +25,13 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from bare_loop import DEFAULT_MAP, Poses, bare_loop, poses_of
+from bare_loop import DEFAULT_MAP, WAYS, Poses, bare_loop, poses_of
 
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.converters.tracks_write import write_tracks
 from scex_sumo.run import Run
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.seeds import synthetic_seed
-from scex_sumo.tiles import TILE_SLOTS
 from scex_sumo.world import load_sumo
 
 SIX = f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor"
@@ -188,18 +188,18 @@ def main() -> None:
         first = whole_run(options.map, tracks, folder / "out", options)  # imports and caches of the process
         poses = poses_of_run(first, scene)
         net = first.net.path
-        bare, tiled, runs = [], [], []
+        bare: dict[str, list[float]] = {way: [] for way in WAYS}
+        runs = []
         for _ in range(options.repeat):
-            bare.append(sum(bare_loop(net, poses).values()))
-            tiled.append(sum(bare_loop(net, poses, tiles=TILE_SLOTS).values()))
+            for way, loops in bare.items():
+                loops.append(sum(bare_loop(net, poses, way).values()))
             with measured() as stages:
                 whole_run(options.map, tracks, folder / "out", options)
             runs.append(stages.spent)
-        print(
-            f"{options.map.stem}, {options.children} children x {options.vehicles} vehicles x {options.steps} steps"
-        )
+        size = f"{options.children} children x {options.vehicles} vehicles x {options.steps} steps"
+        print(f"{options.map.stem}, {size}")
         print(f"models: {options.models}\n")
-        report(bare, tiled, runs, total)
+        report(bare, runs, total)
         if options.workers:
             walls = [_wall(options, tracks, folder, workers) for workers in (1, options.workers)]
             print(f"\nwall time: one process {walls[0]:.2f} s, {options.workers} processes {walls[1]:.2f} s")
@@ -218,7 +218,7 @@ def _wall(options: argparse.Namespace, tracks: Path, folder: Path, workers: int)
     return statistics.median(walls)
 
 
-def report(bare: list[float], tiled: list[float], runs: list[Counter[str]], total: int) -> None:
+def report(bare: dict[str, list[float]], runs: list[Counter[str]], total: int) -> None:
     """The table: seconds, microseconds per vehicle-step, share of the whole run."""
     whole = statistics.median(sum(run.values()) for run in runs)
     print(f"{'':22s} {'s':>7s} {'us':>7s} {'share':>6s}")
@@ -226,9 +226,10 @@ def report(bare: list[float], tiled: list[float], runs: list[Counter[str]], tota
         seconds = statistics.median(run[name] for run in runs)
         print(f"{name:22s} {seconds:7.3f} {1e6 * seconds / total:7.2f} {seconds / whole:6.1%}")
     print(f"{'whole run':22s} {whole:7.3f} {1e6 * whole / total:7.2f}")
-    for name, loops in (("bare loop", bare), ("bare loop in tiles", tiled)):
+    for way, loops in bare.items():
         seconds = statistics.median(loops)
         ratio = statistics.median(sum(run.values()) / loop for run, loop in zip(runs, loops, strict=True))
+        name = f"bare loop {way}"
         print(f"{name:22s} {seconds:7.3f} {1e6 * seconds / total:7.2f}   run: {ratio:.2f} x")
 
 
