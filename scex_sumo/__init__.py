@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from scex_sumo.extrapolation import extrapolate as extrapolate
     from scex_sumo.plots_attention import plot_attention as plot_attention
     from scex_sumo.plots_graph import plot_scene_graph as plot_scene_graph
+    from scex_sumo.ranking.rank import Ranking as Ranking
+    from scex_sumo.ranking.rank import rank as rank
     from scex_sumo.road import Lane as Lane
     from scex_sumo.road import Road as Road
     from scex_sumo.run import Run as Run
@@ -55,6 +57,7 @@ _HOMES = {
     "Plan": "scex_sumo.scene",
     "Predictor": "scex_sumo.behaviors.predictor",
     "Recording": "scex_sumo.converters.recordings",
+    "Ranking": "scex_sumo.ranking.rank",
     "Road": "scex_sumo.road",
     "Run": "scex_sumo.run",
     "SceneGraph": "scex_sumo.behaviors.scene_graph",
@@ -76,6 +79,7 @@ _HOMES = {
     "plot_attention": "scex_sumo.plots_attention",
     "plot_scene_graph": "scex_sumo.plots_graph",
     "predictor": "scex_sumo.behaviors.predictor",
+    "rank": "scex_sumo.ranking.rank",
     "read_map": "scex_sumo.converters.maps",
     "read_road": "scex_sumo.converters.lanelet",
     "read_seed": "scex_sumo.seeds",

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from scex_sumo.ranking.scores import place, scores
+from scex_sumo.ranking.scores import beaten, place, scores
 
 
-def test_the_score_is_the_mean_share_of_less_critical_seeds() -> None:
-    """By the first metric 3 > 2 > 1, by the second 1 > 2 = 3."""
-    share = np.array([[0.1, 0.9], [0.2, 0.5], [0.3, 0.5]])
-    # First: 0, 1/2, 1 of the two others; second: 1, and half of one equal = 1/4 each.
-    assert scores(share).tolist() == [0.5, 0.375, 0.625]
+def test_the_score_is_the_mean_share_of_critical_children() -> None:
+    share = np.array([[0.1, 0.9], [0.25, 0.25]])
+    assert scores(share).tolist() == [0.5, 0.25]
+    assert scores(np.empty((2, 0))).tolist() == [0.0, 0.0]
 
 
 def test_a_metric_that_is_the_same_everywhere_changes_no_order() -> None:
@@ -21,11 +19,20 @@ def test_a_metric_that_is_the_same_everywhere_changes_no_order() -> None:
     assert np.argsort(scores(share)).tolist() == np.argsort(scores(saturated)).tolist()
 
 
-def test_scores_order_seeds_as_their_mean_ranks_do() -> None:
-    rng = np.random.default_rng(0)
-    share = rng.permuted(np.tile(np.arange(20) / 20, (3, 1)), axis=1).T  # no equal ones: ranks are plain
-    mean_rank = (share.argsort(axis=0).argsort(axis=0) + 1).mean(axis=1)
-    assert scores(share) == pytest.approx((mean_rank - 1) / 19)
+def test_a_metric_that_is_the_same_everywhere_makes_no_rank_unsure() -> None:
+    """All children of all 20 seeds are close together, as in a queue; the other metric tells them apart."""
+    apart = np.arange(20) * 50
+    children = np.full(20, 1000)
+    alone = place(apart[:, None], children, seed=0)
+    saturated = place(np.column_stack([apart, children]), children, seed=0)
+    assert (saturated.high - saturated.low).max() <= (alone.high - alone.low).max() + 1
+
+
+def test_severity_counts_the_seeds_that_are_beaten() -> None:
+    """By the first column 3 > 2 > 1, by the second 1 > 2 = 3."""
+    values = np.array([[1.0, 9.0], [2.0, 5.0], [300.0, 5.0]])
+    # First: 0, 1/2, 1 of the two others; second: 1, and half of one equal = 1/4 each.
+    assert beaten(values).tolist() == [0.5, 0.375, 0.625]
 
 
 def test_a_single_seed_has_rank_one_for_certain() -> None:

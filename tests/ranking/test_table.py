@@ -40,7 +40,7 @@ def test_the_most_critical_seed_is_first() -> None:
     table = placed(tabulate(rows, limits), limits, seed=0)
     assert table["seed"].to_pylist() == ["near", "both", "far"]
     assert table["rank"].to_pylist() == [1, 2, 3]
-    assert table["score"].to_pylist() == [1.0, 0.5, 0.0]
+    assert table["score"].to_pylist() == [1.0, 1 / 3, 0.0]
 
 
 def test_of_equal_seeds_the_one_with_the_worse_median_is_first() -> None:
