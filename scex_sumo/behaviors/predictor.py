@@ -80,36 +80,38 @@ class Predictor:
         )
         graph = scene_graph(history, road) if "graph" in self.inputs else None
         vehicles = history.now.shape[1]
-        whole = np.zeros((len(who), PLAN_STEPS, 4))
-        for at in self._calls(who):
+        calls = self._calls(who)
+        predicted = []
+        for at in calls:
             child = 0 if self.batched else int(who.child[at[0]])
             given: dict[str, Any] = {name: values[at] for name, values in arrays.items()}
             if graph is not None:
                 given["graph"] = graph if self.batched else graph_of_child(graph, child, vehicles)
             if "node" in self.inputs:
-                first = who.child[at] * vehicles if self.batched else 0
-                given["node"] = first + who.vehicle[at]
+                given["node"] = (who.child[at] * vehicles if self.batched else 0) + who.vehicle[at]
             if "rng" in self.inputs:
                 given["rng"] = rng[child]
-            whole[at] = completed(self.function(**given), len(at))
+            predicted.append(trajectories(self.function(**given), len(at)))
+        whole = np.zeros((len(who), PLAN_STEPS, 4))
+        for columns in {values.shape[2] for values in predicted}:  # one, but for a strange function
+            same = [k for k, values in enumerate(predicted) if values.shape[2] == columns]
+            rows = np.concatenate([calls[k] for k in same])
+            whole[rows] = completed(np.concatenate([predicted[k] for k in same]))
         return _in_the_map(whole, history, who)
 
     def _calls(self, who: Who) -> list[IntArray]:
         """Rows of each call."""
-        everybody = np.arange(len(who))
         if self.batched or len(who) == 0:
-            return [everybody] if len(who) else []
-        return [np.flatnonzero(who.child == child) for child in np.unique(who.child)]
+            return [np.arange(len(who))] if len(who) else []
+        order = np.argsort(who.child, kind="stable")
+        return np.split(order, np.flatnonzero(np.diff(who.child[order])) + 1)
 
 
-def completed(predicted: Any, count: int) -> FloatArray:
-    """Trajectories with what is missing: (n, 30, 4) x, y, heading, speed in the vehicles' own frames.
-
-    A heading follows the motion, and stays below 0.5 m/s; a vehicle that moves back from where it heads is
-    reversing. A speed is the way of the step over its time, negative when reversing.
+def trajectories(predicted: Any, count: int) -> FloatArray:
+    """What a function returned, as (n, 30, 2 to 4).
 
     Args:
-        predicted: (n, H >= 30, 2 to 4).
+        predicted: what it returned.
         count: n.
 
     Raises:
@@ -122,11 +124,23 @@ def completed(predicted: Any, count: int) -> FloatArray:
     shape = values.shape
     if len(shape) != 3 or shape[0] != count or shape[1] < PLAN_STEPS or shape[2] not in (2, 3, 4):
         raise ScexError(f"returned trajectories of shape {shape}, needs {NEEDED}, n = {count}")
-    values = values[:, :PLAN_STEPS]
+    return values[:, :PLAN_STEPS]
+
+
+def completed(values: FloatArray) -> FloatArray:
+    """Trajectories with what is missing: (n, 30, 4) x, y, heading, speed in the vehicles' own frames.
+
+    A heading follows the motion, and stays below 0.5 m/s; a vehicle that moves back from where it heads is
+    reversing. A speed is the way of the step over its time, negative when reversing.
+
+    Args:
+        values: (n, 30, 2 to 4).
+    """
+    given = values.shape[2]
     way = np.diff(values[..., :2], axis=1, prepend=0.0)
     length = np.hypot(way[..., 0], way[..., 1])
-    heading = values[..., 2] if shape[2] > 2 else _headings(way, length)
-    if shape[2] == 4:
+    heading = values[..., 2] if given > 2 else _headings(way, length)
+    if given == 4:
         speed = values[..., 3]
     else:
         ahead = np.cos(heading) * way[..., 0] + np.sin(heading) * way[..., 1]

@@ -16,6 +16,7 @@ from scex_sumo.behaviors.predictor import (
     graph_of_child,
     is_predictor,
     predictor,
+    trajectories,
 )
 from scex_sumo.behaviors.registry import build, known_models, parse_models
 from scex_sumo.behaviors.scene_graph import SceneGraph, scene_graph
@@ -34,7 +35,7 @@ def straight(history: np.ndarray, *, factor: float = 1.0) -> np.ndarray:
     return np.stack([x, 0 * x], axis=-1)
 
 
-def trajectories(*columns: np.ndarray | float) -> np.ndarray:
+def of(*columns: np.ndarray | float) -> np.ndarray:
     """(1, 30, len(columns))."""
     return np.stack([np.broadcast_to(c, 30).astype(float) for c in columns], axis=-1)[None]
 
@@ -49,34 +50,34 @@ def test_trajectories_in_the_own_frame_become_a_plan_on_the_map() -> None:
 
 def test_headings_and_speeds_follow_the_motion() -> None:
     angle = STEPS  # 1 rad/s on a circle of 5 m: 5 m/s, heading in the middle of the chord
-    made = completed(trajectories(5 * np.sin(angle), 5 * (1 - np.cos(angle))), 1)[0]
+    made = completed(of(5 * np.sin(angle), 5 * (1 - np.cos(angle))))[0]
     assert made[:, 2] == pytest.approx(angle - 0.05)
     assert made[:, 3] == pytest.approx(5 * 2 * np.sin(0.05) / 0.1)
 
 
 def test_headings_go_on_past_half_a_turn_without_a_jump() -> None:
     angle = 2 * STEPS
-    made = completed(trajectories(5 * np.sin(angle), 5 * (1 - np.cos(angle))), 1)[0]
+    made = completed(of(5 * np.sin(angle), 5 * (1 - np.cos(angle))))[0]
     assert made[-1, 2] == pytest.approx(6.0 - 0.1)
     assert np.diff(made[:, 2]) == pytest.approx(0.2)
 
 
 def test_one_who_stands_keeps_the_heading_however_the_prediction_trembles() -> None:
     tremble = 0.01 * (-1.0) ** np.arange(30)
-    made = completed(trajectories(tremble, -tremble), 1)[0]
+    made = completed(of(tremble, -tremble))[0]
     assert not made[:, 2].any()
 
 
 def test_one_who_moves_back_is_reversing() -> None:
-    made = completed(trajectories(-2.0 * STEPS, 0.0), 1)[0]
+    made = completed(of(-2.0 * STEPS, 0.0))[0]
     assert made[:, 2] == pytest.approx(0.0)
     assert made[:, 3] == pytest.approx(-2.0)
 
 
 def test_headings_and_speeds_that_are_given_stand() -> None:
-    with_heading = completed(trajectories(STEPS, 0.0, 0.3), 1)[0]
+    with_heading = completed(of(STEPS, 0.0, 0.3))[0]
     assert with_heading[:, 2] == pytest.approx(0.3) and with_heading[:, 3] == pytest.approx(1.0)
-    assert completed(trajectories(STEPS, 0.0, 0.3, 7.0), 1)[0, :, 3] == pytest.approx(7.0)
+    assert completed(of(STEPS, 0.0, 0.3, 7.0))[0, :, 3] == pytest.approx(7.0)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +93,7 @@ def test_headings_and_speeds_that_are_given_stand() -> None:
 )
 def test_what_are_no_trajectories_is_said(returned: Any, words: str) -> None:
     with pytest.raises(ScexError, match=words):
-        completed(returned, 1)
+        trajectories(returned, 1)
 
 
 def test_a_function_is_called_child_by_child_with_what_its_parameters_name() -> None:
