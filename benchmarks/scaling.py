@@ -1,8 +1,8 @@
 """How time and memory grow with children, vehicles, steps and the size of the map.
 
 Every point is a process of its own: processor time of a whole run (without reading the map), by stage where
-it grows, and the peak of the process's memory above that before the run. Vehicles and maps grow on copies of a
-map side by side, whose scenes are those of the map.
+it grows, and the peak of the process's memory above that before the run. Vehicles and maps grow on copies of
+a map side by side, whose scenes are those of the map.
 
     python benchmarks/scaling.py [MAP.osm] [--full]
 """
