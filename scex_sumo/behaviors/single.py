@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -24,10 +25,11 @@ class SingleVehicleBehavior(Protocol):
         """Plan at least 30 steps for one vehicle.
 
         Args:
-            history: states of the whole batch; the vehicle's own are ``history.states[child, vehicle]``,
-                (11,), those of all vehicles of its child ``history.states[child]``, (V, 11).
+            history: states of the vehicle's own child alone, C = 1; its own are
+                ``history.states[child, vehicle]``, (11,), those of all vehicles ``history.states[child]``,
+                (V, 11).
             road: the map, narrowed to the model's `radius` around the vehicle where it has one.
-            child: index into the batch.
+            child: index into the history, 0; ``history.children[child]`` is the child's number.
             vehicle: index into the seed scene.
             rng: the child's generator.
 
@@ -35,6 +37,17 @@ class SingleVehicleBehavior(Protocol):
             (H,) states of the centre; column 0 is the next step.
         """
         ...
+
+
+def _of_child(history: SceneHistory, child: int) -> SceneHistory:
+    """What belongs to one child: a model can neither see the others nor pay for them."""
+    own = slice(child, child + 1)
+    return replace(
+        history,
+        states=history.states[own],
+        children=history.children[own],
+        route_draw=history.route_draw[own],
+    )
 
 
 class SingleVehicle:
@@ -52,11 +65,12 @@ class SingleVehicle:
         """
         now = history.now
         plans = []
+        alone = {c: _of_child(history, c) for c in np.unique(who.child).tolist()}
         for c, v in zip(who.child.tolist(), who.vehicle.tolist(), strict=True):
             seen = road
             if self.radius is not None:
                 seen = narrow_road(road, float(now.x[c, v]), float(now.y[c, v]), self.radius)
-            plans.append(self._checked(self.model.plan_one(history, seen, c, v, rng[c])))
+            plans.append(self._checked(self.model.plan_one(alone[c], seen, 0, v, rng[c])))
         if not plans:
             empty = np.empty((0, PLAN_STEPS))
             return Plan(x=empty, y=empty, heading=empty, speed=empty)
