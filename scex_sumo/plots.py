@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from scex_sumo.results import LOGGED_HISTORY
 from scex_sumo.road import Road
 from scex_sumo.run import Run, side_of
-from scex_sumo.scene import HISTORY_STEPS, FloatArray, SeedScene
+from scex_sumo.scene import HISTORY_STEPS, FloatArray, SeedScene, States
 from scex_sumo.summary import counted
 
 # Name and unit of each metric, as axis label; the column ttc holds the inverse.
@@ -249,9 +249,9 @@ def draw_road(axes: Axes, road: Road) -> None:
     axes.add_collection(LineCollection(bounds, colors="white", linewidths=0.6, zorder=2))
 
 
-def vehicle_boxes(seed: SeedScene) -> FloatArray:
-    """(V, 4, 2) corners of the vehicles at the moment of the seed scene, m."""
-    now = seed.now
+def vehicle_boxes(seed: SeedScene, states: States | None = None) -> FloatArray:
+    """(V, 4, 2) corners of the vehicles in (V,) states, at the moment of the seed scene by default, m."""
+    now = seed.now if states is None else states
     along = np.stack([np.cos(now.heading), np.sin(now.heading)], axis=-1) * seed.length[:, None] / 2
     across = np.stack([-np.sin(now.heading), np.cos(now.heading)], axis=-1) * seed.width[:, None] / 2
     centre = np.stack([now.x, now.y], axis=-1)

@@ -14,11 +14,10 @@ from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import UsageError
 from scex_sumo.plots import STYLE, draw_road, vehicle_boxes
 from scex_sumo.rollout import history_at
-from scex_sumo.scene import STEP_S, FloatArray, Plan, SeedScene, Who
+from scex_sumo.scene import STEP_S, FloatArray, Plan, SeedScene, States, Who
 
 VALUES = (0.0, 0.25, 0.5, 0.75, 1.0)
 SHOWN = 3  # vehicles whose speeds are drawn
-MARGIN_M = 12.0
 
 
 def plot_attention(
@@ -28,10 +27,12 @@ def plot_attention(
     weights: str | Path = "",
     values: Sequence[float] = VALUES,
     head: str = "bounded",
+    around_m: float = 40.0,
 ) -> Path:
-    """Draw a seed scene with the plans of all its vehicles for several attention weights.
+    """Draw the plans of a seed scene's vehicles for several attention weights.
 
-    Beside it the planned speeds of those vehicles whose plans differ most.
+    The picture is centred on the vehicle whose plans differ most; beside it are the planned speeds of the
+    three in the picture that differ most. Each plan ends in the outline of the vehicle after 3 s.
 
     Args:
         seed: the seed scene, with its road.
@@ -39,6 +40,7 @@ def plot_attention(
         weights: file of weights of the Graph Image Predictor; empty takes the shipped ones.
         values: attention weights w in [0, 1]; 1 looks at the scene graph alone.
         head: ``bounded`` or ``free``, as of the model.
+        around_m: how far to see to all sides, m.
 
     Returns:
         The file.
@@ -52,12 +54,17 @@ def plot_attention(
     if not len(values):
         raise UsageError("values: got none; give at least one attention weight")
     plans = [_plan(seed, f"graph_image_predictor:attention={w:g}:head={head}", weights) for w in values]
-    order = _most_different(plans)[: min(SHOWN, seed.vehicles)]
+    order = _most_different(plans)
+    centre = _middle(seed, plans, order[0])
+    order = [v for v in order if np.abs(_middle(seed, plans, v) - centre).max() < around_m][:SHOWN]
     palette = plt.get_cmap("plasma")
     with plt.rc_context(STYLE):
-        figure = plt.figure(figsize=(10, 5.4), layout="constrained")
-        grid = figure.add_gridspec(len(order), 2, width_ratios=[2.1, 1])
-        _scene(figure.add_subplot(grid[:, 0]), seed, plans, values, order, palette)
+        figure = plt.figure(figsize=(9, 5.4), layout="constrained")
+        grid = figure.add_gridspec(len(order), 2, width_ratios=[1.7, 1])
+        whole = figure.add_subplot(grid[:, 0])
+        _scene(whole, seed, plans, values, order, palette)
+        low, high = centre - around_m, centre + around_m
+        whole.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         for place, vehicle in enumerate(order):
             axes = figure.add_subplot(grid[place, 1])
             _speeds(axes, seed, plans, values, vehicle, palette)
@@ -98,14 +105,16 @@ def _scene(
         axes.fill(*box.T, facecolor="#222222", edgecolor="white", linewidth=0.6, zorder=5)
     for number, (plan, w) in enumerate(zip(plans, values, strict=True)):
         x, y = (np.column_stack([a, b]) for a, b in ((seed.now.x, plan.x), (seed.now.y, plan.y)))
-        lines = axes.plot(x.T, y.T, color=_color(palette, w), linewidth=1.4, zorder=4 - 0.1 * number)
+        color = _color(palette, w)
+        lines = axes.plot(x.T, y.T, color=color, linewidth=1.4, zorder=4 - 0.1 * number)
         lines[0].set_label(f"w = {w:g}")
-        axes.scatter(x[:, -1], y[:, -1], s=16, color=_color(palette, w), zorder=6, linewidths=0)
+        ends = States(x=plan.x, y=plan.y, heading=plan.heading, speed=plan.speed)[:, -1]
+        for box in vehicle_boxes(seed, ends):
+            axes.fill(*box.T, facecolor="none", edgecolor=color, linewidth=1.2, zorder=6)
     for name, vehicle in zip("ABC", order, strict=False):
         at = (float(seed.now.x[vehicle]), float(seed.now.y[vehicle]))
-        axes.annotate(name, at, xytext=(7, 7), textcoords="offset points", fontweight="bold", zorder=7)
-    low, high = _extent(seed, plans)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+        axes.annotate(name, at, xytext=(9, 9), textcoords="offset points", fontweight="bold", zorder=7)
+    axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.set_title("plans of 3 s; w = 1 looks at the scene graph alone, w = 0 at the road alone", loc="left")
     axes.legend(loc="best", frameon=True, framealpha=0.9)
 
@@ -132,9 +141,9 @@ def _color(palette: Colormap, w: float) -> tuple[float, float, float, float]:
     return palette(0.9 * w)
 
 
-def _extent(seed: SeedScene, plans: Sequence[Plan]) -> tuple[FloatArray, FloatArray]:
-    """Lower left and upper right corner around vehicles and plans, m."""
-    x = np.concatenate([seed.now.x, *(plan.x.ravel() for plan in plans)])
-    y = np.concatenate([seed.now.y, *(plan.y.ravel() for plan in plans)])
-    low, high = np.array([x.min(), y.min()]), np.array([x.max(), y.max()])
-    return low - MARGIN_M, high + MARGIN_M
+def _middle(seed: SeedScene, plans: Sequence[Plan], vehicle: int) -> FloatArray:
+    """(2,) halfway from a vehicle to where its longest plan ends, m."""
+    here = np.array([seed.now.x[vehicle], seed.now.y[vehicle]])
+    ends = np.array([(plan.x[vehicle, -1], plan.y[vehicle, -1]) for plan in plans])
+    middle: FloatArray = (here + ends[np.argmax(np.hypot(*(ends - here).T))]) / 2
+    return middle
