@@ -151,7 +151,11 @@ def known_models() -> list[ModelInfo]:
         summary = f"SUMO's own {model}; parameters are SUMO's vehicle type attributes, e.g. tau"
         infos.append(ModelInfo(name=f"{SUMO}:{model}", parameters=("path=straight",), summary=summary))
     for name in _further():
-        constructor = _user_model(name)
+        try:
+            constructor = _user_model(name)
+        except UsageError as error:  # another package's trouble; the others can be listed
+            infos.append(ModelInfo(name=name, parameters=(), summary=str(error).removeprefix(f"{name}: ")))
+            continue
         words = (inspect.getdoc(constructor) or "").strip().splitlines()
         parameters = {k: p.default for k, p in _keywords(constructor).items()} | {GUARD: False}
         infos.append(

@@ -203,6 +203,8 @@ def test_an_entry_point_that_cannot_be_imported_says_so(monkeypatch: pytest.Monk
     entry_points(monkeypatch, "no_such_package:Model")
     with pytest.raises(UsageError, match="installed: entry point no_such_package:Model cannot be loaded"):
         parse_models("installed")
+    (info,) = (info for info in known_models() if info.name == "installed")
+    assert info.summary.startswith("entry point no_such_package:Model cannot be loaded: No module named")
 
 
 @pytest.mark.usefixtures("clean")
