@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 import torch
 
+from scex_sumo.behaviors.learned.graph_predictor import SHIPPED
+from scex_sumo.behaviors.learned.layers import make_exact
 from scex_sumo.behaviors.learned.network import GraphPredictorNet
 from scex_sumo.behaviors.learned.network_image import GraphImageNet
 from scex_sumo.behaviors.learned.weights import load_weights, save_weights, sha256_of
@@ -122,3 +124,14 @@ def test_the_free_head_needs_weights_that_have_it(tmp_path: Path) -> None:
     assert build(parse_models(f"graph_image_predictor:weights={file}")[0])
     with pytest.raises(InputError, match="trained without the head for free trajectories; use head=bounded"):
         build(parse_models(f"graph_image_predictor:head=free:weights={file}")[0])
+
+
+def test_the_shipped_weights_are_small_exact_and_say_what_they_are_made_from() -> None:
+    sizes = 0
+    for name, kind in nets.KIND_OF.items():
+        file = SHIPPED / f"{name}.pt"
+        net, meta = load_weights(file, kind)
+        assert make_exact(net) < 1
+        assert meta["command"].startswith(f"scex-sumo train {kind}")
+        sizes += file.stat().st_size
+    assert sizes <= 3_000_000
