@@ -47,10 +47,10 @@ STAGES = {
     "metrics": (
         "scex_sumo.job.measure_rollout",
         "scex_sumo.job.worst_of",
-        "scex_sumo.extrapolation.measure_recorded",
+        "scex_sumo.writing.measure_recorded",
     ),
     "keep parts": ("scex_sumo.job.save_part", "scex_sumo.results.ResultFolder.collect"),
-    "write": ("scex_sumo.extrapolation._write_tables", "scex_sumo.results.ResultFolder.finish"),
+    "write": ("scex_sumo.extrapolation.write_tables", "scex_sumo.results.ResultFolder.finish"),
 }
 
 

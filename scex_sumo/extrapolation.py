@@ -11,11 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from scex_sumo import __version__
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.behaviors.sumo_driver import SumoDriver
 from scex_sumo.casting import (
     Models,
     cast_models,
@@ -29,36 +26,26 @@ from scex_sumo.casting import (
 )
 from scex_sumo.colors import model_colors
 from scex_sumo.converters.sumo_net import convert
-from scex_sumo.converters.tracks import write_tracks
 from scex_sumo.density import THRESHOLDS
 from scex_sumo.designs import DEFAULT_DESIGN
 from scex_sumo.errors import UsageError
-from scex_sumo.fallbacks import FALLBACKS, count_fallbacks
+from scex_sumo.fallbacks import count_fallbacks
 from scex_sumo.job import Job, batch_size, batches_of
-from scex_sumo.measure import handover_jumps, measure_recorded
 from scex_sumo.metrics.evaluate import COLUMNS, PAPER_PRESET
-from scex_sumo.parts import joined
-from scex_sumo.plans import PLANS, plans_table
 from scex_sumo.provenance import describe, fingerprint, versions
 from scex_sumo.results import (
-    LOGGED_HISTORY,
-    Part,
     ResultFolder,
-    assignments_table,
-    tracks_table,
-    values_table,
 )
-from scex_sumo.run import Run, densities_table
+from scex_sumo.run import Run
 from scex_sumo.scene import IntArray, SeedScene
 from scex_sumo.sequential import Look, check_band, grow, look
-from scex_sumo.under_test import BASELINE, UNDER_TEST
+from scex_sumo.under_test import BASELINE
 from scex_sumo.workers import Workers
+from scex_sumo.writing import handover_notes, write_tables
 
 DEFAULT_CHILDREN = 385  # the paper's sample size: a 95 % interval of +-5 % around a share of one half
 DEFAULT_STEPS = 30
 DEFAULT_REPLAN = 5
-HANDOVER_M = 0.5  # a jump of a vehicle's centre that SUMO's own drivers are told of
-ROWS_AT_ONCE = 1 << 20  # of tracks, written to the disk: a row group of Parquet
 MAX_REPLAN = 30  # models plan at least 30 steps
 
 
@@ -198,7 +185,7 @@ def extrapolate(
                 progress=_part_of(progress, 1, 2),
             )
     simulated = time.perf_counter()
-    part = _write_tables(folder, job)
+    part = write_tables(folder, job)
     folder.finish(
         {
             "scex_sumo": __version__,
@@ -210,7 +197,7 @@ def extrapolate(
             "thresholds": {**THRESHOLDS, **(thresholds or {})},
             "net": scene.road.name,
             "net_notes": list(net.notes),
-            "run_notes": [*_handover_notes(job, part), *pool.deaths],
+            "run_notes": [*handover_notes(job, part), *pool.deaths],
             "fallbacks": count_fallbacks(part.fallbacks, job.assignment, job.names, -(-steps // replan)),
             "versions": versions(learned=bool(settings["weights"])),
             "timings_s": {
@@ -309,48 +296,3 @@ def _run_all(
 
     for _ in workers.run(job, batches, on_step=on_step):
         pass
-
-
-def _handover_notes(job: Job, part: Part) -> list[str]:
-    by_sumo = np.array([isinstance(model, SumoDriver) for model in job.models])[job.assignment]
-    jumps = handover_jumps(job.scene, part.states[:, 0], by_sumo)
-    far = int((jumps > HANDOVER_M).sum())
-    if far == 0:
-        return []
-    return [
-        f"SUMO turned {far} of {len(jumps)} vehicles that it drives into their lanes in the first step, "
-        f"by up to {jumps.max():.1f} m of their centres; the metrics of that step feel it"
-    ]
-
-
-def _write_tables(folder: ResultFolder, job: Job) -> Part:
-    """Write the tables; what is left of the children, of their states the first step."""
-    part = _write_tracks(folder, job)
-    metrics = values_table(COLUMNS, part.values, part.defined, part.children)
-    folder.write_table("metrics.parquet", metrics)
-    folder.write_table("worst.parquet", part.worst)
-    if part.tested is not None:
-        values, defined = part.tested
-        folder.write_table(UNDER_TEST, values_table(COLUMNS, values, defined > 0, part.children))
-    if part.fallbacks is not None:
-        folder.write_table(FALLBACKS, part.fallbacks)
-    folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.names))
-    folder.write_table("densities.parquet", densities_table(metrics))
-    recorded = measure_recorded(job.scene, job.steps)
-    if recorded is not None:
-        folder.write_table("recorded.parquet", values_table(COLUMNS, recorded.values, recorded.defined))
-    write_tracks(folder.path / "seed.csv", job.scene)
-    return part
-
-
-def _write_tracks(folder: ResultFolder, job: Job) -> Part:
-    """Tracks and plans, some children at a time, so that memory does not grow with their number."""
-    left, rows = [], job.scene.vehicles * (LOGGED_HISTORY + job.steps)
-    with folder.writer("tracks.parquet") as add_tracks, folder.writer(PLANS) as add_plans:
-        for part in folder.in_order(len(job.assignment), size=max(ROWS_AT_ONCE // rows, 1)):
-            add_tracks(tracks_table(job.scene, part))
-            if (plans := plans_table(job.scene, part, job.replan)) is not None:
-                add_plans(plans)
-            first = part.states[:, :1].map(np.copy)
-            left.append(dataclasses.replace(part, states=first, plan_x=None, plan_y=None))
-    return joined(left)
