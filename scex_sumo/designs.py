@@ -51,6 +51,7 @@ def balanced(shares: Shares, rows: int, rng: np.random.Generator, *, decay: floa
         raise UsageError(f"decay of a design: got {decay}, needs to be between 0 and 1")
     weights = [np.asarray(s, dtype=np.float64) for s in shares]
     own = [1 - decay + decay / w for w in weights]
+    edges = _edges(weights)
     out = np.empty((rows, len(weights)), dtype=np.int64)
     for start in range(0, rows, BLOCK_ROWS):
         block = out[start : start + BLOCK_ROWS]
@@ -59,31 +60,31 @@ def balanced(shares: Shares, rows: int, rng: np.random.Generator, *, decay: floa
         for kernel, diagonal in zip(kernels, own, strict=True):
             kernel[:, 0] = diagonal
         for row in range(len(block)):
-            block[row] = _next_row([k[:, : row + 1] for k in kernels], weights, rng)
+            block[row] = _next_row([k[:, : row + 1] for k in kernels], edges, rng)
             for factor, level in enumerate(block[row]):
                 kernels[factor][level, row + 1] = own[factor][level]
     return out
 
 
 def _next_row(
-    kernels: Sequence[FloatArray], weights: Sequence[FloatArray], rng: np.random.Generator
+    kernels: Sequence[FloatArray], edges: Sequence[FloatArray], rng: np.random.Generator
 ) -> IntArray:
     """The row that lowers the discrepancy most, as far as a search from a few random rows finds it.
 
     Args:
         kernels: per factor, (L, 1 + R) of its levels with themselves, and with those of the rows so far.
-        weights: per factor, (L,) shares.
+        edges: per factor, (L - 1,) bounds between its levels, as `_edges`.
         rng: the randomness.
 
     Returns:
         (F,) levels.
     """
     starts = _STARTS if kernels[0].shape[1] > 1 else 1
-    rows = independent(weights, starts, rng)
+    rows = _between(edges, rng.random((starts, len(edges))))
     if starts == 1:
         return rows.reshape(-1)
     sweeps = [rng.permutation(len(kernels)).tolist() for _ in range(_SWEEPS)]
-    draws = rng.random(_SWEEPS * starts * sum(len(w) for w in weights)).tolist()  # for ties, in order
+    draws = rng.random(_SWEEPS * starts * sum(len(k) for k in kernels)).tolist()  # for ties, in order
     used = 0
     like = [k[rows[:, f]] for f, k in enumerate(kernels)]
     product = np.prod(like, axis=0)
@@ -228,8 +229,17 @@ def check_design(name: str) -> None:
 
 def _levels(shares: Shares, points: FloatArray) -> IntArray:
     """Numbers in [0, 1) as levels, by their shares."""
+    return _between(_edges(shares), points)
+
+
+def _edges(shares: Shares) -> list[FloatArray]:
+    """Per factor, the bounds between the shares of its levels."""
+    upper = [np.cumsum(np.asarray(share, dtype=np.float64)) for share in shares]
+    return [sums[:-1] / sums[-1] for sums in upper]
+
+
+def _between(edges: Sequence[FloatArray], points: FloatArray) -> IntArray:
     levels = np.empty(points.shape, dtype=np.int64)
-    for factor, share in enumerate(shares):
-        upper = np.cumsum(np.asarray(share, dtype=np.float64))
-        levels[:, factor] = np.searchsorted(upper[:-1] / upper[-1], points[:, factor], side="right")
+    for factor, bounds in enumerate(edges):
+        levels[:, factor] = bounds.searchsorted(points[:, factor], side="right")
     return levels
