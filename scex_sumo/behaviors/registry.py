@@ -7,7 +7,7 @@ import importlib.metadata
 import inspect
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from scex_sumo.behaviors.base import Behavior
@@ -18,6 +18,16 @@ from scex_sumo.behaviors.idm import IdmDriver
 from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
 from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
 from scex_sumo.behaviors.loading import as_constructor, is_import_path, load_model
+from scex_sumo.behaviors.model_spec import (
+    GUARD,
+    LEARNED,
+    converted,
+    keywords,
+    profile_of,
+    shown,
+    user_arguments,
+)
+from scex_sumo.behaviors.model_spec import ModelSpec as ModelSpec
 from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.behaviors.replay import Replay
 from scex_sumo.behaviors.single import SingleVehicle, SingleVehicleBehavior
@@ -29,9 +39,6 @@ from scex_sumo.vehicle_types import SUMO_MODELS, check_driver
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 ENTRY_POINTS = "scex_sumo.behaviors"
 SUMO = "sumo"
-GUARD = "guard"  # a parameter of every model that we drive
-
-LEARNED = ("graph_predictor", "graph_image_predictor")
 # Names for several models at once. The default has no learned ones, though the paper does: what a run gives
 # must not depend on which extras are installed, and torch takes longer to load than such a run.
 SETS: Mapping[str, str] = {"rules": DEFAULT_MODELS, "paper": ",".join((DEFAULT_MODELS, *LEARNED))}
@@ -42,25 +49,6 @@ RULE_BASED = frozenset(
 )
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModelSpec:
-    """A behaviour model as asked for.
-
-    Attributes:
-        name: e.g. ``standard_driver``, ``sumo:EIDM`` or ``package.module:Driver``.
-        parameters: values that differ from the defaults; text where they come from the command line.
-        weight: how often it is drawn, relative to the others.
-    """
-
-    name: str
-    parameters: dict[str, Any] = field(default_factory=dict)
-    weight: float = 1.0
-
-    def __str__(self) -> str:
-        """Name and parameters as on the command line, without the weight."""
-        return ":".join([self.name, *(f"{key}={value}" for key, value in self.parameters.items())])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +130,7 @@ def known_models() -> list[ModelInfo]:
     infos = [
         ModelInfo(
             name=name,
-            parameters=_shown({**dataclasses.asdict(DEFAULTS[name]), GUARD: False}),
+            parameters=shown({**dataclasses.asdict(DEFAULTS[name]), GUARD: False}),
             summary=summary,
         )
         for name, (_, summary) in _MODELS.items()
@@ -157,9 +145,9 @@ def known_models() -> list[ModelInfo]:
             infos.append(ModelInfo(name=name, parameters=(), summary=str(error).removeprefix(f"{name}: ")))
             continue
         words = (inspect.getdoc(constructor) or "").strip().splitlines()
-        parameters = {k: p.default for k, p in _keywords(constructor).items()} | {GUARD: False}
+        parameters = {k: p.default for k, p in keywords(constructor).items()} | {GUARD: False}
         infos.append(
-            ModelInfo(name=name, parameters=_shown(parameters), summary=words[0] if words else "registered")
+            ModelInfo(name=name, parameters=shown(parameters), summary=words[0] if words else "registered")
         )
     return infos
 
@@ -225,9 +213,9 @@ def _check(spec: ModelSpec) -> None:
         given = {k: str(v) for k, v in spec.parameters.items() if k != "path"}
         check_driver(spec.name.partition(":")[2], given)
     elif spec.name in _MODELS:
-        _profile(spec)
+        profile_of(spec)
     elif ":" in spec.name or spec.name in _further():
-        _user_arguments(spec, _user_model(spec.name))
+        user_arguments(spec, _user_model(spec.name))
     else:
         raise UsageError(f"unknown behavior {spec.name!r}; known: {', '.join(known_names())}")
 
@@ -250,7 +238,7 @@ def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:
     if GUARD not in spec.parameters or spec.name.startswith(f"{SUMO}:"):
         return spec, False
     own = {key: value for key, value in spec.parameters.items() if key != GUARD}
-    guard = _converted(spec, GUARD, False, spec.parameters[GUARD])
+    guard = converted(spec, GUARD, False, spec.parameters[GUARD])
     if not isinstance(guard, bool):
         raise UsageError(f"{spec.name}: {GUARD}={guard!r} is neither true nor false")
     return dataclasses.replace(spec, parameters=own), guard
@@ -260,12 +248,12 @@ def _build(spec: ModelSpec) -> Behavior:
     """The model without its guard; the spec has been checked."""
     if spec.name.startswith(f"{SUMO}:"):
         given = {k: str(v) for k, v in spec.parameters.items() if k != "path"}
-        path = _converted(spec, "path", "straight", spec.parameters.get("path", "straight"))
+        path = converted(spec, "path", "straight", spec.parameters.get("path", "straight"))
         return SumoDriver(spec.name.partition(":")[2], given, path=path)
     if spec.name in _MODELS:
-        return _MODELS[spec.name][0](_profile(spec))
+        return _MODELS[spec.name][0](profile_of(spec))
     constructor = _user_model(spec.name)
-    arguments = _user_arguments(spec, constructor)
+    arguments = user_arguments(spec, constructor)
     try:
         model = constructor(**arguments)
     except ScexError:
@@ -277,50 +265,6 @@ def _build(spec: ModelSpec) -> Behavior:
     if isinstance(model, SingleVehicleBehavior):
         return SingleVehicle(model)
     raise UsageError(f"{spec.name}: {type(model).__name__} has neither plan nor plan_one; see Behavior")
-
-
-def _profile(spec: ModelSpec) -> Any:
-    """Parameters of a built-in model: its defaults with the given values."""
-    defaults = DEFAULTS[spec.name]
-    known = {f.name: getattr(defaults, f.name) for f in dataclasses.fields(defaults)}
-    _known_parameter(spec, tuple(known))
-    values = {key: _converted(spec, key, known[key], value) for key, value in spec.parameters.items()}
-    try:
-        return dataclasses.replace(defaults, **values)
-    except UsageError as error:
-        raise UsageError(f"{spec.name}: {error}") from None
-
-
-def _known_parameter(spec: ModelSpec, known: tuple[str, ...]) -> None:
-    for key in spec.parameters:
-        if key not in known:
-            raise UsageError(f"{spec.name}: unknown parameter {key!r}; known: {', '.join((*known, GUARD))}")
-
-
-def _converted(spec: ModelSpec, key: str, default: Any, value: Any) -> Any:
-    """A value from the command line as the type of its default; other values stay as they are."""
-    if not isinstance(value, str):
-        return value
-    if key == "path":
-        words = ["straight", "random", *(["likeliest"] if spec.name in LEARNED else [])]
-        wanted = f"an index, {', '.join(words[:-1])} or {words[-1]}"
-        return value if value in words else _number(spec, key, value, int, wanted)
-    if isinstance(default, bool):
-        if value.lower() not in ("true", "false", "0", "1"):
-            raise UsageError(f"{spec.name}: {key}={value} is neither true nor false")
-        return value.lower() in ("true", "1")
-    if isinstance(default, int):
-        return _number(spec, key, value, int, "a whole number")
-    if isinstance(default, float):
-        return _number(spec, key, value, float, "a number")
-    return value
-
-
-def _number(spec: ModelSpec, key: str, value: str, kind: Callable[[str], Any], wanted: str) -> Any:
-    try:
-        return kind(value)
-    except ValueError:
-        raise UsageError(f"{spec.name}: {key}={value} is not {wanted}") from None
 
 
 def _further() -> list[str]:
@@ -343,29 +287,3 @@ def _user_model(name: str) -> Callable[..., Any]:
     except Exception as error:  # anything can go wrong in another package's import
         raise UsageError(f"{name}: entry point {point.value} cannot be loaded: {error}") from error
     return as_constructor(loaded, name)
-
-
-def _keywords(constructor: Callable[..., Any]) -> dict[str, inspect.Parameter]:
-    """Parameters of a constructor that can be given by name."""
-    try:
-        found = inspect.signature(constructor).parameters
-    except (TypeError, ValueError):
-        return {}
-    by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    return {key: p for key, p in found.items() if p.kind in by_name}
-
-
-def _user_arguments(spec: ModelSpec, constructor: Callable[..., Any]) -> dict[str, Any]:
-    known = _keywords(constructor)
-    _known_parameter(spec, tuple(known))
-    missing = [k for k, p in known.items() if p.default is p.empty and k not in spec.parameters]
-    if missing:
-        raise UsageError(f"{spec.name}: parameter {missing[0]} has no default; give it as {missing[0]}=value")
-    return {key: _converted(spec, key, known[key].default, value) for key, value in spec.parameters.items()}
-
-
-def _shown(parameters: Mapping[str, Any]) -> tuple[str, ...]:
-    empty = inspect.Parameter.empty
-    words = {True: "true", False: "false"}  # as on the command line
-    shown = {k: words[v] if isinstance(v, bool) else v for k, v in parameters.items()}
-    return tuple(key if value is empty else f"{key}={value}" for key, value in shown.items())

@@ -264,3 +264,19 @@ def test_a_plan_for_one_vehicle_that_is_too_short_is_refused() -> None:
     scene = roads.seed((10.0, 0.0, 0.0, 5.0))
     with pytest.raises(ScexError, match=r"Short: plan_one returned shapes .*needs four of at least"):
         roads.plan(SingleVehicle(Short()), roads.fork(), roads.present(scene))
+
+
+class FromFile:
+    """Has a file among its parameters."""
+
+    def __init__(self, *, path: str = "model.bin", also: str = "") -> None:
+        self.path = path
+
+    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+        raise NotImplementedError
+
+
+@pytest.mark.usefixtures("clean")
+def test_a_path_of_ones_own_model_may_be_a_file() -> None:
+    behavior("from_file")(FromFile)
+    assert build(parse_models("from_file:path=weights/other.bin")[0]).path == "weights/other.bin"  # type: ignore[attr-defined]
