@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from scex_sumo.behaviors.base import Behavior as Behavior
     from scex_sumo.behaviors.predictor import Predictor as Predictor
     from scex_sumo.behaviors.predictor import predictor as predictor
+    from scex_sumo.behaviors.predictor_inputs import Surroundings as Surroundings
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
     from scex_sumo.behaviors.scene_graph import SceneGraph as SceneGraph
@@ -65,7 +66,9 @@ _HOMES = {
     "ScexError": "scex_sumo.errors",
     "SeedScene": "scex_sumo.scene",
     "States": "scex_sumo.scene",
+    "Surroundings": "scex_sumo.behaviors.predictor_inputs",
     "SumoNet": "scex_sumo.converters.sumo_net",
+    "UnderTest": "scex_sumo.under_test",
     "Who": "scex_sumo.scene",
     "behavior": "scex_sumo.behaviors.registry",
     "convert": "scex_sumo.converters.sumo_net",

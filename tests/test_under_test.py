@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy import stats
 
+from scex_sumo.commands.run import parse_under_test
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.metrics.evaluate import COLUMNS, evaluate, evaluate_pairs
 from scex_sumo.plots_under_test import draw_under_test
@@ -18,6 +19,18 @@ from scex_sumo.run import Run
 from scex_sumo.summary_under_test import under_test_table
 from scex_sumo.under_test import UnderTest, holm, mcnemar, signed_rank
 from tests.metrics.scenes import random_run
+
+
+def test_vehicles_under_test_are_read_with_and_without_a_model() -> None:
+    assert parse_under_test(("17=acc:Acc:time_gap=2", "23")) == {17: "acc:Acc:time_gap=2", 23: None}
+    for entries, words in (
+        (("x=acc:Acc",), "--under-test x=acc:Acc: needs TRACK=MODEL, e.g. --under-test 17=emergency_brake"),
+        (("17=",), "needs TRACK=MODEL"),
+        (("17=replay", "17"), "--under-test 17: vehicle 17 is given twice"),
+        (("17=replay", "17=replay"), "vehicle 17 is given twice; give it one model"),
+    ):
+        with pytest.raises(UsageError, match=words):
+            parse_under_test(entries)
 
 
 def test_the_signed_rank_test_is_scipys_with_ties_and_zeros() -> None:
