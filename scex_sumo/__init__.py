@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from scex_sumo.scene import Who as Who
     from scex_sumo.seeds import read_seed as read_seed
     from scex_sumo.seeds import synthetic_seed as synthetic_seed
+    from scex_sumo.under_test import UnderTest as UnderTest
 
 _HOMES = {
     "Behavior": "scex_sumo.behaviors.base",
