@@ -20,6 +20,7 @@ from scex_sumo.scene import BoolArray, FloatArray
 
 UNDER_TEST: Final = "under_test.parquet"
 BASELINE: Final = "baseline"
+ROUNDING: Final = 1e-9  # in the metric's unit; libraries may round another way among other vehicles
 
 Driven = Literal["under_test", "baseline"]
 
@@ -149,8 +150,10 @@ class UnderTest:
 
 
 def signs(one: FloatArray, two: FloatArray) -> FloatArray:
-    """(n,) sign of one - two, 0 for equal infinities."""
-    return np.sign(np.where(one == two, 0.0, np.where(one > two, 1.0, -1.0)))
+    """(n,) sign of one - two; 0 for equal infinities, and for what differs by rounding only."""
+    with np.errstate(invalid="ignore"):
+        same = (one == two) | (np.abs(one - two) < ROUNDING)
+    return np.where(same, 0.0, np.where(one > two, 1.0, -1.0))
 
 
 def signed_rank(one: FloatArray, two: FloatArray) -> float:

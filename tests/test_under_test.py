@@ -17,7 +17,7 @@ from scex_sumo.metrics.evaluate import COLUMNS, evaluate, evaluate_pairs
 from scex_sumo.plots_under_test import draw_under_test
 from scex_sumo.run import Run
 from scex_sumo.summary_under_test import under_test_table
-from scex_sumo.under_test import UnderTest, holm, mcnemar, signed_rank
+from scex_sumo.under_test import UnderTest, holm, mcnemar, signed_rank, signs
 from tests.metrics.scenes import random_run
 
 
@@ -46,6 +46,11 @@ def test_infinite_differences_are_the_largest_and_equal_infinities_none() -> Non
     finite = signed_rank(np.array([1.0, 2.0, 100.0, 5.0]), np.array([2.0, 4.0, 8.0, 5.0]))
     assert signed_rank(one, two) == finite
     assert np.isnan(signed_rank(two, two))
+
+
+def test_values_that_differ_by_rounding_are_equal() -> None:
+    one = np.array([1.0, np.inf, 3.0, np.inf])
+    assert signs(one, np.array([1.0 + 1e-13, np.inf, 2.0, 5.0])).tolist() == [0.0, 0.0, 1.0, 1.0]
 
 
 def test_mcnemar_is_the_binomial_test_of_the_children_that_changed() -> None:
