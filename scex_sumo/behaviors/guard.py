@@ -27,6 +27,8 @@ class GuardProfile:
     Attributes:
         comfort_deceleration: ``b`` in m/s², what the guard brakes with, and expects of a leader.
         max_deceleration: braking limit in m/s² where less would not do.
+        yield_deceleration: hardest braking to give way to one who is not there yet, m/s²; who would have to
+            brake harder cannot give way.
         reaction_time: ``tau`` in s; as long as a plan is followed before the next one.
         minimum_gap: kept to whatever is ahead, m, bumper to bumper.
         release_acceleration: regaining the planned speed, m/s².
@@ -38,6 +40,7 @@ class GuardProfile:
 
     comfort_deceleration: float = 4.5
     max_deceleration: float = 9.0
+    yield_deceleration: float = 5.5
     reaction_time: float = 0.5
     minimum_gap: float = 1.0
     release_acceleration: float = 2.0
@@ -47,7 +50,9 @@ class GuardProfile:
     order_margin: float = 1.0
 
     def __post_init__(self) -> None:
-        check_positive(self, "comfort_deceleration", "max_deceleration", "release_acceleration")
+        check_positive(
+            self, "comfort_deceleration", "max_deceleration", "yield_deceleration", "release_acceleration"
+        )
         check_positive(
             self,
             "reaction_time",
@@ -194,20 +199,24 @@ def _bounds(
     b, tau = profile.comfort_deceleration, profile.reaction_time
     follow = safe_speed(gap - profile.minimum_gap, leader, deceleration=b, reaction_time=tau)
     closing = np.where(v > leader, v**2 - leader**2, 0.0)
-    braking = np.where(holds.firm, closing / (2 * np.maximum(gap - LAST_GAP_M, LAST_GAP_M)), 0.0)
+    braking = np.where(holds.firm, closing, 0.0)
+    braking /= 2 * np.maximum(gap - LAST_GAP_M, LAST_GAP_M)
     bound = np.where(gap < 0, 0.0, follow)
     early = np.flatnonzero((holds.enter > t) & (holds.speed > 0))
     if len(early):
         # Who will follow another one that is not there yet is not to be at the place before it.
         entry = holds.position[early] + holds.speed[early] * holds.enter[early]
-        ahead, left = entry - s[early], holds.enter[early] - t
+        ahead, left = entry - s[early], np.maximum(holds.enter[early] - t, STEP_S)
         wait = safe_speed(
             ahead - profile.minimum_gap, np.zeros_like(ahead), deceleration=b, reaction_time=tau
         )
-        wait = np.maximum(wait, np.maximum(ahead, 0.0) / np.maximum(left, STEP_S))
-        halting = v[early] ** 2 / (2 * np.maximum(ahead - LAST_GAP_M, LAST_GAP_M))
+        wait = np.maximum(wait, np.maximum(ahead, 0.0) / left)
+        # Stopping before the place would do, and so would getting there no sooner than the other one.
+        stop = v[early] ** 2 / (2 * np.maximum(ahead - LAST_GAP_M, LAST_GAP_M))
+        late = 2 * np.maximum(v[early] - np.maximum(ahead, 0.0) / left, 0.0) / left
+        braking[early] = np.where(holds.firm[early], np.minimum(stop, late), 0.0)
+        braking[early] = np.minimum(braking[early], profile.yield_deceleration)
         bound[early] = np.minimum(follow[early], wait)
-        braking[early] = np.where(wait < v[early], np.maximum(braking[early], halting), braking[early])
     active = holds.until > t
     lowest = np.minimum.reduceat(np.where(active, bound, np.inf), first)
     hardest = np.maximum.reduceat(np.where(active, braking, 0.0), first)

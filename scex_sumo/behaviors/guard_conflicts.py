@@ -17,9 +17,8 @@ if TYPE_CHECKING:
 MOST_PAIRS = 256  # at a time: bounds the memory, and stays near the processor
 SAME_WAY = 0.5  # cosine above which two go the same way: one follows the other instead of waiting for it
 TOWARDS = -0.5  # cosine below which one comes towards the other
-STOP_DECELERATION = 6.0  # m/s²; who would have to brake harder than that cannot give way
 ORDER_DOUBT_M = 0.5
-AT_ONCE_M = 0.3
+AT_ONCE_M = 0.5
 CROSSING_M = 0.5  # two are at their crossing where the offset is this near to the least one
 
 
@@ -138,9 +137,9 @@ def _holds_of(
     i, j = i[some], j[some]
     blocked = _Blocked(**{f.name: getattr(blocked, f.name)[some] for f in fields(_Blocked)})
     v, v_other = paths.start_speed[i], np.maximum(around.others.states.speed[who.child[i], j], 0.0)
-    meeting = _meetings(blocked, v, v_other)
+    meeting = _meetings(blocked, v, v_other, profile)
     obstacle = around.others.obstacle[j]
-    yields = _yields(meeting, v, v_other, ~obstacle, j < who.vehicle[i], profile.order_margin)
+    yields = _yields(meeting, v, v_other, ~obstacle, j < who.vehicle[i], profile)
     # Who is through before the other one comes need not wait.
     before = (meeting.enter - profile.time_margin) / STEP_S
     before = np.clip(before, 0, paths.arc.shape[1] - 1).astype(np.int64)
@@ -157,7 +156,7 @@ def _holds_of(
         stop_time=np.where(braking > 0, speed / np.maximum(braking, 1e-9), np.inf),
         enter=meeting.enter[k],
         until=meeting.leave[k] + profile.time_margin,
-        firm=in_front | (speed == 0),
+        firm=in_front | (speed == 0) | meeting.stops[k],
     )
 
 
@@ -173,6 +172,7 @@ class _Meeting:
         entry: (P,) the place to stop at, for one that is not there yet.
         high: (P,) the place from which the own vehicle is through.
         lead: (P,) how far the own vehicle is ahead of the other when that one gets to the crossing, m.
+        stops: (P,) the own vehicle can stop before the entry.
     """
 
     enter: FloatArray
@@ -182,9 +182,10 @@ class _Meeting:
     entry: FloatArray
     high: FloatArray
     lead: FloatArray
+    stops: BoolArray
 
 
-def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray) -> _Meeting:
+def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray, profile: GuardProfile) -> _Meeting:
     """Where and when pairs meet, whose other one gets into the corridor at least once."""
     inside, pair = blocked.inside, np.arange(len(v))
     enter = inside.argmax(axis=1)
@@ -209,6 +210,10 @@ def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray) -> _Meeting
         entry=entry,
         high=np.where(inside, blocked.high, -np.inf).max(axis=1),
         lead=v * (SAMPLE_S * crossing) - blocked.s[pair, crossing],
+        # One who is slow stops where it is: better beside the other's way than in it. Behind one who goes
+        # the same way, to get down to its speed is enough.
+        stops=np.maximum(entry, AT_ONCE_M)
+        >= np.maximum(v - speed, 0.0) ** 2 / (2 * profile.yield_deceleration),
     )
 
 
@@ -218,7 +223,7 @@ def _yields(
     v_other: FloatArray,
     gives_way: BoolArray,
     other_first: BoolArray,
-    margin: float,
+    profile: GuardProfile,
 ) -> BoolArray:
     """(P,) whether the own vehicle gives way.
 
@@ -231,15 +236,15 @@ def _yields(
         v_other: (P,) the other one's, m/s.
         gives_way: (P,) False for an other one that never does.
         other_first: (P,) the other one's number is the smaller one.
-        margin: what is close, m.
+        profile: the guard's parameters.
     """
-    # One who is slow stops where it is: better beside the other's way than in it.
-    stops = np.maximum(meeting.entry, AT_ONCE_M) >= v**2 / (2 * STOP_DECELERATION)
-    other_stops = gives_way & (meeting.enter >= v_other / (2 * STOP_DECELERATION))
+    faster = np.where(meeting.speed > 0, np.maximum(v_other - v, 0.0), v_other)
+    other_stops = gives_way & (meeting.enter >= faster / (2 * profile.yield_deceleration))
     # One of the two goes first unless clearly later, the other one only if clearly earlier still: so that
     # they never both go, though each sees the other's way a little differently.
+    margin = profile.order_margin
     later = np.where(other_first, meeting.lead < margin + ORDER_DOUBT_M, meeting.lead < -margin)
-    yields = np.where(stops == other_stops, later, stops)
+    yields = np.where(meeting.stops == other_stops, later, meeting.stops)
     result: BoolArray = np.where(meeting.enter == 0, meeting.lead < 0, yields)
     return result
 
@@ -267,8 +272,9 @@ def _blocked(
     # Beside each other, or face to face: a margin would stop who passes within his lane.
     beside = (low[:, 0] < 0) & (high[:, 0] > 0)
     margin = np.where(beside[:, None] | (cos < TOWARDS), profile.alongside_margin, profile.margin)
+    reach = paths.corner_arc[i, -1:]
     return _Blocked(
-        inside=body <= margin + swing,
+        inside=(body <= margin + swing) & (low <= reach),
         s=s,
         offset=offset,
         cos=cos,

@@ -23,7 +23,7 @@ SAMPLE_S = 0.4  # a car that crosses at 15 m/s is in the corridor for longer tha
 SAMPLES = 11  # the present, and 4 s ahead
 VERTEX_STEPS = 3  # planned steps between two vertices of the corridor
 LEAST_WAY_M = 1e-3
-RETURN_S = 0.8  # an offset from the path dies out with this time constant
+DRIFT_S = 1.5  # motion across the path dies out with this time constant
 BRAKING_STEPS = 5  # steps over which a leader's braking is measured
 OTHER_PATH = 1.0  # how much worse a vehicle must fit its straightest path than another one to be on that
 OFFSET_SIGMA_M = 0.8
@@ -200,7 +200,7 @@ def expected(history: SceneHistory, road: Road) -> Expected:
 def _along_paths(
     history: SceneHistory, road: Road, t: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(C, V, K) x, y, heading of vehicles that keep their speed and join their path."""
+    """(C, V, K) x, y, heading of vehicles that keep their speed and go along their path."""
     shape = history.now.shape
     child, vehicle = (a.ravel() for a in np.indices(shape))
     who = Who(child=child, vehicle=vehicle)
@@ -214,9 +214,9 @@ def _along_paths(
     error = wrap(now.heading - path_heading)
     v = np.maximum(now.speed, 0.0)
     drift = v * np.sin(error)
-    fade = np.exp(-t / RETURN_S)
-    # Critically damped from the present offset and drift.
-    side = (offset[:, None] + (drift + offset / RETURN_S)[:, None] * t) * fade
+    fade = np.exp(-t / DRIFT_S)
+    # The drift dies out; who is beside its path stays there, as one that changes lanes or drives so.
+    side = offset[:, None] + drift[:, None] * (DRIFT_S * (1 - fade))
     at = s[:, None] + (v * np.cos(error))[:, None] * t
     px, py, cos, sin, direction, _ = sample(paths, np.repeat(row, len(t)), at.ravel()).reshape(6, *at.shape)
     heading = direction + error[:, None] * fade
