@@ -18,7 +18,7 @@ from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
 from scex_sumo.behaviors.learned.surface import surface_of
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import InputError
-from scex_sumo.scene import Plan, SceneHistory, SeedScene, Who
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
 from tests.behaviors import roads
 from tests.behaviors.learned import nets
 
@@ -201,3 +201,23 @@ def test_weights_that_change_while_a_run_goes_on_are_not_mixed(tmp_path: Path) -
     loaded.cache_clear()  # as in another process
     with pytest.raises(InputError, match=f"{file}: has changed since the run began; run again"):
         roads.plan(pickle.loads(pickle.dumps(model)), ROAD, roads.present(SCENE))
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("speed", "gap"), [(5.0, 15.0), (10.0, 30.0), (13.0, 50.0)])
+def test_the_shipped_drivers_with_the_guard_stop_behind_a_standing_vehicle(
+    name: str, speed: float, gap: float
+) -> None:
+    scene = roads.seed((50.0, 0.0, 0.0, speed), (50.0 + gap + 4.5, 0.0, 0.0, 0.0))
+    model = build(parse_models(f"{name}:guard=true")[0])
+    history = roads.present(scene)
+    first = Who(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    for step in range(0, 60, 5):
+        made = roads.plan(model, roads.straight(), history, first)
+        driven = States(**{key: getattr(made, key)[None, :, :5] for key in STATES})
+        standing = history.states[:, 1:, 6:]
+        window = States.concatenate([history.states[:, :1, 5:], driven], axis=2)
+        still = States.concatenate([standing, standing], axis=2)[:, :, :10]
+        still = States.concatenate([still, standing[:, :, :1]], axis=2)
+        history = replace(history, states=States.concatenate([window, still], axis=1), step=step + 5)
+        assert history.now.x[0, 0] < 50.0 + gap
