@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import socket
+import time
 from collections.abc import Iterable, Iterator
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from scex_sumo import __version__
@@ -16,6 +20,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 _CONNECT_S = 20
+_ASK_S = 2.0  # how often the number of workers is looked up
 _AHEAD = 2
 """Orders for each thread of the cluster: one that runs, one that waits for it."""
 
@@ -68,6 +73,8 @@ class Cluster:
                 "--cluster: distributed is not installed; pip install 'scex-sumo[cluster]'"
             ) from None
         _knock(address)
+        # Its tracebacks; what is wrong is said here in one line.
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL + 1)
         try:
             self._client: Client = Client(address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:  # a timeout is an OSError
@@ -81,6 +88,7 @@ class Cluster:
                 f"'dask worker {address} --nthreads 1'"
             ) from None
         self._roads: dict[str, Future] = {}
+        self._threads, self._asked = 1, -_ASK_S
 
     @property
     def notes(self) -> list[str]:
@@ -94,9 +102,13 @@ class Cluster:
         ]
 
     def _room(self) -> int:
-        """How many orders the cluster shall have; workers may come and go."""
-        threads: int = sum(self._client.nthreads().values())
-        return _AHEAD * max(threads, 1)
+        """How many orders the cluster shall have; workers come and go, so it is asked now and then."""
+        now = time.monotonic()
+        if now - self._asked > _ASK_S:
+            with _answering():
+                self._threads = sum(self._client.nthreads().values())
+            self._asked = now
+        return _AHEAD * max(self._threads, 1)
 
     def run(self, orders: Iterable[Order]) -> Iterator[Outcome]:
         """See `Crew`."""
@@ -111,13 +123,15 @@ class Cluster:
                 if (order := next(waiting, None)) is None:
                     last = True
                     break
-                future = self._submit(order)
+                with _answering():
+                    future = self._submit(order)
                 running[future.key] = order
                 finished.add(future)
                 room -= 1
             if not running:
                 return
-            future = next(finished)
+            with _answering():
+                future = next(finished)
             yield _collected(running.pop(future.key), future)
             future.release()
 
@@ -133,24 +147,32 @@ class Cluster:
         self._client.close(timeout=1)
 
 
+@contextmanager
+def _answering() -> Iterator[None]:
+    """Turn what Dask says of a scheduler that is gone into our words."""
+    try:
+        yield
+    except (OSError, CancelledError):
+        raise ScexError(
+            "the Dask scheduler went away; finished seeds are kept, the same command goes on"
+        ) from None
+
+
 def _collected(order: Order, future: Future) -> Outcome:
     """The outcome of an order.
 
     Raises:
         ScexError: it is the cluster that failed.
     """
-    from concurrent.futures import CancelledError
-
     from distributed import KilledWorker
 
     try:
-        return outcome(order, future.result())
+        with _answering():
+            return outcome(order, future.result())
+    except ScexError:
+        raise
     except KilledWorker as error:
         return Outcome(order=order, reason=f"its workers died: {one_line(str(error))}", died=True)
-    except CancelledError:
-        raise ScexError(
-            "the Dask scheduler went away; finished seeds are kept, the same command goes on"
-        ) from None
     except Exception as error:  # not from the seed, whose errors come back as words
         raise ScexError(
             f"a Dask worker cannot run seeds: {reason_of(error)}; all need scex-sumo {__version__}"

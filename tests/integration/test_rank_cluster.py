@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -15,7 +16,7 @@ import pytest
 
 import scex_sumo
 
-pytest.importorskip("distributed")
+distributed = pytest.importorskip("distributed")
 
 OPTIONS = ("--every", "2", "--first", "4", "--children", "8", "--top", "2")
 
@@ -37,14 +38,23 @@ def dask(*arguments: object) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
+@dataclass
+class Cluster:
+    address: str
+    scheduler: subprocess.Popen[bytes]
+    workers: list[subprocess.Popen[bytes]]
+
+
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
     address = f"tcp://127.0.0.1:{free_port()}"
     host, port = address.removeprefix("tcp://").split(":")
     scheduler = dask("scheduler", "--host", host, "--port", port)
     options = ("--nthreads", 1, "--no-nanny", "--local-directory", tmp_path / "dask")
     workers = [dask("worker", address, *options) for _ in range(2)]
-    yield address, workers
+    with distributed.Client(address, timeout=60, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+    yield Cluster(address, scheduler, workers)
     for process in (*workers, scheduler):
         process.kill()
         process.wait()
@@ -55,19 +65,28 @@ def result_of(folder: Path) -> dict[str, bytes]:
     return {str(f.relative_to(folder)): f.read_bytes() for f in files}
 
 
-def test_a_worker_killed_in_the_middle_changes_no_byte(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
-) -> None:
-    address, workers = cluster
-    dataset = tmp_path / "dataset"
-    dataset.mkdir()
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    folder = tmp_path / "dataset"
+    folder.mkdir()
     for suffix in (".osm", ".csv"):
-        shutil.copy(scex_sumo.example_path("roundabout").with_suffix(suffix), dataset)
-    ranking = rank(dataset, *OPTIONS, "--cluster", address, "-o", tmp_path / "cluster")
+        shutil.copy(scex_sumo.example_path("roundabout").with_suffix(suffix), folder)
+    return folder
+
+
+def begun(folder: Path) -> None:
+    """Wait until the first seed has come back."""
     deadline = time.monotonic() + 60
-    while not list(tmp_path.glob("cluster/children/*/*/*.parquet")) and time.monotonic() < deadline:
+    while not list(folder.glob("children/*/*/*.parquet")) and time.monotonic() < deadline:
         time.sleep(0.01)
-    workers[0].kill()
+
+
+def test_a_worker_killed_in_the_middle_changes_no_byte(
+    cluster: Cluster, dataset: Path, tmp_path: Path
+) -> None:
+    ranking = rank(dataset, *OPTIONS, "--cluster", cluster.address, "-o", tmp_path / "cluster")
+    begun(tmp_path / "cluster")
+    cluster.workers[0].kill()
     _, err = ranking.communicate(timeout=120)
     assert (ranking.returncode, err) == (0, "")
     assert (tmp_path / "cluster" / "rank.json").exists()
@@ -78,6 +97,18 @@ def test_a_worker_killed_in_the_middle_changes_no_byte(
     assert result_of(tmp_path / "cluster") == result_of(tmp_path / "alone")
     table = pq.read_table(tmp_path / "cluster" / "ranking.parquet")
     assert table["failure"].null_count == table.num_rows == 7
+
+
+def test_when_the_scheduler_goes_away_one_line_says_how_to_go_on(
+    cluster: Cluster, dataset: Path, tmp_path: Path
+) -> None:
+    ranking = rank(dataset, *OPTIONS, "--cluster", cluster.address, "-o", tmp_path / "out")
+    begun(tmp_path / "out")
+    cluster.scheduler.kill()
+    _, err = ranking.communicate(timeout=120)
+    assert ranking.returncode == 1
+    (line,) = err.splitlines()
+    assert line.startswith("error: the Dask scheduler went away; finished seeds are kept")
 
 
 @pytest.mark.parametrize(
