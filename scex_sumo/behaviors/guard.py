@@ -192,9 +192,9 @@ def _bounds(
         first: index of each vehicle's first hold.
     """
     t = step * STEP_S
-    gone = np.minimum(t + STEP_S, holds.stop_time)
+    gone = np.minimum(t, holds.stop_time)
     position = holds.position + holds.speed * gone - 0.5 * holds.deceleration * gone**2
-    leader = np.maximum(holds.speed - holds.deceleration * (t + STEP_S), 0.0)
+    leader = np.maximum(holds.speed - holds.deceleration * gone, 0.0)
     gap = position - s
     b, tau = profile.comfort_deceleration, profile.reaction_time
     follow = safe_speed(gap - profile.minimum_gap, leader, deceleration=b, reaction_time=tau)

@@ -15,7 +15,7 @@ from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
 from tests.behaviors import roads
 from tests.behaviors.learned import nets
 
-NAMES = [*DEFAULTS, "sumo:EIDM"]
+NAMES = [*DEFAULTS, "sumo:EIDM", "constant_velocity:guard=true", "risky_driver:path=random:guard=true"]
 ROAD = roads.fork()
 
 
