@@ -40,7 +40,8 @@ from scex_sumo.commands.train import TrainRequest, train_command
 from scex_sumo.converters.recordings import Recording, find_recordings
 
 ERRORS_EVERY_S = 0.5
-LOOP_EVERY_S = 4.0
+LOOP_EVERY_S = {"taf_bw": 1.0}  # there are few vehicles there; elsewhere
+LOOP_OFTEN_S = 4.0
 RULES = ("constant_velocity", "standard_driver", "risky_driver", "calibrated_driver")
 
 
@@ -213,7 +214,14 @@ def main() -> None:
         train(given.out, roots, wanted)
         return
     looped = given.part == "loop"
-    scenes = measures.test_scenes(recordings, LOOP_EVERY_S if looped else ERRORS_EVERY_S)
+    scenes = [
+        scene
+        for recording in recordings
+        for scene in measures.test_scenes(
+            [recording],
+            LOOP_EVERY_S.get(recording.dataset, LOOP_OFTEN_S) if looped else ERRORS_EVERY_S,
+        )
+    ]
     if looped:
         results.add("loop|recorded", lambda: recorded_loop(scenes))
     else:

@@ -212,8 +212,8 @@ def _on_map(seed: SeedScene, road: Road, states: States) -> BoolArray:
 
 
 def _outside(surface: Surface, seed: SeedScene, states: States) -> FloatArray:
-    """(V,) share of each box that is off the drivable surface, from 9 x 5 points of it."""
-    along, across = np.meshgrid((np.arange(9) - 4) / 9, (np.arange(5) - 2) / 5, indexing="ij")
+    """(V,) share of each box that is off the drivable surface, from 5 x 20 points of it."""
+    along, across = np.meshgrid((np.arange(5) - 2) / 5, (np.arange(20) - 9.5) / 20, indexing="ij")
     u, v = along.ravel() * seed.length[:, None], across.ravel() * seed.width[:, None]
     cos, sin = np.cos(states.heading)[:, None], np.sin(states.heading)[:, None]
     depth = surface.at(states.x[:, None] + cos * u - sin * v, states.y[:, None] + sin * u + cos * v)
@@ -258,5 +258,3 @@ def moving(seed: SeedScene, vehicle: IntArray) -> BoolArray:
     """(k,) whether vehicles move at the moment."""
     return np.asarray(seed.now.speed[vehicle] > MOVING_MPS)
 
-
-__all__ = ["Loop", "TestScene", "best_of_six", "closed_loop", "judged", "learnable", "moving", "planned"]

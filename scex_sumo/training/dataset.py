@@ -159,18 +159,25 @@ def make_dataset(
     )
 
 
-def part_scenes(loaded: LoadedRecording, part: Part, *, split: Split, every_s: float) -> list[SeedScene]:
+def part_scenes(
+    loaded: LoadedRecording, part: Part, *, split: Split, every_s: float, most: int | None = None
+) -> list[SeedScene]:
     """Seed scenes of one part of a recording that have a vehicle to learn from.
+
+    Args:
+        loaded: the recording.
+        part: which part.
+        split: how it is split.
+        every_s: between two moments.
+        most: short recordings are looked at more often, up to so many moments in all, or every 0.1 s.
 
     Raises:
         TrackError: a track is not finite.
     """
     every = recording_moments(loaded, every_s=FINEST_S)
-    if every and not every[0].case:
-        span = every[-1].time_s - every[0].time_s
-        step_s = max(FINEST_S, min(every_s, span / MOST_MOMENTS))
-    else:
-        step_s = every_s
+    step_s = every_s
+    if every and most is not None and not every[0].case:
+        step_s = max(FINEST_S, min(every_s, (every[-1].time_s - every[0].time_s) / most))
     last, scenes = -np.inf, []
     for moment in split_moments(every, split)[part]:
         if not moment.case and moment.time_s - last < step_s - 1e-6:
@@ -201,7 +208,9 @@ def _make(loaded: LoadedRecording, road: Road, options: SampleOptions, part: Par
     rng = np.random.default_rng([options.seed, zlib.crc32(loaded.recording.name.encode())])
     copies = options.copies if part == "train" else 0
     found = []
-    for scene in part_scenes(loaded, part, split=options.split, every_s=options.every_s):
+    for scene in part_scenes(
+        loaded, part, split=options.split, every_s=options.every_s, most=MOST_MOMENTS
+    ):
         put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(copies)]
         samples = scene_samples(scene, road, States.stack([scene.history, *put_off], 0))
         found += [samples] if samples is not None else []

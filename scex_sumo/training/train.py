@@ -64,19 +64,19 @@ class TrainOptions:
 
     kind: Kind
     seed: int = 0
-    epochs: int = 30
+    epochs: int = 8
     minutes: float = 0.0
     rounds: int = 1
-    patience: int = 12
+    patience: int = 6
     nodes: int = 800
     rate: float = 2e-3
-    decay: float = 1e-3
+    decay: float = 0.1
     average: float = 0.99
     gradient: float = 1.0
-    dropout: float = 0.1
-    noise: float = 0.0
-    unlinked: float = 0.0
-    balance: float = 0.5
+    dropout: float = 0.2
+    noise: float = 0.1
+    unlinked: float = 0.2
+    balance: float = 0.25
     sizes: dict[str, int | bool] = field(default_factory=dict)
     weights: LossWeights = field(default_factory=LossWeights)
 
