@@ -18,7 +18,7 @@ from scex_sumo.training.dataset import SampleOptions, part_scenes
 from scex_sumo.training.samples import Samples
 from scex_sumo.training.train import Drift, TrainOptions
 
-MOST_SCENES = 60  # of a site and round
+MOST_SCENES = 30  # of a site and round
 EVERY_S = 1.0
 
 

