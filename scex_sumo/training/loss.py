@@ -25,13 +25,11 @@ class LossWeights:
     Attributes:
         expected: mode 0 against the recorded future.
         winner: the nearest mode against it.
-        spread: of the modes that are quantiles.
         relaxed: share of the winner's weight that all modes have.
         mode: cross-entropy of the modes.
         path: cross-entropy of the paths.
         free: the free trajectories.
         final: how much the last step counts besides the mean over all.
-        quantiles: modes from 1 on that are these quantiles of the way, at every step; the others compete.
         sharp_m: errors of two modes that differ by this are told apart, m.
         round_m: errors below it count by their square, m.
         acceleration: per (m/s²)² beyond `hard`.
@@ -43,13 +41,11 @@ class LossWeights:
     expected: float = 1.0
     winner: float = 1.0
     relaxed: float = 0.03
-    spread: float = 1.0
     mode: float = 0.15
     path: float = 0.3
     free: float = 0.5
     final: float = 0.5
     sharp_m: float = 0.1
-    quantiles: tuple[float, ...] = (0.05, 0.25, 0.75, 0.95)
     round_m: float = 0.2
     acceleration: float = 0.02
     jerk: float = 0.0005
@@ -97,7 +93,6 @@ def loss(modes: Modes, batch: Batch, weights: LossWeights) -> tuple[Tensor, dict
     parts = {
         "expected": weights.expected * _mean(off[:, 0], share, total),
         "winner": weights.winner * _mean(_winner(off, weights), share, total),
-        "spread": weights.spread * _mean(_spread(way, aside, batch.s, weights), share, total),
         "mode": weights.mode * _mean(_mode_entropy(modes.logits, off, weights), share, total),
         "path": weights.path * _path_entropy(modes.path_logit, batch),
         "smooth": _mean(_roughness(modes, weights), share, total),
@@ -118,18 +113,6 @@ def _winner(off: Tensor, weights: LossWeights) -> Tensor:
     """(n,) error of the nearest mode, and a little of all."""
     nearest = off.min(1).values
     return (1 - weights.relaxed) * nearest + weights.relaxed * off.mean(1)
-
-
-def _spread(way: Tensor, aside: Tensor, s: Tensor, weights: LossWeights) -> Tensor:
-    """(n,) pinball loss of the way in the modes that are quantiles, and how far aside they are."""
-    count = len(weights.quantiles)
-    if not count:
-        return way.new_zeros(len(way))
-    level = way.new_tensor(weights.quantiles)[:, None]
-    short = s[:, None] - way[:, 1 : 1 + count]
-    pinball = torch.maximum(level * short, (level - 1) * short)
-    off = pinball + 0.5 * aside[:, 1 : 1 + count].abs()
-    return (off.mean(2) + weights.final * off[..., -1]).mean(1)
 
 
 def _mode_entropy(logits: Tensor, off: Tensor, weights: LossWeights) -> Tensor:

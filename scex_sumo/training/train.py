@@ -68,7 +68,7 @@ class TrainOptions:
 
     kind: Kind
     seed: int = 0
-    epochs: int = 8
+    epochs: int = 10
     minutes: float = 0.0
     rounds: int = 1
     patience: int = 6
