@@ -1,5 +1,3 @@
-# LEAD -> TRAINING (delete when read): freeze the design by 08:02 UTC and start the final runs (3 seeds x 2 models, then leave-one-site-out
-# with graph only, 1 seed per site if time is short); numbers, table, model card and docs by 08:40; the machine gets quieter from 08:20.
 """Training a learned driver: epochs over samples, rounds in closed loop, checkpoints."""
 
 from __future__ import annotations
