@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.errors import ResultError
+from scex_sumo.folder_lock import hold, let_go
 from scex_sumo.parts import PARTS, Part, Parts, save_part
 from scex_sumo.scene import BoolArray, FloatArray, IntArray, SeedScene
 
@@ -39,6 +40,7 @@ class ResultFolder:
     def _claim(self, overwrite: bool) -> None:
         try:
             self.path.mkdir(parents=True, exist_ok=True)
+            hold(self.path)
             found = self._found_identity()
             if found != self.identity:
                 if found is not None and not overwrite:
@@ -56,7 +58,11 @@ class ResultFolder:
             write_atomic(self.path / _PENDING, _json({"identity": self.identity}).encode())
             (self.path / "run.json").unlink(missing_ok=True)
         except OSError as error:
+            let_go(self.path)
             raise ResultError(f"{self.path}: cannot write the result: {error.strerror or error}") from None
+        except ResultError:
+            let_go(self.path)
+            raise
 
     def _found_identity(self) -> str | None:
         for name in (_PENDING, "run.json"):
@@ -154,6 +160,7 @@ class ResultFolder:
         write_atomic(self.path / "run.json", _json({**info, "identity": self.identity}, indent=2).encode())
         (self.path / _PENDING).unlink(missing_ok=True)
         shutil.rmtree(self.path / PARTS, ignore_errors=True)
+        let_go(self.path)
 
 
 def _parquet(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
