@@ -45,15 +45,16 @@ MOST = 1500  # vehicles of each set to fit to
 EVERY_S = {"taf_bw": 0.5, "mona": 2.0}
 # Three seconds do not tell for how long a driver keeps to its habit, nor what it wants after that.
 GIVEN = {"habit_memory": 30.0, "speed_factor": 1.0}
+# least, most, and where the search starts: as one would guess people drive, and somewhere else
 BOUNDS = {
-    "time_headway": (0.5, 3.0),
-    "minimum_gap": (1.0, 5.0),
-    "max_acceleration": (0.3, 3.0),
-    "comfort_deceleration": (0.5, 6.0),
-    "curve_acceleration": (0.8, 5.0),
-    "curve_deceleration": (0.2, 4.0),
-    "habit_lead": (0.0, 5.0),
-    "habit_margin": (0.0, 3.0),
+    "time_headway": (0.5, 3.0, 1.2, 0.8),
+    "minimum_gap": (1.0, 5.0, 2.0, 1.5),
+    "max_acceleration": (0.3, 3.0, 1.5, 1.8),
+    "comfort_deceleration": (0.5, 6.0, 2.0, 1.2),
+    "curve_acceleration": (0.8, 5.0, 2.5, 3.5),
+    "curve_deceleration": (0.2, 4.0, 1.0, 2.0),
+    "habit_lead": (0.0, 5.0, 1.0, 1.5),
+    "habit_margin": (0.0, 3.0, 0.5, 0.2),
 }
 MODELS = ("standard_driver", "risky_driver", "calibrated_driver", "constant_velocity")
 
@@ -185,7 +186,7 @@ def errors(samples: Samples, ways: FloatArray) -> tuple[float, float]:
 
 def fit(sets: Sequence[Samples], start: IdmProfile) -> IdmProfile:
     """The profile with the least sum of mean and final error, averaged over the sets."""
-    low, high = np.array(list(BOUNDS.values())).T
+    low, high, *begins = np.array(list(BOUNDS.values())).T
 
     def profile_at(unit: FloatArray) -> IdmProfile:
         values = low + (high - low) * np.clip(unit, 0.0, 1.0)
@@ -196,10 +197,9 @@ def fit(sets: Sequence[Samples], start: IdmProfile) -> IdmProfile:
         outside = np.abs(unit - np.clip(unit, 0.0, 1.0)).sum()
         return float(np.mean([sum(errors(s, drive(s, profile))) for s in sets]) + outside)
 
-    begins = [np.array([getattr(start, name) for name in BOUNDS]), low + 0.35 * (high - low)]
     found = []
     for begin in begins:
-        unit = (np.clip(begin, low, high) - low) / (high - low)
+        unit = (begin - low) / (high - low)
         steps = np.where(unit < 0.5, 0.25, -0.25)
         simplex = np.vstack([unit, unit + np.diag(steps)])
         options = {"maxfev": 600, "xatol": 5e-3, "fatol": 5e-4, "adaptive": True, "initial_simplex": simplex}
