@@ -10,8 +10,8 @@ moments of the recordings of TAF-BW and MONA in a part of the time split (``--da
 - speed: mean speed against the same model without guard;
 - braking: vehicles that at any step brake harder than 6 m/s².
 
-``--cost`` measures the guard's processor time per vehicle and plan instead: 11 vehicles, 64 children that have
-come apart by some 0.3 m, best of 20.
+``--cost`` measures the guard's processor time per vehicle and plan instead: 11 vehicles, 64 children that
+have come apart by some 0.3 m, best of 20.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.idm import IdmDriver, IdmProfile, idm_acceleration
+from scex_sumo.behaviors.idm import IdmDriver, IdmProfile, desired_speed, idm_acceleration
 from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.errors import UsageError
 from scex_sumo.scene import Obstacles, States
@@ -129,6 +129,43 @@ def test_the_speed_limit_of_the_lane_is_the_desired_speed_and_can_be_replaced() 
     assert end(10.0, speed_factor=1.2) == pytest.approx(12.0, abs=0.01)
 
 
+def wish(time_s: float, *, present: float, speed: float, acceleration: float, **parameters: float) -> float:
+    """Desired speed on a road with 15 m/s."""
+    profile = replace(PROFILE, habit_memory=10.0, habit_lead=1.5, habit_margin=0.5, **parameters)  # type: ignore[arg-type]
+    columns = (np.array([value]) for value in (15.0, present, speed, acceleration))
+    return float(desired_speed(profile, *columns, time_s)[0])
+
+
+def test_a_driver_with_a_habit_wants_what_it_showed_first_and_the_limit_later() -> None:
+    # 8 m/s, 1 m/s²: it shows 8 + 1.5·1 + 0.5 = 10 m/s.
+    assert wish(0.0, present=8.0, speed=8.0, acceleration=1.0) == pytest.approx(10.0)
+    assert wish(10.0, present=8.0, speed=8.0, acceleration=1.0) == pytest.approx(15 - 5 / np.e)
+    # Not more than the limit, but what it drives already; nothing below a standstill.
+    assert wish(0.0, present=14.0, speed=14.0, acceleration=2.0) == pytest.approx(15.0)
+    assert wish(0.0, present=18.0, speed=18.0, acceleration=2.0) == pytest.approx(18.0)
+    assert wish(0.0, present=0.0, speed=1.0, acceleration=-4.0) == 0.0
+    assert wish(5.0, present=8.0, speed=8.0, acceleration=1.0, habit_memory=0.0) == 15.0
+
+
+def test_a_habit_of_braking_is_never_harder_than_comfortable() -> None:
+    # It showed 8 - 1.5·3 + 0.5 = 4 m/s; at 8 m/s the formula alone would brake with 1.5·(2⁴ - 1) m/s².
+    v0 = wish(0.0, present=8.0, speed=8.0, acceleration=-3.0)
+    assert v0 > 4.0
+    assert acceleration(8.0, v0, np.inf, 0.0) == pytest.approx(-PROFILE.comfort_deceleration)
+
+
+def test_the_calibrated_driver_goes_on_as_the_seed_scene_shows() -> None:
+    scene = roads.seed((30.0, 0.0, 0.0, 8.0))
+    speed = 8.0 + 0.1 * 1.0 * np.arange(-10, 1)[None]
+    speeding = replace(scene, history=replace(scene.history, speed=speed))
+    driver = IdmDriver(DEFAULTS["calibrated_driver"])
+    steady, faster = (
+        roads.plan(driver, roads.straight(), roads.present(one)).speed[0] for one in (scene, speeding)
+    )
+    assert steady[-1] - 8.0 < 1.0 < faster[-1] - 8.0
+    assert np.abs(np.diff(steady)).max() / 0.1 < 0.5
+
+
 def test_with_a_curve_limit_a_driver_is_slow_enough_when_it_gets_there_without_one_it_is_not() -> None:
     bend = roads.arc(20.0, np.pi, (150.0, 0.0), step=0.5)
     where = roads.road(
@@ -160,7 +197,7 @@ def test_a_vehicle_off_the_road_keeps_its_speed_and_a_parked_one_stays() -> None
 @pytest.mark.parametrize(
     ("parameter", "value"),
     [("time_headway", -1.0), ("max_acceleration", 0.0), ("comfort_deceleration", float("nan")),
-     ("radius", float("inf")), ("minimum_gap", "2")],
+     ("radius", float("inf")), ("minimum_gap", "2"), ("habit_memory", -1.0), ("habit_lead", float("nan"))],
 )  # fmt: skip
 def test_parameters_that_make_no_sense_are_refused(parameter: str, value: object) -> None:
     with pytest.raises(UsageError, match=f"{parameter}: got"):
