@@ -129,9 +129,13 @@ def test_the_speed_limit_of_the_lane_is_the_desired_speed_and_can_be_replaced() 
     assert end(10.0, speed_factor=1.2) == pytest.approx(12.0, abs=0.01)
 
 
-def wish(time_s: float, *, present: float, speed: float, acceleration: float, **parameters: float) -> float:
+HABIT = replace(PROFILE, habit_memory=10.0, habit_lead=1.5, habit_margin=0.5)
+
+
+def wish(
+    time_s: float, *, present: float, speed: float, acceleration: float, profile: IdmProfile = HABIT
+) -> float:
     """Desired speed on a road with 15 m/s."""
-    profile = replace(PROFILE, habit_memory=10.0, habit_lead=1.5, habit_margin=0.5, **parameters)  # type: ignore[arg-type]
     columns = (np.array([value]) for value in (15.0, present, speed, acceleration))
     return float(desired_speed(profile, *columns, time_s)[0])
 
@@ -144,7 +148,7 @@ def test_a_driver_with_a_habit_wants_what_it_showed_first_and_the_limit_later() 
     assert wish(0.0, present=14.0, speed=14.0, acceleration=2.0) == pytest.approx(15.0)
     assert wish(0.0, present=18.0, speed=18.0, acceleration=2.0) == pytest.approx(18.0)
     assert wish(0.0, present=0.0, speed=1.0, acceleration=-4.0) == 0.0
-    assert wish(5.0, present=8.0, speed=8.0, acceleration=1.0, habit_memory=0.0) == 15.0
+    assert wish(5.0, present=8.0, speed=8.0, acceleration=1.0, profile=PROFILE) == 15.0
 
 
 def test_a_habit_of_braking_is_never_harder_than_comfortable() -> None:
