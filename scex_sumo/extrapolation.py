@@ -46,6 +46,7 @@ from scex_sumo.writing import handover_notes, write_tables
 DEFAULT_CHILDREN = 385  # the paper's sample size: a 95 % interval of +-5 % around a share of one half
 DEFAULT_STEPS = 30
 DEFAULT_REPLAN = 5
+LEARNED = ("scex_sumo.behaviors.learned.driver",)  # takes seconds to import
 MAX_REPLAN = 30  # models plan at least 30 steps
 
 
@@ -118,12 +119,15 @@ def extrapolate(
         _check_until(until_band, design, most)
     built = drivers(casting)
     with _at_work(workers, most, gui) as pool:  # helpers start while this process draws and converts
+        weights = weights_of(casting, built)
+        if weights:
+            pool.prepare(LEARNED)
         assignment = draw(children=most if until_band is None else 1)
         try_drivers(casting, built, scene, seed=seed)
         temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
         settings: dict[str, Any] = {
             "models": [{"model": str(s), "weight": s.weight} for s in casting.drawn],
-            "weights": weights_of(casting, built),
+            "weights": weights,
             "sources": sources_of(casting, built),
             "assign": {str(t): casting.names[m] for t, m in sorted(casting.fixed.items())},
             "under_test": {str(t): model for t, model in sorted(tested.items())},
@@ -199,7 +203,7 @@ def extrapolate(
             "net_notes": list(net.notes),
             "run_notes": [*handover_notes(job, part), *pool.deaths],
             "fallbacks": count_fallbacks(part.fallbacks, job.assignment, job.names, -(-steps // replan)),
-            "versions": versions(learned=bool(settings["weights"])),
+            "versions": versions(learned=bool(weights)),
             "timings_s": {
                 "convert": round(converted - started, 3),
                 "simulate_and_measure": round(simulated - converted, 3),

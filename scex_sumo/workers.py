@@ -8,6 +8,7 @@ that dies is started again once for the batch that it had.
 
 from __future__ import annotations
 
+import importlib
 import os
 import pickle
 import queue
@@ -19,6 +20,7 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, suppress
+from functools import partial
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from scex_sumo.scene import IntArray
 
 OnStep: TypeAlias = Callable[[int], None]
-Report: TypeAlias = tuple[Literal["tick", "done", "failed", "idle"], Any]
+Report: TypeAlias = tuple[Literal["ready", "tick", "done", "failed"], Any]
 
 _START = "import sys; sys.path[:] = {path!r}; from scex_sumo.workers import serve; serve()"
 # One thread each: the processes are the parallelism.
@@ -58,6 +60,11 @@ class Workers:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def prepare(self, modules: Sequence[str]) -> None:
+        """Have helpers import what the first job will need while this process does so."""
+        for helper in self._helpers:
+            helper.serve(partial(helper.prepare, modules))
 
     def close(self) -> None:
         """End the helpers at once, whatever they are at; may be called again."""
@@ -90,52 +97,59 @@ class Workers:
         busy = self._helpers[: max(len(batches) - 1, 0)]
         payload = _packed((job, slots)) if busy else b""
         for helper in busy:
-            serving = (helper, payload, left, reports)
-            threading.Thread(target=self._serve, args=serving, name="scex-helper", daemon=True).start()
-        idle = 0
+            helper.serve(partial(self._serve, helper, payload, left, reports))
+        unfinished = len(batches)
 
-        def read(*, wait: bool) -> Iterator[IntArray]:
-            nonlocal idle
-            while idle < len(busy) and (wait or not reports.empty()):
-                kind, content = reports.get()
-                if kind == "tick" and on_step is not None:
-                    on_step(content)
-                elif kind == "done":
-                    yield content
-                elif kind == "failed":
-                    left.clear()
-                    raise content[0] from content[1]
-                idle += kind == "idle"
+        def read() -> Iterator[IntArray]:
+            nonlocal unfinished
+            kind, content = reports.get()
+            if kind == "tick" and on_step is not None:
+                on_step(content)
+            elif kind == "done":
+                unfinished -= 1
+                yield content
+            elif kind == "failed":
+                left.clear()
+                raise content[0] from content[1]
 
         with closing(run_batches(job, _taken(left), slots=slots, on_step=on_step)) as own:
             for batch in own:
+                unfinished -= 1
                 yield batch
-                yield from read(wait=False)
-        yield from read(wait=True)
+                while not reports.empty():
+                    yield from read()
+        while unfinished:
+            yield from read()
 
     def _serve(
         self, helper: _Helper, payload: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
     ) -> None:
-        """Hand batches to a helper as long as there are any; a thread of its own for each helper."""
+        """Hand batches to a helper as long as there are any, the first when it is ready for it."""
         try:
-            helper.job = None
-            for batch in _taken(left):
-                try:
-                    helper.work(payload, batch, reports)
-                except _DIED:
-                    where = f"children {int(batch[0])} to {int(batch[-1])}"
-                    self.deaths.append(f"a worker died over {where} ({helper.fate()}); they were run again")
-                    helper.start()
-                    try:
-                        helper.work(payload, batch, reports)
-                    except _DIED:
-                        raise SimulationError(
-                            f"a worker died twice over {where} ({helper.fate()}); finished children are "
-                            "kept, the same command goes on"
-                        ) from None
+            going = self._twice(helper, "before its first children", partial(helper.hire, payload, reports))
+            for batch in _taken(left) if going else ():
+                where = f"over children {int(batch[0])} to {int(batch[-1])}"
+                if not self._twice(helper, where, partial(helper.work, payload, batch, reports)):
+                    return
         except BaseException as error:  # raised again where the batches are waited for
             reports.put(("failed", (error, None)))
-        reports.put(("idle", None))
+
+    def _twice(self, helper: _Helper, where: str, order: Callable[[], bool]) -> bool:
+        """What an order gives, from another process where the first one dies."""
+        try:
+            return order()
+        except _DIED:
+            if helper.ended:
+                raise
+            self.deaths.append(f"a worker died {where} ({helper.fate()}) and was replaced")
+        helper.start()
+        try:
+            return order()
+        except _DIED:
+            raise SimulationError(
+                f"a worker died twice {where} ({helper.fate()}); finished children are kept, "
+                "the same command goes on"
+            ) from None
 
 
 _DIED = (EOFError, OSError, pickle.UnpicklingError)
@@ -154,16 +168,17 @@ class _Helper:
     def __init__(self, folder: str) -> None:
         self._folder = folder
         self._ending = threading.Lock()
-        self._ended = False
-        self.job: bytes | None = None
+        self.ended = False
+        self._job: bytes | None = None
+        self._thread: threading.Thread | None = None
         self.start()
 
     def start(self) -> None:
         """Start the process, anew if there was one; what it leaves behind lies in the folder."""
         with self._ending:
-            if self._ended:
+            if self.ended:
                 raise EOFError
-            self.job = None
+            self._job = None
             self._process = subprocess.Popen(
                 [sys.executable, "-c", _START.format(path=sys.path)],
                 stdin=subprocess.PIPE,
@@ -172,18 +187,44 @@ class _Helper:
                 start_new_session=True,  # Ctrl-C is for the process that the user started, which ends these
             )
 
-    def work(self, job: bytes, batch: IntArray, reports: queue.SimpleQueue[Report]) -> None:
-        """Have it run a batch, its reports passed on; raises one of ``_DIED`` where it dies."""
-        orders, answers = _there(self._process.stdin), _there(self._process.stdout)
-        if self.job is not job:
-            _write(orders, ("job", (sys.path, job)))  # as it is now, with the folder of the user's own models
-            self.job = job
-        _write(orders, ("batch", batch))
+    def serve(self, orders: Callable[[], None]) -> None:
+        """Have a thread give it orders, when the one before it has none left."""
+        before = self._thread
+
+        def give() -> None:
+            if before is not None:
+                before.join()
+            orders()
+
+        self._thread = threading.Thread(target=give, name="scex-helper", daemon=True)
+        self._thread.start()
+
+    def prepare(self, modules: Sequence[str]) -> None:
+        """Have it import modules that a job will need; nothing happens where it has died."""
+        with suppress(OSError):
+            _write(_there(self._process.stdin), ("import", modules))
+
+    def hire(self, job: bytes, reports: queue.SimpleQueue[Report]) -> bool:
+        """Wait until it is ready for a job; whether it is. Raises one of ``_DIED`` where it dies."""
+        # As the path is now, with the folder of the user's own models.
+        _write(_there(self._process.stdin), ("job", (sys.path, job)))
+        self._job = job
+        return self._answers(reports) == "ready"
+
+    def work(self, job: bytes, batch: IntArray, reports: queue.SimpleQueue[Report]) -> bool:
+        """Have it run a batch; whether it did. Raises one of ``_DIED`` where it dies."""
+        if self._job is not job and not self.hire(job, reports):
+            return False
+        _write(_there(self._process.stdin), ("batch", batch))
+        return self._answers(reports) == "done"
+
+    def _answers(self, reports: queue.SimpleQueue[Report]) -> str:
         kind = "tick"
         while kind == "tick":
-            report: Report = pickle.load(answers)
+            report: Report = pickle.load(_there(self._process.stdout))
             reports.put(report)
             kind = report[0]
+        return kind
 
     def fate(self) -> str:
         """How it ended."""
@@ -196,7 +237,7 @@ class _Helper:
     def end(self) -> None:
         """Kill it."""
         with self._ending:
-            self._ended = True
+            self.ended = True
         self._process.kill()
         self._process.wait()
         for pipe in (self._process.stdin, self._process.stdout):
@@ -224,6 +265,7 @@ def serve() -> None:
 
     def batches() -> Iterator[IntArray]:
         nonlocal order
+        _write(reports, ("ready", None))
         while (order := pickle.load(orders))[0] == "batch":
             yield order[1]
 
@@ -234,6 +276,11 @@ def serve() -> None:
         order = pickle.load(orders)
         try:
             while True:
+                if order[0] == "import":
+                    for module in order[1]:
+                        importlib.import_module(module)
+                    order = pickle.load(orders)
+                    continue
                 sys.path[:], packed = order[1]
                 job, slots = pickle.loads(packed)
                 for children in run_batches(job, batches(), slots=slots, on_step=tick):

@@ -79,6 +79,24 @@ def test_a_script_needs_no_guard_for_its_own_models_and_two_processes_give_the_b
         ).read_bytes()
 
 
+def test_a_run_that_is_over_before_its_workers_are_ready_ends_them_and_says_nothing_of_it(
+    tmp_path: Path,
+) -> None:
+    code = (
+        "import scex_sumo, scex_sumo.workers\n"
+        f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
+        "with scex_sumo.workers.Workers(2) as workers:\n"
+        "    workers.prepare(['this', 'time'])\n"
+        "    for number in range(2):\n"
+        "        run = scex_sumo.extrapolate(seed, children=2, steps=1, batch=1, workers=workers, seed=number)\n"
+        "        assert run.children == 2\n"
+        "        assert run.info['run_notes'] == [], run.info['run_notes']\n"
+        "assert workers.deaths == []\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_a_worker_that_dies_is_replaced_its_batch_done_again_and_that_is_said(tmp_path: Path) -> None:
     done = ran(tmp_path, "if not FLAG.exists(): FLAG.touch(); os.kill(os.getpid(), signal.SIGKILL)")
     assert done.returncode == 0, done.stderr
