@@ -66,6 +66,8 @@ def rank_command(request: RankRequest) -> None:
             print(f"interrupted; finished seeds are kept in {out}, the same command goes on", file=sys.stderr)
             raise SystemExit(130) from None
     warn(ranking.info["notes"])
+    if ranking.info["fallbacks"]:
+        warn([f"{ranking.info['fallbacks']} plans are not the models' own; see column fallbacks"])
     _warn_failures(ranking)
     _print_top(ranking)
     print(f"{ranking.info['seeds']} seed scenes, {ranking.info['children_run']} children")

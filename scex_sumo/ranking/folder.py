@@ -184,11 +184,15 @@ class RankFolder:
 
 
 def children_table(part: SeedPart) -> pa.Table:
-    """Rows of a seed's children: child, the 12 columns, kept, and the lists track_id and model, one of each
-    for every vehicle."""
+    """Rows of a seed's children.
+
+    Columns: child, the 12 metrics, fallbacks, kept, and the lists track_id and model, one of each for every
+    vehicle.
+    """
     data: dict[str, Any] = {"child": pa.array(part.children, pa.int32())}
     for index, name in enumerate(COLUMNS):
         data[name] = pa.array(part.values[:, index], mask=~part.defined[:, index])
+    data["fallbacks"] = pa.array(part.fallbacks, pa.int32())
     data["kept"] = part.kept
     data["track_id"] = pa.array([part.track_ids.tolist()] * len(part.children), pa.list_(pa.int64()))
     data["model"] = pa.array([list(row) for row in part.models], pa.list_(pa.string()))

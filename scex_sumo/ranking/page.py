@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.casting import cast_models
@@ -214,7 +215,7 @@ def _strips(table: pa.Table, tops: Sequence[Mapping[str, Any]]) -> str:
     names = list(dict.fromkeys(row["recording"] for row in tops if not row["case"]))
     strips = []
     for name in names:
-        rows = table.filter(pa.compute.equal(table["recording"], name)).select(["time_s", "score"])
+        rows = table.filter(pc.equal(table["recording"], name)).select(["time_s", "score"])
         rows = rows.drop_null()
         times = np.asarray(rows["time_s"])
         first, last = float(times.min()), float(times.max())
@@ -235,7 +236,7 @@ def _strips(table: pa.Table, tops: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _failures(table: pa.Table) -> str:
-    failed = table.filter(pa.compute.is_valid(table["failure"])).select(["seed", "failure"]).to_pylist()
+    failed = table.filter(pc.is_valid(table["failure"])).select(["seed", "failure"]).to_pylist()
     if not failed:
         return ""
     by_reason: dict[str, list[str]] = {}

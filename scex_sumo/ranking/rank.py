@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,25 +14,25 @@ import pyarrow as pa
 from scex_sumo import __version__
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.casting import Casting, Models, cast_models, drivers, weights_of
-from scex_sumo.converters.recordings import Recording, find_recordings
+from scex_sumo.converters.recordings import find_recordings
 from scex_sumo.density import THRESHOLDS
 from scex_sumo.designs import DEFAULT_DESIGN
-from scex_sumo.errors import TrackError, UsageError
+from scex_sumo.errors import UsageError
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.provenance import versions
 from scex_sumo.ranking.campaign import Campaign, Progress
 from scex_sumo.ranking.crew import Crew, Processes
 from scex_sumo.ranking.cutting import Plan
+from scex_sumo.ranking.finish import count, describe, write
 from scex_sumo.ranking.folder import RankFolder
-from scex_sumo.ranking.page import write_page
 from scex_sumo.ranking.rounds import FIRST_CHILDREN
-from scex_sumo.ranking.table import failed_row, placed, seed_row, tabulate, write_ranking
 from scex_sumo.ranking.work import KEEP, Settings
 
 DEFAULT_EVERY_S = 1.0
 DEFAULT_CHILDREN = 96
 DEFAULT_MIN_VEHICLES = 2
 DEFAULT_TOP = 10
+MAX_REPLAN = 30  # models plan at least 30 steps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,46 +102,40 @@ def rank(
         ResultError: the folder cannot be written or holds something else.
     """
     started = time.perf_counter()
-    _check(every, children, first, min_vehicles, seed, top, keep, workers, steps, replan)
-    limits = {**THRESHOLDS, **(thresholds or {})}
     casting = cast_models(models, {})
-    weights = weights_of(casting, drivers(casting))
-    recordings = find_recordings([roots] if isinstance(roots, str | Path) else roots)
+    settings = Settings(
+        models=_written(casting),
+        weights=tuple(sorted(weights_of(casting, drivers(casting)).items())),
+        steps=steps,
+        replan=replan,
+        design=DEFAULT_DESIGN,
+        seed=seed,
+        thresholds=_limits(thresholds or {}),
+        keep=keep,
+    )
     plan = Plan(
-        recordings=recordings,
+        recordings=find_recordings([roots] if isinstance(roots, str | Path) else roots),
         every_s=every,
         min_vehicles=min_vehicles,
         first=min(first, children),
         children=children,
         top=top,
-        settings=Settings(
-            models=_written(casting),
-            weights=tuple(sorted(weights.items())),
-            steps=steps,
-            replan=replan,
-            design=DEFAULT_DESIGN,
-            seed=seed,
-            thresholds=tuple((column, limits[column]) for column in COLUMNS if column in limits),
-            keep=keep,
-        ),
+        settings=settings,
     )
-    described = _describe(plan)
-    with RankFolder(Path(out), described, overwrite=overwrite) as folder:
-        crew: Crew = Processes(workers) if cluster is None else _cluster(cluster)
-        try:
-            notes = crew.notes
-            campaign = Campaign(plan, folder, crew, progress)
-            campaign.run()
-            table, shown = _write(plan, folder, campaign)
-        finally:
-            crew.close()
+    _check(plan, workers)
+    with (
+        RankFolder(Path(out), describe(plan), overwrite=overwrite) as folder,
+        _crew(workers, cluster) as crew,
+    ):
+        notes = crew.notes
+        campaign = Campaign(plan, folder, crew, progress)
+        campaign.run()
+        table, shown = write(plan, folder.path, campaign)
         info = {
             "scex_sumo": __version__,
             "command": list(command) if command else None,
-            **described,
-            "seeds": len(campaign.refs),
-            "failed": len(table) - len(campaign.refs),
-            "children_run": sum(t.children for tallies in campaign.tallies.values() for t in tallies),
+            **describe(plan),
+            **count(campaign, table),
             "shown": shown,
             "notes": notes,
             "versions": versions(),
@@ -150,37 +145,36 @@ def rank(
     return Ranking(folder=Path(out), table=table, info=info)
 
 
-def _check(
-    every: float,
-    children: int,
-    first: int,
-    min_vehicles: int,
-    seed: int,
-    top: int,
-    keep: str,
-    workers: int,
-    steps: int,
-    replan: int,
-) -> None:
-    if not every > 0:
-        raise UsageError(f"--every: got {every:g}, needs seconds above 0")
+def _check(plan: Plan, workers: int) -> None:
+    settings = plan.settings
+    if not plan.every_s > 0:
+        raise UsageError(f"--every: got {plan.every_s:g}, needs seconds above 0")
     at_least_one = {
-        "--children": children,
-        "--first": first,
-        "--min-vehicles": min_vehicles,
-        "--top": top,
+        "--children": plan.children,
+        "--first": plan.first,
+        "--min-vehicles": plan.min_vehicles,
+        "--top": plan.top,
         "--workers": workers,
-        "--steps": steps,
+        "--steps": settings.steps,
     }
     for name, value in at_least_one.items():
         if value < 1:
             raise UsageError(f"{name}: got {value}, needs at least 1")
-    if seed < 0:
-        raise UsageError(f"--seed: got {seed}, needs 0 or more")
-    if not 1 <= replan <= 30:
-        raise UsageError(f"--replan: got {replan}, needs 1 to 30 (models plan 30 steps)")
-    if keep not in KEEP:
-        raise UsageError(f"--keep: got {keep!r}; known: {', '.join(KEEP)}")
+    if settings.seed < 0:
+        raise UsageError(f"--seed: got {settings.seed}, needs 0 or more")
+    if not 1 <= settings.replan <= MAX_REPLAN:
+        raise UsageError(f"--replan: got {settings.replan}, needs 1 to {MAX_REPLAN}")
+    if settings.keep not in KEEP:
+        raise UsageError(f"--keep: got {settings.keep!r}; known: {', '.join(KEEP)}")
+
+
+def _limits(thresholds: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+    """All thresholds, in the order of the columns."""
+    unknown = sorted(set(thresholds) - set(COLUMNS))
+    if unknown:
+        raise UsageError(f"--threshold: unknown metric {unknown[0]!r}; known: {', '.join(COLUMNS)}")
+    limits = {**THRESHOLDS, **thresholds}
+    return tuple((column, limits[column]) for column in COLUMNS if column in limits)
 
 
 def _written(casting: Casting) -> tuple[str, ...]:
@@ -188,67 +182,17 @@ def _written(casting: Casting) -> tuple[str, ...]:
     return tuple(f"{s}@{s.weight!r}" if s.weight != 1 else str(s) for s in casting.drawn)
 
 
-def _cluster(address: str) -> Crew:
-    from scex_sumo.ranking.cluster import Cluster
+@contextmanager
+def _crew(workers: int, cluster: str | None) -> Iterator[Crew]:
+    """The workers, ended in the end."""
+    crew: Crew
+    if cluster is None:
+        crew = Processes(workers)
+    else:
+        from scex_sumo.ranking.cluster import Cluster
 
-    return Cluster(address)
-
-
-def _describe(plan: Plan) -> dict[str, Any]:
-    """What the result depends on; recordings by name and size, so that a dataset may lie anywhere."""
-    settings = plan.settings
-    return {
-        "recordings": [_described(recording) for recording in plan.recordings],
-        "every_s": plan.every_s,
-        "min_vehicles": plan.min_vehicles,
-        "first": plan.first,
-        "children": plan.children,
-        "top": plan.top,
-        "models": list(settings.models),
-        "weights": dict(settings.weights),
-        "steps": settings.steps,
-        "replan": settings.replan,
-        "design": settings.design,
-        "seed": settings.seed,
-        "thresholds": dict(settings.thresholds),
-        "keep": settings.keep,
-        "version": __version__,
-    }
-
-
-def _described(recording: Recording) -> dict[str, Any]:
-    files = (recording.map_path, *recording.track_paths)
-    sizes = [file.stat().st_size if file.exists() else None for file in files]
-    return {"name": recording.name, "site": recording.site, "bytes": sizes}
-
-
-def _write(plan: Plan, folder: RankFolder, campaign: Campaign) -> tuple[pa.Table, list[str]]:
-    """Write table and page; returns the table, and the seeds on the page.
-
-    Raises:
-        TrackError: no seed at all.
-    """
-    refs, limits = campaign.refs, dict(plan.settings.thresholds)
-    broken = [found.failure for found in campaign.listings.values() if found.failure is not None]
-    if not refs:
-        failed = [*broken, *campaign.failures.values()]
-        reason = f"; the first of {len(failed)} failures: {failed[0].reason}" if failed else ""
-        raise TrackError(
-            f"none of {len(plan.recordings)} recordings has a moment with {plan.min_vehicles} moving "
-            f"vehicles that could be run{reason}; lower --min-vehicles or look at the recordings"
-        )
-    table = placed(
-        tabulate((seed_row(ref, campaign.parts(ref), limits) for ref in refs), limits),
-        limits,
-        seed=plan.settings.seed,
-    )
-    known = {ref.seed for ref in refs}
-    late = {name: failure.reason for name, failure in campaign.failures.items() if name in known}
-    if late:  # they have their first children, but not those that were asked for later
-        reasons = pa.array([late.get(name) for name in table["seed"].to_pylist()], pa.string())
-        table = table.set_column(table.schema.get_field_index("failure"), "failure", reasons)
-    rows = [failed_row(f) for f in broken]
-    rows += [failed_row(f) for name, f in sorted(campaign.failures.items()) if name not in known]
-    table = pa.concat_tables([table, tabulate(rows, limits)]).combine_chunks()
-    write_ranking(folder.path, table)
-    return table, write_page(plan, folder.path, campaign, table)
+        crew = Cluster(cluster)
+    try:
+        yield crew
+    finally:
+        crew.close()

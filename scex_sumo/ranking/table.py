@@ -32,6 +32,7 @@ def schema(thresholds: Mapping[str, float]) -> pa.Schema:
     fields += [("score", pa.float64())]
     fields += [(name, pa.string()) for name in ("seed", "location", "recording", "case")]
     fields += [("time_s", pa.float64()), ("vehicles", pa.int64()), ("children", pa.int64())]
+    fields += [("fallbacks", pa.int64())]
     fields += [(f"median_{column}", pa.float64()) for column in COLUMNS]
     for column in thresholds:
         fields += [(f"critical_{column}", pa.int64()), (f"defined_{column}", pa.int64())]
@@ -48,6 +49,7 @@ def seed_row(ref: SeedRef, parts: Sequence[pa.Table], thresholds: Mapping[str, f
         thresholds: by metric column.
     """
     row: dict[str, Any] = asdict(ref) | {"children": sum(part.num_rows for part in parts)}
+    row["fallbacks"] = sum(int(np.asarray(part["fallbacks"]).sum()) for part in parts)
     for column in COLUMNS:
         chunks = [np.asarray(part[column].drop_null(), dtype=np.float64) for part in parts]
         samples = np.concatenate(chunks)

@@ -127,6 +127,7 @@ class SeedPart:
         values: (C, 12) NaN where undefined.
         defined: (C, 12).
         critical: (C, M) by each metric that has a threshold.
+        fallbacks: (C,) how many plans are the path-following driver's, where a model had none.
         kept: (C,) whose states are in ``tracks``.
         models: (C, V) who drives.
         track_ids: (V,) whom.
@@ -137,6 +138,7 @@ class SeedPart:
     values: FloatArray
     defined: BoolArray
     critical: BoolArray
+    fallbacks: IntArray
     kept: BoolArray
     models: tuple[tuple[str, ...], ...]
     track_ids: IntArray
@@ -232,11 +234,21 @@ def _collected(task: SeedTask, job: Job, parts: list[Part]) -> SeedPart:
         values=values,
         defined=defined,
         critical=critical,
+        fallbacks=np.concatenate([_fallbacks(part) for part in parts]),
         kept=kept,
         models=tuple(tuple(row) for row in names.tolist()),
         track_ids=np.asarray(job.scene.track_ids, dtype=np.int64),
         tracks=_tracks(job.scene, parts, kept) if kept.any() else None,
     )
+
+
+def _fallbacks(part: Part) -> IntArray:
+    """(C,) plans of each child that are not its models' own."""
+    if part.fallbacks is None:
+        return np.zeros(len(part.children), dtype=np.int64)
+    of_child = np.asarray(part.fallbacks["child"], dtype=np.int64)
+    row = np.searchsorted(part.children, of_child)
+    return np.bincount(row, minlength=len(part.children)).astype(np.int64)
 
 
 def critical_by(values: FloatArray, defined: BoolArray, thresholds: Mapping[str, float]) -> BoolArray:

@@ -226,6 +226,7 @@ def test_another_ranking_is_kept(dataset: Path, result: Path) -> None:
         ({"replan": 31}, "--replan"),
         ({"seed": -1}, "--seed"),
         ({"keep": "some"}, "none, critical, all"),
+        ({"thresholds": {"speed": 3.0}}, "unknown metric 'speed'"),
         ({"models": "granny"}, "unknown behavior 'granny'"),
     ],
 )

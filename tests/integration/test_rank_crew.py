@@ -145,3 +145,29 @@ def test_orders_are_not_taken_before_there_is_a_worker_for_them(crew: Processes,
     next(outcomes)
     assert taken == [0]
     assert len(list(outcomes)) == 2
+
+
+LAZY = """
+import numpy as np
+
+
+def lazy(history):
+    \"\"\"Stays where it is; has no plan for the first vehicle.\"\"\"
+    plan = np.zeros((len(history), 30, 2))
+    plan[0] = np.nan
+    return plan
+"""
+
+
+def test_plans_that_are_not_the_models_own_are_counted(
+    scene: SeedScene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One vehicle without a plan, at each of the 6 replans of each of the 2 children."""
+    (tmp_path / "lazy_drivers.py").write_text(LAZY)
+    monkeypatch.syspath_prepend(tmp_path)
+    crew = Processes(1)
+    try:
+        part = part_of(crew, order(scene, "s", children=2, models=("lazy_drivers:lazy",)))
+    finally:
+        crew.close()
+    assert part.fallbacks.tolist() == [6, 6]

@@ -26,6 +26,7 @@ def seed_part(first: int, stop: int, *, tracks: pa.Table | None = None) -> SeedP
         values=values,
         defined=defined,
         critical=np.zeros((len(children), 4), dtype=bool),
+        fallbacks=np.arange(len(children)),
         kept=np.zeros(len(children), dtype=bool),
         models=(("a", "b", "a"),) * len(children),
         track_ids=np.array([7, 8, 9]),

@@ -76,6 +76,7 @@ def made_up(order: Order) -> SeedPart:
         values=values,
         defined=defined,
         critical=critical,
+        fallbacks=np.zeros(len(children), dtype=np.int64),
         kept=choose_kept(critical, task.settings.keep, task.spare),
         models=(("a",) * task.scene.vehicles,) * len(children),
         track_ids=task.scene.track_ids,

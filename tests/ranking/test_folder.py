@@ -39,7 +39,7 @@ def test_parts_are_found_again(filled: Path) -> None:
 def test_a_part_tells_values_models_and_what_is_undefined(filled: Path) -> None:
     with RankFolder(filled, PLAN) as folder:
         table = folder.read(ONE, 0)
-    assert table.column_names == ["child", *COLUMNS, "kept", "track_id", "model"]
+    assert table.column_names == ["child", *COLUMNS, "fallbacks", "kept", "track_id", "model"]
     assert table[COLUMNS[1]].to_pylist() == [1.0, 101.0, 201.0, 301.0]
     assert table[COLUMNS[-1]].to_pylist() == [None, 111.0, 211.0, 311.0]
     assert table["track_id"].to_pylist() == [[7, 8, 9]] * 4

@@ -26,6 +26,7 @@ def test_a_row_has_medians_and_shares_over_all_parts() -> None:
     parts = [children_table(seed_part(0, 2)), children_table(seed_part(2, 4))]
     found = seed_row(seed_ref("s"), parts, LIMITS)
     assert found["children"] == 4
+    assert found["fallbacks"] == 0 + 1 + 0 + 1  # each part counts from 0
     assert found["median_distance"] == 150.0
     assert (found["critical_distance"], found["defined_distance"], found["p_distance"]) == (2, 4, 0.5)
     # Each part's first child has no ttc_mean: 111 and 311 remain, and 311 is above 250.
