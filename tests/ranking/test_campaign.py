@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import hashlib
 import itertools
+import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from scex_sumo.ranking.campaign import Campaign
 from scex_sumo.ranking.crew import Order, Outcome
 from scex_sumo.ranking.cutting import Plan
 from scex_sumo.ranking.folder import RankFolder
+from scex_sumo.ranking.rounds import distinct
 from scex_sumo.ranking.work import SeedPart, Settings, choose_kept, critical_by
 
 SETTINGS = Settings(
@@ -201,3 +204,29 @@ def test_progress_ends_where_everything_is_done(recordings: tuple[Recording, ...
         Campaign(plan_of(recordings), folder, crew, lambda done, total: seen.append((done, total))).run()
     assert all(done <= total for done, total in seen)
     assert seen[-1] == (32 * len(crew.asked), 32 * len(crew.asked))
+
+
+def test_every_case_of_a_file_of_cases_is_a_seed(tmp_path: Path) -> None:
+    """Four cases of 4 s each, cut from the recording of 18 s; each case is its own situation."""
+    source = scex_sumo.example_path("roundabout")
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "train").mkdir()
+    shutil.copy(source, tmp_path / "maps" / "roundabout.osm")
+    with source.with_suffix(".csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    with (tmp_path / "train" / "roundabout_train.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, ["case_id", *rows[0]])
+        writer.writeheader()
+        for case in range(4):
+            for row in rows:
+                frame = int(row["frame_id"]) - 40 * case
+                if 1 <= frame <= 40:
+                    own = {"case_id": f"{case + 1}.0", "frame_id": frame, "timestamp_ms": 100 * frame}
+                    writer.writerow(row | own)
+    crew = Instant()
+    found = campaign(plan_of(find_recordings([tmp_path]), top=4), tmp_path / "out", crew)
+    assert [ref.case for ref in found.refs] == ["1.0", "2.0", "3.0", "4.0"]
+    assert {ref.time_s for ref in found.refs} == {1.0}
+    assert len({ref.seed for ref in found.refs}) == 4
+    assert found.failures == {}
+    assert len(distinct(found.refs, range(4), 4)) == 4
