@@ -18,7 +18,7 @@ from xml.sax.saxutils import quoteattr
 from scex_sumo.errors import SimulationError
 
 TILE_SLOTS = 64
-"""Number of tile slots; child i always lives in slot ``i % TILE_SLOTS``."""
+"""Number of tile slots; a child i that needs a tile of its own is always in slot ``i % TILE_SLOTS``."""
 
 TILE_COLUMNS = 8
 WINDOW_ASPECT = 1.5  # width by height of what is visible in a window of sumo-gui

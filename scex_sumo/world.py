@@ -47,7 +47,10 @@ def load_sumo(*, gui: bool = False) -> Any:
 
 
 class World:
-    """SUMO's simulation of a batch of children, one in each tile; a context manager, one per process."""
+    """SUMO's simulation of a batch of children, each in its tile; a context manager, one per process.
+
+    Children in which SUMO drives nobody may share a tile: vehicles that are moved take no notice of others.
+    """
 
     def __init__(
         self,
@@ -113,8 +116,7 @@ class World:
 
         Args:
             start: (C, V) states of the seed scene.
-            slots: (C,) tile slot of each child. Children in which SUMO drives nobody may share one: vehicles
-                that are moved take no notice of each other.
+            slots: (C,) tile slot of each child; only children in which SUMO drives nobody may share one.
             driven: the vehicles that SUMO drives; all others must be moved before each step.
 
         Raises:

@@ -189,15 +189,14 @@ def _batches(
     size = max(BATCH_PAIR_STEPS // per_child, 1)
     for start in range(0, max(children, 1), size):
         part = slice(start, start + size)
-        yield (
-            start,
-            Scenes(
-                tracks=tracks.children(part),
-                planned=None if planned is None else planned.children(part),
-                parameters=parameters,
-                preset=rules,
-            ),
+        scenes = Scenes(
+            tracks=tracks.children(part),
+            planned=None if planned is None else planned.children(part),
+            parameters=parameters,
+            preset=rules,
         )
+        yield start, scenes
+        scenes.release()
 
 
 def _check_planned(tracks: SceneTracks, planned: PlannedPaths | None) -> None:

@@ -184,6 +184,10 @@ class Scenes:
         assert self.planned is not None
         return PathsAhead(self, self.planned)
 
+    def release(self) -> None:
+        """Forget the paths, which know these scenes: else the memory of both is free only when cycles are."""
+        self.__dict__.pop("paths", None)
+
     def ordered_index(self, row: IntArray, other: IntArray) -> IntArray:
         """(N,) number of each ordered pair of vehicles in the order of ``ordered_pairs``."""
         number = np.zeros((self.vehicles, self.vehicles), dtype=np.int64)
