@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from plain_world import drive_scene, overlaps
+from driven import drive_scene, overlaps
 from recorded_scenes import SETS, recorded
 
 from scex_sumo.behaviors.guard import GuardProfile, slowed

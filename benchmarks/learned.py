@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from plain_world import PlainWorld
 
 import scex_sumo as scex
 from scex_sumo.behaviors.learned import driver
@@ -28,6 +27,7 @@ from scex_sumo.behaviors.paths import chosen_paths
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.rollout import Cast, history_at, roll_out
 from scex_sumo.scene import SeedScene, States, Who
+from scex_sumo.training.closed_loop import PlainWorld
 
 MODELS = {"graph_predictor": "graph", "graph_image_predictor": "hybrid"}
 PARTS = ("scene_graph", "path_inputs", "network", "plan_along", "the rest")
@@ -94,7 +94,7 @@ def measured(scene: SeedScene, text: str, children: int, repeat: int) -> tuple[d
     assert scene.road is not None
     plan, net = model.plan, model.driver._loaded.net
     begin = time.process_time()
-    roll_out(PlainWorld(scene), scene.road, scene, cast, steps=1, replan=5)
+    roll_out(PlainWorld(children, scene.vehicles), scene.road, scene, cast, steps=1, replan=5)
     first = time.process_time() - begin
     found = []
     originals = {name: getattr(driver, name) for name in ("scene_graph", "path_inputs", "plan_along")}
@@ -104,7 +104,7 @@ def measured(scene: SeedScene, text: str, children: int, repeat: int) -> tuple[d
             setattr(driver, name, watch.around(name, function))
         net.forward = watch.around("network", type(net).forward.__get__(net))
         model.plan = watch.around("the rest", plan)
-        roll_out(PlainWorld(scene), scene.road, scene, cast, steps=30, replan=5)
+        roll_out(PlainWorld(children, scene.vehicles), scene.road, scene, cast, steps=30, replan=5)
         found.append(watch.seconds)
     for name, function in originals.items():
         setattr(driver, name, function)

@@ -1,4 +1,4 @@
-"""A world without SUMO: holds what it is told. SUMO holds overridden vehicles to 1e-9 m of the same."""
+"""Scenes driven in closed loop without SUMO, and who overlaps whom in them."""
 
 from __future__ import annotations
 
@@ -8,46 +8,18 @@ from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.behaviors.sumo_driver import SumoDriver
 from scex_sumo.errors import UsageError
 from scex_sumo.metrics.rectangles import rectangle_distance
-from scex_sumo.rollout import Cast, roll_out
 from scex_sumo.scene import BoolArray, FloatArray, SeedScene, States
+from scex_sumo.training.closed_loop import drive_all
 
 
-class PlainWorld:
-    """Implements `scex_sumo.rollout.Advances`."""
-
-    def __init__(self, seed: SeedScene) -> None:
-        self.states = seed.now.repeat(1)
-
-    def move(self, states: States, mask: BoolArray) -> None:
-        self.states = states
-
-    def move_obstacles(self, states: States, present: BoolArray) -> None:
-        pass
-
-    def step(self) -> None:
-        pass
-
-    def read(self) -> States:
-        return self.states
-
-
-def drive_scene(seed: SeedScene, model: str, *, steps: int, replan: int = 5) -> States:
+def drive_scene(seed: SeedScene, model: str, *, steps: int) -> States:
     """All vehicles of a scene by one model in closed loop: (V, steps + 1), the present first."""
     built = build(parse_models(model)[0])
     if isinstance(built, SumoDriver):
         raise UsageError(f"{model}: SUMO's own drivers need SUMO")
     assert seed.road is not None
-    cast = Cast(
-        children=np.zeros(1, dtype=np.int64),
-        assignment=np.zeros((1, seed.vehicles), dtype=np.int64),
-        models=[built],
-        names=[model],
-        overridden=np.ones(1, dtype=np.bool_),
-        route_draw=np.random.default_rng(0).random((1, seed.vehicles)),
-        generators=[np.random.default_rng(0)],
-    )
-    run = roll_out(PlainWorld(seed), seed.road, seed, cast, steps=steps, replan=replan)
-    return States.concatenate([seed.now[:, None], run.states[0].swapaxes(0, 1)], axis=1)
+    driven = drive_all(seed, seed.road, built, steps=steps)[0].swapaxes(0, 1)
+    return States.concatenate([seed.now[:, None], driven], axis=1)
 
 
 def overlaps(states: States, length: FloatArray, width: FloatArray) -> BoolArray:
