@@ -1,18 +1,14 @@
 """Processes that share the batches of a run: this one, and helpers that start while it still reads.
 
 Whoever is free takes the next batch, so that nobody waits for another, and what a batch gives depends on
-nothing but its children. A helper is an interpreter of its own, since a process holds one simulation of
-libsumo; it talks over its standard streams, so that it ends with this process, whatever ends that. A helper
-that dies is started again once for the batch that it had.
+nothing but its children. A helper that dies is started again once for the batch that it had.
 """
 
 from __future__ import annotations
 
 import importlib
-import os
 import pickle
 import queue
-import subprocess
 import sys
 import tempfile
 import threading
@@ -22,9 +18,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, suppress
 from functools import partial
 from types import TracebackType
-from typing import IO, TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from scex_sumo.errors import SimulationError
+from scex_sumo.helper_process import DIED, HelperProcess, served_streams, write
 
 if TYPE_CHECKING:
     from scex_sumo.job import Job
@@ -32,10 +29,6 @@ if TYPE_CHECKING:
 
 OnStep: TypeAlias = Callable[[int], None]
 Report: TypeAlias = tuple[Literal["ready", "tick", "done", "failed"], Any]
-
-_START = "import sys; sys.path[:] = {path!r}; from scex_sumo.workers import serve; serve()"
-# One thread each: the processes are the parallelism.
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 class Workers:
@@ -69,7 +62,9 @@ class Workers:
     def close(self) -> None:
         """End the helpers at once, whatever they are at; may be called again."""
         for helper in self._helpers:
-            helper.end()
+            helper.kill()
+        for helper in self._helpers:
+            helper.bury()
         if self._folder is not None:
             self._folder.cleanup()
 
@@ -138,21 +133,18 @@ class Workers:
         """What an order gives, from another process where the first one dies."""
         try:
             return order()
-        except _DIED:
+        except DIED:
             if helper.ended:
                 raise
             self.deaths.append(f"a worker died {where} ({helper.fate()}) and was replaced")
         helper.start()
         try:
             return order()
-        except _DIED:
+        except DIED:
             raise SimulationError(
                 f"a worker died twice {where} ({helper.fate()}); finished children are kept, "
                 "the same command goes on"
             ) from None
-
-
-_DIED = (EOFError, OSError, pickle.UnpicklingError)
 
 
 def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
@@ -162,30 +154,17 @@ def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
             yield left.popleft()
 
 
-class _Helper:
-    """One more process, as this one sees it."""
+class _Helper(HelperProcess):
+    """One more process that runs batches, one thread of this one at a time giving it orders."""
 
     def __init__(self, folder: str) -> None:
-        self._folder = folder
-        self._ending = threading.Lock()
-        self.ended = False
-        self._job: bytes | None = None
         self._thread: threading.Thread | None = None
-        self.start()
+        super().__init__(__name__, folder)
 
     def start(self) -> None:
-        """Start the process, anew if there was one; what it leaves behind lies in the folder."""
-        with self._ending:
-            if self.ended:
-                raise EOFError
-            self._job = None
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", _START.format(path=sys.path)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env={**os.environ, **_ONE_THREAD, "TMPDIR": self._folder},
-                start_new_session=True,  # Ctrl-C is for the process that the user started, which ends these
-            )
+        """Start the process, which knows of no job."""
+        self._job: bytes | None = None
+        super().start()
 
     def serve(self, orders: Callable[[], None]) -> None:
         """Have a thread give it orders, when the one before it has none left."""
@@ -201,48 +180,30 @@ class _Helper:
 
     def prepare(self, modules: Sequence[str]) -> None:
         """Have it import modules that a job will need; nothing happens where it has died."""
-        with suppress(OSError):
-            _write(_there(self._process.stdin), ("import", modules))
+        with suppress(*DIED):
+            self.send(("import", modules))
 
     def hire(self, job: bytes, reports: queue.SimpleQueue[Report]) -> bool:
-        """Wait until it is ready for a job; whether it is. Raises one of ``_DIED`` where it dies."""
+        """Wait until it is ready for a job; whether it is. Raises one of `DIED` where it dies."""
         # As the path is now, with the folder of the user's own models.
-        _write(_there(self._process.stdin), ("job", (sys.path, job)))
+        self.send(("job", (sys.path, job)))
         self._job = job
         return self._answers(reports) == "ready"
 
     def work(self, job: bytes, batch: IntArray, reports: queue.SimpleQueue[Report]) -> bool:
-        """Have it run a batch; whether it did. Raises one of ``_DIED`` where it dies."""
+        """Have it run a batch; whether it did. Raises one of `DIED` where it dies."""
         if self._job is not job and not self.hire(job, reports):
             return False
-        _write(_there(self._process.stdin), ("batch", batch))
+        self.send(("batch", batch))
         return self._answers(reports) == "done"
 
     def _answers(self, reports: queue.SimpleQueue[Report]) -> str:
         kind = "tick"
         while kind == "tick":
-            report: Report = pickle.load(_there(self._process.stdout))
+            report: Report = self.receive()
             reports.put(report)
             kind = report[0]
         return kind
-
-    def fate(self) -> str:
-        """How it ended."""
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(timeout=1)
-        self._process.kill()
-        status = self._process.wait()
-        return f"signal {-status}" if status < 0 else f"exit status {status}"
-
-    def end(self) -> None:
-        """Kill it."""
-        with self._ending:
-            self.ended = True
-        self._process.kill()
-        self._process.wait()
-        for pipe in (self._process.stdin, self._process.stdout):
-            with suppress(OSError):  # an order that it did not read any more
-                _there(pipe).close()
 
 
 class _Elsewhere(Exception):
@@ -254,9 +215,7 @@ class _Elsewhere(Exception):
 
 def serve() -> None:
     """What a helper does: run the batches that come in on standard input until it closes."""
-    reports = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what SUMO prints shall not get into the reports
-    orders = sys.stdin.buffer
+    orders, reports = served_streams()
     from scex_sumo.job import run_batches
     from scex_sumo.world import load_sumo
 
@@ -265,12 +224,12 @@ def serve() -> None:
 
     def batches() -> Iterator[IntArray]:
         nonlocal order
-        _write(reports, ("ready", None))
+        write(reports, ("ready", None))
         while (order := pickle.load(orders))[0] == "batch":
             yield order[1]
 
     def tick(children: int) -> None:
-        _write(reports, ("tick", children))
+        write(reports, ("tick", children))
 
     with suppress(EOFError, BrokenPipeError):
         order = pickle.load(orders)
@@ -284,11 +243,11 @@ def serve() -> None:
                 sys.path[:], packed = order[1]
                 job, slots = pickle.loads(packed)
                 for children in run_batches(job, batches(), slots=slots, on_step=tick):
-                    _write(reports, ("done", children))
+                    write(reports, ("done", children))
         except (EOFError, BrokenPipeError):
             raise
         except Exception as error:
-            _write(reports, ("failed", (_sendable(error), _Elsewhere(traceback.format_exc()))))
+            write(reports, ("failed", (_sendable(error), _Elsewhere(traceback.format_exc()))))
 
 
 def _sendable(error: Exception) -> Exception:
@@ -297,16 +256,6 @@ def _sendable(error: Exception) -> Exception:
     except Exception:  # pickling runs code of the error's own
         return SimulationError(f"a worker failed: {type(error).__name__}: {error}")
     return error
-
-
-def _there(stream: IO[bytes] | None) -> IO[bytes]:
-    assert stream is not None
-    return stream
-
-
-def _write(stream: IO[bytes], content: Any) -> None:
-    pickle.dump(content, stream, protocol=pickle.HIGHEST_PROTOCOL)
-    stream.flush()
 
 
 def _packed(content: Any) -> bytes:
