@@ -10,6 +10,7 @@ import pytest
 
 from scex_sumo.errors import ResultError
 from scex_sumo.folder_lock import hold, let_go
+from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.results import ResultFolder
 
 HOLDING = """
@@ -41,6 +42,18 @@ def test_a_folder_that_another_process_writes_is_refused_until_that_dies(tmp_pat
         other.kill()
     folder = ResultFolder(tmp_path, {"seed": 1})
     folder.finish({})
+
+
+def test_two_rankings_never_write_one_folder(tmp_path: Path) -> None:
+    with _another(tmp_path) as other:
+        with pytest.raises(ResultError, match="another process is writing"):
+            RankFolder(tmp_path, {"seed": 1})
+        assert not any(tmp_path.iterdir())
+        other.kill()
+    with RankFolder(tmp_path, {"seed": 1}):
+        pass
+    with _another(tmp_path) as other:  # let in without a word
+        other.kill()
 
 
 def test_a_run_that_failed_can_be_repeated_in_the_same_process(tmp_path: Path) -> None:

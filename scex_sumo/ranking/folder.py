@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import io
 import json
-import os
 import re
 import shutil
 from collections.abc import Iterator, Mapping
@@ -19,6 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.errors import ResultError
+from scex_sumo.folder_lock import hold, let_go
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.ranking.seeds import Failure, Listing, SeedRef, plain
 from scex_sumo.ranking.work import SeedPart
@@ -46,7 +45,7 @@ class RankFolder:
         """
         self.path = path
         self.identity = hashlib.sha256(_json(configuration).encode()).hexdigest()
-        self._lock: int | None = None
+        self._held = False
         try:
             self._claim(overwrite)
             self._parts = dict(self._scan())
@@ -70,11 +69,8 @@ class RankFolder:
                     f"{self.path}: not empty, and no ranking of scex-sumo; give another folder with -o"
                 )
         self.path.mkdir(parents=True, exist_ok=True)
-        self._lock = os.open(self.path, os.O_RDONLY)
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise ResultError(f"{self.path}: another scex-sumo rank is writing it; wait for it") from None
+        hold(self.path)
+        self._held = True
         if found != self.identity:
             self._clear()
         write_atomic(self.path / _PENDING, _json({"identity": self.identity}).encode())
@@ -107,9 +103,9 @@ class RankFolder:
 
     def close(self) -> None:
         """Let go of the folder."""
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
+        if self._held:
+            let_go(self.path)
+            self._held = False
 
     def __enter__(self) -> RankFolder:
         return self

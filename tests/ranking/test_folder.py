@@ -85,12 +85,6 @@ def test_a_folder_with_other_things_in_it_is_refused(tmp_path: Path) -> None:
     assert (tmp_path / "thesis.tex").exists()
 
 
-def test_two_rankings_never_write_the_same_folder(tmp_path: Path) -> None:
-    with RankFolder(tmp_path / "out", PLAN), pytest.raises(ResultError, match="another scex-sumo rank"):
-        RankFolder(tmp_path / "out", PLAN)
-    RankFolder(tmp_path / "out", PLAN).close()
-
-
 def test_an_unwritable_place_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ResultError, match="cannot write the ranking"):
