@@ -13,32 +13,20 @@ from typing import Any
 
 from scex_sumo import __version__
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.casting import (
-    Models,
-    cast_models,
-    draw_assignments,
-    drivers,
-    number_of_children,
-    put_under_test,
-    sources_of,
-    try_drivers,
-    weights_of,
-)
-from scex_sumo.colors import model_colors
+from scex_sumo.casting import Models, try_drivers
 from scex_sumo.converters.sumo_net import convert
 from scex_sumo.density import THRESHOLDS
 from scex_sumo.designs import DEFAULT_DESIGN
-from scex_sumo.errors import UsageError
 from scex_sumo.fallbacks import count_fallbacks
 from scex_sumo.job import Job, batch_size, batches_of
-from scex_sumo.metrics.evaluate import COLUMNS, PAPER_PRESET
+from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.parts import Part
 from scex_sumo.provenance import describe, fingerprint, versions
-from scex_sumo.results import (
-    ResultFolder,
-)
+from scex_sumo.request import Prepared, Progress, Request, prepare
+from scex_sumo.results import ResultFolder
 from scex_sumo.run import Run
-from scex_sumo.scene import IntArray, SeedScene
-from scex_sumo.sequential import Look, check_band, grow, look
+from scex_sumo.scene import SeedScene
+from scex_sumo.sequential import Look, grow, look
 from scex_sumo.under_test import BASELINE
 from scex_sumo.workers import Workers
 from scex_sumo.writing import handover_notes, write_tables
@@ -47,7 +35,6 @@ DEFAULT_CHILDREN = 385  # the paper's sample size: a 95 % interval of +-5 % arou
 DEFAULT_STEPS = 30
 DEFAULT_REPLAN = 5
 LEARNED = ("scex_sumo.behaviors.learned.driver",)  # takes seconds to import
-MAX_REPLAN = 30  # models plan at least 30 steps
 
 
 def extrapolate(
@@ -110,144 +97,151 @@ def extrapolate(
         ResultError: the folder cannot be written or holds another run.
         ScexError: anything else that the input or the environment does wrong.
     """
-    started = time.perf_counter()
-    _check(scene, steps, replan, seed, workers, batch)
-    assign, tested = put_under_test(assign or {}, under_test or {}, own=baseline)
-    casting, most = cast_models(models, assign, tested), number_of_children(children)
-    draw = partial(draw_assignments, casting, scene.track_ids, seed=seed, design=design)
-    if until_band is not None:
-        _check_until(until_band, design, most)
-    built = drivers(casting)
-    with _at_work(workers, most, gui) as pool:  # helpers start while this process draws and converts
-        weights = weights_of(casting, built)
-        if weights:
-            pool.prepare(LEARNED)
-        assignment = draw(children=most if until_band is None else 1)
-        try_drivers(casting, built, scene, seed=seed)
-        temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
-        settings: dict[str, Any] = {
-            "models": [{"model": str(s), "weight": s.weight} for s in casting.drawn],
-            "weights": weights,
-            "sources": sources_of(casting, built),
-            "assign": {str(t): casting.names[m] for t, m in sorted(casting.fixed.items())},
-            "under_test": {str(t): model for t, model in sorted(tested.items())},
-            "children": len(assignment) if until_band is None else most,
-            "steps": steps,
-            "replan": replan,
-            "design": "all" if most is None else design,
-            "until_band": until_band,
-            "seed": seed,
-            "preset": PAPER_PRESET,
-            "keep_plans": keep_plans,
-        }
-        identity = {"version": __version__, "scene": fingerprint(scene), **settings}
-        folder = ResultFolder(Path(temporary.name if temporary else str(out)), identity, overwrite=overwrite)
-        assert scene.road is not None
-        net = convert(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml")
-        converted = time.perf_counter()
-        job = Job(
+    return _carry_out(
+        Request(
             scene=scene,
-            net=net,
-            models=built,
-            names=casting.names,
-            colors=model_colors(casting.names),
-            assignment=assignment,
-            seed=seed,
+            models=models,
+            children=children,
+            assign=assign or {},
+            under_test=under_test or {},
+            baseline=baseline,
             steps=steps,
             replan=replan,
-            folder=folder.path,
+            design=design,
+            until_band=until_band,
+            seed=seed,
+            workers=workers,
+            batch=batch,
+            out=out,
+            overwrite=overwrite,
             keep_plans=keep_plans,
             gui=gui,
-            tested=tuple(v for v, track in enumerate(scene.track_ids.tolist()) if track in tested),
+            thresholds=thresholds or {},
+            command=command,
+            progress=progress,
         )
-        baseline = baseline and any(model is not None for model in tested.values())
-        tick = _part_of(progress, 0, 2) if baseline else progress
-        go = partial(_run_all, folder=folder, workers=pool, batch=batch, progress=tick)
-        band = None
-        if until_band is None or most is None:
-            go(job)
-        else:
-            job, band = _run_until(job, folder, go, draw, until_band, most, design)
-        if baseline and not (folder.path / BASELINE / "run.json").is_file():
-            extrapolate(
-                scene,
-                models=models,
-                children="all" if most is None else len(job.assignment),
-                assign=assign,
-                under_test=dict.fromkeys(tested),
-                steps=steps,
-                replan=replan,
-                design=design,
-                seed=seed,
-                workers=pool,
-                batch=batch,
-                out=folder.path / BASELINE,
-                overwrite=True,
-                keep_plans=keep_plans,
-                thresholds=thresholds,
-                command=command,
-                progress=_part_of(progress, 1, 2),
-            )
-    simulated = time.perf_counter()
-    part = write_tables(folder, job)
-    folder.finish(
-        {
-            "scex_sumo": __version__,
-            "command": list(command) if command else None,
-            "seed_scene": describe(scene),
-            **settings,
-            "children": len(job.assignment),
-            "band": None if band is None else {"asked": until_band, **dataclasses.asdict(band)},
-            "thresholds": {**THRESHOLDS, **(thresholds or {})},
-            "net": scene.road.name,
-            "net_notes": list(net.notes),
-            "run_notes": [*handover_notes(job, part), *pool.deaths],
-            "fallbacks": count_fallbacks(part.fallbacks, job.assignment, job.names, -(-steps // replan)),
-            "versions": versions(learned=bool(weights)),
-            "timings_s": {
-                "convert": round(converted - started, 3),
-                "simulate_and_measure": round(simulated - converted, 3),
-                "write": round(time.perf_counter() - simulated, 3),
-            },
-        }
     )
+
+
+def _carry_out(request: Request) -> Run:
+    """Run a request, and write the result."""
+    watch = _Stopwatch()
+    prepared = prepare(request)
+    scene = request.scene
+    assert scene.road is not None
+    with _at_work(request.workers, prepared.most, request.gui) as pool:  # helpers start meanwhile
+        if prepared.weights:
+            pool.prepare(LEARNED)
+        assignment = prepared.first_draw()
+        try_drivers(prepared.casting, prepared.drivers, scene, seed=request.seed)
+        temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if request.out is None else None
+        settings = prepared.settings(assignment)
+        identity = {"version": __version__, "scene": fingerprint(scene), **settings}
+        path = Path(temporary.name if temporary else str(request.out))
+        folder = ResultFolder(path, identity, overwrite=request.overwrite)
+        net = convert(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml")
+        watch.lap("convert")
+        job, band = _run_children(prepared, prepared.job(net, assignment, folder.path), folder, pool)
+        if prepared.compared and not (folder.path / BASELINE / "run.json").is_file():
+            _carry_out(_without_test(prepared, job, pool))
+    watch.lap("simulate_and_measure")
+    part = write_tables(folder, job)
+    info = _info(prepared, settings, job, band, part, pool.deaths)
+    folder.finish({**info, "timings_s": watch.lap("write")})
     return Run(folder.path, temporary)
 
 
-def _part_of(
-    progress: Callable[[int, int], None] | None, part: int, parts: int
-) -> Callable[[int, int], None] | None:
+def _info(
+    prepared: Prepared,
+    settings: Mapping[str, Any],
+    job: Job,
+    band: Look | None,
+    part: Part,
+    deaths: Sequence[str],
+) -> dict[str, Any]:
+    """What ``run.json`` says but for the times.
+
+    Args:
+        prepared: what was asked for.
+        settings: its settings, the number of children as it was asked for.
+        job: what was run.
+        band: how wide the bands are, where they decide when it is enough.
+        part: all children.
+        deaths: one phrase for each worker that was replaced.
+    """
+    request = prepared.request
+    return {
+        "scex_sumo": __version__,
+        "command": list(request.command) if request.command else None,
+        "seed_scene": describe(job.scene),
+        **settings,
+        "children": len(job.assignment),
+        "band": None if band is None else {"asked": request.until_band, **dataclasses.asdict(band)},
+        "thresholds": {**THRESHOLDS, **request.thresholds},
+        "net": job.road.name,
+        "net_notes": list(job.net.notes),
+        "run_notes": [*handover_notes(job, part), *deaths],
+        "fallbacks": count_fallbacks(part.fallbacks, job.assignment, job.names, -(-job.steps // job.replan)),
+        "versions": versions(learned=bool(prepared.weights)),
+    }
+
+
+class _Stopwatch:
+    """How long each part of the work takes, in s."""
+
+    def __init__(self) -> None:
+        self._last, self._laps = time.perf_counter(), dict[str, float]()
+
+    def lap(self, part: str) -> dict[str, float]:
+        """End a part of the work; the times of all that have ended."""
+        now = time.perf_counter()
+        self._laps[part], self._last = round(now - self._last, 3), now
+        return dict(self._laps)
+
+
+def _run_children(
+    prepared: Prepared, job: Job, folder: ResultFolder, pool: Workers
+) -> tuple[Job, Look | None]:
+    """Run all children, or as many as a band takes; the job of those, and how wide the bands are."""
+    request, most = prepared.request, prepared.most
+    progress = _part_of(request.progress, 0, 2) if prepared.compared else request.progress
+    go = partial(_run_all, folder=folder, workers=pool, batch=request.batch, progress=progress)
+    if request.until_band is None or most is None:
+        go(job)
+        return job, None
+
+    def measure(count: int) -> Look:
+        grown = dataclasses.replace(job, assignment=prepared.draw(count))
+        go(grown)
+        return look(grown.assignment, *folder.values(count), COLUMNS, design=request.design)
+
+    band = grow(measure, band=request.until_band, most=most)
+    return dataclasses.replace(job, assignment=prepared.draw(band.children)), band
+
+
+def _without_test(prepared: Prepared, job: Job, pool: Workers) -> Request:
+    """The run to compare with: the same children, with nobody under test driven by another model."""
+    return dataclasses.replace(
+        prepared.request,
+        children="all" if prepared.most is None else len(job.assignment),
+        assign=prepared.assign,
+        under_test=dict.fromkeys(prepared.tested),
+        baseline=True,
+        until_band=None,
+        workers=pool,
+        out=job.folder / BASELINE,
+        overwrite=True,
+        gui=False,
+        progress=_part_of(prepared.request.progress, 1, 2),
+    )
+
+
+def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | None:
     """Progress of one of several equal parts, told as that of the whole."""
     if progress is None:
         return None
     whole = progress
     return lambda done, total: whole(part * total + done, parts * total)
-
-
-def _check_until(until_band: float, design: str, most: int | None) -> None:
-    check_band(until_band, design)
-    if most is None:
-        raise UsageError("--until-band: all combinations leave nothing to estimate; give no --children all")
-
-
-def _run_until(
-    job: Job,
-    folder: ResultFolder,
-    go: Callable[[Job], None],
-    draw: Callable[..., IntArray],
-    until_band: float,
-    most: int,
-    design: str,
-) -> tuple[Job, Look]:
-    """Run more and more children until the bands are narrow enough; the last job, and how wide they are."""
-
-    def measure(count: int) -> Look:
-        grown = dataclasses.replace(job, assignment=draw(children=count))
-        go(grown)
-        return look(grown.assignment, *folder.values(count), COLUMNS, design=design)
-
-    band = grow(measure, band=until_band, most=most)
-    return dataclasses.replace(job, assignment=draw(children=band.children)), band
 
 
 @contextlib.contextmanager
@@ -260,30 +254,10 @@ def _at_work(workers: int | Workers, most: int | None, gui: bool) -> Iterator[Wo
         yield pool
 
 
-def _check(
-    scene: SeedScene, steps: int, replan: int, seed: int, workers: int | Workers, batch: int | None
-) -> None:
-    if scene.road is None:
-        raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
-    if steps < 1:
-        raise UsageError(f"--steps: got {steps}, needs at least 1")
-    if not 1 <= replan <= MAX_REPLAN:
-        raise UsageError(f"--replan: got {replan}, needs 1 to {MAX_REPLAN} (models plan {MAX_REPLAN} steps)")
-    if seed < 0:
-        raise UsageError(f"--seed: got {seed}, needs 0 or more")
-    if isinstance(workers, int) and workers < 1:
-        raise UsageError(f"--workers: got {workers}, needs at least 1")
-    if batch is not None and batch < 1:
-        raise UsageError(f"--batch: got {batch}, needs at least 1")
-
-
 def _run_all(
-    job: Job,
-    folder: ResultFolder,
-    workers: Workers,
-    batch: int | None,
-    progress: Callable[[int, int], None] | None,
+    job: Job, folder: ResultFolder, workers: Workers, batch: int | None, progress: Progress | None
 ) -> None:
+    """Run the children of a job that the folder has not yet."""
     done = folder.done()
     total = len(job.assignment)
     size = batch if batch is not None else batch_size(job, processes=workers.processes)
