@@ -13,8 +13,7 @@ from matplotlib.colors import Colormap
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import UsageError
 from scex_sumo.plots import STYLE, draw_road, vehicle_boxes
-from scex_sumo.rollout import history_at
-from scex_sumo.scene import STEP_S, FloatArray, Plan, SeedScene, States, Who
+from scex_sumo.scene import STEP_S, FloatArray, Plan, SceneHistory, SeedScene, States, Who
 
 VALUES = (0.0, 0.25, 0.5, 0.75, 1.0)
 SHOWN = 3  # vehicles whose speeds are drawn
@@ -78,8 +77,7 @@ def plot_attention(
 def _plan(seed: SeedScene, model: str, weights: str | Path) -> Plan:
     assert seed.road is not None
     built = build(parse_models(f"{model}:weights={weights}" if str(weights) else model)[0])
-    one = np.zeros(1, dtype=np.int64)
-    history = history_at(seed, seed.history.repeat(1), one, np.zeros((1, seed.vehicles)), step=0)
+    history = SceneHistory.of_seed(seed)
     who = Who(child=np.zeros(seed.vehicles, dtype=np.int64), vehicle=np.arange(seed.vehicles))
     return built.plan(history, seed.road, who, [np.random.default_rng(0)])
 

@@ -208,6 +208,20 @@ class SceneHistory:
     obstacle_states: States | None = None
     obstacle_present: BoolArray | None = None
 
+    @classmethod
+    def of_seed(cls, seed: SeedScene) -> SceneHistory:
+        """A seed scene as the only child of a batch; its ``route_draw`` is zero."""
+        others = seed.obstacles
+        return cls(
+            seed=seed,
+            states=seed.history.repeat(1),
+            children=np.zeros(1, dtype=np.int64),
+            step=0,
+            route_draw=np.zeros((1, seed.vehicles)),
+            obstacle_states=None if others is None else others.states[:, HISTORY_STEPS],
+            obstacle_present=None if others is None else others.present[:, HISTORY_STEPS],
+        )
+
     @property
     def now(self) -> States:
         """(C, V) present states."""

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from scex_sumo.behaviors.frames import seen_from
 from scex_sumo.behaviors.parameters import check_positive
 from scex_sumo.errors import UsageError
 from scex_sumo.lines import arc_lengths
@@ -96,7 +97,7 @@ def predictor_inputs(
     now = own[:, -1]
     kinds = np.array([kind_of(word) for word in seed.types], dtype=np.int64)
     made: dict[str, NDArray[Any]] = {
-        "history": _seen_from(now, own),
+        "history": seen_from(now, own),
         "size": np.stack([seed.length, seed.width], axis=-1)[who.vehicle],
         "kind": kinds[who.vehicle],
     }
@@ -110,16 +111,6 @@ def predictor_inputs(
 def kind_of(word: str) -> int:
     """Index into `KINDS` of a recorded type, e.g. ``truck_bus``."""
     return next((kind for part, kind in _WORDS if part in word.lower()), KINDS.index("other"))
-
-
-def _seen_from(now: States, states: States) -> FloatArray:
-    """(n, ..., 5) states in the frames of n vehicles."""
-    more = (slice(None), *(None,) * (len(states.shape) - 1))
-    cos, sin = np.cos(now.heading)[more], np.sin(now.heading)[more]
-    dx, dy = states.x - now.x[more], states.y - now.y[more]
-    turn = states.heading - now.heading[more]
-    parts = (cos * dx + sin * dy, cos * dy - sin * dx, np.cos(turn), np.sin(turn), states.speed)
-    return np.stack(parts, axis=-1)
 
 
 def _others(
@@ -146,7 +137,7 @@ def _others(
     distance[~present[who.child]] = np.inf
     distance[np.arange(len(who)), who.vehicle] = np.inf
     nearest, mask = _nearest(distance, surroundings.neighbours, surroundings.radius)
-    seen = _seen_from(now, states[who.child[:, None], nearest])
+    seen = seen_from(now, states[who.child[:, None], nearest])
     return {
         "neighbours": np.where(mask[..., None, None], seen, 0.0),
         "neighbour_size": np.where(mask[..., None], size[nearest], 0.0),

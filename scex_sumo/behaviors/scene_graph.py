@@ -96,17 +96,8 @@ def scene_graph(
 
 @lru_cache(maxsize=4)
 def _alone(seed: SeedScene) -> SceneHistory:
-    """A seed scene as the only child of a batch."""
-    others = seed.obstacles
-    return SceneHistory(
-        seed=seed,
-        states=seed.history.repeat(1),
-        children=np.zeros(1, dtype=np.int64),
-        step=0,
-        route_draw=np.zeros((1, seed.vehicles)),
-        obstacle_states=None if others is None else others.states[:, seed.history.shape[1] - 1],
-        obstacle_present=None if others is None else others.present[:, seed.history.shape[1] - 1],
-    )
+    """Kept, as graphs are kept by history."""
+    return SceneHistory.of_seed(seed)
 
 
 def _build(history: SceneHistory, road: Road, radius: float) -> SceneGraph:

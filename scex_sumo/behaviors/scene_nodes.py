@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from scex_sumo.behaviors.frames import SEEN_COLUMNS, seen_from
 from scex_sumo.behaviors.road_index import RoadIndex
 from scex_sumo.behaviors.scene_edges import Located
 from scex_sumo.lines import wrap
@@ -25,7 +26,7 @@ NODE_COLUMNS = (
     "obstacle_distance",  # m, from the front bumper to the obstacle's centre
     "obstacle_offset",  # m, left positive
 )
-HISTORY_COLUMNS = ("x", "y", "cos", "sin", "speed")
+HISTORY_COLUMNS = SEEN_COLUMNS
 SLOPE_STEPS = 5  # 0.5 s
 CORRIDOR_M = 30.0  # ahead of the front bumper: where a car at 50 km/h stops comfortably
 CORRIDOR_HALF_WIDTH_M = 3.0  # to either side: the own lane, and who stands at its edge
@@ -34,17 +35,8 @@ _WORDS = {"motor": 2, "truck": 1, "bus": 1, "trailer": 1, "car": 0, "van": 0}
 
 def node_history(history: SceneHistory) -> FloatArray:
     """(C * V, 11, 5) the last second in each vehicle's present frame, columns as in `HISTORY_COLUMNS`."""
-    states = history.states
-    steps = states.shape[2]
-    features = np.empty((*states.shape, len(HISTORY_COLUMNS)))
-    cos, sin = np.cos(history.now.heading)[..., None], np.sin(history.now.heading)[..., None]
-    dx, dy = states.x - history.now.x[..., None], states.y - history.now.y[..., None]
-    features[..., 0] = cos * dx + sin * dy
-    features[..., 1] = cos * dy - sin * dx
-    turn = states.heading - history.now.heading[..., None]
-    features[..., 2], features[..., 3] = np.cos(turn), np.sin(turn)
-    features[..., 4] = states.speed
-    return features.reshape(-1, steps, len(HISTORY_COLUMNS))
+    seen = seen_from(history.now, history.states)
+    return seen.reshape(-1, *seen.shape[2:])
 
 
 def node_features(history: SceneHistory, place: Located, index: RoadIndex) -> FloatArray:

@@ -28,7 +28,7 @@ from scex_sumo.behaviors.paths import PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.scene_graph import scene_graph
 from scex_sumo.errors import InputError
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, BoolArray, FloatArray, IntArray, Plan, SceneHistory, SeedScene, Who
+from scex_sumo.scene import BoolArray, FloatArray, IntArray, Plan, SceneHistory, SeedScene, Who
 
 OUTPUT_GRID = 2.0**-10  # m/s² and m: what is left of the order of sums is rounded away, see `layers`
 DRAW_DIGITS = 2.0**20  # modes are drawn with the digits of `route_draw` that paths do not use
@@ -212,7 +212,7 @@ class LearnedDriver:
         """Paths and modes as the network sees them in the seed scene."""
         key = seed, road
         if key not in self._choices:
-            history = _alone(seed)
+            history = SceneHistory.of_seed(seed)
             everyone = Who(child=np.zeros(seed.vehicles, np.int64), vehicle=np.arange(seed.vehicles))
             paths, _ = chosen_paths(history, road, everyone, _plain(self.profile.path))
             vehicle = np.repeat(np.arange(seed.vehicles), paths.count)
@@ -251,20 +251,6 @@ def _plain(path: PathChoice | Literal["likeliest"]) -> PathChoice:
 
 def _some(who: Who, index: IntArray) -> Who:
     return Who(child=who.child[index], vehicle=who.vehicle[index])
-
-
-def _alone(seed: SeedScene) -> SceneHistory:
-    """A seed scene as the only child of a batch."""
-    others = seed.obstacles
-    return SceneHistory(
-        seed=seed,
-        states=seed.history.repeat(1),
-        children=np.zeros(1, dtype=np.int64),
-        step=0,
-        route_draw=np.zeros((1, seed.vehicles)),
-        obstacle_states=None if others is None else others.states[:, HISTORY_STEPS],
-        obstacle_present=None if others is None else others.present[:, HISTORY_STEPS],
-    )
 
 
 def _together(parts: list[tuple[IntArray, Plan]], reasons: NDArray[np.str_]) -> Plan:
