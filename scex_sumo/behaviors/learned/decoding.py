@@ -60,8 +60,9 @@ def plan_along(
     else:
         half = history.seed.width[who.vehicle] / 2 + EDGE_MARGIN_M
         least, most = bounds_along(road, paths, row, s, way, half)
-        # Smoothed once it is bounded, so that the vehicle is not still on its way out at the edge.
-        wanted = np.clip(_smoothed(np.clip(wanted, least, most)), least, most)
+        # Smoothed once it is bounded, so that the vehicle is not still on its way out at the edge; and not
+        # bounded again, for bounds jump by centimetres, and what is steered is their second derivative.
+        wanted = _smoothed(np.clip(wanted, least, most))
     # What follows the path is the rear axle.
     wanted = wanted - (REAR_AXLE_SHARE * history.seed.length[who.vehicle])[:, None] * _slope(wanted, way)
 
