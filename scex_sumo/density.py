@@ -1,4 +1,4 @@
-"""Densities of metric values, their uncertainty, and distances between them. Arrays in, arrays out.
+"""Densities of metric values, and their uncertainty. Arrays in, arrays out.
 
 Samples are the values of the children in which a metric is defined: drop undefined children first and report
 the share of those that remain (``defined_fraction``). Infinite samples are values: they count in every
@@ -98,7 +98,7 @@ def density(
         reflect: fold the part of the density below 0 back, for values that cannot be negative.
         confidence: of the band.
     """
-    values = _checked(samples, "density")
+    values = checked(samples, "density")
     if not (np.isfinite(bandwidth) and bandwidth > 0):
         raise InputError(f"density: bandwidth {bandwidth}; choose one above 0, in the metric's unit")
     if values.size == 0:
@@ -106,7 +106,7 @@ def density(
     if reflect and values.min() < 0:
         raise InputError(f"density: reflection at 0 of a negative sample, {values.min()}; turn it off")
     finite = values[np.isfinite(values)]
-    grid = _grid(finite, bandwidth) if x is None else np.asarray(x, dtype=np.float64)
+    grid = common_grid(finite, bandwidth) if x is None else np.asarray(x, dtype=np.float64)
     if reflect and x is None:
         grid = grid[grid >= 0]
     pdf, below = _kernel_sums(finite, grid, bandwidth)
@@ -162,7 +162,7 @@ def bootstrap_band(
 
     Source: Efron 1979.
     """
-    values = _checked(samples, "bootstrap_band")
+    values = checked(samples, "bootstrap_band")
     _check_confidence(confidence)
     if values.size == 0 or draws < 1:
         raise InputError(f"bootstrap_band: {values.size} samples and {draws} draws; both must be at least 1")
@@ -196,7 +196,7 @@ def p_critical(
     Returns:
         The share and its interval; NaN in 0 to 1 without samples.
     """
-    values = _checked(samples, "p_critical")
+    values = checked(samples, "p_critical")
     if side not in ("left", "right"):
         raise InputError(f"p_critical: side {side!r}; choose left or right")
     if np.isnan(threshold):
@@ -226,52 +226,16 @@ def defined_fraction(values: ArrayLike) -> float:
     return float(np.mean(~np.isnan(column))) if column.size else float("nan")
 
 
-def kolmogorov_smirnov(first: ArrayLike, second: ArrayLike) -> float:
-    """Largest difference between the empirical distributions of two sample sets, 0 to 1."""
-    one, two = _two(first, second, "kolmogorov_smirnov")
-    _, share_1, share_2 = _empirical(one, two)
-    return float(np.abs(share_1 - share_2).max())
+def checked(samples: ArrayLike, what: str) -> FloatArray:
+    """(N,) samples.
 
+    Args:
+        samples: of any shape.
+        what: asks, for the message.
 
-def wasserstein(first: ArrayLike, second: ArrayLike) -> float:
-    """Wasserstein-1 distance of two sample sets in their unit: the area between their distributions.
-
-    Returns:
-        inf where the sets do not have the same share of samples at (either) infinity.
+    Raises:
+        InputError: some are NaN.
     """
-    one, two = _two(first, second, "wasserstein")
-    at, share_1, share_2 = _empirical(one, two)
-    difference = np.abs(share_1 - share_2)[:-1]
-    width = np.diff(at)
-    # No difference over an infinite width is no distance.
-    return float(np.sum(np.multiply(difference, width, where=difference > 0, out=np.zeros_like(difference))))
-
-
-def jensen_shannon(first: ArrayLike, second: ArrayLike, bandwidth: float = BANDWIDTH) -> float:
-    """Jensen-Shannon divergence, base 2, of the kernel densities of two sample sets on a common grid.
-
-    Returns:
-        0 (equal) to 1 (nothing in common); infinite samples form a class of their own.
-    """
-    one, two = _two(first, second, "jensen_shannon")
-    finite = np.concatenate([one, two])
-    grid = _grid(finite[np.isfinite(finite)], bandwidth)
-    masses = []
-    for values in (one, two):
-        mass = density(values, bandwidth, x=grid).pdf
-        inner = np.count_nonzero(np.isfinite(values)) / values.size
-        mass *= inner / mass.sum() if inner else 0.0
-        ends = [np.count_nonzero(values == end) / values.size for end in (-np.inf, np.inf)]
-        masses.append(np.concatenate([mass, ends]))
-    middle = (masses[0] + masses[1]) / 2
-    total = 0.0
-    for mass in masses:
-        some = mass > 0
-        total += float(np.sum(mass[some] * np.log2(mass[some] / middle[some]))) / 2
-    return min(max(total, 0.0), 1.0)
-
-
-def _checked(samples: ArrayLike, what: str) -> FloatArray:
     values = np.asarray(samples, dtype=np.float64).reshape(-1)
     missing = int(np.count_nonzero(np.isnan(values)))
     if missing:
@@ -279,28 +243,13 @@ def _checked(samples: ArrayLike, what: str) -> FloatArray:
     return values
 
 
-def _two(first: ArrayLike, second: ArrayLike, what: str) -> tuple[FloatArray, FloatArray]:
-    one, two = _checked(first, what), _checked(second, what)
-    if one.size == 0 or two.size == 0:
-        raise InputError(f"{what}: {one.size} and {two.size} samples; both sets need at least one")
-    return one, two
-
-
 def _check_confidence(confidence: float) -> None:
     if not 0 < confidence < 1:
         raise InputError(f"confidence {confidence}; choose one between 0 and 1, e.g. 0.95")
 
 
-def _empirical(one: FloatArray, two: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """All values ascending, and both sets' shares at or below each."""
-    at = np.unique(np.concatenate([one, two]))
-    share_1 = np.searchsorted(np.sort(one), at, side="right") / one.size
-    share_2 = np.searchsorted(np.sort(two), at, side="right") / two.size
-    return at, share_1, share_2
-
-
-def _grid(finite: FloatArray, bandwidth: float) -> FloatArray:
-    """Multiples of h / 4 within 5 h of any sample; clusters far apart do not fill the space between them."""
+def common_grid(finite: FloatArray, bandwidth: float) -> FloatArray:
+    """(G,) multiples of h / 4 within 5 h of any sample, without the space between clusters far apart."""
     step = bandwidth / _GRID_PER_BANDWIDTH
     reach = _GRID_MARGIN * _GRID_PER_BANDWIDTH
     centre = np.unique(np.rint(finite / step))

@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from scex_sumo.density import BANDWIDTH, density
-from scex_sumo.fingerprint import Comparison, Scale
+from scex_sumo.fingerprint import Comparison
+from scex_sumo.fingerprint_distances import Scale
 from scex_sumo.grouping import Grouping
 from scex_sumo.plots import LABELS
 from scex_sumo.run import Run

@@ -1,4 +1,4 @@
-"""Densities, intervals and distances: against their formulas, scipy, and what they promise."""
+"""Densities and intervals: against their formulas, scipy, and what they promise."""
 
 from __future__ import annotations
 
@@ -15,10 +15,7 @@ from scex_sumo.density import (
     defined_fraction,
     density,
     dkw_half_width,
-    jensen_shannon,
-    kolmogorov_smirnov,
     p_critical,
-    wasserstein,
     wilson,
 )
 from scex_sumo.errors import InputError
@@ -158,42 +155,6 @@ def test_the_defined_fraction_counts_what_is_not_nan() -> None:
     assert np.isnan(defined_fraction([]))
 
 
-@given(values, values)
-def test_distances_agree_with_scipy(first: list[float], second: list[float]) -> None:
-    ks = stats.ks_2samp(first, second, method="asymp").statistic
-    assert kolmogorov_smirnov(first, second) == pytest.approx(ks, abs=1e-12)
-    assert wasserstein(first, second) == pytest.approx(
-        stats.wasserstein_distance(first, second), rel=1e-9, abs=1e-9
-    )
-
-
-def test_wasserstein_of_a_shift_is_the_shift() -> None:
-    assert wasserstein(SAMPLES, SAMPLES + 0.7) == pytest.approx(0.7, rel=1e-9)
-
-
-def test_wasserstein_with_mass_at_infinity() -> None:
-    assert wasserstein([1.0, INF], [3.0, INF]) == pytest.approx(1.0)
-    assert wasserstein([1.0, INF], [3.0, 3.0]) == INF
-    assert kolmogorov_smirnov([1.0, INF], [1.0, 1.0]) == 0.5
-
-
-def test_jensen_shannon_between_0_and_1() -> None:
-    assert jensen_shannon(SAMPLES, SAMPLES) == pytest.approx(0.0, abs=1e-12)
-    assert jensen_shannon([0.0], [100.0]) == pytest.approx(1.0, abs=1e-9)
-    assert jensen_shannon([INF], [INF, INF]) == 0.0
-    assert jensen_shannon([0.0, INF], [0.0, 100.0]) == pytest.approx(0.5, abs=1e-9)
-
-
-def test_jensen_shannon_of_two_normals_by_quadrature() -> None:
-    """Kernels of width 1 at 0 and 1: the integral over a fine grid of the closed densities."""
-    x = np.linspace(-12, 13, 200_001)
-    p, q = stats.norm.pdf(x), stats.norm.pdf(x - 1)
-    middle = (p + q) / 2
-    exact = np.sum(p * np.log2(p / middle) + q * np.log2(q / middle)) / 2 * (x[1] - x[0])
-    # The common grid ends after 5 bandwidths.
-    assert jensen_shannon([0.0], [1.0], bandwidth=1.0) == pytest.approx(exact, rel=1e-4)
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -203,7 +164,6 @@ def test_jensen_shannon_of_two_normals_by_quadrature() -> None:
         (lambda: p_critical([1.0], 1.0, "above"), "choose left or right"),
         (lambda: p_critical([1.0], np.nan), "not a number"),
         (lambda: p_critical([1.0], 1.0, confidence=95), "between 0 and 1"),
-        (lambda: kolmogorov_smirnov([], [1.0]), "0 and 1 samples"),
     ],
 )
 def test_what_makes_no_sense_is_refused(call: object, message: str) -> None:

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo
-from scex_sumo.density import jensen_shannon, kolmogorov_smirnov, wasserstein
+from scex_sumo.distances import jensen_shannon, kolmogorov_smirnov, wasserstein
 from scex_sumo.errors import UsageError
 from scex_sumo.reduction import choose_vehicles, reduced
 from scex_sumo.sample_size import designed, errors, subsets
