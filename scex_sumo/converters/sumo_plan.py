@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 
 import numpy as np
-from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.converters.sumo_conflicts import Conflict
 from scex_sumo.converters.sumo_elements import Connection, Edge, Node, SumoLane
+from scex_sumo.converters.sumo_outlines import border, lane_area, union_outline
 from scex_sumo.converters.sumo_rings import ring_lanes
 from scex_sumo.converters.sumo_rows import Piece
 from scex_sumo.converters.sumo_rules import (
@@ -21,14 +20,12 @@ from scex_sumo.converters.sumo_rules import (
     set_right_of_way,
 )
 from scex_sumo.converters.sumo_shapes import (
-    at,
+    bend,
     cut,
     heading,
     join,
     length,
     mean_width,
-    project,
-    turn,
 )
 from scex_sumo.converters.sumo_topology import Cut, Path, Topology
 from scex_sumo.road import Road
@@ -57,8 +54,8 @@ class NetPlan:
         self._by_name = {edge.name: edge for edge in self.edges}
         self._leaving: dict[tuple[str, int], list[Connection]] = {}
         self._connect(found)
-        for cut_, name in self._cuts_by_node().items():
-            self.nodes[name].shape = self._outline(cut_, self.nodes[name])
+        for name in self._cuts_by_node().values():
+            self.nodes[name].shape = self._outline(self.nodes[name])
 
     def ends(self) -> dict[str, tuple[str, str]]:
         """For each internal lane the edges before and after it."""
@@ -239,11 +236,11 @@ class NetPlan:
 
     def _link(self, path: Path, shape: FloatArray) -> Link:
         start = self._road_shape(path.start)
-        bend = _bend(shape)
+        turned = bend(shape)
         return Link(
             path=path,
             entry=heading(start, end=True),
-            bend=bend,
+            bend=turned,
             on=approach(self._topology, path),
             on_ring=self._topology.lane_id(path.start) in self._ring,
         )
@@ -273,47 +270,11 @@ class NetPlan:
             to_lane=path.end[2],
         )
 
-    def _outline(self, node: Cut, plan: Node) -> FloatArray:
+    def _outline(self, plan: Node) -> FloatArray:
         """Union of the lanelets within a node; where there are none, the border between its edges."""
         inside = {piece for c in plan.connections for piece in c.link.path.inside}
-        areas = [self._area(piece) for piece in sorted(inside)]
-        if areas:
-            union = unary_union([area.buffer(0.01) for area in areas])
-            hull = union if union.geom_type == "Polygon" else union.convex_hull
-            return np.asarray(hull.simplify(0.05).exterior.coords)[:-1]
-        return self._border(plan)
-
-    def _area(self, piece: Piece) -> Polygon:
-        row = self._topology.rows[piece[0]]
-        lane = self._lanes[row.lanes[piece[2]]]
-        ends = at(lane.centreline, np.array(row.span(piece[1], piece[2])))
-        sides = [_between(bound, ends) for bound in (lane.left_bound, lane.right_bound)]
-        return Polygon(np.vstack([sides[0], sides[1][::-1]])).buffer(0)
-
-    def _border(self, plan: Node) -> FloatArray:
-        """Corners of the lanes that end or begin at a node without an inside."""
-        points: list[FloatArray] = []
-        for edge in self.edges:
-            for lane in edge.lanes:
-                for name, end in ((edge.start, False), (edge.end, True)):
-                    if name == plan.name:
-                        angle = heading(lane.shape, end=end)
-                        across = np.array([-np.sin(angle), np.cos(angle)]) * lane.width / 2
-                        tip = lane.shape[-1 if end else 0]
-                        points += [tip + across, tip - across]
-        hull = MultiPoint(np.array(points)).convex_hull
-        coords = hull.exterior.coords[:-1] if hull.geom_type == "Polygon" else hull.coords
-        return np.asarray(coords)
-
-
-def _bend(shape: FloatArray) -> float:
-    """Signed change of heading along a polyline, summed over its points, rad."""
-    steps = np.diff(shape, axis=0)
-    angles = np.arctan2(steps[:, 1], steps[:, 0])
-    return float(sum(turn(a, b) for a, b in pairwise(angles)))
-
-
-def _between(bound: FloatArray, ends: FloatArray) -> FloatArray:
-    """Part of a bound beside a stretch of the centreline, given the stretch's two end points."""
-    start, end = project(ends, bound)[0]
-    return cut(bound, start, end) if end - start > 1e-3 else np.vstack([at(bound, start), at(bound, end)])
+        areas = []
+        for piece in sorted(inside):
+            row = self._topology.rows[piece[0]]
+            areas.append(lane_area(self._lanes[row.lanes[piece[2]]], row.span(piece[1], piece[2])))
+        return union_outline(areas) if areas else border(plan.name, self.edges)

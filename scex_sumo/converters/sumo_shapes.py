@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -102,3 +103,10 @@ def text(line: FloatArray) -> str:
     """A polyline as SUMO writes it: ``x,y x,y``."""
     # Adding 0.0 turns a rounded -0.0 into 0.0.
     return " ".join(f"{x:.{DECIMALS}f},{y:.{DECIMALS}f}" for x, y in np.round(line, DECIMALS) + 0.0)
+
+
+def bend(shape: FloatArray) -> float:
+    """Signed change of heading along a polyline, summed over its points, rad."""
+    steps = np.diff(shape, axis=0)
+    angles = np.arctan2(steps[:, 1], steps[:, 0])
+    return float(sum(turn(a, b) for a, b in pairwise(angles)))
