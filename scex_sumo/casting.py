@@ -121,8 +121,10 @@ def draw_assignments(
     ids = [int(track) for track in track_ids]
     unknown = sorted(set(casting.tested) - set(ids))
     if unknown:
+        # A model of the user's own is under test by --assign as well.
         raise UsageError(
-            f"--under-test: no vehicle {unknown[0]} in the seed scene; its vehicles: {listing(ids)}"
+            f"--assign or --under-test: no vehicle {unknown[0]} in the seed scene; "
+            f"its vehicles: {listing(ids)}"
         )
     always = {track: model for track, model in casting.fixed.items() if track not in casting.tested}
     drawn = assignments(casting.weights, track_ids, children=children, seed=seed, fixed=always, design=design)

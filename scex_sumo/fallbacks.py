@@ -88,7 +88,8 @@ def fallback_lines(counts: Sequence[dict[str, Any]]) -> list[str]:
     """``count_fallbacks`` as a line for each model."""
     return [
         f"{c['model']}: {c['replaced']} of {c['plans']} plans replaced by the path-following driver's, "
-        f"in {c['children']} children; first (child {c['first']['child']}, vehicle {c['first']['track_id']}, "
+        f"in {c['children']} {'child' if c['children'] == 1 else 'children'}; "
+        f"first (child {c['first']['child']}, vehicle {c['first']['track_id']}, "
         f"{c['first']['step'] * STEP_S:.1f} s): {c['first']['reason']}"
         for c in counts
     ]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -19,21 +22,35 @@ METRIC_LABELS = {
     "wttc": "WTTC [s]",
     "ttc": "1/TTC [1/s]",
 }
+_LEAST = 12  # characters of a column that may take several lines
 
 
 def print_summary(run: Run, console: Console) -> None:
-    """Print the summary, without its frame where the terminal is too narrow, and never cut off."""
-    unlimited = console.options.update(max_width=1000)
-    table = summary_table(run)
-    if console.measure(table, options=unlimited).maximum > console.width:
-        table = summary_table(run)
-        table.box, table.padding, table.pad_edge = None, (0, 1, 0, 0), False
-        for column in table.columns:
-            column.header = str(column.header).replace(" if", "\nif").replace("% inter", "%\ninter")
-        console.width = max(console.width, console.measure(table, options=unlimited).maximum)
-    console.print(table)
+    """Print the table, and what was planned by the path-following driver instead."""
+    print_table(summary_table(run), console, breaks=(" if", " interval"))
     for line in fallback_lines(run.info.get("fallbacks", [])):
         console.print(Text(line), soft_wrap=True)
+
+
+def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -> None:
+    """Print a table, without its frame where the terminal is too narrow, and never cut off.
+
+    Args:
+        table: columns with overflow ``fold`` may take several lines, all others take one.
+        console: where to; it gets as wide as the table needs.
+        breaks: parts of headers that begin a new line where the terminal is too narrow.
+    """
+    unlimited = console.options.update(max_width=1000)
+    if console.measure(table, options=unlimited).maximum > console.width:
+        table.box, table.padding, table.pad_edge = None, (0, 1, 0, 0), False
+        for column in table.columns:
+            for part in breaks:
+                column.header = str(column.header).replace(part, f"\n{part.strip()}")
+        folded = [c for c in table.columns if c.overflow == "fold"]
+        spare = sum(max(0, *(cell_len(str(cell)) for cell in c.cells)) - _LEAST for c in folded)
+        needed = console.measure(table, options=unlimited).maximum
+        console.width = max(console.width, needed - max(0, spare))
+    console.print(table)
 
 
 def summary_table(run: Run) -> Table:

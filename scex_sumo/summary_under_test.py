@@ -9,13 +9,13 @@ from rich.table import Table
 from rich.text import Text
 
 from scex_sumo.density import Interval
-from scex_sumo.summary import METRIC_LABELS, counted
+from scex_sumo.summary import METRIC_LABELS, counted, print_table
 from scex_sumo.under_test import Difference, UnderTest, holm
 
 
 def print_under_test(tested: UnderTest, console: Console) -> None:
     """Print the comparison, and what its columns mean."""
-    console.print(under_test_table(tested))
+    print_table(under_test_table(tested), console, breaks=(" better",))
     console.print(
         Text(
             "only pairs that involve a vehicle under test; baseline: the same children, driven as drawn\n"

@@ -80,7 +80,7 @@ def test_vehicles_that_are_named_twice_or_are_not_there_are_refused() -> None:
         put_under_test({17: "parked"}, {17: None}, own=True)
     casting = cast_models("standard_driver", {}, {7: "parked"})
     with pytest.raises(
-        UsageError, match="--under-test: no vehicle 7 in the seed scene; its vehicles: 17, 23, 42"
+        UsageError, match="--assign or --under-test: no vehicle 7 in the seed scene; its vehicles: 17, 23, 42"
     ):
         draw_assignments(casting, TRACKS, children=3, seed=0, design="random")
     with pytest.raises(UsageError, match="--under-test 7=parked,replay: names 2 models"):

@@ -99,7 +99,11 @@ def user_arguments(spec: ModelSpec, constructor: Callable[..., Any]) -> dict[str
     known_parameter(spec, tuple(known))
     missing = [k for k, p in known.items() if p.default is p.empty and k not in spec.parameters]
     if missing:
-        raise UsageError(f"{spec.name}: parameter {missing[0]} has no default; give it as {missing[0]}=value")
+        own = inspect.isfunction(constructor)
+        hint = "; a function that predicts names its inputs, e.g. history" if own else ""
+        raise UsageError(
+            f"{spec.name}: parameter {missing[0]} has no default; give it as {missing[0]}=value{hint}"
+        )
     return {key: converted(spec, key, known[key].default, value) for key, value in spec.parameters.items()}
 
 

@@ -216,6 +216,11 @@ def _check(spec: ModelSpec) -> None:
         profile_of(spec)
     elif ":" in spec.name or spec.name in _further():
         user_arguments(spec, _user_model(spec.name))
+    elif spec.name in SETS:
+        raise UsageError(
+            f"{spec.name} stands for several models and takes neither parameters nor a weight; "
+            f"give them to the models: {SETS[spec.name]}"
+        )
     else:
         raise UsageError(f"unknown behavior {spec.name!r}; known: {', '.join(known_names())}")
 
@@ -264,7 +269,10 @@ def _build(spec: ModelSpec) -> Behavior:
         return model
     if isinstance(model, SingleVehicleBehavior):
         return SingleVehicle(model)
-    raise UsageError(f"{spec.name}: {type(model).__name__} has neither plan nor plan_one; see Behavior")
+    raise UsageError(
+        f"{spec.name}: {type(model).__name__} has neither plan nor plan_one; needs a class with one of them, "
+        "or a function of history"
+    )
 
 
 def _further() -> list[str]:

@@ -17,4 +17,4 @@ def models_command() -> None:
         table.add_row(model.name, ", ".join(model.parameters), model.summary)
     Console().print(table)
     for name, models in SETS.items():
-        Console().print(f"{name} stands for {models}")
+        Console().print(f"{name} stands for {models.replace(',', ', ')}")  # words, to break lines between

@@ -90,11 +90,16 @@ def _print_top(ranking: Ranking) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from scex_sumo.summary import print_table
+
     table = Table(title="most critical moments, at least 3 s apart", title_justify="left")
     shares = list(ranking.info["thresholds"])
     shown = is_in(ranking.table["seed"], array(ranking.info["shown"], string()))
     for name in ("rank", "95 %", "seed", "vehicles", "children", *(f"P({c})" for c in shares)):
-        table.add_column(name, justify="left" if name == "seed" else "right", no_wrap=True)
+        if name == "seed":
+            table.add_column(name, overflow="fold")
+        else:
+            table.add_column(name, justify="right", no_wrap=True)
     for row in ranking.table.filter(shown).to_pylist():
         values = [row[f"p_{column}"] for column in shares]
         table.add_row(
@@ -105,4 +110,4 @@ def _print_top(ranking: Ranking) -> None:
             str(row["children"]),
             *("–" if value is None else f"{value:.0%}" for value in values),
         )
-    Console(width=None if sys.stdout.isatty() else 160).print(table)
+    print_table(table, Console(width=None if sys.stdout.isatty() else 160))

@@ -44,6 +44,10 @@ def onward(history, *, factor=1.0):
     """On and on."""
 
 
+def misnamed(past):
+    """Has no input of a predictor."""
+
+
 def make(steps=30):
     return Parked(steps=steps)
 
@@ -105,6 +109,7 @@ def test_functions_makers_and_models_that_are_there_already_are_models_too() -> 
         ("drivers.own:ready:steps=3", "unknown parameter 'steps'; known: guard"),
         ("drivers.own:Parked:steps", "'steps' is not parameter=value"),
         ("drivers.own", "unknown behavior 'drivers.own'"),
+        ("drivers.own:misnamed", "past has no default; .* a function that predicts names its inputs, e.g. hi"),
     ],
 )
 def test_what_cannot_be_loaded_is_said_in_one_line(text: str, message: str) -> None:

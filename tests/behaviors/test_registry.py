@@ -224,6 +224,12 @@ def test_a_class_without_plan_is_refused_when_it_is_built() -> None:
         build(parse_models("nothing")[0])
 
 
+@pytest.mark.parametrize("text", ["paper@2", "paper:guard=true", "rules:path=0@1"])
+def test_a_name_for_several_models_takes_neither_weight_nor_parameters(text: str) -> None:
+    with pytest.raises(UsageError, match="stands for several models and takes neither"):
+        parse_models(text)
+
+
 class Drift:
     """Moves a metre sideways per step, one vehicle at a time."""
 
