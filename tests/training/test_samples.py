@@ -1,4 +1,4 @@
-"""Samples by hand: what drivers should do on straight and curved roads, at forks, and where they drifted to."""
+"""Samples by hand: what drivers should do on straight and curved roads, at forks, and adrift."""
 
 from __future__ import annotations
 

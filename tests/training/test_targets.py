@@ -13,7 +13,10 @@ from scex_sumo.training.targets import RETURN_M, smooth_return
 def _track(x: list[float], y: list[float], heading: float, speed: float) -> States:
     points = len(x)
     return States(
-        x=np.array([x]), y=np.array([y]), heading=np.full((1, points), heading), speed=np.full((1, points), speed)
+        x=np.array([x]),
+        y=np.array([y]),
+        heading=np.full((1, points), heading),
+        speed=np.full((1, points), speed),
     )
 
 

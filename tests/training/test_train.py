@@ -1,4 +1,4 @@
-"""Training runs on recordings of our own: they learn, they go on where they stopped, they notice bad tracks."""
+"""Training runs on recordings of our own: they learn, go on where they stopped, and notice bad tracks."""
 
 from __future__ import annotations
 
