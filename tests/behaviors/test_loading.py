@@ -109,7 +109,7 @@ def test_functions_makers_and_models_that_are_there_already_are_models_too() -> 
         ("drivers.own:ready:steps=3", "unknown parameter 'steps'; known: guard"),
         ("drivers.own:Parked:steps", "'steps' is not parameter=value"),
         ("drivers.own", "unknown behavior 'drivers.own'"),
-        ("drivers.own:misnamed", "past has no default; .* a function that predicts names its inputs, e.g. hi"),
+        ("drivers.own:misnamed", "past has no default; .* a function that predicts names its inputs"),
     ],
 )
 def test_what_cannot_be_loaded_is_said_in_one_line(text: str, message: str) -> None:
