@@ -13,7 +13,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, Plan, SceneHistory, States, Who
 
 RETURN_S = 3.0  # a driver who does not steer otherwise comes back to the path with this time constant
-EDGE_MARGIN_M = 0.1  # of the box to the edge of the drivable surface
+EDGE_MARGIN_M = 0.15  # of the box to the edge of the drivable surface
 ASIDE_SPEED = 0.8  # m/s; so fast a driver moves aside for a narrower place ahead
 SMOOTHING_STEPS = 4  # to both sides
 STANDING_M = 0.01  # per step; a free trajectory that moves less keeps its heading
