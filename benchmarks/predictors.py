@@ -38,6 +38,7 @@ from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor, GraphPre
 from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.commands.train import TrainRequest, train_command
 from scex_sumo.converters.recordings import Recording, find_recordings
+from scex_sumo.training.samples import learnable
 
 ERRORS_EVERY_S = 0.5
 LOOP_EVERY_S = {"taf_bw": 1.0}  # there are few vehicles there; elsewhere
@@ -122,7 +123,7 @@ def measure_errors(scenes: Sequence[measures.TestScene], model: Behavior | None)
     """Sums of errors and counts by site, of all vehicles and of those that move at the moment."""
     sums: dict[str, Any] = {}
     for test in scenes:
-        vehicle = measures.learnable(test.scene)
+        vehicle = learnable(test.scene)
         if model is None:
             off = measures.straight_on(test.scene, vehicle)
         else:

@@ -22,7 +22,6 @@ from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, SceneHistor
 from scex_sumo.training.closed_loop import drive_all
 from scex_sumo.training.dataset import part_scenes
 from scex_sumo.training.perturb import Perturbation, perturbed
-from scex_sumo.training.samples import learnable
 from scex_sumo.training.split import Split
 
 MOVING_MPS = 0.5
