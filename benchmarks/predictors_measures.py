@@ -256,4 +256,3 @@ def _overlap(seed: SeedScene, now: States, i: IntArray, j: IntArray) -> BoolArra
 def moving(seed: SeedScene, vehicle: IntArray) -> BoolArray:
     """(k,) whether vehicles move at the moment."""
     return np.asarray(seed.now.speed[vehicle] > MOVING_MPS)
-

@@ -208,9 +208,7 @@ def _make(loaded: LoadedRecording, road: Road, options: SampleOptions, part: Par
     rng = np.random.default_rng([options.seed, zlib.crc32(loaded.recording.name.encode())])
     copies = options.copies if part == "train" else 0
     found = []
-    for scene in part_scenes(
-        loaded, part, split=options.split, every_s=options.every_s, most=MOST_MOMENTS
-    ):
+    for scene in part_scenes(loaded, part, split=options.split, every_s=options.every_s, most=MOST_MOMENTS):
         put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(copies)]
         samples = scene_samples(scene, road, States.stack([scene.history, *put_off], 0))
         found += [samples] if samples is not None else []

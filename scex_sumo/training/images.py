@@ -62,9 +62,7 @@ def turned(pose: Tensor, turns: int) -> Tensor:
 
 def _image(raster: Raster, device: torch.device) -> MapImage:
     values = torch.as_tensor(raster.values, dtype=torch.float32, device=device)
-    return MapImage(
-        raster=values, corner=torch.as_tensor(raster.corner, dtype=torch.float64, device=device)
-    )
+    return MapImage(raster=values, corner=torch.as_tensor(raster.corner, dtype=torch.float64, device=device))
 
 
 def _mirrored(image: MapImage) -> MapImage:
