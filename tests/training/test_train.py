@@ -128,11 +128,14 @@ def test_the_hybrid_learns_from_turned_maps(small: Dataset) -> None:
     assert sum(log[-1].parts.values()) < sum(log[0].parts.values())
 
 
-def test_a_turned_map_shows_the_turned_vehicle_the_same_road(small: Dataset) -> None:
+def test_a_turned_or_mirrored_map_shows_the_vehicle_that_is_turned_with_it_the_same_road(
+    small: Dataset,
+) -> None:
     maps = Images.of_roads(small.roads, CPU).maps[0]
     pose = torch.as_tensor(small.validation.pose[:1])
-    for quarter, image in enumerate(maps):
-        x, y, heading = turned(pose, quarter)[0]
+    in_the_mirror = pose * torch.tensor([1.0, -1.0, -1.0])
+    for number, image in enumerate(maps):
+        x, y, heading = turned(pose if number < 4 else in_the_mirror, number % 4)[0]
         column, row = (float(v) for v in torch.stack([x, y]) - image.corner)
         here = image.raster[:, round(row), round(column)]
         assert float(here[0]) == 1.0  # drivable
@@ -193,6 +196,11 @@ def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
     (tmp_path / "w.pt").write_bytes(b"")
     with pytest.raises(ResultError, match="--overwrite"):
         train_command(request())
+    with pytest.raises(ResultError, match="--overwrite"):  # finished: there is nothing to go on from
+        train_command(request(resume=True))
+    for few in ({"epochs": 0}, {"rounds": -1}):
+        with pytest.raises(UsageError, match="--epochs needs at least 1"):
+            train_command(request(out=tmp_path / "other.pt", **few))
 
 
 def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monkeypatch) -> None:
