@@ -59,7 +59,7 @@ def train_command(request: TrainRequest) -> None:
         rounds=TrainOptions.rounds if request.rounds is None else request.rounds,
         sizes={} if request.edges else {"edges": False},
     )
-    folder = request.out.with_name(request.out.name + ".training")
+    folder = _checkpoints(request.out)
     run = Trainer(dataset, options, device=device, drift=rooms(options), folder=folder)
     if request.resume:
         if not run.resume():
@@ -85,12 +85,20 @@ def _check(request: TrainRequest) -> None:
     missing = next((root for root in request.roots if not root.exists()), None)
     if missing is not None:
         raise UsageError(f"--data {missing}: no such folder")
-    if request.out.exists() and not (request.overwrite or request.resume):
+    goes_on = request.resume and _checkpoints(request.out).exists()  # a finished training has none
+    if request.out.exists() and not (request.overwrite or goes_on):
         raise ResultError(f"{request.out}: exists; --overwrite replaces it")
     if not request.out.parent.is_dir():
         raise ResultError(f"{request.out}: folder {request.out.parent} does not exist; make it first")
     if request.every_s <= 0 or request.minutes < 0:
         raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
+    if (request.epochs is not None and request.epochs < 1) or (request.rounds or 0) < 0:
+        raise UsageError("train: --epochs needs at least 1, --rounds at least 0")
+
+
+def _checkpoints(out: Path) -> Path:
+    """The folder of a training that is under way."""
+    return out.with_name(out.name + ".training")
 
 
 def _device(name: str) -> torch.device:
