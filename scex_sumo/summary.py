@@ -85,7 +85,7 @@ def summary_table(run: Run) -> Table:
 def _critical(run: Run, column: str, threshold: float | None, samples: FloatArray) -> tuple[str, str, str]:
     if threshold is None:
         return "–", "–", "–"
-    sign = "<" if side_of(column) == "left" else ">"
+    sign = "≤" if side_of(column) == "left" else "≥"
     limit = f"{sign} {threshold:.3g}"
     if len(samples) == 0:
         return limit, "–", "–"
