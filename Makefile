@@ -23,7 +23,7 @@ demo: $(STAMP)
 	$(VENV)/bin/scex-sumo run scex_sumo/scenarios/data/roundabout.osm -o out/demo --overwrite
 
 test: $(TEST_STAMP)
-	$(VENV)/bin/python -m pytest
+	$(VENV)/bin/python -m pytest --numprocesses auto --dist worksteal
 
 check: $(TEST_STAMP)
 	$(VENV)/bin/ruff check .
