@@ -46,7 +46,8 @@ def train_command(request: TrainRequest) -> None:
     """Make the samples, train, write the weights, and say how well they predict the validation part."""
     _check(request)
     check_libraries("train")
-    from scex_sumo.training.train import Trainer, TrainOptions
+    from scex_sumo.training.options import TrainOptions
+    from scex_sumo.training.train import Trainer
 
     assert request.out is not None
     device = _device(request.device)

@@ -15,8 +15,9 @@ from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 from scex_sumo.training.closed_loop import drifted_samples
 from scex_sumo.training.dataset import SampleOptions, part_scenes
+from scex_sumo.training.options import TrainOptions
 from scex_sumo.training.samples import Samples
-from scex_sumo.training.train import Drift, TrainOptions
+from scex_sumo.training.train import Drift
 
 MOST_SCENES = 30  # of a site and round
 EVERY_S = 1.0

@@ -20,8 +20,9 @@ from scex_sumo.scenarios import example_path  # noqa: E402
 from scex_sumo.training import dataset as dataset_module  # noqa: E402
 from scex_sumo.training.dataset import Dataset, SampleOptions, make_dataset, part_scenes  # noqa: E402
 from scex_sumo.training.images import Images, turned  # noqa: E402
+from scex_sumo.training.options import TrainOptions  # noqa: E402
 from scex_sumo.training.split import Split  # noqa: E402
-from scex_sumo.training.train import Progress, Trainer, TrainOptions  # noqa: E402
+from scex_sumo.training.train import Progress, Trainer  # noqa: E402
 
 SMALL = {"hidden": 16, "heads": 2, "layers": 1}
 # The examples last 18 s: half of it for training is 9 s, of which the last 5 s are targets.

@@ -1,0 +1,150 @@
+"""Numbers of a training run, and what they do: learning rate, sites, what keeps from overfitting."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from scex_sumo.behaviors.learned.layers import Scaler
+from scex_sumo.behaviors.learned.network import GraphPredictorNet
+from scex_sumo.behaviors.learned.network_image import GraphImageNet
+from scex_sumo.errors import UsageError
+from scex_sumo.scene import FloatArray
+from scex_sumo.training.batches import Batch
+from scex_sumo.training.dataset import Dataset
+from scex_sumo.training.loss import LossWeights
+from scex_sumo.training.samples import Samples
+
+Kind: TypeAlias = Literal["graph", "hybrid"]
+Net: TypeAlias = GraphPredictorNet | GraphImageNet
+NETS: dict[str, type[GraphPredictorNet] | type[GraphImageNet]] = {
+    "graph": GraphPredictorNet,
+    "hybrid": GraphImageNet,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainOptions:
+    """How a network is trained.
+
+    Attributes:
+        kind: ``graph`` or ``hybrid``.
+        seed: of the first weights, of the order of batches and of all that is drawn.
+        epochs: over all samples.
+        minutes: stop before the epoch that would end later than this; 0 does not.
+        rounds: rounds in closed loop, at even distances over the epochs.
+        patience: stop after so many epochs without a better validation.
+        nodes: vehicles per batch, about.
+        rate: highest learning rate; falls to zero like a cosine.
+        decay: weight decay.
+        average: share of the running mean of the weights that stays at each step; the mean is what is kept.
+        gradient: longest gradient.
+        dropout: share of hidden values that is dropped in training.
+        noise: spread of the noise on all scaled inputs, in their own standard deviations.
+        balance: a site counts like the number of its vehicles to the power of 1 minus this.
+        unlinked: share of the graph's edges that is dropped in training.
+        mirror: share of the batches that are seen in a mirror in training.
+        sizes: numbers of `Architecture` that differ from the shipped ones.
+        weights: of the parts of the loss.
+    """
+
+    kind: Kind
+    seed: int = 0
+    epochs: int = 10
+    minutes: float = 0.0
+    rounds: int = 1
+    patience: int = 6
+    nodes: int = 800
+    rate: float = 2e-3
+    decay: float = 0.1
+    average: float = 0.99
+    gradient: float = 1.0
+    dropout: float = 0.2
+    noise: float = 0.1
+    unlinked: float = 0.2
+    mirror: float = 0.5
+    balance: float = 0.25
+    sizes: dict[str, int | bool] = field(default_factory=dict)
+    weights: LossWeights = field(default_factory=LossWeights)
+
+    def __post_init__(self) -> None:
+        if self.kind not in NETS:
+            raise UsageError(f"train: unknown network {self.kind!r}; known: {', '.join(NETS)}")
+        if self.epochs < 1 or self.rounds < 0 or self.rounds >= self.epochs:
+            raise UsageError(
+                f"train: {self.epochs} epochs with {self.rounds} rounds in closed loop; give at least one "
+                "epoch before and after each round"
+            )
+
+
+def site_weights(dataset: Dataset, balance: float) -> FloatArray:
+    """(S,) weights of a site's vehicles, 1 on average over sites of one size; see `TrainOptions.balance`."""
+    train = dataset.train
+    site = np.repeat(train.site, train.pairs)[train.right]
+    count = np.maximum(np.bincount(site, minlength=len(dataset.sites)), 1)
+    weight: FloatArray = (count.mean() / count) ** balance
+    return weight
+
+
+def learning_rate(options: TrainOptions, done: float) -> float:
+    """Learning rate after a share of the training: a short rise, then a cosine down."""
+    rise = min(1.0, (done * options.epochs + 0.02) / 1.0)
+    return options.rate * rise * 0.5 * (1 + math.cos(math.pi * done))
+
+
+def weight_groups(net: nn.Module, decay: float) -> list[dict[str, Any]]:
+    """Only matrices decay."""
+    matrices = [p for p in net.parameters() if p.dim() >= 2]
+    others = [p for p in net.parameters() if p.dim() < 2]
+    return [{"params": matrices, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
+
+
+def copied(net: Net) -> Net:
+    """A copy that is not trained."""
+    copy = type(net)(net.sizes)
+    copy.load_state_dict(net.state_dict())
+    device = next(net.parameters()).device
+    frozen: Net = copy.to(device).requires_grad_(False)
+    return frozen
+
+
+def roughen(net: Net, options: TrainOptions) -> None:
+    """Dropout after every ReLU and noise on scaled inputs, in training only; they are not the network's."""
+
+    def drop(module: nn.Module, given: Any, out: Tensor) -> Tensor:
+        return nn.functional.dropout(out, options.dropout, module.training)
+
+    def shake(module: nn.Module, given: Any, out: Tensor) -> Tensor:
+        return out + options.noise * torch.randn_like(out) if module.training else out
+
+    for module in net.modules():
+        if isinstance(module, nn.ReLU) and options.dropout:
+            module.register_forward_hook(drop)
+        if isinstance(module, Scaler) and options.noise:
+            module.register_forward_hook(shake)
+
+
+def unlinked(batch: Batch, share: float) -> Batch:
+    """A batch without a share of its edges."""
+    if not share:
+        return batch
+    keep = torch.rand(batch.scene.edge.shape[0], device=batch.scene.edge.device) >= share
+    scene = batch.scene._replace(edge_index=batch.scene.edge_index[:, keep], edge=batch.scene.edge[keep])
+    return replace(batch, scene=scene)
+
+
+def fit_scales(net: Net, samples: Samples) -> None:
+    """Means and spreads of all inputs."""
+
+    def tensor(values: FloatArray) -> Tensor:
+        return torch.as_tensor(values)
+
+    net.scene.node_scale.fit(tensor(samples.node))
+    net.scene.history_scale.fit(tensor(samples.history.reshape(len(samples.history), -1)))
+    net.scene.edge_scale.fit(tensor(samples.edge))
+    net.path_scale.fit(tensor(samples.feature))
