@@ -17,7 +17,6 @@ from scex_sumo.behaviors.projection import project
 from scex_sumo.converters.recordings import Recording, load_recording
 from scex_sumo.metrics.rectangles import rectangle_distance
 from scex_sumo.road import Road
-from scex_sumo.rollout import obstacles_at
 from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, SceneHistory, SeedScene, States, Who
 from scex_sumo.training.closed_loop import drive_all
 from scex_sumo.training.dataset import part_scenes
@@ -62,19 +61,6 @@ def test_scenes(recordings: Sequence[Recording], every_s: float) -> list[TestSce
     return found
 
 
-def _history(seed: SeedScene) -> SceneHistory:
-    obstacles, present = obstacles_at(seed, 0) if seed.obstacles is not None else (None, None)
-    return SceneHistory(
-        seed=seed,
-        states=seed.history.repeat(1),
-        children=np.zeros(1, dtype=np.int64),
-        step=0,
-        route_draw=np.zeros((1, seed.vehicles)),
-        obstacle_states=obstacles,
-        obstacle_present=present,
-    )
-
-
 def straight_on(seed: SeedScene, vehicle: IntArray) -> FloatArray:
     """(k, H) distances of vehicles that keep velocity and heading to what they did, m."""
     now, way = seed.now[vehicle], STEP_S * np.arange(1, PLAN_STEPS + 1)
@@ -89,7 +75,7 @@ def straight_on(seed: SeedScene, vehicle: IntArray) -> FloatArray:
 def planned(test: TestScene, model: Behavior, vehicle: IntArray) -> FloatArray:
     """(k, H) distances of a model's plans to what the vehicles did, m."""
     who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
-    plan = model.plan(_history(test.scene), test.road, who, [np.random.default_rng(0)])
+    plan = model.plan(SceneHistory.of_seed(test.scene), test.road, who, [np.random.default_rng(0)])
     return _distances(test.scene, vehicle, plan.x[:, :PLAN_STEPS], plan.y[:, :PLAN_STEPS])
 
 
@@ -100,7 +86,7 @@ def best_of_six(test: TestScene, driver: LearnedDriver, vehicle: IntArray) -> Fl
     probabilities), each driven as the driver would drive it.
     """
     seed, road = test.scene, test.road
-    history = _history(seed)
+    history = SceneHistory.of_seed(seed)
     everyone = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
     paths, _ = chosen_paths(history, road, everyone, "straight")
     count = paths.count[vehicle]

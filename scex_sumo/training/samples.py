@@ -14,7 +14,7 @@ from scex_sumo.behaviors.projection import sample
 from scex_sumo.behaviors.scene_graph import scene_graph
 from scex_sumo.lines import wrap
 from scex_sumo.road import Road
-from scex_sumo.rollout import obstacles_at
+from scex_sumo.rollout import history_at
 from scex_sumo.scene import (
     HISTORY_STEPS,
     STEP_S,
@@ -221,13 +221,4 @@ def _sampled(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
 
 def _history(seed: SeedScene, states: States, step: int) -> SceneHistory:
     children, vehicles, _ = states.shape
-    obstacles, present = obstacles_at(seed, step) if seed.obstacles is not None else (None, None)
-    return SceneHistory(
-        seed=seed,
-        states=states,
-        children=np.arange(children),
-        step=step,
-        route_draw=np.zeros((children, vehicles)),
-        obstacle_states=obstacles,
-        obstacle_present=present,
-    )
+    return history_at(seed, states, np.arange(children), np.zeros((children, vehicles)), step=step)
