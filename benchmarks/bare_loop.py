@@ -23,15 +23,16 @@ from pathlib import Path
 
 import numpy as np
 
+from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.sumo_net import convert
-from scex_sumo.job import VEHICLES_AT_ONCE
+from scex_sumo.converters.net.convert import convert
+from scex_sumo.extrapolation.job import VEHICLES_AT_ONCE
 from scex_sumo.road import Road
-from scex_sumo.scene import FloatArray, States
-from scex_sumo.sumo_frame import to_sumo
-from scex_sumo.sumo_session import VehicleCalls
-from scex_sumo.tiles import TILE_SLOTS, TileTemplate, tile_id
-from scex_sumo.world import load_sumo
+from scex_sumo.scene import States
+from scex_sumo.world.frame import to_sumo
+from scex_sumo.world.session import VehicleCalls
+from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id
+from scex_sumo.world.world import load_sumo
 
 DEFAULT_MAP = Path(__file__).parents[1] / "scex_sumo" / "scenarios" / "data" / "roundabout.osm"
 OPTIONS = (

@@ -27,15 +27,22 @@ import numpy as np
 from recorded_scenes import SETS, recorded
 from scipy.optimize import minimize
 
+from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.idm import CURVE_TIME_S, IdmProfile, desired_speed, idm_acceleration, seed_motion
-from scex_sumo.behaviors.leaders import find_leaders
-from scex_sumo.behaviors.paths import BEHIND_M, DS_M, SeedPaths, seed_paths
+from scex_sumo.behaviors.driving.leaders import find_leaders
+from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, seed_paths
+from scex_sumo.behaviors.driving.projection import expected_way, project
+from scex_sumo.behaviors.models.idm import (
+    CURVE_TIME_S,
+    IdmProfile,
+    desired_speed,
+    idm_acceleration,
+    seed_motion,
+)
 from scex_sumo.behaviors.profiles import DEFAULTS
-from scex_sumo.behaviors.projection import expected_way, project
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.rollout import history_at
-from scex_sumo.scene import STEP_S, FloatArray, IntArray, Plan, SceneHistory, SeedScene, Who
+from scex_sumo.extrapolation.rollout import history_at
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, Who
 
 STEPS = 30
 MOVING_MPS = 0.5

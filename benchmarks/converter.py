@@ -17,11 +17,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from scex_sumo.converters.fidelity import check_net, drive_net
-from scex_sumo.converters.fidelity_loading import sumo_binary
-from scex_sumo.converters.lanelet import read_road
-from scex_sumo.converters.origin import find_origin
-from scex_sumo.converters.sumo_net import convert
+from scex_sumo.converters.fidelity.loading import sumo_binary
+from scex_sumo.converters.fidelity.report import check_net, drive_net
+from scex_sumo.converters.lanelet.origin import find_origin
+from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.errors import ScexError
 from scex_sumo.road import Road
 

@@ -19,12 +19,12 @@ from pathlib import Path
 import numpy as np
 
 import scex_sumo
-from scex_sumo.designs import DESIGNS, DESIGNS_THAT_GROW
+from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import ScexError
-from scex_sumo.reduction import choose_vehicles, reduced
-from scex_sumo.sample_size import designed, errors
-from scex_sumo.scene import FloatArray
-from scex_sumo.sequential import Bands, grow, look
+from scex_sumo.scenarios.reduction import choose_vehicles, reduced
+from scex_sumo.statistics.bands import Bands, grow, look
+from scex_sumo.statistics.designs import DESIGNS, DESIGNS_THAT_GROW
+from scex_sumo.studies.sample_size import designed, errors
 
 VEHICLES = 5
 MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake,calibrated_driver"

@@ -27,11 +27,11 @@ from fingerprints_report import Seeds, report
 
 import scex_sumo as scex
 from scex_sumo.errors import SimulationError
-from scex_sumo.fingerprint import compare
-from scex_sumo.grouping import adjusted_rand_index, group_runs
-from scex_sumo.plots_fingerprint import draw_dendrogram, draw_fingerprints
-from scex_sumo.reduction import choose_vehicles, reduced
-from scex_sumo.results import LOGGED_HISTORY
+from scex_sumo.reports.compare_pictures import draw_dendrogram, draw_fingerprints
+from scex_sumo.scenarios.reduction import choose_vehicles, reduced
+from scex_sumo.scene import LOGGED_HISTORY
+from scex_sumo.statistics.grouping import adjusted_rand_index, group_runs
+from scex_sumo.studies.compare import compare
 
 KIND_OF = {
     "roundabout": "roundabout",

@@ -10,9 +10,9 @@ from itertools import permutations
 import numpy as np
 
 import scex_sumo as scex
-from scex_sumo.fingerprint import Comparison, compare_samples
-from scex_sumo.grouping import adjusted_rand_index, group_runs, neighbour_accuracy, silhouette
-from scex_sumo.scene import FloatArray
+from scex_sumo.arrays import FloatArray
+from scex_sumo.statistics.grouping import adjusted_rand_index, group_runs, neighbour_accuracy, silhouette
+from scex_sumo.studies.compare import Comparison, compare_samples
 
 DRAWS = 5  # ways to take the seeds of a map together
 

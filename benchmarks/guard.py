@@ -28,11 +28,12 @@ import numpy as np
 from driven import drive_scene, overlaps
 from recorded_scenes import SETS, recorded
 
-from scex_sumo.behaviors.guard import GuardProfile, slowed
+from scex_sumo.behaviors.guard.guarded import slowed
+from scex_sumo.behaviors.guard.profile import GuardProfile
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.rollout import history_at
+from scex_sumo.extrapolation.rollout import history_at
+from scex_sumo.scenarios.seeds import synthetic_seed
 from scex_sumo.scene import STEP_S, SeedScene, Who
-from scex_sumo.seeds import synthetic_seed
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 MODELS = "constant_velocity,standard_driver,risky_driver,calibrated_driver"

@@ -20,12 +20,12 @@ import numpy as np
 import torch
 
 import scex_sumo as scex
+from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.learned import driver
-from scex_sumo.behaviors.learned.batches import architecture
+from scex_sumo.behaviors.learned.networks.tensors import architecture
 from scex_sumo.behaviors.learned.weights import KINDS, save_weights
-from scex_sumo.behaviors.paths import chosen_paths
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.rollout import Cast, history_at, roll_out
+from scex_sumo.extrapolation.rollout import Cast, history_at, roll_out
 from scex_sumo.scene import SeedScene, States, Who
 from scex_sumo.training.closed_loop import PlainWorld
 

@@ -14,10 +14,11 @@ import time
 
 import numpy as np
 
+from scex_sumo.arrays import FloatArray
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.registry import METRICS
-from scex_sumo.scene import STEP_S, FloatArray, States
+from scex_sumo.scene import STEP_S, States
 
 HISTORY = 11
 REPLAN = 5

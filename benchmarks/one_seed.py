@@ -28,29 +28,33 @@ import numpy as np
 from bare_loop import DEFAULT_MAP, WAYS, Poses, bare_loop, poses_of
 
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.converters.tracks_write import write_tracks
-from scex_sumo.run import Run
+from scex_sumo.converters.moments.writer import write_tracks
+from scex_sumo.results.run import Run
+from scex_sumo.scenarios.seeds import synthetic_seed
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.seeds import synthetic_seed
-from scex_sumo.world import load_sumo
+from scex_sumo.world.world import load_sumo
 
 SIX = f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor"
 # Where each stage is called; what a stage calls of another one counts for that other.
 STAGES = {
-    "read map and tracks": ("scex_sumo.seeds.read_seed",),
-    "draw the design": ("scex_sumo.sampling.designed_assignments",),
-    "convert": ("scex_sumo.extrapolation.convert",),
+    "read map and tracks": ("scex_sumo.scenarios.seeds.read_seed",),
+    "draw the design": ("scex_sumo.extrapolation.assignments.designed_assignments",),
+    "convert": ("scex_sumo.extrapolation.extrapolate.convert",),
     "world": tuple(
-        f"scex_sumo.world.World.{name}" for name in ("__init__", "begin", "move", "step", "read", "close")
+        f"scex_sumo.world.world.World.{name}"
+        for name in ("__init__", "begin", "move", "step", "read", "close")
     ),
-    "loop": ("scex_sumo.job.roll_out",),
+    "loop": ("scex_sumo.extrapolation.job.roll_out",),
     "metrics": (
-        "scex_sumo.job.measure_rollout",
-        "scex_sumo.job.worst_of",
-        "scex_sumo.writing.measure_recorded",
+        "scex_sumo.extrapolation.job.measure_rollout",
+        "scex_sumo.extrapolation.job.worst_of",
+        "scex_sumo.extrapolation.writing.measure_recorded",
     ),
-    "keep parts": ("scex_sumo.job.save_part", "scex_sumo.results.ResultFolder.collect"),
-    "write": ("scex_sumo.extrapolation.write_tables", "scex_sumo.results.ResultFolder.finish"),
+    "keep parts": ("scex_sumo.extrapolation.job.save_part", "scex_sumo.results.folder.ResultFolder.collect"),
+    "write": (
+        "scex_sumo.extrapolation.extrapolate.write_tables",
+        "scex_sumo.results.folder.ResultFolder.finish",
+    ),
 }
 
 
@@ -117,9 +121,9 @@ def _found(path: str) -> Any:
 
 def whole_run(map_path: Path, tracks: Path, out: Path, options: argparse.Namespace, workers: int = 1) -> Run:
     """What ``scex-sumo run`` does, without its summary and pictures."""
-    import scex_sumo.seeds
+    import scex_sumo.scenarios.seeds
 
-    scene = scex_sumo.seeds.read_seed(map_path, tracks=tracks, case="1.0")
+    scene = scex_sumo.scenarios.seeds.read_seed(map_path, tracks=tracks, case="1.0")
     return scex_sumo.extrapolate(
         scene,
         models=options.models,

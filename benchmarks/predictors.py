@@ -32,13 +32,14 @@ import predictors_measures as measures
 from predictors_report import tables
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.guard import Guarded
-from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor, GraphImagePredictorProfile
-from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor, GraphPredictorProfile
+from scex_sumo.behaviors.guard.guarded import Guarded
+from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
+from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
+from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
 from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.commands.train import TrainRequest, train_command
-from scex_sumo.converters.recordings import Recording, find_recordings
-from scex_sumo.training.samples import learnable
+from scex_sumo.converters.datasets.recordings import Recording, find_recordings
+from scex_sumo.training.data.samples import learnable
 
 ERRORS_EVERY_S = 0.5
 LOOP_EVERY_S = {"taf_bw": 1.0}  # there are few vehicles there; elsewhere

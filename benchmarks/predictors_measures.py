@@ -8,20 +8,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
+from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths, seed_paths
+from scex_sumo.behaviors.driving.projection import project
 from scex_sumo.behaviors.learned.decoding import plan_along
 from scex_sumo.behaviors.learned.driver import LearnedDriver
-from scex_sumo.behaviors.learned.surface import Surface, path_room, surface_of
-from scex_sumo.behaviors.paths import BEHIND_M, chosen_paths, seed_paths
-from scex_sumo.behaviors.projection import project
-from scex_sumo.converters.recordings import Recording, load_recording
-from scex_sumo.metrics.rectangles import rectangle_distance
+from scex_sumo.behaviors.learned.seen.surface import Surface, path_room, surface_of
+from scex_sumo.converters.datasets.recordings import Recording, load_recording
+from scex_sumo.geometry.rectangles import rectangle_distance
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, SceneHistory, SeedScene, States, Who
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, Who
 from scex_sumo.training.closed_loop import drive_all
-from scex_sumo.training.dataset import part_scenes
-from scex_sumo.training.perturb import Perturbation, perturbed
-from scex_sumo.training.split import Split
+from scex_sumo.training.data.dataset import part_scenes
+from scex_sumo.training.data.perturb import Perturbation, perturbed
+from scex_sumo.training.data.split import Split
 
 MOVING_MPS = 0.5
 GUESSES = 6

@@ -23,14 +23,19 @@ from pathlib import Path
 from typing import Any
 
 import scex_sumo
-from scex_sumo.converters.recordings import find_recordings, load_recording, recording_moments, seed_at
-from scex_sumo.ranking.campaign import Campaign
-from scex_sumo.ranking.crew import Crew, Order, Processes
-from scex_sumo.ranking.cutting import Plan, Wanted, cut
+from scex_sumo.converters.datasets.recordings import (
+    find_recordings,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
 from scex_sumo.ranking.folder import RankFolder
+from scex_sumo.ranking.progress import Campaign
 from scex_sumo.ranking.rank import rank
 from scex_sumo.ranking.seeds import list_seeds
-from scex_sumo.ranking.work import Settings, run_seed
+from scex_sumo.ranking.task import Settings, run_seed
+from scex_sumo.ranking.tasks import Plan, Wanted, cut
+from scex_sumo.ranking.workers import Crew, Order, Processes
 
 DATASET = scex_sumo.example_path("roundabout").parent
 MODELS = ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake")
@@ -106,7 +111,7 @@ def dask_cluster(workers: int) -> Iterator[str]:
 def cluster_crew(address: str, workers: int) -> Crew:
     from distributed import Client
 
-    from scex_sumo.ranking.cluster import Cluster
+    from scex_sumo.ranking.dask_workers import Cluster
 
     deadline = time.monotonic() + 60
     while True:

@@ -5,10 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from scex_sumo.converters.recordings import find_recordings, load_recording, recording_moments, seed_at
+from scex_sumo.converters.datasets.recordings import (
+    find_recordings,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
 from scex_sumo.errors import TrackError
 from scex_sumo.scene import STEP_S, SeedScene
-from scex_sumo.training.split import Part, Split, split_moments
+from scex_sumo.training.data.split import Part, Split, split_moments
 
 SETS = ("taf_bw", "mona")
 

@@ -23,8 +23,9 @@ from pathlib import Path
 import numpy as np
 from bare_loop import DEFAULT_MAP
 
+from scex_sumo.arrays import FloatArray
 from scex_sumo.road import Lane, Road
-from scex_sumo.scene import FloatArray, SeedScene, States
+from scex_sumo.scene import SeedScene, States
 
 PITCH_M = 1500.0
 PER_COPY = 10  # vehicles in each copy of the map
@@ -104,8 +105,8 @@ def measure(map_path: Path, vehicles: int, children: int, steps: int, copies: in
     from one_seed import measured
 
     import scex_sumo
-    from scex_sumo.seeds import synthetic_seed
-    from scex_sumo.world import load_sumo
+    from scex_sumo.scenarios.seeds import synthetic_seed
+    from scex_sumo.world.world import load_sumo
 
     load_sumo()
     small = synthetic_seed(map_path, vehicles=PER_COPY)

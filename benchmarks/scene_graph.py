@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 import scex_sumo as scex
-from scex_sumo.behaviors.road_index import RoadIndex, road_index
 from scex_sumo.errors import ScexError
+from scex_sumo.roads.index import RoadIndex, road_index
 from scex_sumo.scene import SceneHistory, SeedScene
 
 DATA = Path(os.environ.get("SCEX_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.metrics.sources import read_source
-from scex_sumo.metrics.tables import recording_table
-from scex_sumo.scene import FloatArray
+from scex_sumo.arrays import FloatArray
+from scex_sumo.evaluation.sources import read_source
+from scex_sumo.evaluation.tables import recording_table
 
 FOLLOWER, LEADER = 2, 3  # the SSM device's codes for what the ego is in an encounter
 SETTLED_S = 0.25  # before, SUMO's own speed is that of the insertion, not of the motion

@@ -15,8 +15,8 @@ import numpy as np
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.road import Lane, Road
-from scex_sumo.rollout import history_at
 from scex_sumo.scene import SceneHistory, SeedScene, States, Who
 
 MODELS = (

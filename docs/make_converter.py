@@ -13,10 +13,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from scex_sumo.converters.lanelet import read_road
-from scex_sumo.converters.sumo_net import convert
+from scex_sumo.arrays import FloatArray
+from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.road import Road
-from scex_sumo.scene import FloatArray
 
 HERE = Path(__file__).resolve().parent
 IMAGE = HERE / "images" / "converter.svg"

@@ -10,7 +10,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import scex_sumo as scex
-from scex_sumo.plots import cumulative_panel, density_panel, futures_of, scene_panel
+from scex_sumo.reports.run_pictures import cumulative_panel, density_panel, futures_of, scene_panel
 
 MODELS = ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake")
 IMAGES = Path(__file__).resolve().parent / "images"

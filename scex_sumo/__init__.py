@@ -8,91 +8,91 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from scex_sumo.version import __version__
 
 if TYPE_CHECKING:
     from scex_sumo.behaviors.base import Behavior as Behavior
-    from scex_sumo.behaviors.predictor import Predictor as Predictor
-    from scex_sumo.behaviors.predictor import predictor as predictor
-    from scex_sumo.behaviors.predictor_inputs import Surroundings as Surroundings
+    from scex_sumo.behaviors.plug_in.inputs import Surroundings as Surroundings
+    from scex_sumo.behaviors.plug_in.predictor import Predictor as Predictor
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
-    from scex_sumo.behaviors.scene_graph import SceneGraph as SceneGraph
-    from scex_sumo.behaviors.scene_graph import scene_graph as scene_graph
-    from scex_sumo.behaviors.scene_graph_export import to_hetero_data as to_hetero_data
-    from scex_sumo.behaviors.scene_graph_export import to_networkx as to_networkx
-    from scex_sumo.converters.lanelet import read_road as read_road
+    from scex_sumo.behaviors.registry import predictor as predictor
+    from scex_sumo.behaviors.scene_graph.export import to_hetero_data as to_hetero_data
+    from scex_sumo.behaviors.scene_graph.export import to_networkx as to_networkx
+    from scex_sumo.behaviors.scene_graph.graph import SceneGraph as SceneGraph
+    from scex_sumo.behaviors.scene_graph.graph import scene_graph as scene_graph
+    from scex_sumo.converters.datasets.recordings import LoadedRecording as LoadedRecording
+    from scex_sumo.converters.datasets.recordings import Recording as Recording
+    from scex_sumo.converters.datasets.recordings import find_recordings as find_recordings
+    from scex_sumo.converters.datasets.recordings import load_recording as load_recording
+    from scex_sumo.converters.datasets.recordings import recording_moments as recording_moments
+    from scex_sumo.converters.datasets.recordings import seed_at as seed_at
+    from scex_sumo.converters.datasets.report import dataset_report as dataset_report
+    from scex_sumo.converters.lanelet.reader import read_road as read_road
     from scex_sumo.converters.maps import read_map as read_map
-    from scex_sumo.converters.recordings import LoadedRecording as LoadedRecording
-    from scex_sumo.converters.recordings import Recording as Recording
-    from scex_sumo.converters.recordings import find_recordings as find_recordings
-    from scex_sumo.converters.recordings import load_recording as load_recording
-    from scex_sumo.converters.recordings import recording_moments as recording_moments
-    from scex_sumo.converters.recordings import seed_at as seed_at
-    from scex_sumo.converters.recordings_report import dataset_report as dataset_report
-    from scex_sumo.converters.sumo_net import SumoNet as SumoNet
-    from scex_sumo.converters.sumo_net import convert as convert
+    from scex_sumo.converters.net.convert import SumoNet as SumoNet
+    from scex_sumo.converters.net.convert import convert as convert
     from scex_sumo.errors import ScexError as ScexError
-    from scex_sumo.extrapolation import extrapolate as extrapolate
-    from scex_sumo.plots_attention import plot_attention as plot_attention
-    from scex_sumo.plots_graph import plot_scene_graph as plot_scene_graph
+    from scex_sumo.extrapolation.extrapolate import extrapolate as extrapolate
     from scex_sumo.ranking.rank import Ranking as Ranking
     from scex_sumo.ranking.rank import rank as rank
+    from scex_sumo.reports.attention_picture import plot_attention as plot_attention
+    from scex_sumo.reports.scene_graph_picture import plot_scene_graph as plot_scene_graph
+    from scex_sumo.results.run import Run as Run
+    from scex_sumo.results.run import open_run as open_run
+    from scex_sumo.results.under_test import UnderTest as UnderTest
     from scex_sumo.road import Lane as Lane
     from scex_sumo.road import Road as Road
-    from scex_sumo.run import Run as Run
-    from scex_sumo.run import open_run as open_run
     from scex_sumo.scenarios import example_path as example_path
+    from scex_sumo.scenarios.seeds import read_seed as read_seed
+    from scex_sumo.scenarios.seeds import synthetic_seed as synthetic_seed
     from scex_sumo.scene import Plan as Plan
     from scex_sumo.scene import SceneHistory as SceneHistory
     from scex_sumo.scene import SeedScene as SeedScene
     from scex_sumo.scene import States as States
     from scex_sumo.scene import Who as Who
-    from scex_sumo.seeds import read_seed as read_seed
-    from scex_sumo.seeds import synthetic_seed as synthetic_seed
-    from scex_sumo.under_test import UnderTest as UnderTest
 
 _HOMES = {
     "Behavior": "scex_sumo.behaviors.base",
     "Lane": "scex_sumo.road",
-    "LoadedRecording": "scex_sumo.converters.recordings",
+    "LoadedRecording": "scex_sumo.converters.datasets.recordings",
     "Plan": "scex_sumo.scene",
-    "Predictor": "scex_sumo.behaviors.predictor",
+    "Predictor": "scex_sumo.behaviors.plug_in.predictor",
     "Ranking": "scex_sumo.ranking.rank",
-    "Recording": "scex_sumo.converters.recordings",
+    "Recording": "scex_sumo.converters.datasets.recordings",
     "Road": "scex_sumo.road",
-    "Run": "scex_sumo.run",
-    "SceneGraph": "scex_sumo.behaviors.scene_graph",
+    "Run": "scex_sumo.results.run",
+    "SceneGraph": "scex_sumo.behaviors.scene_graph.graph",
     "SceneHistory": "scex_sumo.scene",
     "ScexError": "scex_sumo.errors",
     "SeedScene": "scex_sumo.scene",
     "States": "scex_sumo.scene",
-    "Surroundings": "scex_sumo.behaviors.predictor_inputs",
-    "SumoNet": "scex_sumo.converters.sumo_net",
-    "UnderTest": "scex_sumo.under_test",
+    "Surroundings": "scex_sumo.behaviors.plug_in.inputs",
+    "SumoNet": "scex_sumo.converters.net.convert",
+    "UnderTest": "scex_sumo.results.under_test",
     "Who": "scex_sumo.scene",
     "behavior": "scex_sumo.behaviors.registry",
-    "convert": "scex_sumo.converters.sumo_net",
-    "dataset_report": "scex_sumo.converters.recordings_report",
+    "convert": "scex_sumo.converters.net.convert",
+    "dataset_report": "scex_sumo.converters.datasets.report",
     "example_path": "scex_sumo.scenarios",
-    "extrapolate": "scex_sumo.extrapolation",
-    "find_recordings": "scex_sumo.converters.recordings",
-    "load_recording": "scex_sumo.converters.recordings",
-    "open_run": "scex_sumo.run",
+    "extrapolate": "scex_sumo.extrapolation.extrapolate",
+    "find_recordings": "scex_sumo.converters.datasets.recordings",
+    "load_recording": "scex_sumo.converters.datasets.recordings",
+    "open_run": "scex_sumo.results.run",
     "parse_models": "scex_sumo.behaviors.registry",
-    "plot_attention": "scex_sumo.plots_attention",
-    "plot_scene_graph": "scex_sumo.plots_graph",
-    "predictor": "scex_sumo.behaviors.predictor",
+    "plot_attention": "scex_sumo.reports.attention_picture",
+    "plot_scene_graph": "scex_sumo.reports.scene_graph_picture",
+    "predictor": "scex_sumo.behaviors.plug_in.predictor",
     "rank": "scex_sumo.ranking.rank",
     "read_map": "scex_sumo.converters.maps",
-    "read_road": "scex_sumo.converters.lanelet",
-    "read_seed": "scex_sumo.seeds",
-    "recording_moments": "scex_sumo.converters.recordings",
-    "scene_graph": "scex_sumo.behaviors.scene_graph",
-    "seed_at": "scex_sumo.converters.recordings",
-    "synthetic_seed": "scex_sumo.seeds",
-    "to_hetero_data": "scex_sumo.behaviors.scene_graph_export",
-    "to_networkx": "scex_sumo.behaviors.scene_graph_export",
+    "read_road": "scex_sumo.converters.lanelet.reader",
+    "read_seed": "scex_sumo.scenarios.seeds",
+    "recording_moments": "scex_sumo.converters.datasets.recordings",
+    "scene_graph": "scex_sumo.behaviors.scene_graph.graph",
+    "seed_at": "scex_sumo.converters.datasets.recordings",
+    "synthetic_seed": "scex_sumo.scenarios.seeds",
+    "to_hetero_data": "scex_sumo.behaviors.scene_graph.export",
+    "to_networkx": "scex_sumo.behaviors.scene_graph.export",
 }
 
 __all__ = [*sorted(_HOMES), "__version__"]

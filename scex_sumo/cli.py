@@ -42,7 +42,7 @@ ResultPath = Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", h
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from scex_sumo import __version__
+        from scex_sumo.version import __version__
 
         print(f"scex-sumo {__version__}")
         raise typer.Exit

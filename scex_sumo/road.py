@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from scex_sumo.scene import FloatArray
+from scex_sumo.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

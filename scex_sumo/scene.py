@@ -9,17 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from scex_sumo.road import Road
 
-FloatArray: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.int64]
-BoolArray: TypeAlias = NDArray[np.bool_]
 
 STEP_S = 0.1
 HISTORY_STEPS = 10  # steps back; a history holds one state more, the present one
@@ -265,3 +263,6 @@ class Plan:
     speed: FloatArray
     fallback: BoolArray | None = None
     reasons: tuple[str, ...] = ()
+
+
+LOGGED_HISTORY = 10  # frames of an INTERACTION case up to and including the seed scene

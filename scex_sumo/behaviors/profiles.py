@@ -13,12 +13,11 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from scex_sumo.behaviors.constant_velocity import ConstantVelocityProfile
-from scex_sumo.behaviors.emergency_brake import EmergencyBrakeProfile
-from scex_sumo.behaviors.idm import IdmProfile
-from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictorProfile
-from scex_sumo.behaviors.learned.graph_predictor import GraphPredictorProfile
-from scex_sumo.behaviors.replay import ReplayProfile
+from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
+from scex_sumo.behaviors.models.constant_velocity import ConstantVelocityProfile
+from scex_sumo.behaviors.models.emergency_brake import EmergencyBrakeProfile
+from scex_sumo.behaviors.models.idm import CALIBRATED, IdmProfile
+from scex_sumo.behaviors.models.replay import ReplayProfile
 
 DEFAULTS: Mapping[str, Any] = MappingProxyType(
     {
@@ -36,18 +35,7 @@ DEFAULTS: Mapping[str, Any] = MappingProxyType(
             max_acceleration=3.0,
             clearance=5.0,
         ),
-        "calibrated_driver": IdmProfile(
-            comfort_deceleration=1.21,
-            time_headway=0.5,
-            minimum_gap=1.0,
-            max_acceleration=1.61,
-            habit_memory=30.0,
-            habit_lead=1.59,
-            habit_margin=0.27,
-            clearance=1.5,
-            curve_acceleration=4.05,
-            curve_deceleration=2.18,
-        ),
+        "calibrated_driver": CALIBRATED,
         "constant_velocity": ConstantVelocityProfile(),
         "emergency_brake": EmergencyBrakeProfile(deceleration=5.0),
         "graph_predictor": GraphPredictorProfile(),

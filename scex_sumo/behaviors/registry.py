@@ -11,30 +11,23 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.constant_velocity import ConstantVelocity
-from scex_sumo.behaviors.emergency_brake import EmergencyBrake
-from scex_sumo.behaviors.guard import Guarded
-from scex_sumo.behaviors.idm import IdmDriver
+from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
 from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
-from scex_sumo.behaviors.loading import as_constructor, is_import_path, load_model
-from scex_sumo.behaviors.model_spec import (
-    GUARD,
-    LEARNED,
-    converted,
-    keywords,
-    profile_of,
-    shown,
-    user_arguments,
-)
-from scex_sumo.behaviors.model_spec import ModelSpec as ModelSpec
+from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity
+from scex_sumo.behaviors.models.emergency_brake import EmergencyBrake
+from scex_sumo.behaviors.models.idm import IdmDriver
+from scex_sumo.behaviors.models.replay import Replay
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.plug_in.loading import as_constructor, is_import_path, load_model
+from scex_sumo.behaviors.plug_in.predictor import PredictorMaker
+from scex_sumo.behaviors.plug_in.single import SingleVehicle, SingleVehicleBehavior
+from scex_sumo.behaviors.plug_in.usable import reason_of
 from scex_sumo.behaviors.profiles import DEFAULTS
-from scex_sumo.behaviors.replay import Replay
-from scex_sumo.behaviors.single import SingleVehicle, SingleVehicleBehavior
-from scex_sumo.behaviors.sumo_driver import SumoDriver
-from scex_sumo.behaviors.usable import reason_of
+from scex_sumo.behaviors.spec import GUARD, LEARNED, converted, keywords, profile_of, shown, user_arguments
+from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 from scex_sumo.errors import ScexError, UsageError
-from scex_sumo.vehicle_types import SUMO_MODELS, check_driver
+from scex_sumo.world.vehicle_types import SUMO_MODELS, check_driver
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 ENTRY_POINTS = "scex_sumo.behaviors"
@@ -49,6 +42,7 @@ RULE_BASED = frozenset(
 )
 
 T = TypeVar("T")
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,8 +75,8 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], str]] = {
 }
 # Predictors from files: functions that make them, with the file as a parameter.
 _FILES: Mapping[str, str] = {
-    "torchscript": "scex_sumo.behaviors.predictor_files:torchscript",
-    "onnx": "scex_sumo.behaviors.predictor_files:onnx",
+    "torchscript": "scex_sumo.behaviors.plug_in.files:torchscript",
+    "onnx": "scex_sumo.behaviors.plug_in.files:onnx",
 }
 _registered: dict[str, Callable[..., Any]] = {}
 
@@ -295,3 +289,26 @@ def _user_model(name: str) -> Callable[..., Any]:
     except Exception as error:  # anything can go wrong in another package's import
         raise UsageError(f"{name}: entry point {point.value} cannot be loaded: {error}") from error
     return as_constructor(loaded, name)
+
+
+def predictor(name: str | None = None, *, batched: bool = False, **surroundings: Any) -> Callable[[F], F]:
+    """Register a function that predicts trajectories as a behaviour model: ``@predictor("my_driver")``.
+
+    Args:
+        name: of the model; None registers nothing, for a function that is named by its import path.
+        batched: as in `Predictor`.
+        surroundings: how much it sees, as in `Surroundings`; parameters of the model.
+
+    Raises:
+        UsageError: the name is taken, or the function asks for inputs that there are not.
+    """
+
+    def register(function: F) -> F:
+        maker = PredictorMaker(function, batched=batched, **surroundings)
+        maker()  # says what is wrong with it where it is written
+        if name is not None:
+            behavior(name)(maker)
+        function.__scex_predictor__ = maker  # type: ignore[attr-defined]
+        return function
+
+    return register

@@ -1,1 +1,4 @@
-"""What the commands of the command line do, one module each; imported only when the command is called."""
+"""Commands of the command line, one module each, imported only when called.
+
+May import everything.
+"""

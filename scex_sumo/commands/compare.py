@@ -13,9 +13,9 @@ import pyarrow as pa
 from scex_sumo.commands.console import warn
 from scex_sumo.commands.metrics import write_table
 from scex_sumo.errors import ResultError, UsageError
-from scex_sumo.fingerprint import KINDS, Comparison, comparable, compare
-from scex_sumo.grouping import Grouping, group_runs
-from scex_sumo.run import Run, open_run
+from scex_sumo.results.run import Run, open_run
+from scex_sumo.statistics.grouping import Grouping, group_runs
+from scex_sumo.studies.compare import KINDS, Comparison, comparable, compare
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -201,7 +201,7 @@ def distances_table(comparison: Comparison) -> pa.Table:
 
 
 def _write(runs: Sequence[Run], comparison: Comparison, grouping: Grouping, out: Path) -> None:
-    from scex_sumo.plots_fingerprint import draw_dendrogram, draw_fingerprints
+    from scex_sumo.reports.compare_pictures import draw_dendrogram, draw_fingerprints
 
     table = distances_table(comparison).replace_schema_metadata({"distance": comparison.kind})
     for name in ("distances.parquet", "distances.csv"):

@@ -8,19 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scex_sumo.commands.console import warn
-from scex_sumo.converters.origin import parse_origin
+from scex_sumo.converters.lanelet.origin import parse_origin
 from scex_sumo.errors import MapError, ResultError
 from scex_sumo.road import Road
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.fidelity import FidelityReport
+    from scex_sumo.converters.fidelity.report import FidelityReport
 
 
 def convert_command(
     map_path: Path, out: Path | None, *, origin: str | None, signals: Path | None, as_json: bool
 ) -> None:
     """Write the net, its lane table and its drawing; print the figures when asked for."""
-    from scex_sumo.converters.sumo_net import convert
+    from scex_sumo.converters.net.convert import convert
 
     started = time.perf_counter()
     road = _read(map_path, origin)
@@ -33,7 +33,7 @@ def convert_command(
         raise ResultError(f"{net_path}: cannot write: {error.strerror or error}") from None
     seconds = time.perf_counter() - started
     if as_json:
-        from scex_sumo.converters.fidelity import check_net
+        from scex_sumo.converters.fidelity.report import check_net
 
         print(
             json.dumps(
@@ -53,8 +53,8 @@ def check_command(net_path: Path, map_path: Path, *, origin: str | None, as_json
     Raises:
         MapError: what is wrong with it, where something is.
     """
-    from scex_sumo.converters.fidelity import check_net
-    from scex_sumo.converters.sumo_net import LaneTable, beside
+    from scex_sumo.converters.fidelity.report import check_net
+    from scex_sumo.converters.net.convert import LaneTable, beside
 
     if not net_path.is_file():
         raise MapError(f"{net_path}: no such file; give the SUMO net to judge")

@@ -13,9 +13,9 @@ from scex_sumo.errors import UsageError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from scex_sumo.effects import Effect
-    from scex_sumo.explain import Explanation
-    from scex_sumo.run import Run
+    from scex_sumo.results.run import Run
+    from scex_sumo.statistics.effects import Effect
+    from scex_sumo.studies.explain import Explanation
 
 _SHOWN_PAIRS = 6
 
@@ -24,8 +24,8 @@ def explain_command(folder: Path, *, metric: str | None, worst: int, plots: bool
     """Print, write and draw where the values of a run come from."""
     from rich.console import Console
 
-    from scex_sumo.explain import assignment_of, condition_rows, effect_rows, explain, worst_rows
-    from scex_sumo.run import open_run
+    from scex_sumo.results.run import open_run
+    from scex_sumo.studies.explain import assignment_of, condition_rows, effect_rows, explain, worst_rows
 
     if worst < 1:
         raise UsageError(f"--worst: got {worst}, needs at least 1")
@@ -48,7 +48,7 @@ def explain_command(folder: Path, *, metric: str | None, worst: int, plots: bool
     for explanation in shown:
         _print_conditions(explanation, ids, names, worst_of[explanation.metric], every=metric is not None)
     if plots:
-        from scex_sumo.plots_statistics import draw_effects
+        from scex_sumo.reports.statistics_pictures import draw_effects
 
         draw_effects(found, run, folder / "explain")
     print(f"result: {folder / 'explain_effects.parquet'}, explain_conditions, explain_worst")
@@ -108,7 +108,7 @@ def _print_conditions(
     every: bool,
 ) -> None:
     """What must happen for this scene to become dangerous, in sentences."""
-    from scex_sumo.run import side_of
+    from scex_sumo.statistics.density import side_of
 
     if explanation.defined == 0:
         print(f"{explanation.metric}: defined in no child")

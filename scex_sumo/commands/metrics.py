@@ -26,10 +26,10 @@ def metrics_command(
     out: Path | None,
 ) -> None:
     """Evaluate and write a table; as CSV to standard output where no file is given."""
+    from scex_sumo.evaluation.plans import PLANS, read_plans
+    from scex_sumo.evaluation.sources import read_source
+    from scex_sumo.evaluation.tables import recording_table
     from scex_sumo.metrics.base import MetricParameters
-    from scex_sumo.metrics.sources import read_source
-    from scex_sumo.metrics.tables import recording_table
-    from scex_sumo.plans import PLANS, read_plans
 
     if out is not None and out.suffix not in SUFFIXES:
         raise UsageError(f"-o {out}: unknown format {out.suffix!r}; known: {', '.join(SUFFIXES)}")

@@ -90,7 +90,7 @@ def _print_top(ranking: Ranking) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from scex_sumo.summary import print_table
+    from scex_sumo.reports.run_table import print_table
 
     table = Table(title="most critical moments, at least 3 s apart", title_justify="left")
     shares = list(ranking.info["thresholds"])

@@ -14,9 +14,9 @@ from scex_sumo.commands.seed import SeedRequest, seed_scene
 from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
-    from scex_sumo.run import Run
+    from scex_sumo.extrapolation.workers import Workers
+    from scex_sumo.results.run import Run
     from scex_sumo.scene import SeedScene
-    from scex_sumo.workers import Workers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class RunRequest(SeedRequest):
 
 def run_command(request: RunRequest) -> None:
     """Run, print the summary, say where the result is."""
-    from scex_sumo.workers import Workers
+    from scex_sumo.extrapolation.workers import Workers
 
     if request.workers < 1:
         raise UsageError(f"--workers: got {request.workers}, needs at least 1")
@@ -63,9 +63,9 @@ def _processes(request: RunRequest) -> int:
 
 def _run(request: RunRequest, workers: Workers) -> tuple[SeedScene, Path, Run]:
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
-    from scex_sumo.designs import DEFAULT_DESIGN
-    from scex_sumo.extrapolation import DEFAULT_CHILDREN, extrapolate
-    from scex_sumo.sequential import MOST_CHILDREN
+    from scex_sumo.extrapolation.extrapolate import DEFAULT_CHILDREN, extrapolate
+    from scex_sumo.statistics.bands import MOST_CHILDREN
+    from scex_sumo.statistics.designs import DEFAULT_DESIGN
 
     assign = parse_assign(request.assign)
     under_test = parse_under_test(request.under_test)
@@ -107,7 +107,7 @@ def _run(request: RunRequest, workers: Workers) -> tuple[SeedScene, Path, Run]:
 def _tell(request: RunRequest, scene: SeedScene, out: Path, run: Run) -> None:
     from rich.console import Console
 
-    from scex_sumo.summary import print_summary
+    from scex_sumo.reports.run_table import print_summary
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
     print_summary(run, Console(width=None if sys.stdout.isatty() else 110))
@@ -115,16 +115,16 @@ def _tell(request: RunRequest, scene: SeedScene, out: Path, run: Run) -> None:
         _print_band(run.info["band"])
     tested = run.baseline is not None
     if tested:
-        from scex_sumo.summary_under_test import print_under_test
+        from scex_sumo.reports.under_test_table import print_under_test
 
         print_under_test(run.under_test, Console(width=None if sys.stdout.isatty() else 110))
     if request.plots:
         from scex_sumo.commands.view import write_critical
-        from scex_sumo.plots import draw_run
+        from scex_sumo.reports.run_pictures import draw_run
 
         drawn = draw_run(run, scene)
         if tested:
-            from scex_sumo.plots_under_test import draw_under_test
+            from scex_sumo.reports.under_test_picture import draw_under_test
 
             drawn += draw_under_test(run, run.folder / "under_test")
         pictures = [file.name for file in drawn if file.suffix == ".png"]

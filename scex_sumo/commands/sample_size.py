@@ -16,7 +16,7 @@ from scex_sumo.errors import UsageError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from scex_sumo.run import Run
+    from scex_sumo.results.run import Run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +39,8 @@ def sample_size_command(request: StudyRequest) -> None:
     import pyarrow as pa
     from rich.console import Console
 
-    from scex_sumo.reduction import choose_vehicles, reduced
-    from scex_sumo.sample_size import MODELS, study, subsets, truth
+    from scex_sumo.scenarios.reduction import choose_vehicles, reduced
+    from scex_sumo.studies.sample_size import MODELS, study, subsets, truth
 
     sizes = _sizes(request.sizes)
     designs = [d.strip() for d in request.designs.split(",") if d.strip()]
@@ -74,7 +74,7 @@ def sample_size_command(request: StudyRequest) -> None:
         write_table(table, out / name)
     Console(width=None if sys.stdout.isatty() else 110).print(_table(rows, run, request.draws))
     if request.plots:
-        from scex_sumo.plots_statistics import draw_errors, draw_subsets
+        from scex_sumo.reports.statistics_pictures import draw_errors, draw_subsets
 
         one = {n: subsets(run.children, n, 1, seed=request.seed)[0] for n in sizes if n <= run.children}
         draw_subsets(run, one, out / "sample_size")

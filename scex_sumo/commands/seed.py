@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scex_sumo.commands.console import warn
-from scex_sumo.converters.origin import parse_origin
+from scex_sumo.converters.lanelet.origin import parse_origin
 from scex_sumo.errors import TrackError, UsageError
 from scex_sumo.scene import SeedScene
 
@@ -32,7 +32,7 @@ def seed_scene(request: SeedRequest) -> SeedScene:
         TrackError: no vehicle is on a mapped lane.
         ScexError: map or tracks cannot be read.
     """
-    from scex_sumo.routes import off_road
+    from scex_sumo.roads.routes import off_road
 
     scene = _read(request)
     assert scene.road is not None
@@ -42,7 +42,7 @@ def seed_scene(request: SeedRequest) -> SeedScene:
 
 
 def _read(request: SeedRequest) -> SeedScene:
-    from scex_sumo.seeds import read_seed, synthetic_seed
+    from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
 
     origin = parse_origin(request.origin) if request.origin is not None else None
     if request.synthetic is None:

@@ -16,7 +16,7 @@ from scex_sumo.errors import ResultError, UsageError
 if TYPE_CHECKING:
     import torch
 
-    from scex_sumo.training.dataset import Dataset
+    from scex_sumo.training.data.dataset import Dataset
     from scex_sumo.training.train import Progress, Trainer
 
 KINDS = ("graph", "hybrid")
@@ -118,8 +118,8 @@ def _device(name: str) -> torch.device:
 
 def _dataset(request: TrainRequest) -> tuple[Dataset, Any]:
     """The samples, and a function of the options that gives what drives in closed loop."""
-    from scex_sumo.converters.recordings import find_recordings
-    from scex_sumo.training.dataset import SampleOptions, default_cache, make_dataset
+    from scex_sumo.converters.datasets.recordings import find_recordings
+    from scex_sumo.training.data.dataset import SampleOptions, default_cache, make_dataset
     from scex_sumo.training.drift import closed_loop
 
     recordings = find_recordings(request.roots)

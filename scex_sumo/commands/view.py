@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scex_sumo.colors import Rgb, model_colors
 from scex_sumo.errors import ScexError, UsageError
-from scex_sumo.results import LOGGED_HISTORY
-from scex_sumo.run import Run, open_run
+from scex_sumo.results.run import Run, open_run
+from scex_sumo.scene import LOGGED_HISTORY
+from scex_sumo.world.colors import Rgb, model_colors
 
 if TYPE_CHECKING:
-    from scex_sumo.view_drawings import ChildView
+    from scex_sumo.world.gui_drawings import ChildView
 
 FORMATS = ("interaction", "fcd")
 
@@ -73,7 +73,7 @@ def export_command(folder: Path, *, child: int, to: str, out: Path | None) -> No
 
 def write_critical(run: Run) -> list[Path]:
     """Files for plain sumo-gui: the most critical child by each metric that is defined in any."""
-    from scex_sumo.results import write_atomic
+    from scex_sumo.files import write_atomic
 
     files = []
     for column in run.columns:
@@ -89,7 +89,7 @@ def write_critical(run: Run) -> list[Path]:
 
 def write_child(run: Run, number: int, *, title: str = "") -> Path:
     """Files that show one child in plain sumo-gui; returns the one to open."""
-    from scex_sumo.view import write_child_view
+    from scex_sumo.views.replay import write_child_view
 
     view = _child_view(run, number, title)
     return write_child_view(run.net.path.parent, run.net, run.scene, view, _colors(run))
@@ -101,7 +101,7 @@ def write_grid(run: Run, count: int) -> Path:
     Raises:
         UsageError: fewer than two children, or more than there are.
     """
-    from scex_sumo.view import write_grid_view
+    from scex_sumo.views.replay import write_grid_view
 
     if not 2 <= count <= run.children:
         raise UsageError(f"--grid {count}: give 2 to {run.children}, the number of children")
@@ -111,7 +111,7 @@ def write_grid(run: Run, count: int) -> Path:
 
 
 def _child_view(run: Run, number: int, title: str) -> ChildView:
-    from scex_sumo.view_drawings import ChildView
+    from scex_sumo.world.gui_drawings import ChildView
 
     return ChildView(
         number=number,

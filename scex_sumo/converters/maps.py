@@ -4,29 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from scex_sumo.converters.formats import OPENDRIVE, is_commonroad, is_highd
 from scex_sumo.errors import MapError
 from scex_sumo.road import Road
-
-COMMONROAD = (".xml", ".xml.gz")
-OPENDRIVE = (".xodr", ".xodr.gz")
-HIGHD = "_recordingMeta.csv"
-
-
-def is_commonroad(map_path: str | Path) -> bool:
-    """Whether a map is a CommonRoad scenario, by its name."""
-    return str(map_path).lower().endswith(COMMONROAD)
-
-
-def is_highd(map_path: str | Path) -> bool:
-    """Whether a file is a highD recording's meta data, whose lane markings are its map, by its name."""
-    return str(map_path).endswith(HIGHD)
-
-
-def map_name(map_path: str | Path) -> str:
-    """Name of a map: its file's name without the ending; ``highd_NN`` of a highD recording."""
-    if is_highd(map_path):
-        return f"highd_{Path(map_path).name.removesuffix(HIGHD)}"
-    return Path(Path(map_path).name.removesuffix(".gz")).stem
 
 
 def read_map(
@@ -59,17 +39,17 @@ def read_map(
             "e.g. with commonroad-scenario-designer's crdesigner, and look the result over (docs/maps.md)"
         )
     if is_commonroad(path):
-        from scex_sumo.converters.commonroad import read_commonroad_road
+        from scex_sumo.converters.commonroad.reader import read_commonroad_road
 
         return read_commonroad_road(path, origin=origin)
     if is_highd(path):
-        from scex_sumo.converters.recordings_highd import read_highd_road
+        from scex_sumo.converters.highd_road import read_highd_road
 
         return read_highd_road(path)
-    from scex_sumo.converters.lanelet import read_road
+    from scex_sumo.converters.lanelet.reader import read_road
 
     if not own_corner and path.exists():  # a missing map is the reader's to report
-        from scex_sumo.converters.origin import find_origin
+        from scex_sumo.converters.lanelet.origin import find_origin
 
         origin = find_origin(path, tracks_path=tracks, origin=origin)
     return read_road(path, origin=origin)

@@ -6,19 +6,19 @@ vehicles).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import InputError
-from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, States
+from scex_sumo.scene import STEP_S, States
 
 if TYPE_CHECKING:
-    from scex_sumo.metrics.following import Following
-    from scex_sumo.metrics.scenes import Scenes
+    pass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -213,58 +213,3 @@ class MetricParameters:
         names, which = np.unique(np.asarray(types), return_inverse=True)
         limits = [self.max_acceleration_by_type.get(str(name), self.max_acceleration) for name in names]
         return np.array(limits, dtype=float)[which.reshape(np.shape(types))]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Samples:
-    """Nanoscopic values: a value and a mask; values where ``defined`` is False mean nothing.
-
-    Attributes:
-        value: (K, C, T) in the metric's unit; inf is a value.
-        defined: (K, C, T).
-        row: (K,) the vehicle whose value it is (the follower of a car-following pair).
-        other: (K,) the second vehicle; None for metrics of single vehicles.
-        symmetric: each unordered pair appears once and stands for both orders.
-    """
-
-    value: FloatArray
-    defined: BoolArray
-    row: IntArray
-    other: IntArray | None
-    symmetric: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class Metric:
-    """One nanoscopic metric and how it is aggregated.
-
-    Attributes:
-        name: the column's name.
-        unit: of the nanoscopic value.
-        critical: ``min`` where small values are critical, ``max`` where large ones are.
-        evaluate: values of all pairs (or vehicles) of a batch of scenes.
-        inverse: aggregated as 1 / value (an infinite time becomes 0 1/s); ``critical`` refers to the inverse.
-        finite: infinite values are left out of the aggregates.
-    """
-
-    name: str
-    unit: str
-    critical: Literal["min", "max"]
-    evaluate: Callable[[Scenes], Samples]
-    inverse: bool = False
-    finite: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class Preset:
-    """What the metrics' definitions leave open.
-
-    Attributes:
-        name: as written on the command line.
-        leaders: which pairs follow, and their gap.
-        conflict_area: crossings are areas as wide as the vehicles, not points.
-    """
-
-    name: str
-    leaders: Callable[[Scenes], Following]
-    conflict_area: bool

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from scex_sumo.metrics.base import Samples
-from scex_sumo.metrics.scenes import Scenes
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 
 def distance(scenes: Scenes) -> Samples:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.metrics.base import Samples
-from scex_sumo.metrics.scenes import Scenes
-from scex_sumo.scene import FloatArray
+from scex_sumo.arrays import FloatArray
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 
 def deceleration_to_avoid_crash(*, gap: FloatArray, closing_speed: FloatArray) -> FloatArray:

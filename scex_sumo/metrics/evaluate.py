@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import InputError
-from scex_sumo.metrics.base import Metric, MetricParameters, PlannedPaths, Samples, SceneTracks
+from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.metrics.pairs.scenes import Metric, Samples, Scenes
 from scex_sumo.metrics.registry import PAPER_METRICS, metrics_named, preset_named
-from scex_sumo.metrics.scenes import Scenes
-from scex_sumo.scene import BoolArray, FloatArray, IntArray
 
 COLUMNS: Final[tuple[str, ...]] = tuple(column for name in PAPER_METRICS for column in (name, f"{name}_mean"))
 """The twelve columns of a child scenario; ``ttc`` and ``ttc_mean`` are in 1/s."""

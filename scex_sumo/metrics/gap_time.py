@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.metrics.base import Samples
-from scex_sumo.metrics.paths_ahead import Crossings, first_on_own_path
-from scex_sumo.metrics.scenes import Scenes
-from scex_sumo.scene import FloatArray
+from scex_sumo.arrays import FloatArray
+from scex_sumo.metrics.pairs.paths_ahead import Crossings, first_on_own_path, paths_ahead
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 
 def gap_time_at(
@@ -92,7 +91,7 @@ def gap_time(scenes: Scenes) -> Samples:
     size = len(scenes.ordered_pairs[0]) * int(np.prod(scenes.shape))
     if scenes.planned is None or size == 0:
         return scenes.scattered(np.empty(0, dtype=np.int64), np.empty(0))
-    crossing = first_on_own_path(scenes.paths.crossings(), size)
+    crossing = first_on_own_path(paths_ahead(scenes).crossings(), size)
     pair, scene = np.divmod(crossing.where, int(np.prod(scenes.shape)))
     row, other = scenes.ordered_pairs
     speed = scenes.speed.reshape(scenes.vehicles, -1)

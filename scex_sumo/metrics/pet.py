@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.metrics.base import PlannedPaths, Samples
+from scex_sumo.arrays import FloatArray
+from scex_sumo.metrics.base import PlannedPaths
 from scex_sumo.metrics.gap_time import area_reach
-from scex_sumo.metrics.paths_ahead import PathsAhead, first_on_own_path
-from scex_sumo.metrics.scenes import Scenes
-from scex_sumo.scene import FloatArray
+from scex_sumo.metrics.pairs.paths_ahead import PathsAhead, first_on_own_path
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 
 def post_encroachment_time(

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.metrics.base import Samples
-from scex_sumo.metrics.scenes import Scenes
+from scex_sumo.arrays import FloatArray
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 from scex_sumo.metrics.ttc import time_to_collision
-from scex_sumo.scene import FloatArray
 
 
 def potential_time_to_collision(

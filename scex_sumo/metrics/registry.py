@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Final
 
 from scex_sumo.errors import UsageError
-from scex_sumo.metrics.base import Metric, Preset
 from scex_sumo.metrics.distance import distance
 from scex_sumo.metrics.drac import drac
-from scex_sumo.metrics.following import following_by_heading
-from scex_sumo.metrics.following_on_path import following_on_path
 from scex_sumo.metrics.gap_time import gap_time
+from scex_sumo.metrics.pairs.by_heading import following_by_heading
+from scex_sumo.metrics.pairs.on_path import following_on_path
+from scex_sumo.metrics.pairs.scenes import Metric, Preset
 from scex_sumo.metrics.pet import pet
 from scex_sumo.metrics.pttc import pttc
 from scex_sumo.metrics.thw import thw

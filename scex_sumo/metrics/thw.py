@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from scex_sumo.metrics.base import Samples
-from scex_sumo.metrics.scenes import Scenes
-from scex_sumo.scene import FloatArray
+from scex_sumo.arrays import FloatArray
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 
 def time_headway(*, gap: FloatArray, follower_speed: FloatArray) -> FloatArray:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.metrics.base import Samples
-from scex_sumo.metrics.rectangles import rectangle_distance
-from scex_sumo.metrics.scenes import Scenes
-from scex_sumo.scene import BoolArray, FloatArray, IntArray
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 DISTANCE_SCALE_M = 5.0
 SMALLEST_MEAN_SPEED = 1e-5

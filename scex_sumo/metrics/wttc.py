@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.metrics.base import Samples
-from scex_sumo.metrics.scenes import Scenes
-from scex_sumo.scene import BoolArray, FloatArray, IntArray
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 MAX_ITERATIONS = 100  # a double root converges by one bit per iteration; anything else within about ten
 TOLERANCE = 4e-16

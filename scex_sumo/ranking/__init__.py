@@ -1,1 +1,4 @@
-"""Whole recordings cut into seed scenes, run, and ranked: which moments are worth testing."""
+"""Ranking of whole recordings: cut into seed scenes, run, and ordered by what is worth testing.
+
+May import everything but commands.
+"""

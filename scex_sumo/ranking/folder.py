@@ -17,11 +17,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.errors import ResultError
-from scex_sumo.folder_lock import hold, let_go
+from scex_sumo.files import hold, let_go, write_atomic
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.ranking.seeds import Failure, Listing, SeedRef, plain
-from scex_sumo.ranking.work import SeedPart
-from scex_sumo.results import write_atomic
+from scex_sumo.ranking.task import SeedPart
 
 INFO = "rank.json"
 _PENDING = "incomplete.json"

@@ -17,15 +17,16 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.casting import cast_models
-from scex_sumo.ranking.campaign import Campaign
-from scex_sumo.ranking.crew import Outcome
-from scex_sumo.ranking.cutting import Plan
+from scex_sumo.extrapolation.casting import cast_models
+from scex_sumo.files import write_atomic
+from scex_sumo.ranking.progress import Campaign
 from scex_sumo.ranking.rounds import distinct, nearby
 from scex_sumo.ranking.seeds import SeedRef
-from scex_sumo.results import LOGGED_HISTORY, write_atomic
-from scex_sumo.run import side_of
-from scex_sumo.summary import counted
+from scex_sumo.ranking.tasks import Plan
+from scex_sumo.ranking.workers import Outcome
+from scex_sumo.reports.run_table import counted
+from scex_sumo.scene import LOGGED_HISTORY
+from scex_sumo.statistics.density import side_of
 
 HTML = "ranking.html"
 _DRAWN_CHILDREN = 32
@@ -103,7 +104,7 @@ def _template() -> Template:
 
 def draw(found: Outcome) -> bytes:
     """The picture of a seed whose children have run with all their tracks."""
-    from scex_sumo.plots_ranking import futures_of, scene_png
+    from scex_sumo.reports.ranking_picture import futures_of, scene_png
 
     part = found.part
     assert part is not None and part.tracks is not None

@@ -11,22 +11,22 @@ from typing import Any
 
 import pyarrow as pa
 
-from scex_sumo import __version__
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.casting import Casting, Models, cast_models, drivers, weights_of
-from scex_sumo.converters.recordings import find_recordings
-from scex_sumo.density import THRESHOLDS
-from scex_sumo.designs import DEFAULT_DESIGN
+from scex_sumo.converters.datasets.recordings import find_recordings
 from scex_sumo.errors import UsageError
+from scex_sumo.extrapolation.casting import Casting, Models, cast_models, drivers, weights_of
 from scex_sumo.metrics.evaluate import COLUMNS
-from scex_sumo.provenance import versions
-from scex_sumo.ranking.campaign import Campaign, Progress
-from scex_sumo.ranking.crew import Crew, Processes
-from scex_sumo.ranking.cutting import Plan
-from scex_sumo.ranking.finish import count, describe, write
 from scex_sumo.ranking.folder import RankFolder
+from scex_sumo.ranking.output import count, describe, write
+from scex_sumo.ranking.progress import Campaign, Progress
 from scex_sumo.ranking.rounds import FIRST_CHILDREN
-from scex_sumo.ranking.work import KEEP, Settings
+from scex_sumo.ranking.task import KEEP, Settings
+from scex_sumo.ranking.tasks import Plan
+from scex_sumo.ranking.workers import Crew, Processes
+from scex_sumo.results.provenance import versions
+from scex_sumo.statistics.density import THRESHOLDS
+from scex_sumo.statistics.designs import DEFAULT_DESIGN
+from scex_sumo.version import __version__
 
 DEFAULT_EVERY_S = 1.0
 DEFAULT_CHILDREN = 96
@@ -74,7 +74,7 @@ def rank(
     """Run every moment of a dataset a few times, the promising ones more often, and rank them.
 
     Args:
-        roots: folders of recordings, or single files, see `scex_sumo.converters.recordings.find_recordings`.
+        roots: folders of recordings, or single files, as `find_recordings` takes them.
         out: folder of the ranking; an interrupted one goes on.
         every: least time between two seeds of a recording, s; of a file of cases every case is a seed.
         children: children of a seed at most.
@@ -189,7 +189,7 @@ def _crew(workers: int, cluster: str | None) -> Iterator[Crew]:
     if cluster is None:
         crew = Processes(workers)
     else:
-        from scex_sumo.ranking.cluster import Cluster
+        from scex_sumo.ranking.dask_workers import Cluster
 
         crew = Cluster(cluster)
     try:

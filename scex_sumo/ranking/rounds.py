@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scex_sumo.arrays import IntArray
 from scex_sumo.ranking.scores import Places, place
 from scex_sumo.ranking.seeds import SeedRef
-from scex_sumo.scene import IntArray
 
 FIRST_CHILDREN = 32
 NEARBY_S = 3.0

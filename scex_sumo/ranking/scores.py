@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.density import CONFIDENCE
-from scex_sumo.scene import FloatArray, IntArray
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.statistics.density import CONFIDENCE
 
 DRAWS = 200
 _STREAM = 4  # of the random numbers; the runs' own use 0 to 3

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from scex_sumo.errors import ScexError
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.recordings import Recording
-    from scex_sumo.converters.tracks_moments import Moment
+    from scex_sumo.converters.datasets.recordings import Recording
+    from scex_sumo.converters.moments.moments import Moment
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,13 +14,12 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
-from scex_sumo.density import p_critical
+from scex_sumo.arrays import FloatArray
+from scex_sumo.files import write_atomic
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.ranking.scores import place
 from scex_sumo.ranking.seeds import Failure, SeedRef
-from scex_sumo.results import write_atomic
-from scex_sumo.run import side_of
-from scex_sumo.scene import FloatArray
+from scex_sumo.statistics.density import p_critical, side_of
 
 PARQUET, CSV = "ranking.parquet", "ranking.csv"
 _ROWS_AT_ONCE = 500

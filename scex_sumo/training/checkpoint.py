@@ -5,17 +5,14 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
 
 from scex_sumo.errors import ResultError
-from scex_sumo.results import write_atomic
-from scex_sumo.training.samples import Samples
-
-if TYPE_CHECKING:
-    from scex_sumo.training.train import Trainer
+from scex_sumo.files import write_atomic
+from scex_sumo.training.data.samples import Samples
 
 FILE = "checkpoint.pt"
 
@@ -47,31 +44,6 @@ class Checkpoint:
     best: dict[str, Any]
     optimizer: dict[str, Any]
     rounds: int
-
-    @classmethod
-    def of(cls, run: Trainer) -> Checkpoint:
-        """The present state of a run."""
-        return cls(
-            identity=run.identity(),
-            epoch=run.epoch,
-            seconds=run.seconds,
-            best_epoch=run.best_epoch,
-            best_loss=run.best_loss,
-            net=run.net.state_dict(),
-            mean=run.mean.state_dict(),
-            best=run.best,
-            optimizer=run.optimizer.state_dict(),
-            rounds=len(run.drifted),
-        )
-
-    def restore(self, run: Trainer) -> None:
-        """Put a run where this one was."""
-        run.net.load_state_dict(self.net)
-        run.mean.load_state_dict(self.mean)
-        run.best = {k: v.to(run.device) for k, v in self.best.items()}
-        run.optimizer.load_state_dict(self.optimizer)
-        run.epoch, run.seconds = self.epoch, self.seconds
-        run.best_epoch, run.best_loss = self.best_epoch, self.best_loss
 
 
 def write_checkpoint(folder: Path, checkpoint: Checkpoint, drifted: list[Samples]) -> None:

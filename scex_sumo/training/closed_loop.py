@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from scex_sumo.arrays import BoolArray
 from scex_sumo.behaviors.base import Behavior
+from scex_sumo.extrapolation.rollout import Cast, roll_out
 from scex_sumo.road import Road
-from scex_sumo.rollout import Cast, roll_out
-from scex_sumo.scene import HISTORY_STEPS, BoolArray, SeedScene, States
-from scex_sumo.training.perturb import Perturbation, perturbed
-from scex_sumo.training.samples import Samples, scene_samples
+from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
+from scex_sumo.training.data.perturb import Perturbation, perturbed
+from scex_sumo.training.data.samples import Samples, scene_samples
 
 REPLAN = 5
 DRIFT_STEPS = (5, 10, 20)  # after so much driving by itself a driver is asked what it should have done

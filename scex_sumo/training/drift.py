@@ -8,15 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor, GraphImagePredictorProfile
-from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor, GraphPredictorProfile
-from scex_sumo.converters.recordings import Recording, load_recording
+from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
+from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
+from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
+from scex_sumo.converters.datasets.recordings import Recording, load_recording
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 from scex_sumo.training.closed_loop import drifted_samples
-from scex_sumo.training.dataset import SampleOptions, part_scenes
+from scex_sumo.training.data.dataset import SampleOptions, part_scenes
+from scex_sumo.training.data.samples import Samples
 from scex_sumo.training.options import TrainOptions
-from scex_sumo.training.samples import Samples
 from scex_sumo.training.train import Drift
 
 MOST_SCENES = 30  # of a site and round

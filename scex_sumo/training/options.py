@@ -10,15 +10,15 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from scex_sumo.behaviors.learned.layers import Scaler
-from scex_sumo.behaviors.learned.network import GraphPredictorNet
-from scex_sumo.behaviors.learned.network_image import GraphImageNet
+from scex_sumo.arrays import FloatArray
+from scex_sumo.behaviors.learned.networks.graph import GraphPredictorNet
+from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet
+from scex_sumo.behaviors.learned.networks.layers import Scaler
 from scex_sumo.errors import UsageError
-from scex_sumo.scene import FloatArray
-from scex_sumo.training.batches import Batch
-from scex_sumo.training.dataset import Dataset
+from scex_sumo.training.data.batches import Batch
+from scex_sumo.training.data.dataset import Dataset
+from scex_sumo.training.data.samples import Samples
 from scex_sumo.training.loss import LossWeights
-from scex_sumo.training.samples import Samples
 
 Kind: TypeAlias = Literal["graph", "hybrid"]
 Net: TypeAlias = GraphPredictorNet | GraphImageNet

@@ -13,15 +13,16 @@ import numpy as np
 import torch
 from torch import nn
 
-from scex_sumo.behaviors.learned.batches import architecture
-from scex_sumo.behaviors.learned.network import Modes
+from scex_sumo.behaviors.learned.networks.graph import Modes
+from scex_sumo.behaviors.learned.networks.tensors import architecture
 from scex_sumo.behaviors.learned.weights import save_weights
-from scex_sumo.training.batches import Batch, Batches
 from scex_sumo.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from scex_sumo.training.dataset import Dataset
-from scex_sumo.training.images import Images
+from scex_sumo.training.data.batches import Batch, Batches
+from scex_sumo.training.data.dataset import Dataset
+from scex_sumo.training.data.images import Images
+from scex_sumo.training.data.mirror import mirrored
+from scex_sumo.training.data.samples import Samples
 from scex_sumo.training.loss import loss
-from scex_sumo.training.mirror import mirrored
 from scex_sumo.training.options import (
     NETS,
     Net,
@@ -34,7 +35,6 @@ from scex_sumo.training.options import (
     unlinked,
     weight_groups,
 )
-from scex_sumo.training.samples import Samples
 from scex_sumo.training.validate import Score, validate
 
 # Given a network's file, the samples of a round in closed loop.
@@ -213,7 +213,7 @@ class Trainer:
 
     def _save(self) -> None:
         if self.folder is not None:
-            write_checkpoint(self.folder, Checkpoint.of(self), self.drifted)
+            write_checkpoint(self.folder, self._checkpoint(), self.drifted)
 
     def resume(self) -> bool:
         """Go on from the checkpoint in the folder; False where there is none.
@@ -227,7 +227,7 @@ class Trainer:
         if found is None:
             return False
         checkpoint, self.drifted = found
-        checkpoint.restore(self)
+        self._restore(checkpoint)
         if self.drifted:
             self._use_drifted()
         return True
@@ -235,3 +235,27 @@ class Trainer:
     def identity(self) -> dict[str, Any]:
         """What a checkpoint must agree in with the run that goes on from it."""
         return {"dataset": self.dataset.digest, **asdict(self.options), "minutes": 0.0}
+
+    def _checkpoint(self) -> Checkpoint:
+        """The present state."""
+        return Checkpoint(
+            identity=self.identity(),
+            epoch=self.epoch,
+            seconds=self.seconds,
+            best_epoch=self.best_epoch,
+            best_loss=self.best_loss,
+            net=self.net.state_dict(),
+            mean=self.mean.state_dict(),
+            best=self.best,
+            optimizer=self.optimizer.state_dict(),
+            rounds=len(self.drifted),
+        )
+
+    def _restore(self, known: Checkpoint) -> None:
+        """Go on from where a run was."""
+        self.net.load_state_dict(known.net)
+        self.mean.load_state_dict(known.mean)
+        self.best = {k: v.to(self.device) for k, v in known.best.items()}
+        self.optimizer.load_state_dict(known.optimizer)
+        self.epoch, self.seconds = known.epoch, known.seconds
+        self.best_epoch, self.best_loss = known.best_epoch, known.best_loss

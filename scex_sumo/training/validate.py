@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scex_sumo.behaviors.learned.network import Modes
-from scex_sumo.training.batches import Batch, Batches
+from scex_sumo.behaviors.learned.networks.graph import Modes
+from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.loss import LossWeights, displacement, loss
 
 Predict = Callable[[Batch], Modes]

@@ -13,8 +13,10 @@ import pytest
 
 from scex_sumo.behaviors import registry
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.idm import IdmDriver
 from scex_sumo.behaviors.learned import extra
+from scex_sumo.behaviors.models.idm import IdmDriver
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.plug_in.single import SingleVehicle
 from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.behaviors.registry import (
     DEFAULT_MODELS,
@@ -25,8 +27,6 @@ from scex_sumo.behaviors.registry import (
     known_names,
     parse_models,
 )
-from scex_sumo.behaviors.single import SingleVehicle
-from scex_sumo.behaviors.sumo_driver import SumoDriver
 from scex_sumo.errors import MissingExtraError, ScexError, UsageError
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, Who
@@ -191,7 +191,7 @@ def entry_points(monkeypatch: pytest.MonkeyPatch, value: str) -> None:
 
 
 def test_another_package_adds_a_model_by_an_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
-    entry_points(monkeypatch, "scex_sumo.behaviors.replay:ReplayProfile")
+    entry_points(monkeypatch, "scex_sumo.behaviors.models.replay:ReplayProfile")
     assert "installed" in known_names()
     spec = ModelSpec(name="installed", parameters={"path": "3"})
     # Any callable may stand there; this one makes no model, which is noticed when it is built.

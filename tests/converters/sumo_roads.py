@@ -12,8 +12,8 @@ import numpy as np
 import sumo
 from shapely import Polygon
 
+from scex_sumo.arrays import FloatArray
 from scex_sumo.road import Lane, Regulation, Road
-from scex_sumo.scene import FloatArray
 
 SUMO = Path(sumo.SUMO_HOME) / "bin" / "sumo"
 

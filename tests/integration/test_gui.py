@@ -16,8 +16,8 @@ from matplotlib.image import imread
 
 from scex_sumo.errors import SimulationError
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.view import ChildView, write_child_view
-from scex_sumo.world import World
+from scex_sumo.views.replay import ChildView, write_child_view
+from scex_sumo.world.world import World
 
 BLUE = (54, 124, 196)
 
@@ -27,7 +27,7 @@ from pathlib import Path
 from types import SimpleNamespace
 import numpy as np
 from scex_sumo.scene import States
-from scex_sumo.world import SumoDriven, World
+from scex_sumo.world.world import SumoDriven, World
 
 sys.path.insert(0, sys.argv[1])
 from test_gui import seed, states

@@ -13,7 +13,7 @@ import pytest
 import sumo
 
 from scex_sumo.scene import Obstacles, SeedScene, States
-from scex_sumo.view import ChildView, write_child_view, write_grid_view
+from scex_sumo.views.replay import ChildView, write_child_view, write_grid_view
 
 STEPS = 40
 MODELS = ("standard_driver", "sumo:EIDM:tau=1.2")

@@ -7,9 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import SimulationError
-from scex_sumo.scene import FloatArray, SeedScene, States
-from scex_sumo.world import TILE_SLOTS, SumoDriven, World
+from scex_sumo.scene import SeedScene, States
+from scex_sumo.world.world import TILE_SLOTS, SumoDriven, World
 
 
 def scene(x: FloatArray, y: FloatArray, heading: FloatArray, speed: FloatArray) -> SeedScene:

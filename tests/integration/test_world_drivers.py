@@ -14,8 +14,8 @@ import pytest
 
 from scex_sumo.errors import SimulationError, UsageError
 from scex_sumo.scene import Obstacles, SeedScene, States
-from scex_sumo.vehicle_types import SUMO_MODELS
-from scex_sumo.world import SumoDriven, World
+from scex_sumo.world.vehicle_types import SUMO_MODELS
+from scex_sumo.world.world import SumoDriven, World
 
 STRAIGHT = ("w_in", "e_out")
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.lanelet import read_road
-from scex_sumo.converters.sumo_net import convert
+from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.road import Lane
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.world import SumoDriven, World
+from scex_sumo.world.world import SumoDriven, World
 
 MAPS = (
     "interaction/maps/DR_DEU_Merging_MT.osm",

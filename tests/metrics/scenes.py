@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
-from scex_sumo.scene import STEP_S, BoolArray, FloatArray, States
+from scex_sumo.scene import STEP_S, States
 
 
 def one_scene(

@@ -10,9 +10,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from scex_sumo.arrays import FloatArray
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
-from scex_sumo.scene import STEP_S, FloatArray, States
+from scex_sumo.scene import STEP_S, States
 from tests.metrics.scenes import one_scene, random_run
 
 EXACT = 1e-9

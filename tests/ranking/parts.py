@@ -7,7 +7,7 @@ import pyarrow as pa
 
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.ranking.seeds import SeedRef
-from scex_sumo.ranking.work import SeedPart
+from scex_sumo.ranking.task import SeedPart
 
 
 def seed_ref(seed: str, location: str = "here", time_s: float = 1.0) -> SeedRef:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.converters.recordings import Recording
-from scex_sumo.converters.tracks_moments import Moment
+from scex_sumo.converters.datasets.recordings import Recording
+from scex_sumo.converters.moments.moments import Moment
 from scex_sumo.errors import TrackError
 from scex_sumo.ranking.seeds import Failure, Listing, list_seeds, reason_of, seed_name, unreadable
 

@@ -9,8 +9,8 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("torch_geometric")
 
-from scex_sumo.behaviors.learned.network import Modes, PathBatch, SceneBatch  # noqa: E402
-from scex_sumo.training.batches import Batch  # noqa: E402
+from scex_sumo.behaviors.learned.networks.graph import Modes, PathBatch, SceneBatch  # noqa: E402
+from scex_sumo.training.data.batches import Batch  # noqa: E402
 from scex_sumo.training.loss import LossWeights, displacement, errors, loss  # noqa: E402
 
 H = 30

@@ -14,14 +14,14 @@ pytest.importorskip("torch_geometric")
 
 from scex_sumo.behaviors.learned.weights import load_weights  # noqa: E402
 from scex_sumo.commands.train import TrainRequest, train_command  # noqa: E402
-from scex_sumo.converters.recordings import find_recordings, load_recording  # noqa: E402
+from scex_sumo.converters.datasets.recordings import find_recordings, load_recording  # noqa: E402
 from scex_sumo.errors import ResultError, TrackError, UsageError  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
-from scex_sumo.training import dataset as dataset_module  # noqa: E402
-from scex_sumo.training.dataset import Dataset, SampleOptions, make_dataset, part_scenes  # noqa: E402
-from scex_sumo.training.images import Images, turned  # noqa: E402
+from scex_sumo.training.data import dataset as dataset_module  # noqa: E402
+from scex_sumo.training.data.dataset import Dataset, SampleOptions, make_dataset, part_scenes  # noqa: E402
+from scex_sumo.training.data.images import Images, turned  # noqa: E402
+from scex_sumo.training.data.split import Split  # noqa: E402
 from scex_sumo.training.options import TrainOptions  # noqa: E402
-from scex_sumo.training.split import Split  # noqa: E402
 from scex_sumo.training.train import Progress, Trainer  # noqa: E402
 
 SMALL = {"hidden": 16, "heads": 2, "layers": 1}
@@ -207,7 +207,7 @@ def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
 def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monkeypatch) -> None:
     short = replace(SAMPLING, copies=0)
     monkeypatch.setattr(dataset_module.SampleOptions, "__call__", None, raising=False)
-    monkeypatch.setattr("scex_sumo.training.dataset.SampleOptions", lambda **given: short)
+    monkeypatch.setattr("scex_sumo.training.data.dataset.SampleOptions", lambda **given: short)
     folder = tmp_path / "data"
     folder.mkdir()
     for suffix in (".osm", ".csv"):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.behaviors.learned.surface import path_room
-from scex_sumo.behaviors.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive
-from scex_sumo.behaviors.paths import SeedPaths
-from scex_sumo.behaviors.projection import expected_way, project
-from scex_sumo.lines import wrap
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive
+from scex_sumo.behaviors.driving.paths import SeedPaths
+from scex_sumo.behaviors.driving.projection import expected_way, project
+from scex_sumo.behaviors.learned.seen.surface import path_room
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, BoolArray, FloatArray, IntArray, Plan, SceneHistory, States, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, Who
 
 RETURN_S = 3.0  # a driver who does not steer otherwise comes back to the path with this time constant
 EDGE_MARGIN_M = 0.15  # of the box to the edge of the drivable surface

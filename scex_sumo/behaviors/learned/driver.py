@@ -14,21 +14,21 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from scex_sumo.behaviors.fallback import follow_path
-from scex_sumo.behaviors.learned.batches import map_image, path_batch, scene_batch
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.learned.decoding import plan_along, plan_freely
-from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictorProfile
-from scex_sumo.behaviors.learned.graph_predictor import GraphPredictorProfile
-from scex_sumo.behaviors.learned.inputs import PathInputs, path_inputs
-from scex_sumo.behaviors.learned.layers import make_exact
-from scex_sumo.behaviors.learned.network import GraphPredictorNet, Modes
-from scex_sumo.behaviors.learned.network_image import GraphImageNet, ImageBatch, MapImage
+from scex_sumo.behaviors.learned.networks.graph import GraphPredictorNet, Modes
+from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet, ImageBatch, MapImage
+from scex_sumo.behaviors.learned.networks.layers import make_exact
+from scex_sumo.behaviors.learned.networks.tensors import map_image, path_batch, scene_batch
+from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
+from scex_sumo.behaviors.learned.seen.inputs import PathInputs, path_inputs
 from scex_sumo.behaviors.learned.weights import load_weights, sha256_of
-from scex_sumo.behaviors.paths import PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.scene_graph import scene_graph
+from scex_sumo.behaviors.models.path_follower import follow_path
+from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.errors import InputError
 from scex_sumo.road import Road
-from scex_sumo.scene import BoolArray, FloatArray, IntArray, Plan, SceneHistory, SeedScene, Who
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, Who
 
 OUTPUT_GRID = 2.0**-10  # m/s² and m: what is left of the order of sums is rounded away, see `layers`
 DRAW_DIGITS = 2.0**20  # modes are drawn with the digits of `route_draw` that paths do not use

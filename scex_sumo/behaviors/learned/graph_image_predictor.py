@@ -3,53 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scex_sumo.behaviors.learned.extra import check_libraries
-from scex_sumo.behaviors.learned.graph_predictor import check_learned, weights_file
-from scex_sumo.behaviors.paths import PathChoice
-from scex_sumo.errors import UsageError
+from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, weights_file
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
 
 if TYPE_CHECKING:
     from scex_sumo.behaviors.learned.driver import LearnedDriver
-
-HEADS = ("bounded", "free")
-
-
-@dataclass(frozen=True, kw_only=True)
-class GraphImagePredictorProfile:
-    """Parameters of `GraphImagePredictor`.
-
-    Attributes:
-        attention: w in [0, 1]: 1 looks at the scene graph alone, 0 at the road from above alone.
-        path: as in `GraphPredictorProfile`.
-        mode: as in `GraphPredictorProfile`.
-        head: ``bounded`` drives along the path, at the offset that the network wants, within the road and
-            what a car can do; ``free`` takes the paper's free x, y trajectory as it is.
-        radius: perception radius, m.
-        weights: file of weights; empty takes the shipped ones.
-    """
-
-    attention: float = 0.5
-    path: PathChoice | Literal["likeliest"] = "likeliest"
-    mode: str = "best"
-    head: str = "bounded"
-    radius: float = 100.0
-    weights: str = ""
-
-    def __post_init__(self) -> None:
-        check_learned(self)
-        number = isinstance(self.attention, int | float) and not isinstance(self.attention, bool)
-        if not number or not 0 <= self.attention <= 1:
-            raise UsageError(f"attention: got {self.attention!r}; give a number from 0 to 1")
-        if self.head not in HEADS:
-            raise UsageError(f"head: got {self.head!r}; give {' or '.join(HEADS)}")
 
 
 class GraphImagePredictor:

@@ -11,13 +11,13 @@ from typing import Any
 
 import torch
 
-from scex_sumo import __version__
-from scex_sumo.behaviors.learned.inputs import PATH_COLUMNS
-from scex_sumo.behaviors.learned.network import Architecture, GraphPredictorNet
-from scex_sumo.behaviors.learned.network_image import GraphImageNet
-from scex_sumo.behaviors.scene_graph import EDGE_COLUMNS, NODE_COLUMNS
+from scex_sumo.behaviors.learned.networks.graph import Architecture, GraphPredictorNet
+from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet
+from scex_sumo.behaviors.learned.seen.inputs import PATH_COLUMNS
+from scex_sumo.behaviors.scene_graph.graph import EDGE_COLUMNS, NODE_COLUMNS
 from scex_sumo.errors import InputError
-from scex_sumo.results import write_atomic
+from scex_sumo.files import write_atomic
+from scex_sumo.version import __version__
 
 FORMAT = "scex-sumo weights 1"
 KINDS: Mapping[str, type[GraphPredictorNet] | type[GraphImageNet]] = {

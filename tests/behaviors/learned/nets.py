@@ -6,13 +6,13 @@ from pathlib import Path
 
 import torch
 
-from scex_sumo.behaviors.learned.batches import architecture
-from scex_sumo.behaviors.learned.inputs import path_inputs
-from scex_sumo.behaviors.learned.network import GraphPredictorNet
-from scex_sumo.behaviors.learned.network_image import GraphImageNet
+from scex_sumo.behaviors.driving.paths import chosen_paths
+from scex_sumo.behaviors.learned.networks.graph import GraphPredictorNet
+from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet
+from scex_sumo.behaviors.learned.networks.tensors import architecture
+from scex_sumo.behaviors.learned.seen.inputs import path_inputs
 from scex_sumo.behaviors.learned.weights import KINDS, save_weights
-from scex_sumo.behaviors.paths import chosen_paths
-from scex_sumo.behaviors.scene_graph import scene_graph
+from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 from tests.behaviors import roads

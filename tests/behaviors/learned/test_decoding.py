@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scex_sumo.arrays import FloatArray
+from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.learned.decoding import EDGE_MARGIN_M, plan_along, plan_freely, way_of
-from scex_sumo.behaviors.learned.surface import CELL_M
-from scex_sumo.behaviors.paths import chosen_paths
+from scex_sumo.behaviors.learned.seen.surface import CELL_M
 from scex_sumo.road import Road
-from scex_sumo.scene import FloatArray, Plan, SceneHistory, SeedScene
+from scex_sumo.scene import Plan, SceneHistory, SeedScene
 from tests.behaviors import roads
 
 WIDE = roads.road(roads.lane(1, [(0.0, 0.0), (600.0, 0.0)], width=12.0))

@@ -11,11 +11,11 @@ import pytest
 import torch
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.fallback import follow_path
 from scex_sumo.behaviors.learned.driver import loaded
 from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
 from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
-from scex_sumo.behaviors.learned.surface import surface_of
+from scex_sumo.behaviors.learned.seen.surface import surface_of
+from scex_sumo.behaviors.models.path_follower import follow_path
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import InputError
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 import torch
 
-from scex_sumo.behaviors.learned.graph_predictor import SHIPPED
-from scex_sumo.behaviors.learned.layers import make_exact
-from scex_sumo.behaviors.learned.network import GraphPredictorNet
-from scex_sumo.behaviors.learned.network_image import GraphImageNet
+from scex_sumo.behaviors.learned.networks.graph import GraphPredictorNet
+from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet
+from scex_sumo.behaviors.learned.networks.layers import make_exact
+from scex_sumo.behaviors.learned.profiles import SHIPPED
 from scex_sumo.behaviors.learned.weights import load_weights, save_weights, sha256_of
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import InputError

@@ -1,0 +1,307 @@
+"""The paths of a seed scene as tables: everything that models need of the map, computed once per seed.
+
+A path belongs to a vehicle of the seed scene and follows from its pose at that moment; it stays the same
+through a child. Paths of all vehicles lie in one table, so that a step of a whole batch is one look-up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from math import ceil
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.smoothing import drivable, resample
+from scex_sumo.errors import UsageError
+from scex_sumo.geometry.polylines import arc_lengths, nearest
+from scex_sumo.road import Road
+from scex_sumo.roads.routes import candidate_paths, centreline, extended
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, Who
+
+DS_M = 0.5
+BEHIND_M = 20.0  # path behind the centre: room for the rear axle and the vehicles behind
+FIRST_HORIZON_S = 8.0  # 3 s of a child, 3 s of a plan, and some acceleration
+HORIZON_STEP_S = 5.0  # longer children get longer tables, in steps of so much
+ROUTE_M = 500.0  # of the routes for SUMO
+COARSE = 8  # one point in so many for the first step of a projection
+COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
+PathChoice: TypeAlias = (
+    int | Literal["straight", "random"] | tuple[int, ...] | tuple[tuple[float, float], ...]
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SeedPaths:
+    """All candidate paths of all vehicles of a seed scene.
+
+    Attributes:
+        first: (V,) row of the vehicle's first path; its paths are consecutive, left to right.
+        count: (V,) number of its paths, at least 1.
+        straight: (V,) which of its paths goes on straightest from the lane that it most probably is on.
+        draw_edges: (P,) upper edge in [0, 1] of the path's share of `SceneHistory.route_draw`.
+        lanes: (P) lane ids of each path; empty for a vehicle off the mapped lanes.
+        on_road: (V,) False for vehicles off the mapped lanes, whose path is a straight line.
+        table: (P * N, 12) one row per sample: value of each of `COLUMNS`, then its change to the next one.
+        samples: N, samples per path, `DS_M` apart.
+        speed_limit: (P, N) m/s; where no lane is, the vehicle's own speed.
+        coarse: (P, 3, M) every `COARSE`-th sample as -2x, -2y, x² + y², relative to `centre`.
+        centre: (2,) m.
+    """
+
+    first: IntArray
+    count: IntArray
+    straight: IntArray
+    draw_edges: FloatArray
+    lanes: tuple[tuple[int, ...], ...]
+    on_road: BoolArray
+    table: FloatArray
+    samples: int
+    speed_limit: FloatArray
+    coarse: FloatArray
+    centre: FloatArray
+
+    def choose(self, path: PathChoice, vehicle: IntArray, draw: FloatArray) -> IntArray:
+        """Path rows for vehicles.
+
+        Args:
+            path: index from left to right, clamped to the vehicle's last path (-1 is the rightmost);
+                ``straight`` is `straight`; ``random`` picks by `draw`; anything else means that there is
+                but one path.
+            vehicle: (n,) index into the seed scene.
+            draw: (n,) in [0, 1).
+        """
+        first: IntArray = self.first[vehicle]
+        count: IntArray = self.count[vehicle]
+        if path == "random":
+            passed = np.zeros(len(vehicle), dtype=np.int64)
+            for k in range(int(self.count.max()) - 1):
+                row = first + np.minimum(k, count - 1)
+                passed += (k < count - 1) & (draw >= self.draw_edges[row])
+            return np.asarray(first + passed)
+        if path == "straight":
+            return np.asarray(first + self.straight[vehicle])
+        if isinstance(path, int):
+            index = path if path >= 0 else count + path
+            return np.asarray(first + np.clip(index, 0, count - 1))
+        return first
+
+    @cached_property
+    def bend(self) -> tuple[FloatArray, FloatArray]:
+        """(P * N,) curvature and its change to the next sample, 1/m, each contiguous."""
+        return np.ascontiguousarray(self.table[:, 5]), np.ascontiguousarray(self.table[:, 11])
+
+    @cached_property
+    def curve_curvature(self) -> FloatArray:
+        """(P, N) |curvature| averaged over 3 m, 1/m: what a driver slows down for."""
+        k = np.abs(self.table.reshape(len(self.lanes), self.samples, -1)[:, :, 5])
+        reach = int(1.5 / DS_M)
+        padded = np.pad(k, ((0, 0), (reach, reach)), mode="edge")
+        width = 2 * reach + 1
+        total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
+        mean: FloatArray = (total[:, width:] - total[:, :-width]) / width
+        return mean
+
+
+def chosen_paths(history: SceneHistory, road: Road, who: Who, path: PathChoice) -> tuple[SeedPaths, IntArray]:
+    """The paths of a seed scene, long enough for the present step, and the row that each vehicle follows.
+
+    Args:
+        history: the present.
+        road: the map.
+        who: the n vehicles.
+        path: the choice, as in `SeedPaths.choose`.
+
+    Returns:
+        The paths, and (n,) rows.
+    """
+    # By the step alone, so that it does not matter who shares the batch.
+    further = max(0, ceil((history.step * STEP_S - 3.0) / HORIZON_STEP_S))
+    horizon = FIRST_HORIZON_S + HORIZON_STEP_S * further
+    paths = seed_paths(history.seed, road, given_path(path), horizon)
+    return paths, paths.choose(path, who.vehicle, history.route_draw[who.child, who.vehicle])
+
+
+@lru_cache(maxsize=16)
+def seed_paths(
+    seed: SeedScene,
+    road: Road,
+    given: tuple[int, ...] | tuple[tuple[float, float], ...] | None = None,
+    horizon_s: float = FIRST_HORIZON_S,
+) -> SeedPaths:
+    """Candidate paths of a seed scene, smoothed and tabulated; remembered for the last seeds.
+
+    Args:
+        seed: the seed scene.
+        road: the map.
+        given: lane ids or points of the one path that all vehicles shall take, instead of their own.
+        horizon_s: for how long the fastest vehicle shall find road on its table, s.
+    """
+    now = seed.now
+    ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
+    candidates = candidate_paths(road, seed) if given is None else None
+    lines: list[_Line] = []
+    count = np.ones(seed.vehicles, dtype=np.int64)
+    for v in range(seed.vehicles):
+        pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
+        if candidates is None:
+            assert given is not None
+            mine = [_given(road, given, pose, ahead)]
+        else:
+            mine = [
+                _Line(
+                    *centreline(road, path.lanes, path.s, BEHIND_M, ahead),
+                    path.lanes,
+                    path.probability,
+                    path.angle,
+                )
+                for path in candidates[v]
+            ] or [_straight(pose, ahead)]
+        count[v] = len(mine)
+        lines += mine
+    return _tabulate(road, lines, np.repeat(now.speed, count), int((BEHIND_M + ahead) / DS_M) + 1, count)
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A path before it is smoothed: points, the lane under each, its lanes, its probability, its angle.
+
+    Attributes:
+        on_road: False for a vehicle off the mapped lanes.
+    """
+
+    points: FloatArray
+    owner: IntArray | None
+    lanes: tuple[int, ...]
+    share: float = 1.0
+    angle: float = 0.0
+    on_road: bool = True
+
+
+def _straight(pose: tuple[float, float, float], ahead: float) -> _Line:
+    x, y, heading = pose
+    s = np.array([-BEHIND_M, ahead])
+    return _Line(np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)]), None, (), on_road=False)
+
+
+def _given(
+    road: Road,
+    given: tuple[int, ...] | tuple[tuple[float, float], ...],
+    pose: tuple[float, float, float],
+    ahead: float,
+) -> _Line:
+    """The line of a path that the caller gave, cut at the vehicle."""
+    if isinstance(given[0], tuple):
+        points = np.array(given, dtype=np.float64)
+        owner: IntArray | None = None
+        ids: tuple[int, ...] = ()
+    else:
+        ids = tuple(i for i in given if isinstance(i, int))
+        unknown = [i for i in ids if i not in road.vehicle_lanes]
+        if unknown:
+            raise UsageError(f"path: lane {unknown[0]} is no vehicle lane of {road.name}; check the lane ids")
+        points, owner = centreline(road, ids, 0.0, BEHIND_M, ahead + 400.0)
+    s = nearest(points, pose[0], pose[1])
+    arc = arc_lengths(points)
+    inside = (arc > s - BEHIND_M) & (arc < s + ahead)
+    ends = resample(points, 2, BEHIND_M + ahead, s - BEHIND_M)
+    cut = np.vstack([ends[:1], points[inside], ends[1:]])
+    if owner is not None:
+        owner = np.concatenate([owner[inside][:1], owner[inside], owner[inside][-1:]])
+    return _Line(cut, owner, ids)
+
+
+def _tabulate(
+    road: Road, lines: list[_Line], own_speed: FloatArray, samples: int, count: IntArray
+) -> SeedPaths:
+    """Smooth the lines and lay them into tables; `own_speed` (P,) is that of their vehicles, m/s."""
+    raw = np.stack([resample(line.points, samples, DS_M) for line in lines])
+    width, limit = np.full(raw.shape[:2], 3.5), np.repeat(own_speed[:, None], samples, axis=1)
+    for k, line in enumerate(lines):
+        if line.owner is not None:
+            width[k], limit[k] = _of_lanes(road, line.points, line.owner, samples)
+    smooth = drivable(raw, np.maximum(width, 1.0) / 2, DS_M)
+    even = np.stack([resample(line, samples, DS_M) for line in smooth])
+    centre = even.reshape(-1, 2).mean(axis=0)
+    some = even[:, ::COARSE] - centre
+    first = np.cumsum(count) - count
+    shares = np.array([line.share for line in lines])
+    edges = np.concatenate([np.cumsum(shares[f : f + n]) / shares[f : f + n].sum()
+                            for f, n in zip(first, count, strict=True)])  # fmt: skip
+    return SeedPaths(
+        first=first,
+        count=count,
+        straight=np.array([_straightest(lines[f : f + n]) for f, n in zip(first, count, strict=True)]),
+        draw_edges=edges,
+        lanes=tuple(line.lanes for line in lines),
+        on_road=np.array([line.on_road for line in lines])[first],
+        table=_columns(even).reshape(-1, 2 * len(COLUMNS)),
+        samples=samples,
+        speed_limit=limit,
+        coarse=np.stack([-2 * some[..., 0], -2 * some[..., 1], (some**2).sum(-1)], 1),
+        centre=centre,
+    )
+
+
+def _straightest(lines: list[_Line]) -> int:
+    """Which path goes on straightest from the lane that is the likeliest start; the leftmost of equals."""
+    by_lane: dict[tuple[int, ...], float] = {}
+    for line in lines:
+        by_lane[line.lanes[:1]] = by_lane.get(line.lanes[:1], 0.0) + line.share
+    likeliest = max(by_lane, key=lambda lane: by_lane[lane])
+    return min((abs(line.angle), k) for k, line in enumerate(lines) if line.lanes[:1] == likeliest)[1]
+
+
+def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> tuple[FloatArray, FloatArray]:
+    """(N,) width and (N,) speed limit of the lane under each sample."""
+    ids, inverse = np.unique(owner, return_inverse=True)
+    at = np.searchsorted(arc_lengths(points), DS_M * np.arange(samples), side="right") - 1
+    at = inverse[np.clip(at, 0, len(owner) - 1)]
+    lanes = [road.lanes[int(i)] for i in ids]
+    width = np.array([lane.width_m for lane in lanes])
+    return width[at], np.array([lane.speed_limit_mps for lane in lanes])[at]
+
+
+def _columns(even: FloatArray) -> FloatArray:
+    """(P, N, 12) the rows of the table from evenly spaced points (P, N, 2)."""
+    heading = _sample_headings(even)
+    curvature = np.gradient(heading, DS_M, axis=1)
+    columns = np.stack([even[..., 0], even[..., 1], np.cos(heading), np.sin(heading), heading, curvature], -1)
+    slope = np.diff(columns, axis=1, append=columns[:, -1:])
+    # The last step goes on straight: positions past the end are extrapolated from it.
+    slope[:, -1, :2] = DS_M * columns[:, -1, 2:4]
+    return np.concatenate([columns, slope], -1)
+
+
+def _sample_headings(points: FloatArray) -> FloatArray:
+    """(P, N) headings along paths, without jumps of 2 pi."""
+    step = np.gradient(points, axis=1)
+    heading: FloatArray = np.unwrap(np.arctan2(step[..., 1], step[..., 0]), axis=1)
+    return heading
+
+
+def planned_lanes(
+    seed: SeedScene, road: Road, path: PathChoice, vehicle: IntArray, draw: FloatArray
+) -> list[tuple[int, ...]]:
+    """(n) lane ids of the path that each vehicle takes and what follows it for half a kilometre.
+
+    Empty for a vehicle off the mapped lanes.
+
+    Args:
+        seed: the seed scene.
+        road: the map.
+        path: the choice, as in `SeedPaths.choose`.
+        vehicle: (n,) index into the seed scene.
+        draw: (n,) in [0, 1).
+    """
+    paths = seed_paths(seed, road, given_path(path))
+    rows = paths.choose(path, vehicle, draw).tolist()
+    whole = {row: extended(road, paths.lanes[row], ROUTE_M) if paths.lanes[row] else () for row in {*rows}}
+    return [whole[row] for row in rows]
+
+
+def given_path(path: PathChoice) -> tuple[int, ...] | tuple[tuple[float, float], ...] | None:
+    """The path itself where the caller gave one, else None."""
+    return None if isinstance(path, int | str) else path

@@ -1,0 +1,98 @@
+"""Projecting points onto paths, many at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.behaviors.driving.paths import BEHIND_M, COARSE, DS_M, SeedPaths
+from scex_sumo.scene import STEP_S, SceneHistory, Who
+
+LAP_WEIGHT = 0.01  # (m off the path)² per (m off the expected arc length)²
+
+
+def clipped(values: FloatArray, low: FloatArray | float, high: FloatArray | float) -> FloatArray:
+    """What ``np.clip`` gives; its wrapping takes longer than some hundred values do."""
+    result: FloatArray = np.minimum(np.maximum(values, low), high)
+    return result
+
+
+def sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
+    """Path properties at arc lengths.
+
+    Args:
+        paths: the paths.
+        row: (n,) path rows.
+        s: (n,) m from the start of the table.
+
+    Returns:
+        (6, n) the `COLUMNS`, linear between samples; straight on past both ends.
+    """
+    position = s * (1 / DS_M)
+    index = clipped(position, 0.0, paths.samples - 1.0).astype(np.int64)
+    values = np.ascontiguousarray(paths.table.take(row * paths.samples + index, axis=0).T)
+    inner: FloatArray = values[:6] + values[6:] * (position - index)
+    return inner
+
+
+def bend_at(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
+    """(n,) curvature at arc lengths, 1/m, as in `sample`."""
+    position = clipped(s * (1 / DS_M), 0.0, paths.samples - 1.0)
+    index = position.astype(np.int64)
+    at = row * paths.samples + index
+    bend: FloatArray = paths.bend[0].take(at) + paths.bend[1].take(at) * (position - index)
+    return bend
+
+
+def refine(
+    paths: SeedPaths, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, steps: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Move a first guess to the foot point.
+
+    Returns:
+        (n,) arc length, (n,) signed distance (left positive), (n,) heading of the path there, unwrapped.
+    """
+    for _ in range(steps):
+        px, py, cos, sin, heading, curvature = sample(paths, row, s)
+        dx, dy = x - px, y - py
+        ahead = cos * dx + sin * dy
+        offset = cos * dy - sin * dx
+        # Newton on the distance; the bound keeps it on this branch where the path bends around the point.
+        step = ahead / np.maximum(1 - curvature * offset, 0.3)
+        s = s + clipped(step, -COARSE * DS_M, COARSE * DS_M)
+    px, py, cos, sin, heading, _ = sample(paths, row, s)
+    return s, cos * (y - py) - sin * (x - px), heading
+
+
+def expected_way(history: SceneHistory, who: Who) -> FloatArray:
+    """(n,) roughly how far vehicles have come along their tables, m: at the mean of first and present speed.
+
+    Tells the laps of a roundabout apart, nothing more.
+    """
+    first = history.seed.now.speed[who.vehicle]
+    now = history.now.speed[who.child, who.vehicle]
+    return BEHIND_M + history.step * STEP_S * (first + now) / 2
+
+
+def project(
+    paths: SeedPaths, row: IntArray, x: FloatArray, y: FloatArray, expected: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Foot points of points on their paths.
+
+    Args:
+        paths: the paths.
+        row: (n,) path rows.
+        x: (n,) m.
+        y: (n,) m.
+        expected: (n,) arc length near which the foot point is looked for where a path passes twice, m.
+
+    Returns:
+        As `refine`.
+    """
+    coarse = paths.coarse[row]
+    dx, dy = (x - paths.centre[0])[:, None], (y - paths.centre[1])[:, None]
+    square = coarse[:, 0] * dx + coarse[:, 1] * dy + coarse[:, 2]
+    # Two laps of a roundabout differ by centimetres in distance and some 50 m in arc length.
+    off = COARSE * DS_M * np.arange(coarse.shape[2]) - expected[:, None]
+    nearest = np.argmin(square + LAP_WEIGHT * off**2, axis=1)
+    return refine(paths, row, nearest * (COARSE * DS_M), x, y, 4)

@@ -1,0 +1,126 @@
+"""Paths that a car can drive, out of centrelines as maps have them.
+
+Centrelines have corners (up to 89 degrees), steps and uneven points. A path is the centreline under a
+Gaussian; where that is still too tight for a car, the corner is rounded further within the lane.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.geometry.polylines import arc_lengths
+
+BASE_SIGMA_M = 1.5  # a turn of 8 m radius moves inwards by 0.14 m
+CURVATURES = (0.33, 0.25, 0.195, 0.165)  # 1/m, tried one after the other; the last leaves room to correct
+SWEEPS = 400  # a right angle needs about 375 of them at 0.2 1/m
+FREEZE_M = 15.0
+
+
+def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArray:
+    """Smooth paths of evenly spaced points.
+
+    Args:
+        points: (K, N, 2) m, spaced by about `ds`.
+        half_width: (K, N) half the lane's width, m; no point moves further than 0.95 of it.
+        ds: spacing, m.
+
+    Returns:
+        (K, N, 2) m. Curvature is at most 0.17 1/m wherever the lane is wide enough for that, else the
+        smallest of `CURVATURES` that keeps the path in the lane.
+    """
+    bound = 0.95 * half_width
+    smooth = _within(gaussian(points, BASE_SIGMA_M / ds), points, bound)
+    for limit in CURVATURES:
+        rows = np.flatnonzero((np.abs(curvature(smooth)) > 1.02 * limit).any(axis=1))
+        if not len(rows):
+            continue
+        wider = _relaxed(smooth[rows], limit)
+        shift = wider - points[rows]
+        too_far = np.hypot(shift[..., 0], shift[..., 1]) > bound[rows]
+        # Around a curve that would leave its lane the last curvature that did not stays; elsewhere on the
+        # path this does not matter, since the relaxation moves nothing but tight places.
+        stays = _dilate(too_far, int(FREEZE_M / ds))
+        smooth[rows] = np.where(stays[..., None], smooth[rows], wider)
+    return smooth
+
+
+def _relaxed(points: FloatArray, limit: float) -> FloatArray:
+    """Paths whose tight places have given way until the curvature is at most about `limit`.
+
+    A point moves towards the middle of its neighbours by the share of its curvature that is too much: a
+    corner becomes an arc of that curvature between its unmoved legs.
+    """
+    tight = np.flatnonzero((np.abs(curvature(points)) > limit).any(axis=0))
+    first, last = max(0, tight[0] - 80), min(points.shape[1], tight[-1] + 81)
+    moved = points.copy()
+    inner = moved[:, first:last]
+    for _ in range(SWEEPS):
+        away = 0.5 * (inner[:, :-2] + inner[:, 2:]) - inner[:, 1:-1]
+        chord = inner[:, 2:] - inner[:, :-2]
+        square = (chord**2).sum(axis=-1) / 4
+        bend = 2 * np.sqrt((away**2).sum(axis=-1)) / np.maximum(square, 1e-6)
+        excess = np.maximum(0.0, 1 - limit / np.maximum(bend, 1e-9))
+        if excess.max() < 0.02:
+            break
+        inner[:, 1:-1] += 0.9 * excess[..., None] * away
+    return moved
+
+
+def gaussian(values: FloatArray, sigma: float) -> FloatArray:
+    """Gaussian filter along axis 1 of (K, N, F); the ends go on straight.
+
+    Args:
+        values: (K, N, F).
+        sigma: in samples.
+    """
+    reach = max(1, int(np.ceil(3 * sigma)))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    kernel /= kernel.sum()
+    before = 2 * values[:, :1] - values[:, reach:0:-1]
+    after = 2 * values[:, -1:] - values[:, -2 : -reach - 2 : -1]
+    wide = np.concatenate([before, values, after], axis=1)
+    n = values.shape[1]
+    result: FloatArray = kernel[reach] * values
+    for i in range(reach):  # symmetric taps together
+        result += kernel[i] * (wide[:, i : i + n] + wide[:, 2 * reach - i : 2 * reach - i + n])
+    return result
+
+
+def curvature(points: FloatArray) -> FloatArray:
+    """(K, N) curvature of paths (K, N, 2) by central differences, 1/m, left positive."""
+    first = np.gradient(points, axis=1)
+    second = np.gradient(first, axis=1)
+    cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+    speed = np.hypot(first[..., 0], first[..., 1])
+    result: FloatArray = cross / np.maximum(speed, 1e-6) ** 3
+    return result
+
+
+def _within(moved: FloatArray, points: FloatArray, bound: FloatArray) -> FloatArray:
+    """Points drawn back to the bound on their way from where they were, softly."""
+    shift = moved - points
+    size = np.hypot(shift[..., 0], shift[..., 1]) / bound
+    # x / (1 + x^8)^(1/8) is x for small x and 1 for large x.
+    drawn: FloatArray = points + shift / (1 + np.minimum(size, 1e6)[..., None] ** 8) ** 0.125
+    return drawn
+
+
+def _dilate(mask: BoolArray, reach: int) -> BoolArray:
+    """(K, N) True within `reach` samples of a True."""
+    n = mask.shape[1]
+    total = np.cumsum(np.pad(mask, ((0, 0), (reach + 1, reach))), axis=1)
+    near: BoolArray = total[:, 2 * reach + 1 :] > total[:, :n]
+    return near
+
+
+def resample(points: FloatArray, count: int, ds: float, first_s: float = 0.0) -> FloatArray:
+    """(count, 2) points of a polyline every `ds` from `first_s` on, straight on past its end."""
+    arc = arc_lengths(points)
+    s = first_s + ds * np.arange(count)
+    x = np.interp(s, arc, points[:, 0])
+    y = np.interp(s, arc, points[:, 1])
+    past = np.maximum(s - arc[-1], 0.0)
+    tail = points[-1] - points[-2]
+    tail = tail / max(float(np.hypot(*tail)), 1e-9)
+    return np.column_stack([x + past * tail[0], y + past * tail[1]])

@@ -1,0 +1,268 @@
+"""The guard's view of motion: the planned ways of its own vehicles, the expected ways of all others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, rear_axle
+from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
+from scex_sumo.behaviors.driving.perception import Everyone, everyone
+from scex_sumo.behaviors.driving.projection import expected_way, project, sample
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, Who
+
+if TYPE_CHECKING:
+    from scex_sumo.behaviors.guard.profile import GuardProfile
+
+SAMPLE_S = 0.4  # a car that crosses at 15 m/s is in the corridor for longer than that
+SAMPLES = 11  # the present, and 4 s ahead
+VERTEX_STEPS = 3  # planned steps between two vertices of the corridor
+LEAST_WAY_M = 1e-3
+DRIFT_S = 1.5  # motion across the path dies out with this time constant
+BRAKING_STEPS = 5  # steps over which a leader's braking is measured
+OTHER_PATH = 1.0  # how much worse a vehicle must fit its straightest path than another one to be on that
+OFFSET_SIGMA_M = 0.8
+HEADING_SIGMA_RAD = 0.15
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannedPaths:
+    """Plans of n vehicles by arc length; the present is arc length 0.
+
+    Attributes:
+        x: (n, H + 1) m, the present pose first.
+        y: (n, H + 1) m.
+        heading: (n, H + 1) rad.
+        arc: (n, H + 1) m, does not fall.
+        speed: (n, H) planned, m/s.
+        start_speed: (n,) at present, m/s.
+        corner_x: (n, G) vertices of the corridor's middle line, m: some of the planned poses, and one
+            straight on, as far as braking from the last speed takes.
+        corner_y: (n, G) m.
+        corner_arc: (n, G) m.
+        corner_cos: (n, G - 1) direction of the middle line from each vertex to the next.
+        corner_sin: (n, G - 1) likewise.
+        swing: (2, n, G - 1) how far the body's ends reach beyond half its width, to the left and to the
+            right, m.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    heading: FloatArray
+    arc: FloatArray
+    speed: FloatArray
+    start_speed: FloatArray
+    corner_x: FloatArray
+    corner_y: FloatArray
+    corner_arc: FloatArray
+    corner_cos: FloatArray
+    corner_sin: FloatArray
+    swing: FloatArray
+
+    def poses(self, rows: IntArray, s: FloatArray, speed: FloatArray) -> States:
+        """(r, H) states of some vehicles at arc lengths (r, H), not beyond the plan, with given speeds."""
+        arc = self.arc[rows]
+        last = arc.shape[1] - 1
+        # The last planned pose that is not beyond s.
+        index = np.clip((arc[:, None, :] <= s[:, :, None]).sum(axis=2) - 1, 0, last - 1)
+        i = np.arange(len(rows))[:, None]
+        begin, length = arc[i, index], arc[i, index + 1] - arc[i, index]
+        share = np.clip((s - begin) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+        x, y, heading = self.x[rows], self.y[rows], self.heading[rows]
+        turn = wrap(heading[i, index + 1] - heading[i, index])
+        return States(
+            x=x[i, index] + share * (x[i, index + 1] - x[i, index]),
+            y=y[i, index] + share * (y[i, index + 1] - y[i, index]),
+            heading=wrap(heading[i, index] + share * turn),
+            speed=speed,
+        )
+
+
+def planned_paths(plan: Plan, history: SceneHistory, who: Who, profile: GuardProfile) -> PlannedPaths:
+    """Lay plans out along their arc lengths."""
+    now = history.now[who.child, who.vehicle]
+    x = np.concatenate([now.x[:, None], plan.x], axis=1)
+    y = np.concatenate([now.y[:, None], plan.y], axis=1)
+    heading = np.concatenate([now.heading[:, None], plan.heading], axis=1)
+    arc = np.zeros_like(x)
+    np.cumsum(np.sqrt(np.diff(x, axis=1) ** 2 + np.diff(y, axis=1) ** 2), axis=1, out=arc[:, 1:])
+    speed = np.maximum(plan.speed, 0.0)
+    last = speed[:, -1]
+    ahead = 5.0 + last * profile.reaction_time + last**2 / (2 * profile.comfort_deceleration)
+    corners = np.append(np.arange(0, x.shape[1] - 1, VERTEX_STEPS), x.shape[1] - 1)
+    end = heading[:, -1]
+    corner_x = np.column_stack([x[:, corners], x[:, -1] + ahead * np.cos(end)])
+    corner_y = np.column_stack([y[:, corners], y[:, -1] + ahead * np.sin(end)])
+    cos, sin, length = _directions(corner_x, corner_y)
+    return PlannedPaths(
+        x=x,
+        y=y,
+        heading=heading,
+        arc=arc,
+        speed=speed,
+        start_speed=np.maximum(now.speed, 0.0),
+        corner_x=corner_x,
+        corner_y=corner_y,
+        corner_arc=np.column_stack([arc[:, corners], arc[:, -1] + ahead]),
+        corner_cos=cos,
+        corner_sin=sin,
+        swing=_swing(cos, sin, length, heading[:, corners], history.seed.length[who.vehicle]),
+    )
+
+
+def _directions(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(n, G - 1) cosine, sine and length of the segments between vertices."""
+    dx, dy = np.diff(x, axis=1), np.diff(y, axis=1)
+    length = np.sqrt(dx**2 + dy**2)
+    safe = np.maximum(length, 1e-9)
+    # One without length, of a vehicle that stands, has the direction of the last one.
+    still = length < LEAST_WAY_M
+    cos = np.where(still, dx[:, -1:] / safe[:, -1:], dx / safe)
+    sin = np.where(still, dy[:, -1:] / safe[:, -1:], dy / safe)
+    return cos, sin, length
+
+
+def _swing(
+    cos: FloatArray, sin: FloatArray, way: FloatArray, heading: FloatArray, length: FloatArray
+) -> FloatArray:
+    """(2, n, G - 1) `PlannedPaths.swing`, by the body's angle to its way and the way's curvature."""
+    half = length[:, None] / 2
+    # At each vertex but the last one: the body points from the mean direction of both segments by `crab`.
+    c, s = cos.copy(), sin.copy()
+    c[:, 1:] += cos[:, :-1]
+    s[:, 1:] += sin[:, :-1]
+    norm = np.maximum(np.sqrt(c**2 + s**2), 1e-9)
+    crab = (np.sin(heading) * c - np.cos(heading) * s) / norm
+    turn = np.zeros_like(cos)
+    turn[:, 1:] = sin[:, 1:] * cos[:, :-1] - cos[:, 1:] * sin[:, :-1]
+    between = np.ones_like(way)
+    between[:, 1:] = (way[:, 1:] + way[:, :-1]) / 2
+    bend = turn / np.maximum(between, 1.0) * half**2 / 2
+    front, rear = half * crab - bend, -half * crab - bend
+    left = np.maximum(np.maximum(front, rear), 0.0)
+    right = np.maximum(np.maximum(-front, -rear), 0.0)
+    swing = np.stack([left, right])
+    # A segment is swept by a body that is at either end of it.
+    swing[:, :, :-1] = np.maximum(swing[:, :, :-1], swing[:, :, 1:])
+    swing[:, :, 1:] = np.maximum(swing[:, :, 1:], swing[:, :, :-1])
+    bounded: FloatArray = np.minimum(swing, half)
+    return bounded
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Expected:
+    """Where everyone is expected at the `SAMPLES` moments; M = V + O, vehicles first.
+
+    Attributes:
+        others: sizes and present states.
+        x: (C, M, K) m.
+        y: (C, M, K) m.
+        heading: (C, M, K) rad.
+        braking: (C, M) present deceleration, m/s², at least 0.
+    """
+
+    others: Everyone
+    x: FloatArray
+    y: FloatArray
+    heading: FloatArray
+    braking: FloatArray
+
+
+@lru_cache(maxsize=2)
+def expected(history: SceneHistory, road: Road) -> Expected:
+    """Everyone at its present speed: vehicles along their paths, pedestrians and cyclists straight on.
+
+    Remembered for the last histories, since every guarded model of a batch asks for the same.
+    """
+    others = everyone(history)
+    now = others.states
+    t: FloatArray = SAMPLE_S * np.arange(SAMPLES, dtype=np.float64)
+    way = np.maximum(now.speed, 0.0)[..., None] * t
+    x = now.x[..., None] + way * np.cos(now.heading)[..., None]
+    y = now.y[..., None] + way * np.sin(now.heading)[..., None]
+    heading = np.repeat(now.heading[..., None], SAMPLES, axis=2)
+    vehicles = history.seed.vehicles
+    along = _along_paths(history, road, t)
+    for straight, bent in zip((x, y, heading), along, strict=True):
+        straight[:, :vehicles] = bent
+    braking = np.zeros(now.shape)
+    speed = history.states.speed
+    change = (speed[..., -1] - speed[..., -1 - BRAKING_STEPS]) / (BRAKING_STEPS * STEP_S)
+    braking[:, :vehicles] = np.maximum(-change, 0.0)
+    return Expected(others=others, x=x, y=y, heading=heading, braking=braking)
+
+
+def _along_paths(
+    history: SceneHistory, road: Road, t: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(C, V, K) x, y, heading of vehicles that keep their speed and go along their path."""
+    shape = history.now.shape
+    child, vehicle = (a.ravel() for a in np.indices(shape))
+    who = Who(child=child, vehicle=vehicle)
+    paths, straight = chosen_paths(history, road, who, "straight")
+    now = history.now.map(np.ravel)
+    way = expected_way(history, who)
+    # As vehicles are driven: the rear axle is what follows the path.
+    length = history.seed.length[vehicle]
+    axle_x, axle_y = rear_axle(now, length)
+    row, (s, offset, path_heading) = _nearest_path(paths, straight, vehicle, way, axle_x, axle_y, now.heading)
+    error = wrap(now.heading - path_heading)
+    v = np.maximum(now.speed, 0.0)
+    drift = v * np.sin(error)
+    fade = np.exp(-t / DRIFT_S)
+    # The drift dies out; who is beside its path stays there, as one that changes lanes or drives so.
+    side = offset[:, None] + drift[:, None] * (DRIFT_S * (1 - fade))
+    at = s[:, None] + (v * np.cos(error))[:, None] * t
+    px, py, cos, sin, direction, _ = sample(paths, np.repeat(row, len(t)), at.ravel()).reshape(6, *at.shape)
+    heading = direction + error[:, None] * fade
+    ahead = (REAR_AXLE_SHARE * length)[:, None]
+    x, y = px - sin * side + ahead * np.cos(heading), py + cos * side + ahead * np.sin(heading)
+    return x.reshape(*shape, -1), y.reshape(*shape, -1), heading.reshape(*shape, -1)
+
+
+def _nearest_path(
+    paths: SeedPaths,
+    straight: IntArray,
+    vehicle: IntArray,
+    way: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    heading: FloatArray,
+) -> tuple[IntArray, tuple[FloatArray, FloatArray, FloatArray]]:
+    """The path that each vehicle is on: the straightest one, unless another fits clearly better.
+
+    Returns:
+        (n,) rows, and the foot points as of `project`.
+    """
+    row = straight.copy()
+    found = project(paths, row, x, y, way)
+    best = _misfit(found, heading)
+    # Only who does not fit its straightest path can be on another one.
+    doubt = np.flatnonzero((best > OTHER_PATH) & (paths.count[vehicle] > 1))
+    if not len(doubt):
+        return row, found
+    count = paths.count[vehicle[doubt]]
+    i = np.repeat(doubt, count)
+    candidate = np.repeat(paths.first[vehicle[doubt]] - (np.cumsum(count) - count), count) + np.arange(len(i))
+    others = project(paths, candidate, x[i], y[i], way[i])
+    misfit = _misfit(others, heading[i])
+    order = np.lexsort((candidate, misfit, i))
+    chosen = order[np.unique(i[order], return_index=True)[1]]
+    chosen = chosen[misfit[chosen] < best[i[chosen]] - OTHER_PATH]
+    row[i[chosen]] = candidate[chosen]
+    for values, better in zip(found, others, strict=True):
+        values[i[chosen]] = better[chosen]
+    return row, found
+
+
+def _misfit(found: tuple[FloatArray, FloatArray, FloatArray], heading: FloatArray) -> FloatArray:
+    _, offset, path_heading = found
+    error = wrap(heading - path_heading)
+    misfit: FloatArray = (offset / OFFSET_SIGMA_M) ** 2 + (error / HEADING_SIGMA_RAD) ** 2
+    return misfit

@@ -1,0 +1,170 @@
+"""The network of the Graph Image Predictor: the graph branch, an image branch beside it, and their fusion."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import grid_sample
+
+from scex_sumo.behaviors.learned.networks.graph import (
+    Architecture,
+    Modes,
+    PathBatch,
+    PlanHead,
+    SceneBatch,
+    SceneEncoder,
+)
+from scex_sumo.behaviors.learned.networks.layers import Scaler, mlp, snapped
+from scex_sumo.behaviors.learned.seen.inputs import LEADER_COLUMNS
+from scex_sumo.behaviors.learned.seen.raster import CHANNELS, PIXEL_M
+
+AHEAD_M = (-8.0, -2.0, 4.0, 10.0, 16.0, 22.0, 29.0, 36.0, 43.0, 50.0)
+ASIDE_M = (-12.0, -8.0, -5.0, -2.0, 2.0, 5.0, 8.0, 12.0)
+FEATURES = 10  # channels that the convolutions add to those of the raster
+STRIDE = 2  # of the convolutions, pixels
+STRIP, HALO = 128, 16  # rows of a map at a time, and those around them that convolutions reach
+COS, SIN = CHANNELS.index("cos"), CHANNELS.index("sin")
+
+
+class MapImage(NamedTuple):
+    """One map: its raster, and what the convolutions made of it.
+
+    Attributes:
+        raster: (7, R, C), see `Raster`.
+        corner: (2,) m, of the raster's first pixel.
+        features: (10, R', C') of `ImageEncoder.features`, or None to have them computed on each call.
+    """
+
+    raster: Tensor
+    corner: Tensor
+    features: Tensor | None = None
+
+
+class ImageBatch(NamedTuple):
+    """Places on maps from which vehicles see the road; K places.
+
+    Attributes:
+        maps: the maps that occur.
+        site: (K,) index into ``maps``.
+        pose: (K, 3) x, y, heading of the vehicles in the map's coordinates, m and rad; keep them float64,
+            since maps may lie far from the origin.
+        place: (n,) row of ``pose`` for each pair of a vehicle and a path.
+    """
+
+    maps: tuple[MapImage, ...]
+    site: Tensor
+    pose: Tensor
+    place: Tensor
+
+
+class ImageEncoder(nn.Module):
+    """The road around a vehicle as a vector: one run of convolutions per map, then samples per vehicle."""
+
+    ahead: Tensor
+    aside: Tensor
+
+    def __init__(self, sizes: Architecture) -> None:
+        super().__init__()
+        self.convolve = nn.Sequential(
+            nn.Conv2d(len(CHANNELS), 12, 3, padding=1),
+            nn.ReLU(),
+            nn.Conv2d(12, 20, 3, stride=STRIDE, padding=1),
+            nn.ReLU(),
+            nn.Conv2d(20, 20, 3, padding=2, dilation=2),
+            nn.ReLU(),
+            nn.Conv2d(20, FEATURES, 1),
+        )
+        points = len(AHEAD_M) * len(ASIDE_M)
+        self.read = mlp(points * (FEATURES + len(CHANNELS)), 2 * sizes.hidden, sizes.hidden)
+        grid = torch.cartesian_prod(torch.tensor(AHEAD_M), torch.tensor(ASIDE_M))
+        self.register_buffer("ahead", grid[:, 0].contiguous(), persistent=False)
+        self.register_buffer("aside", grid[:, 1].contiguous(), persistent=False)
+
+    def features(self, raster: Tensor) -> Tensor:
+        """(10, R', C') of a (7, R, C) raster."""
+        h = raster[None]
+        for layer in self.convolve:
+            h = layer(snapped(h) if isinstance(layer, nn.Conv2d) else h)
+        return snapped(h[0])
+
+    def features_in_strips(self, raster: Tensor) -> Tensor:
+        """The same, strip by strip: convolutions of a whole large map at once take gigabytes."""
+        rows, kept = raster.shape[1], []
+        for first in range(0, rows, STRIP):
+            top, bottom = max(first - HALO, 0), min(first + STRIP + HALO, rows)
+            strip = self.features(raster[:, top:bottom])
+            start = (first - top) // STRIDE
+            kept.append(strip[:, start : start + STRIP // STRIDE])
+        return torch.cat(kept, 1)
+
+    def forward(self, image: ImageBatch) -> Tensor:
+        """(K, hidden) of the places."""
+        dtype = self.ahead.dtype
+        x, y, heading = image.pose.unbind(1)
+        cos, sin = torch.cos(heading), torch.sin(heading)
+        px = x[:, None] + cos[:, None] * self.ahead - sin[:, None] * self.aside
+        py = y[:, None] + sin[:, None] * self.ahead + cos[:, None] * self.aside
+        size = len(CHANNELS) + FEATURES
+        seen = torch.zeros(len(x), size, len(self.ahead), dtype=dtype, device=px.device)
+        for index, where in enumerate(image.maps):
+            here = torch.nonzero(image.site == index)[:, 0]
+            if len(here):
+                seen[here] = self._sample(where, px[here], py[here]).to(dtype)
+        read: Tensor = self.read(self._turned(seen, cos.to(dtype), sin.to(dtype)).flatten(1))
+        return read
+
+    def _sample(self, where: MapImage, px: Tensor, py: Tensor) -> Tensor:
+        """(k, channels, points) of raster and features, bilinear; 0 beyond the map."""
+        features = self.features(where.raster) if where.features is None else where.features
+        u, v = (px - where.corner[0]) / PIXEL_M, (py - where.corner[1]) / PIXEL_M
+        parts = []
+        for values, stride in ((where.raster, 1), (features, STRIDE)):
+            rows, columns = values.shape[1:]
+            # grid_sample counts from -1 at the first to 1 at the last pixel's centre.
+            grid = torch.stack(
+                [2 * u / stride / max(columns - 1, 1) - 1, 2 * v / stride / max(rows - 1, 1) - 1], -1
+            )
+            parts.append(grid_sample(values[None], grid[None].to(values.dtype), align_corners=True)[0])
+        return torch.cat(parts).transpose(0, 1)
+
+    def _turned(self, seen: Tensor, cos: Tensor, sin: Tensor) -> Tensor:
+        """Directions of lanes relative to the vehicle's."""
+        turned = seen.clone()
+        turned[:, COS] = cos[:, None] * seen[:, COS] + sin[:, None] * seen[:, SIN]
+        turned[:, SIN] = cos[:, None] * seen[:, SIN] - sin[:, None] * seen[:, COS]
+        return turned
+
+
+class GraphImageNet(nn.Module):
+    """Plans from the scene graph and the road seen from above, weighed by the user: [w·g ; (1-w)·m].
+
+    g knows the scene graph, the path ahead and who is on it; m knows the road seen from above, the path ahead
+    and the own motion, but no other vehicle.
+    """
+
+    kind = "hybrid"
+
+    def __init__(self, sizes: Architecture) -> None:
+        super().__init__()
+        self.sizes = sizes
+        hidden, alone = sizes.hidden, sizes.path_columns - len(LEADER_COLUMNS)
+        self.scene, self.image = SceneEncoder(sizes), ImageEncoder(sizes)
+        self.path_scale = Scaler(sizes.path_columns)
+        self.path = mlp(sizes.path_columns, 2 * hidden, hidden)
+        self.own = mlp(alone, 2 * hidden, hidden)
+        self.graph_branch = mlp(2 * hidden, 2 * hidden, hidden)
+        self.image_branch = mlp(2 * hidden, 2 * hidden, hidden)
+        self.head = PlanHead(sizes, 2 * hidden, steers=True)
+
+    def forward(self, scene: SceneBatch, path: PathBatch, image: ImageBatch, attention: Tensor) -> Modes:
+        """Modes of n pairs; `attention` is w, (n,) in [0, 1]: 1 looks at the graph alone."""
+        features = self.path_scale(path.features)
+        alone = features[:, : -len(LEADER_COLUMNS)]
+        way, own = torch.relu(self.path(features)), torch.relu(self.own(alone))
+        g = torch.relu(self.graph_branch(torch.cat([self.scene(scene)[path.node], way], 1)))
+        m = torch.relu(self.image_branch(torch.cat([self.image(image)[image.place], own], 1)))
+        w = attention[:, None]
+        modes: Modes = self.head(torch.cat([w * g, (1 - w) * m], 1), path.features)
+        return modes

@@ -1,0 +1,174 @@
+"""What learned drivers see besides the scene graph: the road ahead along a path, and who is on it.
+
+All features are raw SI units; scaling is the network's business. They are made by the same functions when
+training and when running.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.behaviors.driving.leaders import find_leaders
+from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
+from scex_sumo.behaviors.driving.projection import expected_way, project, sample
+from scex_sumo.behaviors.learned.seen.surface import path_room
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, SceneHistory, States, Who
+
+if TYPE_CHECKING:
+    from scex_sumo.behaviors.scene_graph.graph import SceneGraph
+
+AHEAD_M = (2.5, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 90.0)
+CLEARANCE_M = 1.5  # whose centre is this near to the path is on it
+RADIUS_M = 100.0
+RATE_STEPS = 3  # accelerations and yaw rates are means over so many steps
+
+OWN_COLUMNS = (
+    "speed",
+    "acceleration",
+    "yaw_rate",
+    "offset",
+    "heading_error",
+    "yaw_rate_error",
+    "room_left",
+    "room_right",
+    "end",
+)
+ROAD_COLUMNS = tuple(
+    f"{name}_{ahead:g}" for name in ("x", "y", "heading", "curvature", "limit") for ahead in AHEAD_M
+)
+LEADER_COLUMNS = ("leader", "leader_gap", "leader_speed", "closing", "needed_deceleration")
+PATH_COLUMNS = OWN_COLUMNS + ROAD_COLUMNS + LEADER_COLUMNS  # what others do comes last
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SceneInputs:
+    """What a network sees of whole scenes.
+
+    Attributes:
+        graph: of all children of a batch.
+    """
+
+    graph: SceneGraph
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathInputs:
+    """What a network sees of n pairs of a vehicle and a path.
+
+    Attributes:
+        node: (n,) child * V + vehicle.
+        row: (n,) row of `SeedPaths`.
+        features: (n, P) the `PATH_COLUMNS`.
+        s: (n,) arc length of the vehicle's centre on the path, m.
+        room: (n, 2) how far left and right of the path the centre may be before the box leaves the drivable
+            surface, m, at least 0.
+    """
+
+    node: IntArray
+    row: IntArray
+    features: FloatArray
+    s: FloatArray
+    room: FloatArray
+
+
+def path_inputs(
+    history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray, *, radius: float = RADIUS_M
+) -> PathInputs:
+    """The road ahead of n vehicles along n paths, in each vehicle's own frame.
+
+    Per distance of `AHEAD_M` from the foot point: x ahead and y to the left (m), heading relative to the
+    vehicle's (rad, without jumps), curvature (1/m) and speed limit (m/s). Then the vehicle's own motion,
+    its offset (m, left positive) and heading error against the path, its yaw rate minus what the path asks
+    for, the room on both sides, the way to the end of the mapped road (at most 100 m); and the leader on the
+    path: whether there is one, gap (100 m without one), speed (the own without one), closing speed, and the
+    deceleration that brings it to zero within the gap.
+
+    Args:
+        history: the present.
+        road: the map.
+        who: the n vehicles; the same vehicle may be there with several paths.
+        paths: paths of the seed scene.
+        row: (n,) path of each.
+        radius: perception radius for leaders, m.
+    """
+    own = history.now[who.child, who.vehicle]
+    s, offset, path_heading = project(paths, row, own.x, own.y, expected_way(history, who))
+    room = path_room(road, paths)
+    left, right = room.at(row, s)
+    half = history.seed.width[who.vehicle] / 2
+    sides = np.maximum(np.column_stack([left, right]) - half[:, None], 0.0)
+    acceleration, yaw_rate = rates(history, who)
+    here = sample(paths, row, s)
+    error = wrap(own.heading - path_heading)
+    motion = np.column_stack(
+        [
+            own.speed,
+            acceleration,
+            yaw_rate,
+            offset,
+            error,
+            yaw_rate - own.speed * here[5],
+            np.minimum(sides, 10.0),
+            np.clip(room.end[row] - s, 0.0, 100.0),
+        ]
+    )
+    features = np.concatenate(
+        [
+            motion,
+            _road_ahead(paths, row, s, own, path_heading + error),
+            _leader(history, who, paths, row, s, own.speed, radius),
+        ],
+        axis=1,
+    )
+    node = who.child * history.seed.vehicles + who.vehicle
+    return PathInputs(node=node, row=row, features=features, s=s, room=sides)
+
+
+def rates(history: SceneHistory, who: Who) -> tuple[FloatArray, FloatArray]:
+    """(n,) acceleration, m/s², and (n,) yaw rate, rad/s: means over the last 0.3 s."""
+    now = history.states[who.child, who.vehicle, -1]
+    before = history.states[who.child, who.vehicle, -1 - RATE_STEPS]
+    duration = RATE_STEPS * STEP_S
+    return (now.speed - before.speed) / duration, wrap(now.heading - before.heading) / duration
+
+
+def _road_ahead(
+    paths: SeedPaths, row: IntArray, s: FloatArray, own: States, reference: FloatArray
+) -> FloatArray:
+    """(n, 5 * K) points of the path ahead; `reference` is the own heading plus a multiple of 2 pi."""
+    n, k = len(row), len(AHEAD_M)
+    rows = np.repeat(row, k)
+    at = (s[:, None] + np.array(AHEAD_M)).ravel()
+    px, py, _, _, heading, curvature = sample(paths, rows, at).reshape(6, n, k)
+    index = np.clip(at * (1 / DS_M), 0, paths.samples - 1).astype(np.int64)
+    limit = paths.speed_limit.ravel()[rows * paths.samples + index].reshape(n, k)
+    cos, sin = np.cos(own.heading)[:, None], np.sin(own.heading)[:, None]
+    dx, dy = px - own.x[:, None], py - own.y[:, None]
+    return np.concatenate(
+        [cos * dx + sin * dy, cos * dy - sin * dx, heading - reference[:, None], curvature, limit], axis=1
+    )
+
+
+def _leader(
+    history: SceneHistory,
+    who: Who,
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    speed: FloatArray,
+    radius: float,
+) -> FloatArray:
+    """(n, 5) the `LEADER_COLUMNS`."""
+    found = find_leaders(history, who, paths, row, s, clearance=CLEARANCE_M, radius=radius)
+    there = found.index >= 0
+    gap = np.clip(np.where(there, found.gap, 100.0), -5.0, 100.0)
+    leader_speed = np.where(there, found.speed, speed)
+    closing = speed - leader_speed
+    needed = np.maximum(closing, 0.0) ** 2 / (2 * np.maximum(gap, 1.0))
+    return np.column_stack([there, gap, leader_speed, closing, np.minimum(needed, 20.0)])

@@ -1,0 +1,117 @@
+"""The road seen from above, as a picture of a few channels; made once per map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.behaviors.learned.seen.surface import cells_of, lane_outline
+from scex_sumo.geometry.polylines import along, arc_lengths, length_of
+from scex_sumo.road import Lane, Road
+
+PIXEL_M = 1.0
+FINE = 2  # areas are sampled on so many cells per pixel and direction, for soft edges
+MARGIN_M = 16.0  # around the outermost lane
+MOST_PIXELS = 2_000_000  # larger maps are cut around their middle
+CHANNELS = ("drivable", "boundary", "marking", "cos", "sin", "limit", "crosswalk")
+LIMIT_SCALE_MPS = 15.0
+CROSSING = ("crosswalk", "zebra")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Raster:
+    """A map from above.
+
+    Attributes:
+        values: (7, R, C) the `CHANNELS`, each about -1 to 1; row 0 is the lowest y. cos and sin are those of
+            the lanes' direction, times the drivable share.
+        corner: (2,) centre of the pixel in row 0, column 0, m.
+        pixel: side of a pixel, m.
+    """
+
+    values: FloatArray
+    corner: FloatArray
+    pixel: float = PIXEL_M
+
+
+@lru_cache(maxsize=8)
+def raster_of(road: Road) -> Raster:
+    """Draw a map: vehicle lanes, their bounds, markings, directions and limits, and crosswalks."""
+    lanes = list(road.vehicle_lanes.values())
+    points = np.concatenate([lane_outline(lane) for lane in lanes]) if lanes else np.zeros((1, 2))
+    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+    most = np.sqrt(MOST_PIXELS) * PIXEL_M
+    middle, size = (low + high) / 2, np.minimum(high - low, most)
+    corner = middle - size / 2
+    columns, rows = (np.ceil(size / PIXEL_M).astype(int) + 1).tolist()
+    values = np.zeros((len(CHANNELS), rows, columns))
+    fine = np.zeros((4, rows * FINE, columns * FINE))
+    count = np.zeros((rows * FINE, columns * FINE))
+    fine_corner = corner - PIXEL_M / 2 + PIXEL_M / FINE / 2
+    for lane in lanes:
+        _draw_lane(fine, count, lane, fine_corner)
+    covered = np.maximum(count, 1.0)
+    fine[1:] /= covered
+    values[[0, 3, 4, 5]] = _coarse(fine)
+    for lane in lanes:
+        for bound in (lane.left_bound, lane.right_bound):
+            _draw_line(values[1], bound, corner)
+    for marking in road.markings:
+        _draw_line(values[2], marking.points, corner)
+    for outline in _crossings(road):
+        _draw_area(values[6], outline, corner)
+    return Raster(values=values, corner=corner)
+
+
+def _draw_lane(fine: FloatArray, count: FloatArray, lane: Lane, corner: FloatArray) -> None:
+    """Add a lane to drivable share, cos, sin and limit; the last three are sums over `count` lanes."""
+    rows, columns, hit = cells_of(
+        lane_outline(lane), corner, PIXEL_M / FINE, (count.shape[0], count.shape[1])
+    )
+    if not hit.any():
+        return
+    x = corner[0] + PIXEL_M / FINE * np.arange(columns.start, columns.stop)
+    y = corner[1] + PIXEL_M / FINE * np.arange(rows.start, rows.stop)
+    at = np.linspace(0.0, length_of(lane.centreline), max(2, int(length_of(lane.centreline)) + 1))
+    line = along(lane.centreline, at)
+    step = np.gradient(line, axis=0)
+    direction = step / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    i, j = np.nonzero(hit)
+    nearest = np.argmin((x[j][:, None] - line[:, 0]) ** 2 + (y[i][:, None] - line[:, 1]) ** 2, axis=1)
+    i, j = i + rows.start, j + columns.start
+    fine[0, i, j] = 1.0
+    fine[1, i, j] += direction[nearest, 0]
+    fine[2, i, j] += direction[nearest, 1]
+    fine[3, i, j] += lane.speed_limit_mps / LIMIT_SCALE_MPS
+    count[i, j] += 1
+
+
+def _coarse(fine: FloatArray) -> FloatArray:
+    channels, rows, columns = fine.shape
+    blocks = fine.reshape(channels, rows // FINE, FINE, columns // FINE, FINE)
+    mean: FloatArray = blocks.mean(axis=(2, 4))
+    return mean
+
+
+def _draw_line(channel: FloatArray, points: FloatArray, corner: FloatArray) -> None:
+    """Set the pixels that a line passes."""
+    if len(points) < 2:
+        return
+    length = float(arc_lengths(points)[-1])
+    dense = along(points, np.linspace(0.0, length, int(length / (PIXEL_M / 4)) + 2))
+    column, row = np.round((dense - corner) / PIXEL_M).astype(int).T
+    inside = (row >= 0) & (row < channel.shape[0]) & (column >= 0) & (column < channel.shape[1])
+    channel[row[inside], column[inside]] = 1.0
+
+
+def _draw_area(channel: FloatArray, outline: FloatArray, corner: FloatArray) -> None:
+    rows, columns, hit = cells_of(outline, corner, PIXEL_M, (channel.shape[0], channel.shape[1]))
+    channel[rows, columns][hit] = 1.0
+
+
+def _crossings(road: Road) -> list[FloatArray]:
+    """Outlines of crosswalks."""
+    return [area.outline for area in road.areas if area.kind in CROSSING and len(area.outline) >= 3]

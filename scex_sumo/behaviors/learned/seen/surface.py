@@ -1,0 +1,164 @@
+"""The drivable surface: how much room a path has on both sides before the road ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import shapely
+from scipy.ndimage import distance_transform_edt
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
+from scex_sumo.road import Lane, Road
+
+CELL_M = 0.25
+MOST_CELLS = 12_000_000  # larger maps get larger cells: bounds the memory to some 200 MB
+MARGIN_M = 3.0  # of cells around the outermost lane
+MOST_ROOM_M = 12.0
+STRIDE = 4  # one sample of a path in so many has its room in the table
+MARCH_STEPS = 24
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Surface:
+    """Where cars may drive, as distances to the edge of the vehicle lanes on a grid.
+
+    Attributes:
+        depth: (R, C) m to the edge, positive inside, negative outside; row 0 is the lowest y.
+        corner: (2,) centre of the cell in row 0, column 0, m.
+        cell: side of a cell, m.
+    """
+
+    depth: FloatArray
+    corner: FloatArray
+    cell: float
+
+    def at(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Depth at points of any shape, m, bilinear between cells; beyond the grid that of its border."""
+        rows, columns = self.depth.shape
+        u = np.clip((x - self.corner[0]) / self.cell, 0, columns - 1.001)
+        v = np.clip((y - self.corner[1]) / self.cell, 0, rows - 1.001)
+        i, j = v.astype(np.int64), u.astype(np.int64)
+        fi, fj = v - i, u - j
+        flat, at = self.depth.ravel(), i * columns + j
+        below = flat[at] * (1 - fj) + flat[at + 1] * fj
+        above = flat[at + columns] * (1 - fj) + flat[at + columns + 1] * fj
+        depth: FloatArray = below * (1 - fi) + above * fi
+        return depth
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathRoom:
+    """Room beside the paths of a seed scene.
+
+    Attributes:
+        left: (P, K) m from the path to the edge of the drivable surface, at most `MOST_ROOM_M`.
+        right: (P, K) likewise.
+        end: (P,) arc length of the last sample on the surface, m; 0 where there is none.
+        spacing: m of arc length between samples.
+    """
+
+    left: FloatArray
+    right: FloatArray
+    end: FloatArray
+    spacing: float
+
+    def at(self, row: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Room left and right at arc lengths: `row` and `s` of one shape; the smaller neighbour counts."""
+        index = np.clip((s / self.spacing).astype(np.int64), 0, self.left.shape[1] - 2)
+        left = np.minimum(self.left[row, index], self.left[row, index + 1])
+        right = np.minimum(self.right[row, index], self.right[row, index + 1])
+        return left, right
+
+
+def lane_outline(lane: Lane) -> FloatArray:
+    """(L, 2) outline of a lane; a lane whose bounds are one line gets its width around its centreline."""
+    left, right = lane.left_bound, lane.right_bound
+    if len(left) == len(right) and np.allclose(left, right):
+        step = np.gradient(lane.centreline, axis=0)
+        normal = np.column_stack([-step[:, 1], step[:, 0]])
+        normal /= np.maximum(np.hypot(*normal.T), 1e-9)[:, None]
+        left = lane.centreline + lane.width_m / 2 * normal
+        right = lane.centreline - lane.width_m / 2 * normal
+    return np.concatenate([left, right[::-1]])
+
+
+@lru_cache(maxsize=8)
+def surface_of(road: Road) -> Surface:
+    """The drivable surface of a map: its vehicle lanes together."""
+    outlines = [lane_outline(lane) for lane in road.vehicle_lanes.values()]
+    if not outlines:
+        return Surface(depth=np.full((2, 2), -MOST_ROOM_M), corner=np.zeros(2), cell=1.0)
+    points = np.concatenate(outlines)
+    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+    cell = max(CELL_M, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
+    columns, rows = (np.ceil((high - low) / cell).astype(int) + 1).tolist()
+    inside = np.zeros((rows, columns), dtype=np.bool_)
+    for outline in outlines:
+        _fill(inside, outline, low, cell)
+    # Cells next to the edge are half a cell away from it.
+    depth = distance_transform_edt(inside) - distance_transform_edt(~inside)
+    return Surface(depth=(depth - 0.5 * np.sign(depth)) * cell, corner=low, cell=cell)
+
+
+def cells_of(
+    outline: FloatArray, low: FloatArray, cell: float, shape: tuple[int, int]
+) -> tuple[slice, slice, BoolArray]:
+    """The cells of a grid whose centres lie in a polygon: rows, columns, and which of them."""
+    first = np.clip(np.floor((outline.min(axis=0) - low) / cell).astype(int), 0, None)
+    last = np.ceil((outline.max(axis=0) - low) / cell).astype(int) + 1
+    rows = slice(first[1], min(last[1], shape[0]))
+    columns = slice(first[0], min(last[0], shape[1]))
+    x = low[0] + cell * np.arange(columns.start, columns.stop)
+    y = low[1] + cell * np.arange(rows.start, rows.stop)
+    if not len(x) or not len(y):
+        return rows, columns, np.zeros((len(y), len(x)), dtype=np.bool_)
+    polygon = shapely.make_valid(shapely.polygons(outline))
+    shapely.prepare(polygon)
+    hit = shapely.intersects_xy(polygon, np.tile(x, len(y)), np.repeat(y, len(x)))
+    return rows, columns, np.asarray(hit).reshape(len(y), len(x))
+
+
+def _fill(inside: BoolArray, outline: FloatArray, low: FloatArray, cell: float) -> None:
+    rows, columns, hit = cells_of(outline, low, cell, (inside.shape[0], inside.shape[1]))
+    inside[rows, columns] |= hit
+
+
+@lru_cache(maxsize=16)
+def path_room(road: Road, paths: SeedPaths) -> PathRoom:
+    """Room beside all paths of a seed scene.
+
+    From each sample rays go out to both sides up to the edge of the surface. A sample off the surface (past
+    the end of the map, or where a path cuts a corner) has the room of the last one on it.
+    """
+    surface = surface_of(road)
+    table = paths.table.reshape(len(paths.lanes), paths.samples, -1)[:, ::STRIDE]
+    x, y, cos, sin = (table[..., k] for k in range(4))
+    inside = surface.at(x, y) > 0
+    left = _march(surface, x, y, -sin, cos)
+    right = _march(surface, x, y, sin, -cos)
+    last = np.maximum.accumulate(np.where(inside, np.arange(inside.shape[1]), 0), axis=1)
+    spacing = STRIDE * DS_M
+    return PathRoom(
+        left=np.take_along_axis(left, last, axis=1),
+        right=np.take_along_axis(right, last, axis=1),
+        end=last[:, -1] * spacing,
+        spacing=spacing,
+    )
+
+
+def _march(surface: Surface, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
+    """How far one can go in a direction on the surface, m.
+
+    Steps are as long as the edge is far at least, but a cell where an edge runs alongside, as that does
+    across which the map ends.
+    """
+    way, inside = np.zeros_like(x), np.ones(x.shape, dtype=np.bool_)
+    for _ in range(MARCH_STEPS):
+        depth = surface.at(x + way * dx, y + way * dy)
+        inside &= depth > 0
+        way += np.where(inside, np.maximum(depth, surface.cell), 0.0)
+    way += np.minimum(surface.at(x + way * dx, y + way * dy), 0.0)
+    return np.clip(way, 0.0, MOST_ROOM_M)

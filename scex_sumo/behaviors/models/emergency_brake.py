@@ -1,0 +1,49 @@
+"""Full braking along the path to a standstill."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.behaviors.driving.motion import drive
+from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
+from scex_sumo.behaviors.parameters import check_path, check_positive
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, Who
+
+
+@dataclass(frozen=True, kw_only=True)
+class EmergencyBrakeProfile:
+    """Parameters of `EmergencyBrake`.
+
+    Attributes:
+        deceleration: m/s², positive.
+        path: which path to take, as in `IdmProfile`.
+    """
+
+    deceleration: float = 5.0
+    path: PathChoice = "straight"
+
+    def __post_init__(self) -> None:
+        check_positive(self, "deceleration")
+        check_path(self.path)
+
+
+class EmergencyBrake:
+    """Brakes to a standstill along its path: it stops after v² / (2·deceleration)."""
+
+    def __init__(self, profile: EmergencyBrakeProfile) -> None:
+        self.profile = profile
+
+    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+        """Plan 3 s; see `Behavior.plan`. Draws nothing."""
+        paths, row = chosen_paths(history, road, who, self.profile.path)
+        braking = np.full(len(who), -self.profile.deceleration)
+
+        def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
+            return braking
+
+        return drive(history, who, paths, row, accelerate)

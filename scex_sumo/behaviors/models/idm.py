@@ -1,0 +1,260 @@
+"""The Intelligent Driver Model along a path: standard, risky and calibrated driver."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.behaviors.driving.leaders import find_leaders
+from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, drive
+from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
+from scex_sumo.behaviors.driving.projection import expected_way, project
+from scex_sumo.behaviors.parameters import check_path, check_positive
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
+
+HABIT_STEPS = 5  # of the seed scene's history, over which the acceleration is measured
+CURVE_TIME_S = 0.8  # a driver slows down for a curve with this time constant, never harder than ``b``
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdmProfile:
+    """Driver profile of the Intelligent Driver Model (Treiber et al. 2000).
+
+    Attributes:
+        comfort_deceleration: ``b`` in m/s², positive.
+        time_headway: ``T`` in s.
+        minimum_gap: ``s0`` in m, bumper to bumper.
+        max_acceleration: ``a_max`` in m/s².
+        max_deceleration: physical limit of braking in m/s²; the formula alone has none.
+        speed: desired speed ``v0`` in m/s; 0 takes the speed limit of the lane.
+        speed_factor: factor on the speed limit.
+        habit_memory: time constant in s with which the desired speed moves from the one that the driver
+            shows in the seed scene to the one above; 0 takes the one above at once.
+        habit_lead: the speed shown in the seed scene is that in so many s at the acceleration of its last
+            half second,
+        habit_margin: and so much more, m/s.
+        clearance: another vehicle is a leader when its centre is this near to the path, m.
+        obstacle_clearance: likewise a pedestrian or cyclist, m.
+        radius: perception radius, m.
+        curve_acceleration: comfortable lateral acceleration in curves, m/s²; 0 does not slow down for them.
+        curve_deceleration: braking before a curve, m/s².
+        path: which path to take: index from left to right (clamped to the last; -1 is the rightmost),
+            ``straight`` (the straightest from the lane it most probably is on), ``random`` (a fixed draw
+            per child and vehicle), lane ids, or points.
+    """
+
+    comfort_deceleration: float
+    time_headway: float
+    minimum_gap: float
+    max_acceleration: float
+    max_deceleration: float = 9.0
+    speed: float = 0.0
+    speed_factor: float = 1.0
+    habit_memory: float = 0.0
+    habit_lead: float = 0.0
+    habit_margin: float = 0.0
+    clearance: float = 5.0
+    obstacle_clearance: float = 1.5
+    radius: float = 100.0
+    curve_acceleration: float = 0.0
+    curve_deceleration: float = 1.0
+    path: PathChoice = "straight"
+
+    def __post_init__(self) -> None:
+        check_positive(
+            self,
+            "comfort_deceleration",
+            "max_acceleration",
+            "max_deceleration",
+            "speed_factor",
+            "radius",
+            "curve_deceleration",
+        )
+        check_positive(
+            self,
+            "time_headway",
+            "minimum_gap",
+            "speed",
+            "habit_memory",
+            "habit_lead",
+            "habit_margin",
+            "clearance",
+            "obstacle_clearance",
+            "curve_acceleration",
+            zero=True,
+        )
+        check_path(self.path)
+
+
+CALIBRATED = IdmProfile(
+    comfort_deceleration=1.21,
+    time_headway=0.5,
+    minimum_gap=1.0,
+    max_acceleration=1.61,
+    habit_memory=30.0,
+    habit_lead=1.59,
+    habit_margin=0.27,
+    clearance=1.5,
+    curve_acceleration=4.05,
+    curve_deceleration=2.18,
+)
+"""As people drive: fitted by ``benchmarks/calibrate.py``, see `scex_sumo.behaviors.profiles`."""
+
+
+def idm_acceleration(
+    profile: IdmProfile,
+    speed: FloatArray,
+    desired_speed: FloatArray,
+    gap: FloatArray,
+    leader_speed: FloatArray,
+) -> FloatArray:
+    """Acceleration of the Intelligent Driver Model.
+
+    a = a_max·(1 - (v/v0)⁴ - (s*/s)²), s* = s0 + max(0, v·T + v·Δv / (2·√(a_max·b))), not below
+    -max_deceleration. A gap below 0.1 m counts as 0.1 m. Below v0 = 0.1 m/s the driver does not accelerate.
+
+    Args:
+        profile: the driver.
+        speed: (n,) v, m/s.
+        desired_speed: (n,) v0, m/s.
+        gap: (n,) s, bumper to bumper, m; inf without a leader.
+        leader_speed: (n,) m/s along the path; Δv is own minus leader's.
+
+    Returns:
+        (n,) m/s².
+
+    Source: Treiber, Hennecke, Helbing 2000; the lower bound on s* from Treiber and Kesting 2013.
+    """
+    a_max = profile.max_acceleration
+    free = 1 - (speed / np.maximum(desired_speed, 0.1)) ** 4
+    free = np.where(desired_speed < 0.1, np.minimum(free, 0.0), free)
+    braking = speed * (speed - leader_speed) / (2 * np.sqrt(a_max * profile.comfort_deceleration))
+    wanted = profile.minimum_gap + np.maximum(speed * profile.time_headway + braking, 0.0)
+    result: FloatArray = a_max * (free - (wanted / np.maximum(gap, 0.1)) ** 2)
+    return np.maximum(result, -profile.max_deceleration)
+
+
+class IdmDriver:
+    """Follows its path at the desired speed and keeps its distance to the leader on it.
+
+    The leader is found once per plan and expected to keep its speed along the path.
+    """
+
+    def __init__(self, profile: IdmProfile) -> None:
+        self.profile = profile
+
+    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+        """Plan 3 s; see `Behavior.plan`. Draws nothing."""
+        paths, row = chosen_paths(history, road, who, self.profile.path)
+        return self.follow(history, who, paths, row)
+
+    def follow(self, history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray) -> Plan:
+        """Plan 3 s along given paths: (n,) rows of `paths`."""
+        profile = self.profile
+        own = history.now[who.child, who.vehicle]
+        s_centre, _, _ = project(paths, row, own.x, own.y, expected_way(history, who))
+        leaders = find_leaders(
+            history,
+            who,
+            paths,
+            row,
+            s_centre,
+            clearance=profile.clearance,
+            radius=profile.radius,
+            obstacle_clearance=profile.obstacle_clearance,
+        )
+        wished = desired_speeds(paths, profile.speed, profile.speed_factor)
+        curves = (
+            curve_speeds(paths, profile.curve_acceleration, profile.curve_deceleration)
+            if profile.curve_acceleration > 0
+            else None
+        )
+        habit = seed_motion(history, who)
+        base = row * paths.samples
+        ahead = (
+            REAR_AXLE_SHARE * history.seed.length[who.vehicle]
+        )  # of the rear axle, which follows the table
+
+        def at(s: FloatArray) -> IntArray:
+            return base + np.clip((s + ahead) * (1 / DS_M), 0, paths.samples - 1).astype(np.int64)
+
+        def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
+            gap = leaders.gap + leaders.speed * (step * STEP_S) - travelled
+            time_s = (history.step + step) * STEP_S
+            desired = desired_speed(profile, wished[at(s)], v, *habit, time_s)
+            a = idm_acceleration(profile, v, desired, gap, leaders.speed)
+            if curves is not None:
+                # The speed to have where the car will be in a moment, so that it does not lag behind.
+                slowing = (curves[at(s + v * CURVE_TIME_S)] - v) / CURVE_TIME_S
+                a = np.minimum(a, np.maximum(slowing, -profile.comfort_deceleration))
+            return a
+
+        return drive(history, who, paths, row, accelerate)
+
+
+def seed_motion(history: SceneHistory, who: Who) -> tuple[FloatArray, FloatArray]:
+    """(n,) speed in the seed scene, m/s, and mean acceleration over the half second before it, m/s²."""
+    speed = history.seed.history.speed[who.vehicle]
+    acceleration = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
+    return np.maximum(speed[:, -1], 0.0), acceleration
+
+
+def desired_speed(
+    profile: IdmProfile,
+    wished: FloatArray,
+    present: FloatArray,
+    speed: FloatArray,
+    acceleration: FloatArray,
+    time_s: float,
+) -> FloatArray:
+    """Desired speed of drivers who keep to what they showed in the seed scene for a while.
+
+    v0(t) = w + (h - w)·exp(-t/τ), h = v + k·a + m, not below 0 and not above the larger of w and v; w the
+    wished speed, v and a speed and acceleration in the seed scene, k the lead, m the margin, τ the memory.
+    v0 is never so far below the present speed that the driver would brake with more than b for it alone.
+
+    Args:
+        profile: the driver.
+        wished: (n,) w, m/s.
+        present: (n,) speed at that time, m/s.
+        speed: (n,) v, m/s.
+        acceleration: (n,) a, m/s².
+        time_s: t, since the seed scene.
+    """
+    if profile.habit_memory == 0:
+        return wished
+    shown = np.clip(
+        speed + profile.habit_lead * acceleration + profile.habit_margin, 0.0, np.maximum(wished, speed)
+    )
+    desired = wished + (shown - wished) * np.exp(-time_s / profile.habit_memory)
+    gentle = (1 + profile.comfort_deceleration / profile.max_acceleration) ** -0.25
+    bounded: FloatArray = np.maximum(desired, gentle * present)
+    return bounded
+
+
+@lru_cache(maxsize=32)
+def desired_speeds(paths: SeedPaths, speed: float, factor: float) -> FloatArray:
+    """(P * N,) desired speed along all paths, m/s: the speed limit times a factor, or a given speed."""
+    wished = np.full_like(paths.speed_limit, speed) if speed > 0 else factor * paths.speed_limit
+    # A vehicle off the mapped lanes keeps its own speed, whatever the driver wishes.
+    off = np.repeat(~paths.on_road, paths.count)
+    return np.where(off[:, None], paths.speed_limit, wished).ravel()
+
+
+@lru_cache(maxsize=32)
+def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> FloatArray:
+    """(P * N,) highest speed along all paths, m/s, from which the driver comes through every curve ahead.
+
+    √(lateral / curvature) in the curve; before it, what braking at `deceleration` brings down to that.
+    """
+    square = lateral / np.maximum(paths.curve_curvature, 1e-6)
+    # v² may fall by 2·b·ds per sample: a running minimum of v² + 2·b·s from the far end.
+    slope = 2 * deceleration * DS_M * np.arange(paths.samples)
+    reachable = np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope
+    speeds: FloatArray = np.sqrt(reachable).ravel()
+    return speeds

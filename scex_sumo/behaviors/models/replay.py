@@ -1,0 +1,88 @@
+"""What really happened, for comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.driving.motion import drive
+from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
+from scex_sumo.behaviors.parameters import check_path
+from scex_sumo.errors import UsageError
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, States, Who
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayProfile:
+    """Parameters of `Replay`.
+
+    Attributes:
+        path: which path to take once the recording has ended, as in `IdmProfile`.
+    """
+
+    path: PathChoice = "straight"
+
+    def __post_init__(self) -> None:
+        check_path(self.path)
+
+
+class Replay:
+    """Repeats the recorded future; where that has ended, goes on along the path at the speed it had."""
+
+    def __init__(self, profile: ReplayProfile) -> None:
+        self.profile = profile
+
+    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+        """Plan 3 s; see `Behavior.plan`. Draws nothing.
+
+        Raises:
+            UsageError: the seed scene has no recorded future.
+        """
+        seed = history.seed
+        if seed.future is None or seed.future_valid is None:
+            raise UsageError(
+                f"replay: seed scene {seed.name} has no recorded future; "
+                "choose other models or a recorded seed"
+            )
+        # Valid up to the first gap.
+        known = np.cumprod(seed.future_valid, axis=1).sum(axis=1)[who.vehicle]
+        left = np.clip(known - history.step, 0, PLAN_STEPS)  # (n,) recorded steps from now on
+        recorded = seed.future[who.vehicle]
+        last = history.step + left - 1
+        end = _pick(recorded, np.maximum(last, 0), left > 0, history.now[who.child, who.vehicle])
+        paths, row = chosen_paths(history, road, who, self.profile.path)
+        rest = drive(history, who, paths, row, _no_acceleration, start=end)
+        h = np.arange(PLAN_STEPS)
+        driven = h >= left[:, None]
+        in_recording = np.minimum(history.step + h, recorded.shape[1] - 1)
+        i, after = np.arange(len(who))[:, None], np.maximum(h - left[:, None], 0)
+
+        def merge(plan: FloatArray, real: FloatArray) -> FloatArray:
+            return np.where(driven, plan[i, after], real[:, in_recording])
+
+        return Plan(
+            x=merge(rest.x, recorded.x),
+            y=merge(rest.y, recorded.y),
+            heading=merge(rest.heading, recorded.heading),
+            speed=merge(rest.speed, recorded.speed),
+        )
+
+
+def _no_acceleration(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
+    return np.zeros_like(v)
+
+
+def _pick(recorded: States, column: IntArray, there: BoolArray, otherwise: States) -> States:
+    i = np.arange(len(column))
+    real = recorded[i, column]
+    return States(
+        x=np.where(there, real.x, otherwise.x),
+        y=np.where(there, real.y, otherwise.y),
+        heading=np.where(there, real.heading, otherwise.heading),
+        speed=np.where(there, real.speed, otherwise.speed),
+    )

@@ -1,0 +1,199 @@
+"""What a predictor may ask for: each vehicle's last second, the others, the lanes, in the vehicle's frame.
+
+The frame of a vehicle: origin at its centre now, x ahead, y to the left; angles relative to its heading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.parameters import check_positive
+from scex_sumo.errors import UsageError
+from scex_sumo.geometry.frames import seen_from
+from scex_sumo.geometry.polylines import arc_lengths
+from scex_sumo.road import Road
+from scex_sumo.scene import HISTORY_STEPS, SceneHistory, States, Who
+
+ARRAYS: Final = (
+    "history",
+    "size",
+    "kind",
+    "neighbours",
+    "neighbour_size",
+    "neighbour_kind",
+    "neighbour_mask",
+    "lanes",
+    "lane_limit",
+    "lane_mask",
+)
+"""Inputs that are arrays with one row per vehicle; see `predictor_inputs`."""
+
+KINDS: Final = ("car", "truck", "motorcycle", "bicycle", "pedestrian", "other")
+_WORDS = (
+    ("pedestrian", 4),  # a recorded "pedestrian/bicycle" counts as the slower one
+    ("motorcycle", 2),
+    ("bicycle", 3),
+    ("cyclist", 3),
+    ("truck", 1),
+    ("bus", 1),
+    ("trailer", 1),
+    ("car", 0),
+    ("van", 0),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surroundings:
+    """How much a predictor sees.
+
+    Attributes:
+        neighbours: K, the nearest others.
+        radius: how far others and lanes are seen, m.
+        lanes: L, the nearest pieces of centrelines.
+        points: P per piece.
+        spacing: between the points of a piece, at most, m.
+    """
+
+    neighbours: int = 16
+    radius: float = 50.0
+    lanes: int = 32
+    points: int = 10
+    spacing: float = 2.0
+
+    def __post_init__(self) -> None:
+        check_positive(self, "neighbours", "radius", "lanes", "points", "spacing")
+        if self.points < 2:
+            raise UsageError(f"points: got {self.points}, needs at least 2, the ends of a piece")
+
+
+def predictor_inputs(
+    history: SceneHistory, road: Road, who: Who, surroundings: Surroundings, names: Collection[str] = ARRAYS
+) -> dict[str, NDArray[Any]]:
+    """Some of the input arrays `ARRAYS` of n vehicles, by name.
+
+    ``history`` (n, 11, 5): x and y (m), cos and sin of the heading, speed (m/s); oldest first, now last.
+    ``size`` (n, 2): length and width, m. ``kind`` (n,): index into `KINDS`.
+    ``neighbours`` (n, K, 11, 5), ``neighbour_size`` (n, K, 2), ``neighbour_kind`` (n, K): the same of
+    vehicles, pedestrians and cyclists within the radius, nearest first.
+    ``lanes`` (n, L, P, 2): pieces of lane centrelines in driving direction whose middles are within the
+    radius, nearest first, m. ``lane_limit`` (n, L): speed limit of each, m/s.
+    ``neighbour_mask`` (n, K) and ``lane_mask`` (n, L): False where there are fewer; those rows are zero.
+
+    Args:
+        history: the present.
+        road: the map.
+        who: the n vehicles.
+        surroundings: how much they see.
+        names: the inputs wanted; the others are not computed.
+    """
+    seed = history.seed
+    own = history.states[who.child, who.vehicle]
+    now = own[:, -1]
+    kinds = np.array([kind_of(word) for word in seed.types], dtype=np.int64)
+    made: dict[str, NDArray[Any]] = {
+        "history": seen_from(now, own),
+        "size": np.stack([seed.length, seed.width], axis=-1)[who.vehicle],
+        "kind": kinds[who.vehicle],
+    }
+    if any(name.startswith("neighbour") for name in names):
+        made |= _others(history, who, now, surroundings, kinds)
+    if any(name.startswith("lane") for name in names):
+        made |= _lanes(road, now, surroundings)
+    return {name: made[name] for name in names}
+
+
+def kind_of(word: str) -> int:
+    """Index into `KINDS` of a recorded type, e.g. ``truck_bus``."""
+    return next((kind for part, kind in _WORDS if part in word.lower()), KINDS.index("other"))
+
+
+def _others(
+    history: SceneHistory, who: Who, now: States, surroundings: Surroundings, kinds: IntArray
+) -> dict[str, NDArray[Any]]:
+    """The nearest others, obstacles included."""
+    seed, states = history.seed, history.states
+    size = np.stack([seed.length, seed.width], axis=-1)
+    present = np.ones(states.shape[:2], dtype=np.bool_)
+    if seed.obstacles is not None:
+        # Replayed, so what they did is what was recorded.
+        steps = np.arange(history.step, history.step + HISTORY_STEPS + 1)
+        steps = np.minimum(steps, seed.obstacles.states.shape[1] - 1)
+        shape = (len(states.x), len(seed.obstacles.ids), HISTORY_STEPS + 1)
+        past = seed.obstacles.states[:, steps].map(lambda values: np.broadcast_to(values, shape))
+        states = States.concatenate([states, past], axis=1)
+        there = np.broadcast_to(seed.obstacles.present[:, steps[-1]], shape[:2])
+        present = np.concatenate([present, there], axis=1)
+        more = np.stack([seed.obstacles.length, seed.obstacles.width], axis=-1)
+        size = np.concatenate([size, more])
+        kinds = np.concatenate([kinds, [kind_of(word) for word in seed.obstacles.types]])
+    x, y = states.x[:, :, -1], states.y[:, :, -1]
+    distance = np.hypot(x[who.child] - now.x[:, None], y[who.child] - now.y[:, None])
+    distance[~present[who.child]] = np.inf
+    distance[np.arange(len(who)), who.vehicle] = np.inf
+    nearest, mask = _nearest(distance, surroundings.neighbours, surroundings.radius)
+    seen = seen_from(now, states[who.child[:, None], nearest])
+    return {
+        "neighbours": np.where(mask[..., None, None], seen, 0.0),
+        "neighbour_size": np.where(mask[..., None], size[nearest], 0.0),
+        "neighbour_kind": np.where(mask, kinds[nearest], 0),
+        "neighbour_mask": mask,
+    }
+
+
+def _nearest(distance: FloatArray, count: int, radius: float) -> tuple[IntArray, BoolArray]:
+    """(n, count) columns of the smallest distances, ascending, and which of them are within the radius."""
+    order = np.argsort(distance, axis=1, kind="stable")[:, :count]
+    mask = np.take_along_axis(distance, order, axis=1) <= radius
+    short = count - order.shape[1]
+    return np.pad(order, ((0, 0), (0, short))), np.pad(mask, ((0, 0), (0, short)))
+
+
+def _lanes(road: Road, now: States, surroundings: Surroundings) -> dict[str, NDArray[Any]]:
+    """The nearest pieces of centrelines."""
+    pieces, limit = lane_pieces(road, surroundings.points, surroundings.spacing)
+    middle = pieces[:, [surroundings.points // 2, (surroundings.points - 1) // 2]].mean(axis=1)
+    distance = np.hypot(middle[:, 0] - now.x[:, None], middle[:, 1] - now.y[:, None])
+    nearest, mask = _nearest(distance, surroundings.lanes, surroundings.radius)
+    if len(pieces) == 0:
+        pieces, limit = np.zeros((1, surroundings.points, 2)), np.zeros(1)
+    delta = pieces[nearest] - np.stack([now.x, now.y], axis=-1)[:, None, None]
+    cos, sin = np.cos(now.heading)[:, None, None], np.sin(now.heading)[:, None, None]
+    ahead, left = cos * delta[..., 0] + sin * delta[..., 1], cos * delta[..., 1] - sin * delta[..., 0]
+    return {
+        "lanes": np.where(mask[..., None, None], np.stack([ahead, left], axis=-1), 0.0),
+        "lane_limit": np.where(mask, limit[nearest], 0.0),
+        "lane_mask": mask,
+    }
+
+
+@lru_cache(maxsize=16)
+def lane_pieces(road: Road, points: int, spacing: float) -> tuple[FloatArray, FloatArray]:
+    """Centrelines of the vehicle lanes cut into equal pieces, remembered for the last roads.
+
+    Args:
+        road: the map.
+        points: P per piece.
+        spacing: between them, at most, m.
+
+    Returns:
+        (R, P, 2) in driving direction, each piece ending where the next of its lane begins, and (R,) the
+        speed limit of each, m/s.
+    """
+    pieces: list[FloatArray] = [np.empty((0, points, 2))]
+    limits: list[FloatArray] = [np.empty(0)]
+    for lane in road.vehicle_lanes.values():
+        s = arc_lengths(lane.centreline)
+        count = max(int(np.ceil(s[-1] / (spacing * (points - 1)))), 1)
+        at = np.linspace(0.0, s[-1], count * (points - 1) + 1)
+        line = np.stack([np.interp(at, s, lane.centreline[:, axis]) for axis in (0, 1)], axis=-1)
+        column = np.arange(count)[:, None] * (points - 1) + np.arange(points)
+        pieces.append(line[column])
+        limits.append(np.full(count, lane.speed_limit_mps))
+    return np.concatenate(pieces), np.concatenate(limits)

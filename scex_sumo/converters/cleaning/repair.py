@@ -1,0 +1,272 @@
+"""Defects of recordings: found from the data, repaired where the repair is unambiguous, and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.converters.cleaning.copies import drop_copies
+from scex_sumo.converters.cleaning.heading import FORWARD_MPS, STANDING_MPS, repair_headings
+from scex_sumo.converters.cleaning.smooth import derivative, position_noise, smooth
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepairLimits:
+    """When a sample or track counts as defective.
+
+    Attributes:
+        jump_m: a step this long is a jump ...
+        jump_excess_m: ... if it is also this much longer than the track's usual step there.
+        shortest_piece: samples that a piece between jumps needs to be kept.
+        frozen_steps: a tracker still warms up where so many of a track's first five steps have exactly the
+            same position though the speed says that it moves ...
+        warm_up_rise_mps: ... and the speed rises by more than this within its first second.
+        warm_up_s: what is dropped then.
+        velocity_ratio: velocities whose integral is off the motion by more than this factor contradict it.
+        velocity_cosine: so do velocities that point elsewhere: cosine between integral and motion.
+        judged_path_m: displacements summed over a track's seconds must reach this to judge velocities.
+        noise_m: positions with more white noise than this per axis are smoothed.
+    """
+
+    jump_m: float = 3.0
+    jump_excess_m: float = 1.5
+    shortest_piece: int = 5
+    frozen_steps: int = 2
+    warm_up_rise_mps: float = 0.5
+    warm_up_s: float = 2.0
+    velocity_ratio: float = 1.2
+    velocity_cosine: float = 0.9
+    judged_path_m: float = 3.0
+    noise_m: float = 0.02
+
+
+LIMITS = RepairLimits()
+
+
+def repair_tracks(table: TrackTable, limits: RepairLimits = LIMITS) -> tuple[TrackTable, tuple[str, ...]]:
+    """Repair a recording (or one case of a file of cases).
+
+    In this order: samples with the stamp of another, tracker warm-up, jumps, velocities and noise, headings.
+
+    Returns:
+        The repaired table, and one phrase with counts for each kind of defect of the vehicles; one more
+        where the others have defects.
+
+    Raises:
+        TrackError: a track is in two places at once and none of them is the likelier one.
+    """
+    vehicles, findings = _repair(table.vehicles, table, limits, FORWARD_MPS)
+    # Pedestrians and cyclists face where they go.
+    others, more = _repair(table.others, table, limits, STANDING_MPS)
+    if more:
+        both = "likewise repaired" if findings else "; ".join(more)
+        findings.append(f"pedestrians and cyclists: {both}")
+    return replace(table, vehicles=vehicles, others=others), tuple(findings)
+
+
+def _repair(
+    rows: TrackRows, table: TrackTable, limits: RepairLimits, forward_mps: float
+) -> tuple[TrackRows, list[str]]:
+    findings: list[str] = []
+    if not len(rows):
+        return rows, findings
+    steps: tuple[Callable[[TrackRows], tuple[TrackRows, list[str]]], ...] = (
+        lambda rows: drop_copies(rows, str(table.path)),
+        lambda rows: (rows, []) if table.has_cases else _drop_warm_up(rows, limits),
+        lambda rows: _cut_jumps(rows, limits),
+        lambda rows: _renew_motion(rows, limits),
+        lambda rows: repair_headings(rows, forward_mps),
+    )
+    for step in steps:
+        rows, found = step(rows)
+        findings += found
+        if not len(rows):
+            break
+    return rows, findings
+
+
+def _drop_warm_up(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
+    """Drop the start of tracks whose filter had not yet met the vehicle.
+
+    Such a filter starts from standstill: for some steps the position stays exactly the same while the speed
+    already rises, then both catch up at up to 10 m/s². Cases are cut out of longer tracks, so the start of a
+    track in a case says nothing about its tracker: they are left alone.
+    """
+    start = np.append(True, np.diff(rows.segment) != 0)
+    piece = np.cumsum(start) - 1
+    since = np.arange(len(rows)) - np.flatnonzero(start)[piece]
+    still = (np.diff(rows.x) == 0.0) & (np.diff(rows.y) == 0.0) & ~start[1:] & (since[1:] <= 5)
+    faster = np.diff(rows.speed) > 0.0
+    moving = (rows.speed[1:] + rows.speed[:-1]) / 2.0 > 0.15
+    frozen = np.bincount(piece[1:][still & faster & moving], minlength=piece[-1] + 1) >= limits.frozen_steps
+    age_ms = rows.timestamp_ms - rows.timestamp_ms[start][piece]
+    soon = np.maximum.reduceat(np.where(age_ms <= 1000.0, rows.speed, 0.0), np.flatnonzero(start))
+    frozen &= soon - rows.speed[start] > limits.warm_up_rise_mps
+    if not frozen.any():
+        return rows, []
+    keep = ~frozen[piece] | (age_ms >= 1000.0 * limits.warm_up_s)
+    cold = len(np.unique(rows.track[start][frozen]))
+    return rows.take(keep), [
+        f"tracker warm-up: first {limits.warm_up_s:g} s of {cold} of {rows.tracks} tracks dropped"
+    ]
+
+
+def _cut_jumps(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
+    """Drop single samples far off; cut a track where it goes on elsewhere."""
+    jump = _jumps(rows, limits)
+    if not jump.any():
+        return rows, []
+    joined = np.diff(rows.segment) == 0
+    drop = np.zeros(len(rows), bool)
+    cut = np.zeros(len(rows), bool)
+    for i in np.flatnonzero(jump):  # step from row i to row i + 1
+        if drop[i]:
+            continue
+        if i + 1 < len(joined) and joined[i + 1] and jump[i + 1]:
+            drop[i + 1] = True
+        elif i == 0 or not joined[i - 1]:
+            drop[i] = True
+        elif i + 1 >= len(joined) or not joined[i + 1]:
+            drop[i + 1] = True
+        else:
+            cut[i + 1] = True
+    # What a cut leaves of fewer than five samples belongs to no motion: a tracker's first guesses.
+    segment = rows.segment + np.cumsum(cut)
+    size = np.bincount(segment[~drop], minlength=segment[-1] + 1)
+    touched = np.isin(rows.segment, rows.segment[cut])
+    drop |= touched & (size[segment] < limits.shortest_piece)
+    cut &= ~drop & np.append(False, ~drop[:-1])
+    found = []
+    if drop.any():
+        found.append(f"{int(drop.sum())} samples at jumps over {limits.jump_m:g} m dropped")
+    if cut.any():
+        tracks = len(np.unique(rows.track[cut]))
+        found.append(f"{tracks} tracks cut at jumps over {limits.jump_m:g} m")
+    rows = rows.with_columns(segment=segment).take(~drop)
+    # A dropped sample may leave a gap that is too long; cuts stay.
+    new = np.append(0, np.cumsum((np.diff(rows.segment) != 0) | _gap(rows)))
+    return rows.with_columns(segment=new.astype(np.int64)), found
+
+
+def _gap(rows: TrackRows) -> BoolArray:
+    return np.asarray(np.diff(segments_of(rows.track, rows.timestamp_ms)) != 0)
+
+
+def _jumps(rows: TrackRows, limits: RepairLimits) -> BoolArray:
+    """(N - 1,) True where the step to the next row of the segment is a jump."""
+    joined: BoolArray = np.diff(rows.segment) == 0
+    if not joined.any():
+        return joined
+    length = np.hypot(np.diff(rows.x), np.diff(rows.y))
+    # No jump where another step nearby is about as long: spares highways the search below.
+    around = np.lib.stride_tricks.sliding_window_view(
+        np.pad(np.where(joined, length, np.inf), 5, constant_values=np.inf), 11
+    )
+    far = joined & (length > limits.jump_m) & (length - around.min(axis=1) > limits.jump_excess_m)
+    elapsed = np.diff(rows.timestamp_ms) / 1000.0
+    jump = np.zeros(len(length), bool)
+    for i in np.flatnonzero(far):
+        window = slice(max(0, i - 5), i + 6)
+        same = joined[window] & (rows.segment[:-1][window] == rows.segment[i])
+        usual = np.median(length[window][same] / elapsed[window][same])
+        jump[i] = length[i] - usual * elapsed[i] > limits.jump_excess_m
+    return jump
+
+
+def _renew_motion(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
+    """Take velocities from the positions where both contradict; smooth positions that jitter."""
+    if not (np.diff(rows.segment) == 0).any():
+        return rows, []
+    time_s = rows.timestamp_ms / 1000.0
+    points = np.stack((rows.x, rows.y), axis=1)
+    judged, wrong, factor = _contradictions(rows, points, time_s, limits)
+    noise = position_noise(points, time_s, rows.segment)
+    found = []
+    if wrong.any():
+        found.append(
+            f"velocities of {int(wrong.sum())} of {int(judged.sum())} moving tracks contradict the motion"
+            f" ({_how_wrong(factor[wrong])}): recomputed from positions"
+        )
+    jitter = noise > limits.noise_m
+    # Most tracks wrong: then also those that are too short or too slow to judge.
+    everything = jitter or 2 * wrong.sum() > judged.sum()
+    if not everything and not wrong.any():
+        return rows, found
+    chosen = np.full(len(rows), True) if everything else wrong[rows.track]
+    smoothed = smooth(points, time_s, rows.segment, noise)
+    velocity = derivative(smoothed, time_s, rows.segment)
+    if jitter:
+        before, after = (
+            _accelerations(v, time_s, rows) for v in (derivative(points, time_s, rows.segment), velocity)
+        )
+        found.append(
+            f"positions jitter by {noise:.2f} m: smoothed (1st to 99th percentile of the acceleration "
+            f"{before} -> {after} m/s²)"
+        )
+    points = np.where(chosen[:, None], smoothed, points)
+    return (
+        rows.with_columns(
+            x=points[:, 0],
+            y=points[:, 1],
+            vx=np.where(chosen, velocity[:, 0], rows.vx),
+            vy=np.where(chosen, velocity[:, 1], rows.vy),
+        ),
+        found,
+    )
+
+
+def _accelerations(velocity: FloatArray, time_s: FloatArray, rows: TrackRows) -> str:
+    """1st and 99th percentile of the change of speed, m/s², in words."""
+    joined = np.diff(rows.segment) == 0
+    change = np.diff(np.hypot(*velocity.T))[joined] / np.diff(time_s)[joined]
+    low, high = np.percentile(change, (1.0, 99.0))
+    return f"{low:.1f}..{high:.1f}"
+
+
+def _contradictions(
+    rows: TrackRows, points: FloatArray, time_s: FloatArray, limits: RepairLimits
+) -> tuple[BoolArray, BoolArray, FloatArray]:
+    """Compare displacements over up to one second with the integral of the velocities.
+
+    Returns:
+        (K,) tracks that move enough to be judged, (K,) those that contradict, and (K,) the factor by which
+        velocities are too small; 0 where they point elsewhere.
+    """
+    reach = max(1, round(1.0 / max(float(np.median(np.diff(time_s)[np.diff(rows.segment) == 0])), 1e-3)))
+    velocity = np.stack((rows.vx, rows.vy), axis=1)
+    area = (velocity[1:] + velocity[:-1]) / 2.0 * np.diff(time_s)[:, None]
+    area[np.diff(rows.segment) != 0] = 0.0
+    integral = np.vstack((np.zeros((1, 2)), np.cumsum(area, axis=0)))
+    last = np.append(np.flatnonzero(np.diff(rows.segment) != 0), len(rows) - 1)
+    end_of = last[np.searchsorted(last, np.arange(len(rows)))]
+    ahead = np.minimum(np.arange(len(rows)) + reach, end_of)
+    moved, said = points[ahead] - points, integral[ahead] - integral
+    weight = 1.0 / reach  # windows overlap reach-fold
+    tracks = rows.tracks
+    dd = np.bincount(rows.track, np.sum(moved**2, axis=1), tracks)
+    vv = np.bincount(rows.track, np.sum(said**2, axis=1), tracks)
+    dv = np.bincount(rows.track, np.sum(moved * said, axis=1), tracks)
+    path = np.bincount(rows.track, np.hypot(*moved.T), tracks) * weight
+    said_path = np.bincount(rows.track, np.hypot(*said.T), tracks) * weight
+    judged = np.maximum(path, said_path) > limits.judged_path_m
+    cosine = dv / np.sqrt(np.maximum(dd * vv, 1e-12))
+    factor = np.where(cosine < limits.velocity_cosine, 0.0, dv / np.maximum(vv, 1e-12))
+    wrong = judged & ((factor > limits.velocity_ratio) | (factor < 1.0 / limits.velocity_ratio))
+    return judged, wrong, factor
+
+
+def _how_wrong(factor: FloatArray) -> str:
+    """Factors of the contradicting tracks in words; 0 stands for velocities that point elsewhere."""
+    scaled = factor[factor > 0.0]
+    words = []
+    if len(scaled):
+        ratio = float(np.median(scaled))
+        words.append(f"{ratio:.2f} x too small" if ratio > 1.0 else f"{1.0 / ratio:.2f} x too large")
+    if len(scaled) < len(factor):
+        count = "" if not len(scaled) else f"{len(factor) - len(scaled)} in the "
+        words.append(f"{count}wrong direction")
+    return ", ".join(words)

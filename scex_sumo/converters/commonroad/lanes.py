@@ -1,0 +1,261 @@
+"""Lanes, regulations and lines of a CommonRoad map, from its lanelets as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.converters.commonroad.file import CommonRoadFile, element_id
+from scex_sumo.converters.commonroad.rules import (
+    CARS,
+    Sign,
+    drawn_as,
+    lane_kind,
+    lane_tags,
+    may_cross,
+    priority_regulations,
+    sign_regulations,
+    sign_speed_mps,
+)
+from scex_sumo.converters.lanelet.tags import default_speed_mps
+from scex_sumo.geometry.bounds import bounds_cross, mean_width_m, without_repeats
+from scex_sumo.road import Area, Lane, Marking, Regulation
+
+GAP_M = 1.0  # successors that begin farther away than this are not where their predecessor ends
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lanelet:
+    """One lanelet as the file has it.
+
+    Attributes:
+        left: (P, 2 or 3) bound, m.
+        right: (P, 2 or 3) bound, m.
+        centre: (P, 2 or 3) half-way between the bounds, m.
+        types: ``urban``, ``highway``, ``sidewalk``, ...
+        one_way: who may use it along its direction: ``vehicle``, ``car``, ``bus``, ...
+        both_ways: who may use it in both.
+        left_marking: ``solid``, ``dashed``, ...
+        right_marking: likewise.
+        successors: ids.
+        predecessors: ids.
+        left_neighbour: lanelet to the left in the same direction.
+        right_neighbour: lanelet to the right in the same direction.
+        signs: ids of the signs that hold for it.
+        lights: ids of its traffic lights.
+        stop_line: (2, 2) ends, m.
+    """
+
+    left: FloatArray
+    right: FloatArray
+    centre: FloatArray
+    types: frozenset[str]
+    one_way: frozenset[str]
+    both_ways: frozenset[str]
+    left_marking: str
+    right_marking: str
+    successors: frozenset[int]
+    predecessors: frozenset[int]
+    left_neighbour: int | None
+    right_neighbour: int | None
+    signs: frozenset[int]
+    lights: frozenset[int]
+    stop_line: FloatArray | None
+
+
+Signs: TypeAlias = Mapping[int, tuple[Sign, ...]]
+Lanelets: TypeAlias = Mapping[int, Lanelet]
+
+
+def lanes_of(file: CommonRoadFile, lanelets: Lanelets, signs: Signs) -> dict[int, Lane]:
+    """Lanes by themselves, without their relations to others; doubts go into the file's notes."""
+    lanes = {}
+    limited = set()
+    for i, lanelet in lanelets.items():
+        left, right, centreline = (_xy(line) for line in (lanelet.left, lanelet.right, lanelet.centre))
+        if len(centreline) < 2:
+            file.note("lanelets left out, no length between their bounds", i)
+            continue
+        if bounds_cross(left, right):
+            file.note("bounds cross each other or themselves, the lane's shape may be off", i)
+        kind = lane_kind(lanelet.types, lanelet.one_way | lanelet.both_ways)
+        tags = lane_tags(lanelet.types)
+        speed = _speed(file, i, lanelet, signs)
+        if speed is not None:
+            limited.add(i)
+        lanes[i] = Lane(
+            lane_id=i,
+            centreline=centreline,
+            left_bound=left,
+            right_bound=right,
+            width_m=mean_width_m(left, right),
+            speed_limit_mps=speed or default_speed_mps(tags, kind),
+            kind=kind,
+            subtype=tags["subtype"],
+            location=tags["location"],
+        )
+    _remark_limits(file, [lane for lane in lanes.values() if lane.kind == "vehicle"], limited)
+    return lanes
+
+
+def _xy(line: FloatArray) -> FloatArray:
+    return without_repeats(line[:, :2])
+
+
+def _remark_limits(file: CommonRoadFile, lanes: list[Lane], limited: set[int]) -> None:
+    """Say which limits are ours; recorded maps often have none at all."""
+    unsigned = [lane for lane in lanes if lane.lane_id not in limited]
+    if unsigned:
+        kmh = sorted({round(lane.speed_limit_mps * 3.6) for lane in unsigned})
+        limits = "/".join(str(limit) for limit in kmh)
+        file.remarks.append(
+            f"{len(unsigned)} of {len(lanes)} lanelets have no speed limit: {limits} km/h by their type"
+        )
+
+
+def _speed(file: CommonRoadFile, i: int, lanelet: Lanelet, signs: Signs) -> float | None:
+    """Speed limit that the file gives, m/s."""
+    elements = [sign for s in sorted(lanelet.signs) for sign in signs.get(s, ())]
+    own = file.lanelets[i].findtext("speedLimit")  # 2018b
+    if own is not None:
+        elements.append(Sign(name="MAX_SPEED", written="speedLimit", values=(own,)))
+    try:
+        return sign_speed_mps(elements)
+    except ValueError:
+        file.note("speed limits that are none in m/s, left out", i)
+        return None
+
+
+def connected(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane]) -> dict[int, Lane]:
+    """The same lanes with successors, predecessors and neighbours, each known to both sides."""
+    pairs = _successors(file, lanelets, lanes)
+    left_of = _left_neighbours(file, lanelets, lanes)
+    right_of = {j: i for i, j in left_of.items()}
+    result = {}
+    for i, lane in lanes.items():
+        left, right = left_of.get(i), right_of.get(i)
+        result[i] = replace(
+            lane,
+            successors=tuple(sorted(b for a, b in pairs if a == i)),
+            predecessors=tuple(sorted(a for a, b in pairs if b == i)),
+            adjacent_left=left,
+            adjacent_right=right,
+            left=left if left and _may_change(lanelets[left], lanelets[i], leftwards=True) else None,
+            right=right if right and _may_change(lanelets[i], lanelets[right], leftwards=False) else None,
+        )
+    return result
+
+
+def driven_both_ways(lanelets: Lanelets, lanes: Mapping[int, Lane]) -> list[int]:
+    """Vehicle lanes that cars may use in both directions."""
+    return [i for i, lane in lanes.items() if lane.kind == "vehicle" and lanelets[i].both_ways & CARS]
+
+
+def _successors(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane]) -> set[tuple[int, int]]:
+    """Pairs (lane, successor) of vehicle lanes; what one of both says counts."""
+    driven = {i for i, lane in lanes.items() if lane.kind == "vehicle"}
+    ahead = {(i, j) for i in driven for j in lanelets[i].successors & driven}
+    behind = {(j, i) for i in driven for j in lanelets[i].predecessors & driven}
+    for i, j in ahead ^ behind:
+        file.note("successors that only one of the two lanelets knows, kept", f"{i}-{j}")
+    for i, j in ahead | behind:
+        if np.hypot(*(lanes[i].centreline[-1] - lanes[j].centreline[0])) > GAP_M:
+            file.note(f"successors that begin more than {GAP_M:g} m from the end", f"{i}-{j}")
+    return ahead | behind
+
+
+def _left_neighbours(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane]) -> dict[int, int]:
+    """Left neighbour of each vehicle lane that has one; only what both lanelets say counts."""
+    driven = {i for i, lane in lanes.items() if lane.kind == "vehicle"}
+    named = {(i, lanelets[i].left_neighbour) for i in driven}
+    beside = {(i, j) for i, j in named if j is not None and j in driven}
+    backed = {(lanelets[j].right_neighbour, j) for j in driven}
+    other = {(i, j) for i, j in backed if i is not None and i in driven}
+    for i, j in beside ^ other:
+        file.note("neighbours that only one of the two lanelets knows, left out", f"{i}-{j}")
+    left_of = dict(sorted(beside & other))
+    for i in [i for i in left_of if _in_ring(left_of, i)]:
+        file.note("neighbours in a ring, left out", i)
+        del left_of[i]
+    return left_of
+
+
+def _in_ring(left_of: Mapping[int, int], start: int) -> bool:
+    """Whether going left from a lane leads back to it."""
+    lane: int | None = left_of.get(start)
+    for _ in left_of:
+        if lane is None or lane == start:
+            break
+        lane = left_of.get(lane)
+    return lane == start
+
+
+def _may_change(left: Lanelet, right: Lanelet, *, leftwards: bool) -> bool:
+    """Whether the line between two lanelets may be crossed, as either of them has it."""
+    return all(may_cross(line, leftwards=leftwards) for line in (left.right_marking, right.left_marking))
+
+
+def regulations(
+    file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane], signs: Signs
+) -> tuple[Regulation, ...]:
+    """Signs, priority at intersections, and lights, by ascending id of their element."""
+    one_way = [i for i, lane in lanes.items() if lane.kind == "vehicle" and lane.reverse_of is None]
+    driven = {i: lanelets[i] for i in one_way}
+    stop_lines = {i: lanelet.stop_line for i, lanelet in driven.items() if lanelet.stop_line is not None}
+    users = {s: tuple(i for i, lanelet in driven.items() if s in lanelet.signs) for s in signs}
+    lane_signs = {
+        i: tuple(sign for s in sorted(lanelet.signs) for sign in signs.get(s, ()))
+        for i, lanelet in driven.items()
+    }
+    found = sign_regulations(signs, users, stop_lines)
+    found += priority_regulations(_incoming(file, driven), lane_signs)
+    for light in file.elements("trafficLight"):
+        lit = tuple(i for i, lanelet in driven.items() if light in lanelet.lights)
+        lines = tuple(stop_lines[i] for i in lit if i in stop_lines)
+        if lit:
+            found.append(
+                Regulation(
+                    element_id=light, kind="traffic_light", lanes=lit, stop_lines=lines, lights=(light,)
+                )
+            )
+    return tuple(sorted(found, key=lambda rule: (rule.element_id, rule.kind)))
+
+
+def _incoming(file: CommonRoadFile, driven: Lanelets) -> dict[int, list[tuple[int, ...]]]:
+    """Groups of incoming vehicle lanes of each intersection."""
+    found: dict[int, list[tuple[int, ...]]] = {}
+    for i, element in file.elements("intersection").items():
+        groups = [group.findall("incomingLanelet") for group in element.findall("incoming")]
+        refs = [[element_id(lanelet, "ref") for lanelet in group] for group in groups]
+        found[i] = [tuple(ref for ref in group if ref is not None and ref in driven) for group in refs]
+    return found
+
+
+def markings(lanelets: Lanelets) -> tuple[Marking, ...]:
+    """Lines to draw; one that two lanelets share is drawn once, ids are the reader's own."""
+    found: dict[bytes, tuple[str, str, FloatArray]] = {}
+    for lanelet in lanelets.values():
+        for line, marking in ((lanelet.left, lanelet.left_marking), (lanelet.right, lanelet.right_marking)):
+            drawn, points = drawn_as(marking), _xy(line)
+            if drawn is not None and points[::-1].tobytes() not in found:
+                found.setdefault(points.tobytes(), (*drawn, points))
+    for lanelet in lanelets.values():
+        if lanelet.stop_line is not None:
+            found.setdefault(lanelet.stop_line.tobytes(), ("stop_line", "", lanelet.stop_line))
+    return tuple(
+        Marking(line_id=number, kind=kind, subtype=subtype, points=points)
+        for number, (kind, subtype, points) in enumerate(found.values(), start=1)
+    )
+
+
+def areas(lanes: Mapping[int, Lane]) -> tuple[Area, ...]:
+    """Regions to draw: lanelets that cars may not drive on."""
+    return tuple(
+        Area(area_id=i, kind=lane.subtype, outline=np.concatenate([lane.left_bound, lane.right_bound[::-1]]))
+        for i, lane in lanes.items()
+        if lane.kind != "vehicle"
+    )

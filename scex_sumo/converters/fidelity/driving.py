@@ -1,0 +1,276 @@
+"""How SUMO's own vehicles fare on a net: everyone arrives, nobody overlaps, nobody is teleported."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import shapely
+
+from scex_sumo.converters.fidelity.loading import sumo_binary
+from scex_sumo.converters.fidelity.net import Net, read_net
+from scex_sumo.errors import SimulationError
+
+LENGTH_M = 4.7
+WIDTH_M = 1.8
+STEP_S = 0.1
+LOOK_S = 0.2  # footprints are compared this often
+WAIT_S = 300.0  # SUMO's own: standing longer than this ends in a teleport, a deadlock
+SHRINK_M = 0.02  # positions are written in centimetres
+DRAIN_S = 900.0  # for the last vehicles to arrive, a deadlock included
+LIMIT_S = 300.0  # wall clock
+EMERGENCY = "emergency braking"
+STANDOFF = "Suspicious right_before_left junction"
+COUNTED = (
+    "collision",
+    "eleport",
+    EMERGENCY,
+    STANDOFF,
+)  # in SUMO's warnings about what has a figure of its own
+NAMED = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrivingReport:
+    """How the vehicles fared.
+
+    Attributes:
+        vehicles: asked to drive.
+        routes: different routes among them.
+        inserted: entered the net.
+        arrived: reached the end of their route.
+        teleports: vehicles that SUMO gave up on.
+        collisions: collisions that SUMO reports.
+        overlapping_pairs: pairs of vehicles whose footprints overlapped at some time.
+        overlaps: (vehicle, lane, vehicle, lane, time in s) where each pair first did.
+        emergency_brakings: vehicles that had to brake beyond their comfort's limit; SUMO's drivers do.
+        standoffs: times that everyone at a crossing without rules waited for the one on the right; SUMO lets
+            one of them go.
+        warnings: what else SUMO wrote to its error stream.
+        duration_s: simulated time until the last arrival, or the end.
+    """
+
+    vehicles: int
+    routes: int
+    inserted: int
+    arrived: int
+    teleports: int
+    collisions: int
+    overlapping_pairs: int
+    overlaps: tuple[tuple[str, str, str, str, float], ...]
+    emergency_brakings: int
+    standoffs: int
+    warnings: tuple[str, ...]
+    duration_s: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Every figure by its name."""
+        return asdict(self)
+
+    def problems(self) -> list[str]:
+        """What went wrong, one line each."""
+        found = []
+        if self.arrived < self.vehicles:
+            found.append(f"{self.vehicles - self.arrived} of {self.vehicles} vehicles did not arrive")
+        if self.teleports:
+            found.append(f"{self.teleports} teleports")
+        if self.collisions:
+            found.append(f"{self.collisions} collisions reported by SUMO")
+        if self.overlapping_pairs:
+            named = "; ".join(
+                f"{a} on {x} and {b} on {y} at {t:.1f} s" for a, x, b, y, t in self.overlaps[:NAMED]
+            )
+            found.append(f"{self.overlapping_pairs} pairs of vehicles overlap: {named}")
+        if self.warnings:
+            found.append(f"{len(self.warnings)} warnings while driving: {self.warnings[0]}")
+        return found
+
+
+def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0, seed: int = 0) -> DrivingReport:
+    """Let SUMO's own models drive all routes from the net's borders to its borders.
+
+    Args:
+        net_path: a SUMO net.
+        vehicles: how many, one after the other, dealt out over all routes in an order drawn from ``seed``.
+        headway_s: time between departures.
+        seed: of the order and of SUMO's own randomness.
+
+    Raises:
+        InputError: the file is no SUMO net.
+        SimulationError: the net has no route, or SUMO broke off.
+    """
+    net = read_net(net_path)
+    routes = border_routes(net)
+    if not routes:
+        raise SimulationError(f"{net_path}: no route from border to border for cars; nothing to drive")
+    order = np.random.default_rng(seed).permutation(np.arange(vehicles) % len(routes))
+    with tempfile.TemporaryDirectory() as folder:
+        demand = Path(folder) / "demand.rou.xml"
+        demand.write_text(_demand([routes[k] for k in order], headway_s), encoding="utf-8")
+        said = _simulate(net_path, demand, Path(folder), seed, vehicles * headway_s + DRAIN_S)
+        overlaps = _overlaps(Path(folder) / "fcd.xml")
+        counts = ElementTree.parse(Path(folder) / "statistics.xml").getroot()
+        trips = [
+            trip for trip in ElementTree.parse(Path(folder) / "trips.xml").getroot() if trip.tag == "tripinfo"
+        ]
+    return DrivingReport(
+        vehicles=vehicles,
+        routes=len(set(order.tolist())),
+        inserted=_count(counts, "vehicles", "inserted"),
+        arrived=sum(float(trip.get("arrival", -1.0)) >= 0.0 and not trip.get("vaporized") for trip in trips),
+        teleports=_count(counts, "teleports", "total"),
+        collisions=_count(counts, "safety", "collisions"),
+        overlapping_pairs=len(overlaps),
+        overlaps=tuple(overlaps),
+        emergency_brakings=sum(EMERGENCY in line for line in said),
+        standoffs=sum(STANDOFF in line for line in said),
+        warnings=tuple(line for line in said if not any(word in line for word in COUNTED)),
+        duration_s=max((float(trip.get("arrival", 0.0)) for trip in trips), default=0.0),
+    )
+
+
+def border_routes(net: Net) -> list[tuple[str, ...]]:
+    """Shortest route in edges for every pair of border edges that lanes lead between.
+
+    Cars change lanes where the net permits; a net without borders starts and ends anywhere.
+    """
+    edges = {lane.edge_id for lane in net.car_lanes.values() if not lane.internal}
+    links = [link for link in net.links if net.lanes[link.from_lane].cars and net.lanes[link.to_lane].cars]
+    entered = {net.lanes[link.to_lane].edge_id for link in links}
+    left = {net.lanes[link.from_lane].edge_id for link in links}
+    starts, ends = edges - entered or edges, edges - left or edges
+    moves = _lane_moves(net)
+    alone = edges - entered - left
+    routes = []
+    for start in sorted(starts):
+        routes += [
+            path
+            for end, path in sorted(_paths(net, moves, start).items())
+            if end in ends and (end != start or start in alone)
+        ]
+    return routes
+
+
+def _lane_moves(net: Net) -> dict[str, list[str]]:
+    moves: dict[str, list[str]] = defaultdict(list)
+    for link in net.links:
+        if net.lanes[link.from_lane].cars and net.lanes[link.to_lane].cars:
+            moves[link.from_lane].append(link.to_lane)
+    for lanes in net.edges.values():
+        for right, left in pairwise(lanes):
+            if net.lanes[right].cars and net.lanes[left].cars and not net.lanes[right].internal:
+                moves[right] += [left] if net.lanes[right].change_left else []
+                moves[left] += [right] if net.lanes[left].change_right else []
+    return moves
+
+
+def _paths(net: Net, moves: dict[str, list[str]], start: str) -> dict[str, tuple[str, ...]]:
+    """Edges passed from a start edge to every edge in reach, fewest moves first."""
+    sources = [lane for lane in net.edges[start] if net.lanes[lane].cars]
+    passed: dict[str, tuple[str, ...]] = {lane: (start,) for lane in sources}
+    paths: dict[str, tuple[str, ...]] = {start: (start,)}
+    queue = list(sources)
+    for lane in queue:
+        for ahead in moves.get(lane, ()):
+            edge = net.lanes[ahead].edge_id
+            if ahead not in passed:
+                passed[ahead] = passed[lane] if edge == passed[lane][-1] else (*passed[lane], edge)
+                paths.setdefault(edge, passed[ahead])
+                queue.append(ahead)
+    return paths
+
+
+def _demand(routes: list[tuple[str, ...]], headway_s: float) -> str:
+    size = f'length="{LENGTH_M}" width="{WIDTH_M}"'
+    lines = [f'<routes><vType id="car" vClass="passenger" {size} sigma="0.5"/>']
+    for number, edges in enumerate(routes):
+        lines.append(
+            f'<vehicle id="v{number}" type="car" depart="{number * headway_s}" departLane="best"'
+            f' departSpeed="max"><route edges="{" ".join(edges)}"/></vehicle>'
+        )
+    return "\n".join([*lines, "</routes>"])
+
+
+def _simulate(net_path: Path, demand: Path, folder: Path, seed: int, end_s: float) -> list[str]:
+    options = {
+        "--net-file": net_path,
+        "--route-files": demand,
+        "--end": end_s,
+        "--step-length": STEP_S,
+        "--seed": seed,
+        "--time-to-teleport": WAIT_S,
+        "--collision.action": "warn",
+        "--collision.check-junctions": "true",
+        "--fcd-output": folder / "fcd.xml",
+        "--fcd-output.attributes": "id,x,y,angle,lane",
+        "--device.fcd.period": LOOK_S,
+        "--tripinfo-output": folder / "trips.xml",
+        "--statistic-output": folder / "statistics.xml",
+        "--xml-validation": "never",
+    }
+    command = [sumo_binary(), "--no-step-log", *(str(part) for pair in options.items() for part in pair)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    except subprocess.TimeoutExpired:
+        raise SimulationError(
+            f"{net_path}: driving took longer than {LIMIT_S:.0f} s; use fewer vehicles"
+        ) from None
+    lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+    if done.returncode != 0:
+        raise SimulationError(f"{net_path}: sumo ended with status {done.returncode}: {'; '.join(lines[:3])}")
+    return lines
+
+
+def _count(root: ElementTree.Element, tag: str, name: str) -> int:
+    element = root.find(tag)
+    return int(element.get(name, "0")) if element is not None else 0
+
+
+def _overlaps(fcd: Path) -> list[tuple[str, str, str, str, float]]:
+    """Each pair of vehicles whose footprints overlap, where and when they first do."""
+    found: dict[tuple[str, str], tuple[str, str, str, str, float]] = {}
+    for time_s, names, lanes, poses in _moments(fcd):
+        boxes = shapely.polygons(_corners(poses))
+        near = shapely.STRtree(boxes).query(boxes, predicate="intersects")
+        for i, j in near.T:
+            if i < j:
+                pair = (names[i], names[j])
+                found.setdefault(pair, (names[i], lanes[i], names[j], lanes[j], time_s))
+    return list(found.values())
+
+
+def _moments(fcd: Path) -> Iterator[tuple[float, list[str], list[str], np.ndarray[Any, Any]]]:
+    for _, element in ElementTree.iterparse(fcd):
+        if element.tag != "timestep":
+            continue
+        cars = list(element)
+        if len(cars) > 1:
+            poses = np.array([[float(car.attrib[key]) for key in ("x", "y", "angle")] for car in cars])
+            yield (
+                float(element.attrib["time"]),
+                [car.attrib["id"] for car in cars],
+                [car.attrib["lane"] for car in cars],
+                poses,
+            )
+        element.clear()
+
+
+def _corners(poses: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """(n, 4, 2) corners of the footprints; SUMO's position is the middle of the front bumper."""
+    heading = np.deg2rad(90.0 - poses[:, 2])  # SUMO: 0 = north, clockwise
+    ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)
+    along = np.array([-SHRINK_M, -SHRINK_M, SHRINK_M - LENGTH_M, SHRINK_M - LENGTH_M])
+    across = np.array([0.5, -0.5, -0.5, 0.5]) * (WIDTH_M - 2 * SHRINK_M)
+    corners: np.ndarray[Any, Any] = (
+        poses[:, None, :2] + along[:, None] * ahead[:, None] + across[:, None] * left[:, None]
+    )
+    return corners

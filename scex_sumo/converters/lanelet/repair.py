@@ -1,0 +1,197 @@
+"""Repair of a map file before Lanelet2 sees it: what can be mended is, the rest is left out and named."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+from scex_sumo.converters.lanelet.file import MapFile, Member, Relation, Way, list_ids
+from scex_sumo.errors import MapError
+
+Place: TypeAlias = tuple[float, float]  # latitude and longitude, degrees
+METRES_PER_DEGREE = 111_195.0  # of latitude, on the sphere of 6371 km
+STRAY_M = 50_000.0  # a recorded site spans a few km; one UTM zone 300 km to either side
+SIDES = ("left", "right")
+
+
+@dataclass(kw_only=True)
+class _Repair:
+    """What was found, by sentence; the ids follow it in the note."""
+
+    found: dict[str, set[int]] = field(default_factory=dict)
+
+    def note(self, sentence: str, ids: Iterable[int]) -> None:
+        ids = set(ids)
+        if ids:
+            self.found.setdefault(sentence, set()).update(ids)
+
+    def notes(self) -> tuple[str, ...]:
+        return tuple(f"{sentence}: {list_ids(ids)}" for sentence, ids in self.found.items())
+
+
+def repair(map_file: MapFile) -> tuple[MapFile, bool]:
+    """Mend or leave out what Lanelet2 would drop silently, misread or crash on.
+
+    Stray nodes (over 50 km from the map's middle) and references to nothing are dropped; bounds in several
+    pieces are joined; lanelets without two bounds are left out.
+
+    Returns:
+        The map, its notes naming what was done, and whether it differs from its file.
+    """
+    done = _Repair()
+    nodes = map_file.nodes
+    stray = _stray_nodes(map_file)
+    done.note("nodes over 50 km away from the map, left out", stray)
+    nodes = {i: node for i, node in nodes.items() if i not in stray}
+    map_file = replace(map_file, nodes=nodes)
+    map_file = replace(map_file, ways=_ways(map_file, done))
+    lanelets, joined = _lanelets(map_file, done)
+    others = {i: r for i, r in map_file.relations.items() if r.tags.get("type") != "lanelet"}
+    map_file = replace(map_file, ways={**map_file.ways, **joined}, relations={**others, **lanelets})
+    map_file = replace(map_file, relations=_members(map_file, done))
+    notes = (*map_file.notes, *done.notes())
+    return replace(map_file, notes=notes), bool(notes)
+
+
+def distance_m(a: Place, b: Place) -> float:
+    """Distance of two places (latitude, longitude in degrees), m; good enough to tell near from far."""
+    east = (a[1] - b[1]) * math.cos(math.radians((a[0] + b[0]) / 2))
+    return math.hypot(a[0] - b[0], east) * METRES_PER_DEGREE
+
+
+def middle(map_file: MapFile) -> Place:
+    """Median latitude and longitude of the map's nodes, degrees.
+
+    Raises:
+        MapError: it has no nodes.
+    """
+    if not map_file.nodes:
+        raise MapError(f"{map_file.path}: no usable nodes, so no map; name a Lanelet2 .osm file")
+    nodes = map_file.nodes.values()
+    return statistics.median(n.lat for n in nodes), statistics.median(n.lon for n in nodes)
+
+
+def _stray_nodes(map_file: MapFile) -> set[int]:
+    centre = middle(map_file)
+    return {i for i, n in map_file.nodes.items() if distance_m((n.lat, n.lon), centre) > STRAY_M}
+
+
+def _ways(map_file: MapFile, done: _Repair) -> dict[int, Way]:
+    """Ways with only nodes that exist; a way without any is left out. Borders are lines, never areas."""
+    known = map_file.nodes.keys()
+    borders = {
+        m.ref
+        for r in map_file.of_type("lanelet").values()
+        for m in r.members
+        if m.role in (*SIDES, "centerline")
+    }
+    ways = {}
+    for i, way in map_file.ways.items():
+        if not known >= set(way.nodes):
+            way = replace(way, nodes=tuple(n for n in way.nodes if n in known))
+            done.note("ways that refer to missing nodes, drawn without them", [i])
+        if not way.nodes:
+            done.note("ways without a node, left out", [i])
+            continue
+        if i in borders and way.tags.get("area") in ("yes", "true", "1"):
+            way = replace(way, tags={k: v for k, v in way.tags.items() if k != "area"})
+            done.note("bounds tagged area=yes, taken as lines", [i])
+        ways[i] = way
+    return ways
+
+
+def _lanelets(map_file: MapFile, done: _Repair) -> tuple[dict[int, Relation], dict[int, Way]]:
+    """Lanelets with two usable bounds, and the ways that were joined from pieces for them."""
+    lanelets: dict[int, Relation] = {}
+    joined: dict[int, Way] = {}
+    next_id = max([0, *map(abs, (*map_file.ways, *map_file.relations, *map_file.nodes))]) + 1
+    for i, lanelet in map_file.of_type("lanelet").items():
+        bounds = []
+        for side in SIDES:
+            pieces = [ref for ref in lanelet.refs(side, "way") if ref in map_file.ways]
+            nodes = join([map_file.ways[ref].nodes for ref in pieces])
+            if nodes is None or not _is_line(nodes, map_file):
+                done.note(
+                    "lanelets left out, their bounds are missing, in pieces or shorter than two points", [i]
+                )
+                break
+            if len(pieces) > 1:
+                done.note("lanelets with bounds in several pieces, joined", [i])
+                joined[next_id] = Way(nodes=nodes, tags=map_file.ways[pieces[0]].tags)
+                pieces, next_id = [next_id], next_id + 1
+            bounds.append(Member(kind="way", ref=pieces[0], role=side))
+        if len(bounds) < 2:
+            continue
+        if bounds[0].ref == bounds[1].ref:
+            done.note("lanelets left out, one way is both their bounds", [i])
+            continue
+        lanelets[i] = replace(lanelet, members=(*bounds, *_other_members(i, lanelet, map_file, done)))
+    return lanelets, joined
+
+
+def _other_members(i: int, lanelet: Relation, map_file: MapFile, done: _Repair) -> list[Member]:
+    """Members of a lanelet besides its bounds; a centreline counts only where there is just one to be had."""
+    rest = [m for m in lanelet.members if m.role not in SIDES]
+    centres = [m for m in rest if m.role == "centerline"]
+    if not centres:
+        return rest
+    way = map_file.ways.get(centres[0].ref) if centres[0].kind == "way" else None
+    if len(centres) == 1 and way is not None and _is_line(way.nodes, map_file):
+        return rest
+    done.note("lanelets with a broken centreline, computed from their bounds", [i])
+    return [m for m in rest if m.role != "centerline"]
+
+
+def _is_line(nodes: tuple[int, ...], map_file: MapFile) -> bool:
+    """Whether the nodes mark at least two places."""
+    return len({(map_file.nodes[n].lat, map_file.nodes[n].lon) for n in nodes}) > 1
+
+
+def join(parts: list[tuple[int, ...]]) -> tuple[int, ...] | None:
+    """Join node sequences, in any order and direction, end to end into one; None where they do not chain."""
+    rest = [part for part in parts if part]
+    if not rest:
+        return None
+    line = rest.pop(0)
+    while rest:
+        for part in rest:
+            if line[-1] in (part[0], part[-1]):
+                line = line + (part[1:] if part[0] == line[-1] else part[-2::-1])
+            elif line[0] in (part[0], part[-1]):
+                line = (part[:-1] if part[-1] == line[0] else part[:0:-1]) + line
+            else:
+                continue
+            rest.remove(part)
+            break
+        else:
+            return None
+    return line
+
+
+def _members(map_file: MapFile, done: _Repair) -> dict[int, Relation]:
+    """Relations with only members that exist, areas only with all their bounds."""
+    known = {
+        "node": map_file.nodes.keys(),
+        "way": map_file.ways.keys(),
+        "relation": map_file.relations.keys(),
+    }
+    relations = {}
+    for i, relation in map_file.relations.items():
+        members = tuple(m for m in relation.members if m.ref in known[m.kind])
+        kind = relation.tags.get("type")
+        if len(members) < len(relation.members):
+            if kind == "multipolygon":
+                done.note("areas left out, part of their outline is missing", [i])
+                continue
+            done.note(
+                f"{_NAMES.get(kind or '', 'relations')} that refer to missing elements, used without", [i]
+            )
+            relation = replace(relation, members=members)
+        relations[i] = relation
+    return relations
+
+
+_NAMES = {"lanelet": "lanelets", "regulatory_element": "regulatory elements"}

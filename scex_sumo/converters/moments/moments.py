@@ -1,0 +1,83 @@
+"""Which moments of a recording can be seed scenes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.converters.cleaning.heading import STANDING_MPS
+from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.scene import HISTORY_STEPS, STEP_S
+
+CASE_FRAME = 10
+"""Frame of an INTERACTION v1.2 case that is its moment: one second observed, three to predict."""
+
+FUTURE_S = 3.0
+STAMP_MS = 0.6
+"""Two stamps closer than this are the same: they are rounded to milliseconds."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """One possible seed scene.
+
+    Attributes:
+        case: id of the case, or an empty string.
+        time_s: the moment in the recording's clock.
+        vehicles: how many vehicles are there.
+        complete: how many of them move and are recorded from 1 s before to 3 s after.
+    """
+
+    case: str
+    time_s: float
+    vehicles: int
+    complete: int
+
+
+def moments(table: TrackTable, *, every_s: float = STEP_S) -> list[Moment]:
+    """All possible seed scenes of a recording, in order of time; one per case in a file of cases.
+
+    Args:
+        table: the recording.
+        every_s: least time between two moments of one recording.
+    """
+    rows = table.vehicles
+    if not len(rows):
+        return []
+    back_ms = 1000.0 * STEP_S * (HISTORY_STEPS - 1 if table.has_cases else HISTORY_STEPS)
+    first, last = segment_spans(rows.segment, rows.timestamp_ms)
+    complete = (
+        (rows.speed > STANDING_MPS)
+        & (first <= rows.timestamp_ms - back_ms + STAMP_MS)
+        & (last >= rows.timestamp_ms + 1000.0 * FUTURE_S - STAMP_MS)
+    )
+    chosen = rows.frame_id == CASE_FRAME if table.has_cases else np.full(len(rows), True)
+    # one number per pair of case and stamp
+    stamps, at = np.unique(rows.timestamp_ms[chosen], return_inverse=True)
+    keys, number = np.unique(rows.case[chosen] * len(stamps) + at, return_inverse=True)
+    vehicles = np.bincount(number)
+    good = np.bincount(number, complete[chosen])
+    found: list[Moment] = []
+    for key, count, whole in zip(keys, vehicles, good, strict=True):
+        time_s = float(stamps[key % len(stamps)]) / 1000.0
+        case = table.cases[key // len(stamps)]
+        if found and found[-1].case == case and time_s - found[-1].time_s < every_s - STAMP_MS / 1000.0:
+            continue
+        found.append(Moment(case=case, time_s=time_s, vehicles=int(count), complete=int(whole)))
+    return found
+
+
+def busiest(candidates: list[Moment]) -> Moment:
+    """The moment with most complete vehicles, then most vehicles; the earliest of equals."""
+    return max(candidates, key=lambda moment: (moment.complete, moment.vehicles))
+
+
+def segment_spans(segment: IntArray, timestamp_ms: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(N,) first and last stamp of each row's segment, ms."""
+    start = np.append(True, np.diff(segment) != 0)
+    piece = np.cumsum(start) - 1
+    begin = np.flatnonzero(start)
+    end = np.append(begin[1:], len(segment)) - 1
+    return timestamp_ms[begin][piece], timestamp_ms[end][piece]

@@ -1,0 +1,260 @@
+"""One moment of a recording as a seed scene: which moment, and what it holds."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.converters.cleaning.repair import repair_tracks
+from scex_sumo.converters.formats import map_name
+from scex_sumo.converters.moments.moments import CASE_FRAME, STAMP_MS, busiest, moments
+from scex_sumo.converters.moments.sample import Sampled, sample
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
+from scex_sumo.errors import TrackError
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene
+
+FUTURE_STEPS = 50
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Clean:
+    """A recording that seed scenes can be taken of.
+
+    Attributes:
+        table: repaired and aligned to the map; of a file of cases only aligned, for each case is repaired
+            when it is taken.
+        findings: one phrase for each kind of defect that was repaired.
+        repair: whether cases are repaired.
+    """
+
+    table: TrackTable
+    findings: tuple[str, ...]
+    repair: bool
+
+
+def take_scene(
+    clean: Clean,
+    *,
+    name: str,
+    location: str,
+    case: str | float | None = None,
+    time_s: float | None = None,
+    min_history: int = 0,
+    future_steps: int = FUTURE_STEPS,
+) -> SeedScene:
+    """The seed scene of one moment; see ``read_seed``.
+
+    Args:
+        clean: the recording.
+        name: of the recording; that of the scene begins with it.
+        location: name of the map.
+        case: id of a case; None takes the one with the busiest moment.
+        time_s: the moment; None takes the busiest one, of a case its frame 10.
+        min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
+        future_steps: how much of the recorded future is kept, in steps of 0.1 s.
+
+    Raises:
+        TrackError: an unknown case, a moment outside the recording or without vehicles.
+    """
+    table, findings = clean.table, clean.findings
+    if not len(table.vehicles):
+        kinds = ", ".join(sorted(set(table.others.types)))
+        why = f"only {kinds}" if kinds else "none left after repairs"
+        raise TrackError(f"{table.path}: no motor vehicle among the tracks ({why}); give others")
+    case_id = ""
+    if table.has_cases:
+        index = choose_case(table, case, time_s)
+        case_id = table.cases[index]
+        table = table.case(index)
+        if clean.repair:
+            table, more = repair_tracks(table)
+            findings = (*findings, *more)
+    elif case is not None:
+        raise TrackError(
+            f"{table.path}: no case_id column, so no case {case}; choose the moment with --time S"
+        )
+    moment_ms = choose_moment(table, case_id, time_s)
+    return _build(table, name, location, case_id, moment_ms, min_history, future_steps, findings)
+
+
+def recording_name(map_path: Path, track_paths: tuple[Path, ...]) -> str:
+    """Name of a recording by its map and files, e.g. ``k733_2020-09-15_000``.
+
+    Consecutive chunks are named by the first one's begin and the last one's end.
+    """
+    place = map_name(map_path)
+    stem = re.sub(r"^vehicle_tracks_|_tracks$", "", map_name(track_paths[0]))
+    if len(track_paths) > 1:
+        end = re.sub(r"^.*[^0-9]", "", map_name(track_paths[-1]))
+        return re.sub(r"[0-9]+$", "", stem) + end
+    if place.endswith(f"_{stem}"):
+        return place
+    return stem if stem.startswith(place) else f"{place}_{stem}"
+
+
+def choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
+    """Index of the case wanted: by its id, else the first one that may hold a time, else the busiest.
+
+    Raises:
+        TrackError: there is no such case.
+    """
+    if case is None:
+        if time_s is not None:
+            return int(table.vehicles.case.min())
+        candidates = moments(table)
+        if not candidates:
+            raise TrackError(
+                f"{table.path}: no case has a vehicle in frame {CASE_FRAME}; choose with --case ID --time S"
+            )
+        return table.cases.index(busiest(candidates).case)
+    if str(case) in table.cases:
+        return table.cases.index(str(case))
+    for index, name in enumerate(table.cases):
+        if _number(name) == _number(str(case)):
+            return index
+    examples = ", ".join(table.cases[:3]) + (", ..." if len(table.cases) > 3 else "")
+    raise TrackError(f"{table.path}: no case {case}; it has {len(table.cases)} cases: {examples}")
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:
+    """Time stamp of the moment wanted, ms: the nearest frame to a time, else the busiest moment.
+
+    Raises:
+        TrackError: it lies outside the recording, or no vehicle is there.
+    """
+    rows = table.vehicles
+    where = f"{table.path}: case {case_id}" if case_id else f"{table.path}"
+    if not len(rows):
+        raise TrackError(f"{where}: no vehicle (left after repairs); choose another moment or repair=False")
+    if time_s is None:
+        if not table.has_cases:
+            return 1000.0 * busiest(moments(table)).time_s
+        here = rows.timestamp_ms[rows.frame_id == CASE_FRAME]
+        if not len(here):
+            raise TrackError(f"{where}: no vehicle in frame {CASE_FRAME}; choose the moment with --time S")
+        return float(here[0])
+    stamps = np.concatenate((rows.stamps_ms, table.others.stamps_ms))
+    half_ms = 500.0 * table.step_s + STAMP_MS
+    begin, end = stamps.min(), stamps.max()
+    if not np.isfinite(time_s) or not begin - half_ms <= 1000.0 * time_s <= end + half_ms:
+        raise TrackError(
+            f"{where}: no moment at {time_s:g} s, the recording spans {begin / 1000:.1f} to "
+            f"{end / 1000:.1f} s; choose --time in between"
+        )
+    with_vehicle = rows.stamps_ms
+    wanted = 1000.0 * time_s
+    nearest = float(with_vehicle[np.argmin(np.abs(with_vehicle - wanted))])
+    if abs(nearest - wanted) > 1000.0 * STEP_S and not len(sample(rows, wanted, np.array([wanted])).track):
+        raise TrackError(
+            f"{where}: no vehicle at {time_s:g} s; the nearest moment with one is {nearest / 1000:.1f} s"
+        )
+    return nearest if abs(nearest - wanted) <= half_ms else wanted
+
+
+def _build(
+    table: TrackTable,
+    name: str,
+    location: str,
+    case_id: str,
+    moment_ms: float,
+    min_history: int,
+    future_steps: int,
+    findings: tuple[str, ...],
+) -> SeedScene:
+    steps_ms = 1000.0 * STEP_S * np.arange(-HISTORY_STEPS, future_steps + 1)
+    grid_ms: FloatArray = (moment_ms + steps_ms).astype(np.float64)
+    rows = table.vehicles
+    cars = sample(rows, moment_ms, grid_ms)
+    steps = cars.recorded[:, :HISTORY_STEPS].sum(axis=1).astype(np.int64)
+    keep = steps >= min_history
+    if not keep.any():
+        raise TrackError(
+            f"{table.path}: none of {len(keep)} vehicles at {moment_ms / 1000:g} s has {min_history} "
+            "recorded previous steps; choose a later moment or a smaller min_history"
+        )
+    notes = _notes(table, cars, steps[keep], moment_ms, findings)
+    if not keep.all():
+        notes.append(f"{int((~keep).sum())} vehicles with less than {min_history} previous steps left out")
+    valid = cars.recorded[keep, HISTORY_STEPS + 1 :]
+    states = cars.states[keep]
+    ids = [int(float(rows.labels[k])) for k in cars.track[keep]]
+    return SeedScene(
+        name=_moment_name(name, case_id, moment_ms),
+        location=location,
+        time_s=moment_ms / 1000.0,
+        track_ids=np.array(ids, np.int64),
+        types=tuple(rows.types[k] for k in cars.track[keep]),
+        length=cars.length[keep],
+        width=cars.width[keep],
+        history=states[:, : HISTORY_STEPS + 1],
+        recorded_steps=steps[keep],
+        future=states[:, HISTORY_STEPS + 1 :] if valid.any() else None,
+        future_valid=valid if valid.any() else None,
+        obstacles=_obstacles(table.others, moment_ms, grid_ms),
+        notes=tuple(notes),
+        source=_source(table, case_id, moment_ms),
+    )
+
+
+def _obstacles(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Obstacles | None:
+    found = sample(rows, moment_ms, grid_ms)
+    if not len(found.track):
+        return None
+    present = found.recorded.copy()
+    present[:, HISTORY_STEPS:] = True  # where the recording ends they go on at constant velocity
+    return Obstacles(
+        ids=tuple(rows.labels[k] for k in found.track),
+        types=tuple(rows.types[k] for k in found.track),
+        length=found.length,
+        width=found.width,
+        states=found.states,
+        present=present,
+    )
+
+
+def _notes(
+    table: TrackTable, cars: Sampled, steps: IntArray, moment_ms: float, findings: tuple[str, ...]
+) -> list[str]:
+    notes = []
+    if findings:
+        notes.append(f"{table.path.name} repaired: {'; '.join(findings)}")
+    if table.rate:
+        notes.append(table.rate)
+    elif cars.interpolated:
+        notes.append(f"{cars.interpolated} missing samples interpolated")
+    earliest = float(table.vehicles.stamps_ms[0])
+    there = min(HISTORY_STEPS, int((moment_ms - earliest + STAMP_MS) // (1000.0 * STEP_S)))
+    if there < HISTORY_STEPS:
+        notes.append(f"{there} of {HISTORY_STEPS} previous steps recorded, constant velocity before")
+    short = int((steps < there).sum())
+    if short:
+        notes.append(
+            f"{short} of {len(steps)} vehicles came within the last second: constant velocity before"
+        )
+    return notes
+
+
+def _moment_name(name: str, case_id: str, moment_ms: float) -> str:
+    time_s = moment_ms / 1000.0
+    when = f"{time_s:.1f}" if abs(time_s - round(time_s, 1)) < 1e-6 else f"{time_s:.3f}"
+    name += f"_case{case_id}" if case_id else ""
+    if not (case_id and when == "1.0"):
+        name += f"_t{when}"
+    return re.sub(r"[^A-Za-z0-9._+-]+", "-", name)
+
+
+def _source(table: TrackTable, case_id: str, moment_ms: float) -> dict[str, Any]:
+    source: dict[str, Any] = {"kind": "tracks", "tracks": str(table.path), "time_s": moment_ms / 1000.0}
+    return source | ({"case": case_id} if case_id else {})

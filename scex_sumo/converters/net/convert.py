@@ -1,0 +1,148 @@
+"""A road becomes a SUMO net: the public face of the sumo_* modules.
+
+The net file is written directly, not by netconvert, so that every shape is the map's own. What holds ids
+and coordinates in it, for whoever copies or moves nets as text:
+
+- ids: ``edge`` id, from, to; ``lane`` id; ``junction`` id, incLanes, intLanes (lists); ``connection`` from,
+  to, via, tl, and from, to of a ``conflict`` in it; ``tlLogic`` id. Internal ones begin with a colon:
+  ``:NODE_3_0``.
+- coordinates: ``edge`` and ``lane`` shape, ``junction`` x, y, shape, ``location`` boundaries. Everything is
+  in the map's own coordinates; netOffset is zero.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from scex_sumo.converters.net.extras import extras_text
+from scex_sumo.converters.net.lane_table import LaneTable, lane_table
+from scex_sumo.converters.net.lights import Programme, fixed_programmes
+from scex_sumo.converters.net.pieces.borders import add_entries
+from scex_sumo.converters.net.pieces.gaps import fill_gaps, open_knots, split_loops
+from scex_sumo.converters.net.pieces.rows import build_rows, lay_zones
+from scex_sumo.converters.net.pieces.topology import Topology
+from scex_sumo.converters.net.plan import NetPlan
+from scex_sumo.converters.net.signals import recorded_programme
+from scex_sumo.converters.net.text import net_text
+from scex_sumo.errors import MapError
+from scex_sumo.geometry.shapes import length
+from scex_sumo.road import Road
+from scex_sumo.roads.conflicts import Conflict, conflicts
+
+__all__ = ["LaneTable", "SumoNet", "convert"]
+
+SHORTEST_M = 0.01
+JOINED_M = 0.3  # how far apart bus or bicycle lanes may end and begin and still follow one another
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SumoNet:
+    """A converted net.
+
+    Attributes:
+        path: NET.net.xml.
+        extras: NET.add.xml with markings, stop lines, crosswalks and areas for sumo-gui, or None.
+        lanes: which SUMO lanes a lanelet became.
+        notes: what could not be carried over, one short sentence each, naming ids.
+    """
+
+    path: Path
+    extras: Path | None
+    lanes: LaneTable
+    notes: tuple[str, ...] = ()
+
+
+def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoNet:
+    """Write a road as a SUMO net, with its lane table NET.lanes.csv and drawing NET.add.xml beside it.
+
+    Args:
+        road: the map.
+        net_path: where to write; usually ends in ``.net.xml``.
+        signals: recorded signal phases (SPaT) as CSV; the intersection's KML is looked for beside it.
+
+    Raises:
+        MapError: the road has no vehicle lanes, or some without length; the signals cannot be used.
+    """
+    lanes = road.vehicle_lanes
+    if not lanes:
+        raise MapError(f"{road.name}: no lanelet that cars may drive on; nothing to convert")
+    points = sorted(i for i, lane in lanes.items() if length(lane.centreline) < SHORTEST_M)
+    if points:
+        raise MapError(f"{road.name}: lanelets without length: {', '.join(map(str, points[:5]))}; drop them")
+    lanes = add_entries(lanes)
+    found = conflicts(lanes)
+    rows, lost = build_rows(lanes)
+    lay_zones(rows, lanes, found)
+    open_knots(rows, lanes)
+    fill_gaps(rows, lanes, Topology(rows, lanes, found).node)
+    split_loops(rows, Topology(rows, lanes, found).node)
+    plan = NetPlan(road, Topology(rows, lanes, found), found)
+    plan.add(_side_lanes(road))
+    programmes, notes = _programmes(plan, road, found, signals)
+    net_path.write_text(net_text(plan, programmes), encoding="utf-8")
+    table = lane_table(plan.places(), plan.ends(), road.lanes)
+    table.write(beside(net_path, ".lanes.csv"))
+    extras = beside(net_path, ".add.xml")
+    extras.write_text(extras_text(road), encoding="utf-8")
+    notes += [f"the lane change from lanelet {a} to {b} has no place in a SUMO edge" for a, b in lost]
+    return SumoNet(path=net_path, extras=extras, lanes=table, notes=tuple(notes))
+
+
+def open_net(net_path: Path) -> SumoNet:
+    """A net that `convert` wrote, with what lies beside it.
+
+    Raises:
+        MapError: the net or its lane table is not there.
+    """
+    table, extras = beside(net_path, ".lanes.csv"), beside(net_path, ".add.xml")
+    for file in (net_path, table):
+        if not file.is_file():
+            raise MapError(f"{file}: no such file; convert the map again")
+    return SumoNet(path=net_path, extras=extras if extras.is_file() else None, lanes=LaneTable.read(table))
+
+
+def _side_lanes(road: Road) -> NetPlan:
+    """Lanes for buses and bicycles alone; where people walk is drawn, not driven."""
+    own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}
+    ends = {i: (lane.centreline[0], lane.centreline[-1]) for i, lane in own.items()}
+    following = {
+        i: tuple(
+            j
+            for j in own
+            if j != i and own[i].kind == own[j].kind and math.dist(ends[i][1], ends[j][0]) < JOINED_M
+        )
+        for i in own
+    }
+    lanes = {
+        i: replace(
+            lane,
+            successors=following[i],
+            predecessors=tuple(j for j in own if i in following[j]),
+            left=None,
+            right=None,
+            conflicts=(),
+        )
+        for i, lane in own.items()
+    }
+    rows, _ = build_rows(lanes)
+    return NetPlan(road, Topology(rows, lanes, []), [])
+
+
+def _programmes(
+    plan: NetPlan, road: Road, found: list[Conflict], signals: Path | None
+) -> tuple[list[Programme], list[str]]:
+    """The recorded lights, and fixed programmes for the elements that these leave out."""
+    recorded, notes = (None, []) if signals is None else recorded_programme(plan, road, signals)
+    programmes = [] if recorded is None else [recorded]
+    taken = {c.internal.name for p in programmes for c in p.connections}
+    for programme in fixed_programmes(plan, road, found):
+        if taken.isdisjoint(c.internal.name for c in programme.connections):
+            programmes.append(programme)
+    return programmes, notes
+
+
+def beside(net_path: Path, suffix: str) -> Path:
+    """The file that belongs to NET.net.xml with another ending: NET + suffix."""
+    return net_path.with_name(net_path.name.removesuffix(".xml").removesuffix(".net") + suffix)

@@ -1,0 +1,118 @@
+"""What a SUMO net cannot hold, for sumo-gui: markings, stop lines, crosswalks and areas as polygons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.geometry.shapes import cut, length, text
+from scex_sumo.road import Marking, Road
+
+
+@dataclass(frozen=True, kw_only=True)
+class Style:
+    """How a line or an area is drawn.
+
+    Attributes:
+        color: SUMO colour.
+        layer: drawing order; roads are at 0.
+        width: of a line, m.
+        dash: length of dashes and of the gaps between them, m; 0 draws a line without gaps.
+    """
+
+    color: str
+    layer: int
+    width: float = 0.12
+    dash: float = 0.0
+
+
+WHITE, GREY = "240,240,240", "130,130,130"
+LINES = {
+    "line_thin": Style(color=WHITE, layer=5),
+    "line_thick": Style(color=WHITE, layer=5, width=0.25),
+    "stop_line": Style(color=WHITE, layer=6, width=0.40),
+    "pedestrian_marking": Style(color=WHITE, layer=6, width=0.30, dash=0.5),
+    "zebra_marking": Style(color=WHITE, layer=6, width=0.30, dash=0.5),
+    "bike_marking": Style(color="200,80,60", layer=6, dash=0.5),
+    "curbstone": Style(color=GREY, layer=4, width=0.20),
+    "road_border": Style(color=GREY, layer=4, width=0.20),
+    "guard_rail": Style(color="90,90,110", layer=4, width=0.20),
+    "fence": Style(color="110,90,70", layer=4),
+    "wall": Style(color="90,80,70", layer=4, width=0.30),
+}
+OTHER_LINE = Style(color="180,180,180", layer=4, width=0.10)
+AREAS = {
+    "crosswalk": Style(color="235,235,200,140", layer=2),
+    "walkway": Style(color="170,165,155,200", layer=-2),
+    "shared_walkway": Style(color="170,165,155,200", layer=-2),
+    "stairs": Style(color="150,145,140,200", layer=-2),
+    "bikelane": Style(color="190,110,90,180", layer=-1),
+    "bicycle_lane": Style(color="190,110,90,180", layer=-1),
+    "keepout": Style(color="210,120,100,120", layer=1),
+    "parking": Style(color="120,140,180,160", layer=-1),
+    "traffic_island": Style(color="120,150,110,220", layer=3),
+    "vegetation": Style(color="110,150,100,220", layer=-3),
+    "building": Style(color="140,120,110,220", layer=-3),
+}
+OTHER_AREA = Style(color="150,160,140,150", layer=-3)
+DASH_M = 3.0
+
+
+def extras_text(road: Road) -> str:
+    """The additional file for sumo-gui; ids are ``area.N``, ``marking.N``, ``stop_line.N``."""
+    head = ['<?xml version="1.0" encoding="UTF-8"?>', "", "<additional>"]
+    return "\n".join([*head, *_areas(road), *_markings(road), *_stop_lines(road), "</additional>", ""])
+
+
+def _areas(road: Road) -> Iterator[str]:
+    for number, area in enumerate(road.areas):
+        style = AREAS.get(area.kind, OTHER_AREA)
+        yield (
+            f'    <poly id="area.{number}" type={quoteattr(area.kind)} color="{style.color}" fill="1"'
+            f' layer="{style.layer}" shape="{text(area.outline)}"/>'
+        )
+
+
+def _markings(road: Road) -> Iterator[str]:
+    number = 0
+    for marking in road.markings:
+        style = LINES.get(marking.kind, OTHER_LINE)
+        for line in _strokes(marking, style):
+            yield _line(f"marking.{number}", marking.kind, style, line)
+            number += 1
+
+
+def _stop_lines(road: Road) -> Iterator[str]:
+    """Stop lines that rules refer to, unless the map draws them anyway."""
+    drawn = [marking.points for marking in road.markings if marking.kind == "stop_line"]
+    number = 0
+    for rule in road.regulations:
+        for line in rule.stop_lines:
+            if not any(np.array_equal(line, other) for other in drawn):
+                drawn.append(line)
+                yield _line(f"stop_line.{number}", "stop_line", LINES["stop_line"], line)
+                number += 1
+
+
+def _strokes(marking: Marking, style: Style) -> Iterator[FloatArray]:
+    """The marking itself, or its dashes."""
+    dash = style.dash or (DASH_M if "dashed" in marking.subtype else 0.0)
+    total = length(marking.points)
+    if dash == 0.0 or total <= dash:
+        yield marking.points
+        return
+    # An odd number of equal strokes and gaps, so that the line begins and ends with a stroke.
+    count = max(1, round(total / dash)) | 1
+    for k in range(0, count, 2):
+        yield cut(marking.points, k * total / count, (k + 1) * total / count)
+
+
+def _line(name: str, kind: str, style: Style, line: FloatArray) -> str:
+    return (
+        f'    <poly id="{name}" type={quoteattr(kind)} color="{style.color}" fill="0" layer="{style.layer}"'
+        f' lineWidth="{style.width:.2f}" shape="{text(line)}"/>'
+    )

@@ -1,0 +1,161 @@
+"""Traffic lights: which links they control, and a fixed programme where none was recorded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from scex_sumo.converters.net.elements import Connection
+from scex_sumo.converters.net.plan import NetPlan
+from scex_sumo.geometry.shapes import turn
+from scex_sumo.road import Regulation, Road
+from scex_sumo.roads.conflicts import Conflict
+
+GREEN_S, YELLOW_S, ALL_RED_S = 25, 3, 2
+AHEAD_M = 60.0  # how far beyond a light its traffic is looked at for conflicts with that of other lights
+ONCOMING = math.radians(135.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Programme:
+    """A SUMO traffic light.
+
+    Attributes:
+        name: SUMO's id of it.
+        connections: the controlled connections; their places are the link indices.
+        phases: (seconds, state), one character of state per connection.
+        programme: SUMO's programID.
+    """
+
+    name: str
+    connections: tuple[Connection, ...]
+    phases: tuple[tuple[float, str], ...]
+    programme: str = "0"
+
+
+def fixed_programmes(plan: NetPlan, road: Road, found: Sequence[Conflict]) -> list[Programme]:
+    """A programme for each group of traffic_light elements whose traffic conflicts.
+
+    Each element's links are green together; oncoming elements share a phase, in which left turns give way.
+    """
+    elements = [rule for rule in road.regulations if rule.kind == "traffic_light"]
+    clashing = {pair for c in found if c.kind != "diverge" for pair in (c.lanes, c.lanes[::-1])}
+    groups = [(rule, controlled(plan, rule, clashing)) for rule in elements]
+    groups = [(rule, links) for rule, links in groups if links]
+    ahead = [_ahead(plan, rule.lanes) for rule, _ in groups]
+    against = [
+        {j for j, b in enumerate(ahead) if j != i and any((p, q) in clashing for p in a for q in b)}
+        for i, a in enumerate(ahead)
+    ]
+    programmes = []
+    for cluster in _clusters(against):
+        stages = _stages(cluster, against, [links for _, links in groups])
+        name = f"tl{min(groups[i][0].element_id for i in cluster)}"
+        links = list({id(c): c for i in cluster for c in groups[i][1]}.values())
+        greens = [{id(c) for i in stage for c in groups[i][1]} for stage in stages]
+        programmes.append(Programme(name=name, connections=tuple(links), phases=_phases(links, greens)))
+    return programmes
+
+
+def controlled(plan: NetPlan, rule: Regulation, clashing: set[tuple[int, int]]) -> list[Connection]:
+    """Links that a light controls: those that leave its lanes, or enter those in conflict.
+
+    Maps differ in whether the approach or the lanelet across the intersection refers to the light.
+    """
+    crossing = {lane for lane, _ in clashing}
+    found = []
+    for node in plan.nodes.values():
+        for c in node.connections:
+            over = plan.lanelets(c)
+            for lane in rule.lanes:
+                # A lane that begins at the map's border is entered where its first edge ends.
+                begins = over[0] == lane and plan.begins(c)
+                enters = lane in over[1:] or begins
+                leaves = over[0] == lane and len(over) > 1
+                if enters if lane in crossing else leaves:
+                    found.append(c)
+                    break
+    return found
+
+
+def _ahead(plan: NetPlan, lanes: Iterable[int]) -> set[int]:
+    """Lanes and what follows them within 60 m."""
+    reached: dict[int, float] = {}
+    stack = [(lane, 0.0) for lane in lanes]
+    while stack:
+        lane, start = stack.pop()
+        if lane not in plan.lane_lengths or start > AHEAD_M or reached.get(lane, math.inf) <= start:
+            continue
+        reached[lane] = start
+        stack += [(i, start + plan.lane_lengths[lane]) for i in plan.successors(lane)]
+    return set(reached)
+
+
+def _clusters(against: Sequence[set[int]]) -> list[list[int]]:
+    seen: set[int] = set()
+    clusters = []
+    for i in range(len(against)):
+        stack, cluster = [i], []
+        while stack:
+            k = stack.pop()
+            if k not in seen:
+                seen.add(k)
+                cluster.append(k)
+                stack += against[k]
+        if cluster:
+            clusters.append(sorted(cluster))
+    return clusters
+
+
+def _stages(
+    cluster: Sequence[int], against: Sequence[set[int]], links: Sequence[Sequence[Connection]]
+) -> list[list[int]]:
+    """Elements that are green together: no conflict, or oncoming."""
+    stages: list[list[int]] = []
+    for i in cluster:
+        for stage in stages:
+            if all(j not in against[i] or _oncoming(links[i], links[j]) for j in stage):
+                stage.append(i)
+                break
+        else:
+            stages.append([i])
+    return stages
+
+
+def _oncoming(a: Sequence[Connection], b: Sequence[Connection]) -> bool:
+    return all(abs(turn(p.link.entry, q.link.entry)) > ONCOMING for p in a for q in b)
+
+
+def _phases(links: Sequence[Connection], greens: Sequence[set[int]]) -> tuple[tuple[float, str], ...]:
+    """Green, yellow, all red, one stage after the other; always green where there is only one stage."""
+    phases: list[tuple[float, str]] = []
+    for k, green in enumerate(greens):
+        following = greens[(k + 1) % len(greens)]
+        on = {c.internal.name: "G" for c in links if id(c) in green}
+        phases.append((GREEN_S, state(links, on)))
+        if len(greens) == 1:
+            break
+        change = {c.internal.name: "G" if id(c) in following else "y" for c in links if id(c) in green}
+        phases.append((YELLOW_S, state(links, change)))
+        rest = {name: letter for name, letter in change.items() if letter == "G"}
+        phases.append((ALL_RED_S, state(links, rest)))
+    return tuple(phases)
+
+
+def state(links: Sequence[Connection], lit: dict[str, str]) -> str:
+    """One phase: letters by internal lane, red where not named; green that must yield becomes ``g``.
+
+    A green link yields where a foe that it gives way to is lit as well, or is under no light at all.
+    """
+    known = {c.internal.name for c in links}
+    letters = []
+    for c in links:
+        letter = lit.get(c.internal.name, "r")
+        if letter == "G":
+            prefix = c.internal.name.rsplit("_", 2)[0]
+            foes = [f"{prefix}_{j}_0" for j in c.link.response]
+            if any(lit.get(foe, "r") in "Gg" or foe not in known for foe in foes):
+                letter = "g"
+        letters.append(letter)
+    return "".join(letters)

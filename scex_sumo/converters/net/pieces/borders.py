@@ -1,0 +1,105 @@
+"""Lanes that fork or join exactly where the map ends get the common piece of road that the map cut off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.geometry.shapes import cut, heading, length, turn
+from scex_sumo.road import Lane
+
+# Such lanes overlap from the border on. Without a common approach SUMO would not notice, and vehicles would
+# be put inside each other. Of the lanes themselves the shortest edge that SUMO takes is enough, which keeps
+# the geometry; vehicles that enter get some room before the border.
+ENTRY_M = 0.1
+ROOM_M = 1.9
+TOGETHER_M = 0.1
+ALIGNED = math.radians(20.0)
+
+
+def add_entries(lanes: Mapping[int, Lane]) -> dict[int, Lane]:
+    """Vehicle lanes, with a short common lane where some begin, or end, at one point of the border.
+
+    The new lanes take the first (last) decimetre of the lanes that they lead to, with 1.9 m before the border
+    where they are entries; their ids are new.
+    """
+    result = dict(lanes)
+    fresh = max([0, *lanes]) + 1
+    for group in _groups(lanes, lambda lane: not lane.predecessors, end=False):
+        first = result[group[0]]
+        line = _prolonged(cut(first.centreline, 0.0, ENTRY_M))
+        result[fresh] = _piece(first, fresh, line, successors=tuple(group))
+        for i in group:
+            line = result[i].centreline
+            rest = cut(line, ENTRY_M, length(line))
+            result[i] = replace(result[i], centreline=rest, predecessors=(fresh,))
+        fresh += 1
+    for group in _groups(result, lambda lane: not lane.successors, end=True):
+        line = result[group[0]].centreline
+        last = cut(line, length(line) - ENTRY_M, length(line))
+        result[fresh] = _piece(result[group[0]], fresh, last, predecessors=tuple(group))
+        for i in group:
+            line = result[i].centreline
+            rest = cut(line, 0.0, length(line) - ENTRY_M)
+            result[i] = replace(result[i], centreline=rest, successors=(fresh,))
+        fresh += 1
+    return result
+
+
+def _groups(lanes: Mapping[int, Lane], loose: Callable[[Lane], bool], *, end: bool) -> list[list[int]]:
+    """Lanes without neighbours to change to that begin (end) together, aligned, at the map's border."""
+    tips: list[tuple[int, FloatArray, float]] = []
+    for i, lane in sorted(lanes.items()):
+        beside = lane.left is not None or lane.right is not None
+        beside |= any(i in (other.left, other.right) for other in lanes.values())
+        if loose(lane) and not beside and length(lane.centreline) > 10 * ENTRY_M:
+            tip = lane.centreline[-1 if end else 0]
+            tips.append((i, tip, heading(lane.centreline, end=end, reach=1.0)))
+    groups: list[list[int]] = []
+    taken: set[int] = set()
+    for i, tip, angle in tips:
+        if i in taken:
+            continue
+        group = [
+            j
+            for j, other, other_angle in tips
+            if j not in taken
+            and float(np.hypot(*(tip - other))) < TOGETHER_M
+            and abs(turn(angle, other_angle)) < ALIGNED
+        ]
+        if len(group) > 1:
+            groups.append(group)
+            taken.update(group)
+    return groups
+
+
+def _prolonged(line: FloatArray) -> FloatArray:
+    """A line with a straight piece before it."""
+    along = (line[1] - line[0]) / float(np.hypot(*(line[1] - line[0])))
+    return np.vstack([line[0] - ROOM_M * along, line])
+
+
+def _piece(
+    lane: Lane,
+    lane_id: int,
+    centreline: FloatArray,
+    *,
+    successors: tuple[int, ...] = (),
+    predecessors: tuple[int, ...] = (),
+) -> Lane:
+    step = centreline[-1] - centreline[0]
+    across = lane.width_m / 2 * np.array([-step[1], step[0]]) / float(np.hypot(*step))
+    return replace(
+        lane,
+        lane_id=lane_id,
+        centreline=centreline,
+        left_bound=centreline + across,
+        right_bound=centreline - across,
+        successors=successors,
+        predecessors=predecessors,
+        conflicts=(),
+    )

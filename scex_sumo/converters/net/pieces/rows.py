@@ -1,0 +1,141 @@
+"""Rows of lanes that a vehicle may change between, cut into road pieces and junction pieces.
+
+A row becomes one SUMO edge, or several where junction pieces lie within it. All lanes of a row are cut at
+the same fractions of their lengths, because a SUMO edge begins and ends for all its lanes at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from scex_sumo.geometry.shapes import length
+from scex_sumo.road import Lane
+from scex_sumo.roads.conflicts import Conflict
+
+Piece: TypeAlias = tuple[int, int, int]  # row, piece of the row, lane within the row
+
+STUB_M = 2.0  # longest road piece cut off a junction piece where a lane begins or ends inside a conflict
+SNAP_M = 0.3  # road pieces shorter than this are left to the junction piece beside them
+
+
+@dataclass(kw_only=True, eq=False)
+class Row:
+    """Lanes side by side.
+
+    Attributes:
+        lanes: lane ids, rightmost first.
+        lengths: length of each lane, m.
+        cuts: fractions of the lengths, from 0.0 to 1.0.
+        inside: for each piece between two cuts, whether it lies in a junction.
+    """
+
+    lanes: tuple[int, ...]
+    lengths: tuple[float, ...]
+    cuts: list[float] = field(default_factory=lambda: [0.0, 1.0])
+    inside: list[bool] = field(default_factory=lambda: [False])
+
+    @property
+    def pieces(self) -> int:
+        """Number of pieces."""
+        return len(self.inside)
+
+    def span(self, piece: int, lane: int) -> tuple[float, float]:
+        """Arc lengths at which a piece begins and ends on a lane (index into the row), m."""
+        return self.cuts[piece] * self.lengths[lane], self.cuts[piece + 1] * self.lengths[lane]
+
+    def size(self, piece: int) -> float:
+        """Mean length of a piece, m."""
+        return (self.cuts[piece + 1] - self.cuts[piece]) * float(np.mean(self.lengths))
+
+    def set_zones(self, zones: list[tuple[float, float]]) -> None:
+        """Cut the row so that exactly the given fractions (disjoint, ascending) lie in junctions."""
+        self.cuts, self.inside = [0.0], []
+        for start, end in zones:
+            if start > self.cuts[-1]:
+                self.cuts.append(start)
+                self.inside.append(False)
+            self.cuts.append(end)
+            self.inside.append(True)
+        if self.cuts[-1] < 1.0:
+            self.cuts.append(1.0)
+            self.inside.append(False)
+
+
+def build_rows(lanes: Mapping[int, Lane]) -> tuple[list[Row], list[tuple[int, int]]]:
+    """Group lanes by permitted lane changes.
+
+    Returns:
+        The rows, by their smallest lane id; and the permitted changes (from, to) that no row can hold,
+        because a lane already has another neighbour on that side.
+    """
+    left_of: dict[int, int] = {}
+    right_of: dict[int, int] = {}
+    lost = []
+    for i in sorted(lanes):
+        for neighbour, leftward in ((lanes[i].left, True), (lanes[i].right, False)):
+            if neighbour is None or neighbour not in lanes or neighbour == i:
+                continue
+            right, left = (i, neighbour) if leftward else (neighbour, i)
+            free = left_of.get(right, left) == left and right_of.get(left, right) == right
+            if free and not _reaches(left_of, left, right):
+                left_of[right], right_of[left] = left, right
+            else:
+                lost.append((i, neighbour))
+    rows = []
+    for i in sorted(lanes):
+        if i not in right_of:
+            chain = [i]
+            while chain[-1] in left_of:
+                chain.append(left_of[chain[-1]])
+            lengths = tuple(length(lanes[k].centreline) for k in chain)
+            rows.append(Row(lanes=tuple(chain), lengths=lengths))
+    return sorted(rows, key=lambda row: min(row.lanes)), lost
+
+
+def _reaches(left_of: Mapping[int, int], start: int, goal: int) -> bool:
+    while start in left_of:
+        start = left_of[start]
+        if start == goal:
+            return True
+    return False
+
+
+def lay_zones(rows: list[Row], lanes: Mapping[int, Lane], found: list[Conflict]) -> None:
+    """Cut the rows at the conflicts; lanes that begin or end inside one keep a stub of road."""
+    spans: dict[int, list[tuple[float, float]]] = {}
+    for conflict in found:
+        for lane, span in zip(conflict.lanes, conflict.spans, strict=True):
+            spans.setdefault(lane, []).append(span)
+    for row in rows:
+        zones = [
+            (start / size, end / size)
+            for lane, size in zip(row.lanes, row.lengths, strict=True)
+            for start, end in spans.get(lane, ())
+        ]
+        # A lane without predecessors can only be entered on a road piece, so the whole row begins with one.
+        begins = any(not lanes[i].predecessors for i in row.lanes)
+        ends = any(not lanes[i].successors for i in row.lanes)
+        row.set_zones(_tidy(zones, float(np.mean(row.lengths)), begins=begins, ends=ends))
+
+
+def _tidy(
+    zones: list[tuple[float, float]], size: float, *, begins: bool, ends: bool
+) -> list[tuple[float, float]]:
+    """Merge zones, close gaps too short to matter, and keep stubs free at the map's border."""
+    stub = min(STUB_M, size / 3) / size
+    low, high = (stub if begins else 0.0), (1.0 - stub if ends else 1.0)
+    gap = SNAP_M / size
+    merged: list[tuple[float, float]] = []
+    for start, end in sorted(zones):
+        start, end = (low if start < low + gap else start), (high if end > high - gap else end)
+        if end - start < 1e-9:
+            continue
+        if merged and start <= merged[-1][1] + gap:
+            merged[-1] = (merged[-1][0], max(end, merged[-1][1]))
+        else:
+            merged.append((start, end))
+    return merged

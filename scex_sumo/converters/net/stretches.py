@@ -1,0 +1,45 @@
+"""Where vehicles on two internal lanes are in each other's way, told to SUMO where it cannot see it.
+
+SUMO looks for the point where two internal lanes cross. There is none where they only pass close by, or come
+together without a common target; and one point is not enough where they run against each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from scex_sumo.converters.net.elements import Connection, Node, SumoLane
+from scex_sumo.geometry.shapes import distances, samples
+from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, intersect, opposed
+
+# SUMO takes a stretch for real only if it begins or ends strictly within the lane.
+INSET_M = 0.5
+
+
+def stretches(node: Node) -> Iterator[tuple[Connection, Connection, tuple[float, float]]]:
+    """Pairs of connections that SUMO must be told about, with the stretch of the first one, m."""
+    links = node.connections
+    for a in links:
+        for j in sorted(a.link.foes):
+            b = links[j]
+            if (a.to_edge, a.to_lane) == (b.to_edge, b.to_lane):
+                continue  # SUMO knows how to merge
+            span, other = _close(a.internal, b.internal), _close(b.internal, a.internal)
+            if span is None or other is None:
+                continue
+            crossing = intersect(a.internal.shape, b.internal.shape)
+            if not crossing or opposed(a.internal.shape, b.internal.shape, span, other):
+                yield a, b, span
+
+
+def _close(a: SumoLane, b: SumoLane) -> tuple[float, float] | None:
+    """First and last position on a lane within the clearance of another."""
+    s, points = samples(a.shape, STEP_M)
+    near = np.flatnonzero(distances(points, b.shape) < min(CLEARANCE_M, 0.45 * (a.width + b.width)))
+    if not len(near):
+        return None
+    inset = min(INSET_M, a.length / 4)
+    start, end = max(float(s[near[0]]), inset), min(float(s[near[-1]]), a.length - inset)
+    return (start, end) if end > start else None

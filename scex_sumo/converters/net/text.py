@@ -1,0 +1,158 @@
+"""A planned net as SUMO's net.xml."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from scex_sumo.converters.net.elements import Connection, Edge, Node, SumoLane
+from scex_sumo.converters.net.lights import Programme
+from scex_sumo.converters.net.pieces.rules import bits, direction
+from scex_sumo.converters.net.plan import NetPlan
+from scex_sumo.converters.net.stretches import stretches
+from scex_sumo.geometry.shapes import DECIMALS, text
+
+Lights: TypeAlias = Mapping[str, tuple[str, int]]  # internal lane: its traffic light and link index there
+
+HEADER = '<?xml version="1.0" encoding="UTF-8"?>'
+ROOT = '<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1.00">'
+# SUMO has no word for "nobody may change": it is said by naming a class that nothing here drives.
+NOBODY = "custom2"
+
+
+def net_text(plan: NetPlan, programmes: Sequence[Programme] = (), projection: str = "!") -> str:
+    """The whole file."""
+    lights = {c.internal.name: (p.name, k) for p in programmes for k, c in enumerate(p.connections)}
+    return "\n".join([HEADER, "", ROOT, *_body(plan, programmes, lights, projection), "</net>", ""])
+
+
+def _body(plan: NetPlan, programmes: Sequence[Programme], lights: Lights, projection: str) -> Iterator[str]:
+    points = np.vstack([lane.shape for edge in plan.edges for lane in edge.lanes])
+    corners = ",".join(f"{v:.2f}" for v in (*points.min(axis=0), *points.max(axis=0)))
+    yield (
+        f'    <location netOffset="0.00,0.00" convBoundary="{corners}" origBoundary="{corners}"'
+        f' projParameter="{projection}"/>'
+    )
+    nodes = [plan.nodes[name] for name in sorted(plan.nodes)]
+    told: dict[str, list[str]] = {}
+    for node in nodes:
+        for one, other, span in stretches(node):
+            told.setdefault(one.internal.name, []).append(_conflict(other, span))
+    for node in nodes:
+        for connection in node.connections:
+            yield from _internal(connection.internal)
+    for edge in plan.edges:
+        yield from _edge(edge)
+    for programme in programmes:
+        name = f'id="{programme.name}" type="static" programID="{programme.programme}"'
+        yield f'    <tlLogic {name} offset="0">'
+        for seconds, state in programme.phases:
+            yield f'        <phase duration="{seconds:g}" state="{state}"/>'
+        yield "    </tlLogic>"
+    for node in nodes:
+        yield from _junction(node, lights)
+    for node in nodes:
+        for connection in node.connections:
+            yield from _connection(connection, lights, told.get(connection.internal.name, ()))
+    for node in nodes:
+        for connection in node.connections:
+            yield _exit(connection)
+
+
+def _lane(lane: SumoLane, index: int, *, bans: bool) -> str:
+    allow = f' allow="{lane.allow}"' if lane.allow else ""
+    change = ""
+    if bans:
+        change = "" if lane.change_left else f' changeLeft="{NOBODY}"'
+        change += "" if lane.change_right else f' changeRight="{NOBODY}"'
+    return (
+        f'        <lane id="{lane.name}" index="{index}"{allow}{change} speed="{lane.speed:.4f}"'
+        f' length="{max(lane.length, 0.1):.{DECIMALS}f}" width="{lane.width:.2f}"'
+        f' shape="{text(lane.shape)}"/>'
+    )
+
+
+def _internal(lane: SumoLane) -> Iterator[str]:
+    yield f'    <edge id="{lane.name.rsplit("_", 1)[0]}" function="internal">'
+    yield _lane(lane, 0, bans=False)
+    yield "    </edge>"
+
+
+def _edge(edge: Edge) -> Iterator[str]:
+    yield (
+        f'    <edge id="{edge.name}" from="{edge.start}" to="{edge.end}" priority="-1" spreadType="center"'
+        f' shape="{text(edge.shape)}">'
+    )
+    for index, lane in enumerate(edge.lanes):
+        yield _lane(lane, index, bans=len(edge.lanes) > 1)
+    yield "    </edge>"
+
+
+def _junction(node: Node, lights: Lights) -> Iterator[str]:
+    x, y = node.shape.mean(axis=0)
+    links = [connection.link for connection in node.connections]
+    inner = " ".join(connection.internal.name for connection in node.connections)
+    head = (
+        f'    <junction id="{node.name}" type="{_type(node, lights)}"'
+        f' x="{x:.{DECIMALS}f}" y="{y:.{DECIMALS}f}" incLanes="{" ".join(node.incoming)}"'
+        f' intLanes="{inner}" shape="{text(node.shape)}"'
+    )
+    if not links:
+        yield f"{head}/>"
+        return
+    yield f'{head} customShape="1">'
+    for index, link in enumerate(links):
+        yield (
+            f'        <request index="{index}" response="{bits(link.response, len(links))}"'
+            f' foes="{bits(link.foes, len(links))}" cont="0"/>'
+        )
+    yield "    </junction>"
+
+
+def _type(node: Node, lights: Lights) -> str:
+    if any(connection.internal.name in lights for connection in node.connections):
+        return "traffic_light"
+    states = {connection.link.state for connection in node.connections}
+    if not states:
+        return "dead_end"
+    kinds = {
+        "Z": "zipper",
+        "w": "allway_stop",
+        "s": "priority_stop",
+        "m": "priority",
+        "=": "right_before_left",
+    }
+    return next((kind for state, kind in kinds.items() if state in states), "priority")
+
+
+def _connection(c: Connection, lights: Lights, conflicts: Sequence[str]) -> Iterator[str]:
+    light, state = "", c.link.state
+    if c.internal.name in lights:
+        name, index = lights[c.internal.name]
+        light, state = f' tl="{name}" linkIndex="{index}"', "o" if c.link.response else "O"
+    head = (
+        f'    <connection from="{c.from_edge}" to="{c.to_edge}" fromLane="{c.from_lane}" toLane="{c.to_lane}"'
+        f' via="{c.internal.name}"{light} dir="{direction(c.link.bend)}" state="{state}"'
+    )
+    if not conflicts:
+        yield f"{head}/>"
+        return
+    yield f"{head}>"
+    yield from conflicts
+    yield "    </connection>"
+
+
+def _conflict(other: Connection, span: tuple[float, float]) -> str:
+    return (
+        f'        <conflict from="{other.from_edge}" to="{other.to_edge}" fromLane="{other.from_lane}"'
+        f' toLane="{other.to_lane}" startPos="{span[0]:.2f}" endPos="{span[1]:.2f}"/>'
+    )
+
+
+def _exit(c: Connection) -> str:
+    return (
+        f'    <connection from="{c.internal.name.rsplit("_", 1)[0]}" to="{c.to_edge}" fromLane="0"'
+        f' toLane="{c.to_lane}" dir="{direction(c.link.bend)}" state="M"/>'
+    )

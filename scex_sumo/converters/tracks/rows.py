@@ -1,0 +1,166 @@
+"""The samples of recorded tracks as flat arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.scene import STEP_S
+
+MAX_GAP_S = 0.5
+"""A track with a longer hole is two segments: nothing is interpolated or smoothed across it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackRows:
+    """Samples of tracks, sorted by case, track and time; N rows of K tracks.
+
+    Attributes:
+        case: (N,) index into ``TrackTable.cases``.
+        track: (N,) number of the row's track, 0 to K - 1, never decreasing.
+        segment: (N,) as ``track``, but a new number also after a gap of more than 0.5 s or a jump.
+        labels: (K,) track ids as recorded.
+        types: (K,) lower case.
+        frame_id: (N,) as recorded.
+        timestamp_ms: (N,) ms.
+        x: (N,) centre, m.
+        y: (N,) centre, m.
+        vx: (N,) m/s.
+        vy: (N,) m/s.
+        psi_rad: (N,) heading, rad; the course of the motion where the recording has none.
+        length: (N,) m.
+        width: (N,) m.
+    """
+
+    case: IntArray
+    track: IntArray
+    segment: IntArray
+    labels: tuple[str, ...]
+    types: tuple[str, ...]
+    frame_id: IntArray
+    timestamp_ms: FloatArray
+    x: FloatArray
+    y: FloatArray
+    vx: FloatArray
+    vy: FloatArray
+    psi_rad: FloatArray
+    length: FloatArray
+    width: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.track)
+
+    @property
+    def tracks(self) -> int:
+        """Number of tracks K."""
+        return len(self.labels)
+
+    @cached_property
+    def speed(self) -> FloatArray:
+        """(N,) m/s."""
+        return np.asarray(np.hypot(self.vx, self.vy))
+
+    @cached_property
+    def track_id(self) -> IntArray:
+        """(N,) track ids as numbers (of vehicles; others may have names such as P1)."""
+        return np.array([int(float(label)) for label in self.labels], np.int64)[self.track]
+
+    @cached_property
+    def stamps_ms(self) -> FloatArray:
+        """(M,) the different stamps, rising, ms."""
+        return np.unique(self.timestamp_ms)
+
+    @cached_property
+    def pieces(self) -> tuple[IntArray, IntArray]:
+        """(S,) first and last row of each segment."""
+        if not len(self):
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        begin = np.flatnonzero(np.append(True, np.diff(self.segment) != 0))
+        return begin, np.append(begin[1:], len(self)) - 1
+
+    def take(self, keep: BoolArray) -> TrackRows:
+        """The rows where ``keep`` (N,) is True; tracks without rows are left out."""
+        used, track = np.unique(self.track[keep], return_inverse=True)
+        columns = {name: getattr(self, name)[keep] for name in ROW_COLUMNS}
+        return TrackRows(
+            **columns,
+            track=track.astype(np.int64),
+            labels=tuple(self.labels[k] for k in used),
+            types=tuple(self.types[k] for k in used),
+        )
+
+    def of_case(self, index: int) -> TrackRows:
+        """The rows of one case; tracks of others are left out."""
+        begin, end = np.searchsorted(self.case, (index, index + 1))
+        columns = {name: getattr(self, name)[begin:end] for name in ROW_COLUMNS}
+        track = self.track[begin:end]
+        first, last = (int(track[0]), int(track[-1]) + 1) if len(track) else (0, 0)
+        # A track is of one case, so those of a case are consecutive numbers.
+        return TrackRows(
+            **columns, track=track - first, labels=self.labels[first:last], types=self.types[first:last]
+        )
+
+    def with_columns(self, **columns: Any) -> TrackRows:
+        """A copy with some columns (arrays) replaced."""
+        return replace(self, **columns)
+
+
+FLOAT_COLUMNS = ("timestamp_ms", "x", "y", "vx", "vy", "psi_rad", "length", "width")
+ROW_COLUMNS = ("case", "segment", "frame_id", *FLOAT_COLUMNS)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackTable:
+    """A recording, or a file of cases.
+
+    Attributes:
+        path: the file read.
+        cases: ids of the cases as written, e.g. ``1.0``, in numerical order; one empty string where the
+            file has no ``case_id`` column (one file per recording).
+        vehicles: tracks of motor vehicles.
+        others: tracks of everything else.
+        step_s: usual time between samples, s.
+        recorded_step_s: the same as it was recorded, where the table has been resampled; else None.
+    """
+
+    path: Path
+    cases: tuple[str, ...]
+    vehicles: TrackRows
+    others: TrackRows
+    step_s: float
+    recorded_step_s: float | None = None
+
+    @property
+    def rate(self) -> str:
+        """A phrase where it was recorded at another rate than 10 Hz; else empty."""
+        step_s = self.recorded_step_s or self.step_s
+        return f"recorded at {1 / step_s:.3g} Hz: interpolated to 10 Hz" if other_rate(step_s) else ""
+
+    @property
+    def has_cases(self) -> bool:
+        """Whether the file holds cases (v1.2) and not one recording (v1.0)."""
+        return self.cases != ("",)
+
+    def case(self, index: int) -> TrackTable:
+        """The rows of one case only; ``cases`` stays, so that numbers keep their meaning."""
+        if not self.has_cases:
+            return self
+        return replace(self, vehicles=self.vehicles.of_case(index), others=self.others.of_case(index))
+
+
+def other_rate(step_s: float) -> bool:
+    """Whether a usual time between samples is not 0.1 s."""
+    return abs(step_s - STEP_S) > 0.02 * STEP_S
+
+
+def segments_of(track: IntArray, timestamp_ms: FloatArray) -> IntArray:
+    """(N,) numbers that change with the track and after a gap of more than 0.5 s."""
+    new = np.ones(len(track), bool)
+    # 1.5 ms: stamps are rounded to milliseconds
+    new[1:] = (np.diff(track) != 0) | (np.diff(timestamp_ms) > 1000.0 * MAX_GAP_S + 1.5)
+    return np.asarray(np.cumsum(new) - 1, np.int64)

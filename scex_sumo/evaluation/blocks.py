@@ -1,0 +1,221 @@
+"""Recordings as scenes: flat rows of tracks to blocks of (case, step, vehicle).
+
+The cases of a file are stacked, short ones with fewer vehicles beside each other; a long recording is cut
+into windows, each with the history that derived values look back on and the track that is still to be driven.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.converters.tracks.reader import TrackRows, TrackTable
+from scex_sumo.evaluation.plans import StoredPlans
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
+from scex_sumo.metrics.tq import WINDOW_S
+from scex_sumo.scene import States
+
+WINDOW_STEPS = 64
+STACKED_STEPS = 200  # longer cases are cut into windows
+STACKED_VALUES = 1 << 20  # largest (case, step, vehicle, vehicle) of stacked cases
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Block:
+    """Scenes of some cases, with the names of everything.
+
+    Attributes:
+        case: (C,) index of the case.
+        track_id: (C, V) as recorded; meaningless where a case has fewer vehicles.
+        timestamp_ms: (C, T) of every step, history included; where no vehicle was seen, as the grid has it.
+        tracks: the vehicles.
+        planned: the stored plans, or the tracks driven from each step on.
+    """
+
+    case: IntArray
+    track_id: IntArray
+    timestamp_ms: IntArray
+    tracks: SceneTracks
+    planned: PlannedPaths
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Timed:
+    """Rows with their place on the case's grid of steps and their acceleration.
+
+    Attributes:
+        rows: sorted by case, track, time.
+        step: (N,) number of the step within the case.
+        acceleration: (N,) m/s², by the rows' own time stamps.
+        step_s: s.
+    """
+
+    rows: TrackRows
+    step: IntArray
+    acceleration: FloatArray
+    step_s: float
+
+
+def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = None) -> Iterator[Block]:
+    """All motor vehicles of a recording or of a file of cases, in blocks ready for evaluation.
+
+    Args:
+        table: the tracks.
+        history: steps at the start of each case that are not evaluated.
+        plans: what the vehicles of the cases planned; None takes the tracks driven.
+    """
+    if len(table.vehicles) == 0:
+        return
+    timed = _on_grid(table.vehicles, table.step_s)
+    case = timed.rows.case
+    starts = np.flatnonzero(np.diff(case, prepend=-1))
+    ends = np.append(starts[1:], len(case))
+    longest = STACKED_STEPS
+    short, sizes = [], []
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        # Children are never cut: they were measured whole, and a window would end their tracks early.
+        if plans is not None or timed.step[start:end].max() < STACKED_STEPS:
+            longest = max(longest, int(timed.step[start:end].max()) + 1)
+            short.append((start, end))
+            sizes.append(len(np.unique(timed.rows.track[start:end])))
+        else:
+            yield from _windows(timed, start, end, history)
+    # Cases of like size beside each other leave little of a stack empty.
+    order = np.argsort(np.array(sizes, dtype=np.int64), kind="stable")
+    while order.size:
+        largest = sizes[order[-1]]
+        count = max(STACKED_VALUES // (longest * max(largest, 1) ** 2), 1)
+        chosen, order = np.sort(order[-count:]), order[:-count]
+        block = _stacked(timed, [short[i] for i in chosen.tolist()], history)
+        yield block if plans is None else _with_plans(block, plans, np.array(table.cases))
+
+
+def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
+    """Number the steps of every case; stamps may jitter, and steps without any vehicle are counted too."""
+    scene = np.stack([rows.case.astype(np.float64), rows.timestamp_ms], axis=1)
+    scenes, which = np.unique(scene, axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    new_case = np.diff(scenes[:, 0], prepend=-1) != 0
+    ahead = np.rint(np.diff(scenes[:, 1], prepend=0) / (1000 * step_s))
+    # Summed step by step, so that stamps rounded to milliseconds do not drift off the grid.
+    count = np.cumsum(np.where(new_case, 0, np.maximum(ahead, 1)))
+    start = count[np.flatnonzero(new_case)][np.cumsum(new_case) - 1]
+    follows = np.diff(rows.track, prepend=-1) == 0
+    elapsed = np.diff(rows.timestamp_ms, prepend=0) / 1000
+    change = np.diff(rows.speed, prepend=0)
+    acceleration = np.divide(change, elapsed, out=np.zeros(len(rows)), where=follows & (elapsed > 0))
+    step = (count - start).astype(np.int64)[which]
+    return _Timed(rows=rows, step=step, acceleration=acceleration, step_s=step_s)
+
+
+def _stacked(timed: _Timed, ranges: list[tuple[int, int]], history: int) -> Block:
+    """Whole cases on top of each other."""
+    index = np.concatenate([np.arange(a, b) for a, b in ranges])
+    child = np.repeat(np.arange(len(ranges)), [b - a for a, b in ranges])
+    first_track = timed.rows.track[[a for a, _ in ranges]]
+    vehicle = timed.rows.track[index] - first_track[child]
+    tracks, track_id, stamps = _fill(timed, index, child, timed.step[index], vehicle, len(ranges))
+    first = min(history, tracks.states.shape[1])
+    tracks = _with_first(tracks, first, tracks.states.shape[1])
+    return Block(
+        case=timed.rows.case[[a for a, _ in ranges]],
+        track_id=track_id,
+        timestamp_ms=stamps,
+        tracks=tracks,
+        planned=PlannedPaths.from_tracks(tracks),
+    )
+
+
+def _with_plans(block: Block, plans: StoredPlans, names: NDArray[np.str_]) -> Block:
+    """The same with the plans of the children that the cases are."""
+    tracks = block.tracks
+    assert tracks.present is not None
+    there: BoolArray = np.any(tracks.present, axis=1)
+    return replace(block, planned=plans.paths(names[block.case], block.track_id, there, tracks.steps))
+
+
+def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Block]:
+    """One long case, some seconds at a time."""
+    step, track = timed.step[start:end], timed.rows.track[start:end]
+    back = round(WINDOW_S / timed.step_s)
+    seen = np.unique(step)
+    begin = history
+    while True:
+        later = seen[np.searchsorted(seen, begin) :]
+        if later.size == 0:
+            return
+        begin = int(later[0])
+        until = begin + WINDOW_STEPS
+        here = np.unique(track[(step >= begin) & (step < until)])
+        oldest = max(begin - back, 0)
+        index = start + np.flatnonzero(np.isin(track, here) & (step >= oldest))
+        vehicle = np.searchsorted(here, timed.rows.track[index])
+        child = np.zeros(len(index), dtype=np.int64)
+        whole, track_id, stamps = _fill(timed, index, child, timed.step[index] - oldest, vehicle, 1)
+        first = begin - oldest
+        last = min(first + WINDOW_STEPS, whole.states.shape[1])
+        ahead = PlannedPaths.from_tracks(_with_first(whole, first, whole.states.shape[1]))
+        yield Block(
+            case=timed.rows.case[start : start + 1],
+            track_id=track_id,
+            timestamp_ms=stamps[:, :last],
+            tracks=_with_first(whole, first, last),
+            planned=replace(ahead, index=ahead.index[: last - first], column=ahead.column[: last - first]),
+        )
+        begin = until
+
+
+def _fill(
+    timed: _Timed, index: IntArray, child: IntArray, step: IntArray, vehicle: IntArray, children: int
+) -> tuple[SceneTracks, IntArray, IntArray]:
+    """Rows as (C, T, V) arrays, with the (C, V) track ids and the (C, T) time stamps."""
+    rows = timed.rows
+    shape = (children, int(step.max()) + 1, int(vehicle.max()) + 1)
+    at = (child, step, vehicle)
+
+    def dense(values: FloatArray) -> FloatArray:
+        array = np.full(shape, np.nan)
+        array[at] = values[index]
+        return array
+
+    present = np.zeros(shape, dtype=bool)
+    present[at] = True
+    per_track = (child, vehicle)
+    # The rows come in ascending time: written backwards, a track's first size stays.
+    backwards = np.arange(len(index))[::-1]
+    length, width = np.ones((2, children, shape[2]))
+    types = np.full((children, shape[2]), "", dtype=f"U{max(map(len, rows.types), default=1)}")
+    track_id = np.zeros((children, shape[2]), dtype=np.int64)
+    slot = tuple(part[backwards] for part in per_track)
+    length[slot], width[slot] = rows.length[index][backwards], rows.width[index][backwards]
+    types[slot] = np.array(rows.types)[rows.track[index]][backwards]
+    track_id[slot] = rows.track_id[index][backwards]
+    stamps = np.full(shape[:2], np.nan)
+    stamps[child, step] = rows.timestamp_ms[index]
+    tracks = SceneTracks(
+        states=States(x=dense(rows.x), y=dense(rows.y), heading=dense(rows.psi_rad), speed=dense(rows.speed)),
+        length=length,
+        width=width,
+        present=present,
+        step_s=timed.step_s,
+        types=types,
+        acceleration=dense(timed.acceleration),
+    )
+    # Steps without vehicles carry no value, their stamp is never read.
+    return tracks, track_id, np.nan_to_num(np.rint(stamps)).astype(np.int64)
+
+
+def _with_first(tracks: SceneTracks, first: int, until: int) -> SceneTracks:
+    """The steps before ``until``, evaluated from ``first`` on."""
+    assert tracks.present is not None and tracks.acceleration is not None
+    return replace(
+        tracks,
+        states=tracks.states[:, :until],
+        present=tracks.present[:, :until],
+        first=first,
+        acceleration=tracks.acceleration[:, :until],
+    )

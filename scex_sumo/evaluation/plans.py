@@ -1,0 +1,144 @@
+"""``plans.parquet``: what every vehicle of every child planned, and when; written and read back exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.errors import ResultError
+from scex_sumo.metrics.base import PlannedPaths
+from scex_sumo.results.folder import Part
+from scex_sumo.scene import SeedScene
+
+PLANS = "plans.parquet"
+
+
+def plans_table(seed: SeedScene, part: Part, replan: int) -> pa.Table | None:
+    """Plans as rows ordered by child, vehicle, step; None where the part carries none.
+
+    Args:
+        seed: the seed scene.
+        part: the children.
+        replan: steps between plans.
+
+    Returns:
+        child, track_id, step (steps from the seed scene to the one in which the plan was made), x and y
+        (lists of H centres in m, the first one step after the plan was made).
+    """
+    if part.plan_x is None or part.plan_y is None:
+        return None
+    count, rounds, vehicles, length = part.plan_x.shape
+
+    def column(values: FloatArray) -> pa.Array:
+        return pa.FixedSizeListArray.from_arrays(
+            pa.array(values.transpose(0, 2, 1, 3).reshape(-1), pa.float64()), length
+        )
+
+    return pa.table(
+        {
+            "child": np.repeat(part.children, vehicles * rounds),
+            "track_id": np.tile(np.repeat(np.asarray(seed.track_ids), rounds), count),
+            "step": np.tile(np.arange(rounds, dtype=np.int64) * replan, count * vehicles),
+            "x": column(part.plan_x),
+            "y": column(part.plan_y),
+        }
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StoredPlans:
+    """The plans of a result folder.
+
+    Attributes:
+        path: the file, for messages.
+        children: (C,) numbers, ascending.
+        track_ids: (V,) of the vehicles.
+        made_at: (R,) steps from the seed scene to each plan, ascending.
+        x: (C, V, R, H) m; column 0 is the step after the plan was made.
+        y: (C, V, R, H) m.
+    """
+
+    path: Path
+    children: IntArray
+    track_ids: IntArray
+    made_at: IntArray
+    x: FloatArray
+    y: FloatArray
+
+    def paths(
+        self, cases: NDArray[np.str_], track_ids: IntArray, there: BoolArray, steps: int
+    ) -> PlannedPaths:
+        """Planned paths of some children, vehicles in any order.
+
+        Args:
+            cases: (C,) numbers of the children, as the tracks name them.
+            track_ids: (C, V) of their vehicles.
+            there: (C, V) False where a child has fewer vehicles: those have no plan.
+            steps: number of simulated steps.
+
+        Raises:
+            ResultError: a vehicle of these has no plan in the file.
+        """
+        child, known_child = _find(self.children.astype(str), cases)
+        vehicle, known_vehicle = _find(self.track_ids, track_ids)
+        missing = there & ~(known_child[:, None] & known_vehicle)
+        if missing.any():
+            c, v = (int(i) for i in np.argwhere(missing)[0])
+            raise ResultError(
+                f"{self.path}: no plan of vehicle {track_ids[c, v]} in child {cases[c]}, "
+                "which tracks.parquet has; run again"
+            )
+
+        def chosen(values: FloatArray) -> FloatArray:
+            taken = values[child[:, None], vehicle]
+            taken[~there] = np.nan
+            return taken.transpose(0, 2, 1, 3)
+
+        return PlannedPaths.from_replans(chosen(self.x), chosen(self.y), self.made_at, steps)
+
+
+def _find(known: NDArray[Any], wanted: NDArray[Any]) -> tuple[IntArray, BoolArray]:
+    """Where each wanted name or number stands among the known ones, and whether it does."""
+    order = np.argsort(known)
+    place = order[np.minimum(np.searchsorted(known, wanted, sorter=order), len(known) - 1)]
+    return place, known[place] == wanted
+
+
+def read_plans(folder: Path) -> StoredPlans | None:
+    """The plans of a result folder; None where they were not kept.
+
+    Raises:
+        ResultError: the file cannot be read or is not as ``scex-sumo run`` wrote it.
+    """
+    path = folder / PLANS
+    if not path.is_file():
+        return None
+    try:
+        table = pq.read_table(path)
+        child, track_id, step = (np.asarray(table[name]) for name in ("child", "track_id", "step"))
+        lists = [table[name].combine_chunks() for name in ("x", "y")]
+    except (OSError, KeyError, pa.ArrowException) as error:
+        raise ResultError(f"{path}: cannot be read: {error}; run again") from None
+    children, made_at = np.unique(child), np.unique(step)
+    rounds = max(len(made_at), 1)
+    track_ids = track_id[: len(child) // max(len(children), 1) : rounds]
+    grid = (len(children), len(track_ids), rounds)
+    whole = (
+        len(child) > 0
+        and len(child) == np.prod(grid)
+        and np.array_equal(child, np.repeat(children, grid[1] * rounds))
+        and np.array_equal(track_id, np.tile(np.repeat(track_ids, rounds), grid[0]))
+        and np.array_equal(step, np.tile(made_at, grid[0] * grid[1]))
+        and all(pa.types.is_fixed_size_list(column.type) for column in lists)
+    )
+    if not whole:
+        raise ResultError(f"{path}: its rows are not the plans of every vehicle of every child; run again")
+    x, y = (np.asarray(column.flatten(), dtype=np.float64).reshape(*grid, -1) for column in lists)
+    return StoredPlans(path=path, children=children, track_ids=track_ids, made_at=made_at, x=x, y=y)

@@ -1,0 +1,261 @@
+"""Metric values as Arrow tables: per pair, per scene, per case or child, and where the worst came from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Final, Literal, TypeAlias
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.converters.tracks.reader import TrackTable
+from scex_sumo.errors import UsageError
+from scex_sumo.evaluation.blocks import Block, blocks
+from scex_sumo.evaluation.plans import StoredPlans
+from scex_sumo.metrics.base import MetricParameters
+from scex_sumo.metrics.evaluate import PAPER, ScenarioValues, Worst, evaluate, evaluate_pairs
+from scex_sumo.metrics.registry import metrics_named
+
+Level: TypeAlias = Literal["pair", "scene", "scenario", "worst"]
+LEVELS: Final[tuple[Level, ...]] = ("pair", "scene", "scenario", "worst")
+
+
+def recording_table(
+    table: TrackTable,
+    *,
+    level: str = "scenario",
+    preset: str = "paper",
+    parameters: MetricParameters = PAPER,
+    metrics: tuple[str, ...] | None = None,
+    history: int = 0,
+    plans: StoredPlans | None = None,
+) -> pa.Table:
+    """Metric values of the motor vehicles of a recording or of child scenarios.
+
+    Args:
+        table: the tracks, taken as they are.
+        level: ``pair``: case_id, timestamp_ms, metric, track_id, other_id, value, one row per ordered pair
+            where defined (TTC in s); ``scene``: case_id, timestamp_ms, metric, value (TTC as 1/s);
+            ``scenario``: case_id and two columns per metric; ``worst``: case_id, metric, timestamp_ms,
+            track_id, other_id, value, where each scenario's extremum came from.
+        preset: rule for car-following.
+        parameters: constants.
+        metrics: names; the paper's six by default.
+        history: steps at the start of each case that are not evaluated.
+        plans: what the vehicles planned, the cases being children; None takes the tracks driven.
+
+    Raises:
+        UsageError: an unknown level, preset or metric.
+        ResultError: the plans are not those of the tracks.
+    """
+    if level not in LEVELS:
+        raise UsageError(f"metrics: unknown level {level!r}; known: {', '.join(LEVELS)}")
+    names = case_ids(table)
+    order = tuple(metric.name for metric in metrics_named(metrics))
+    options: dict[str, Any] = {"preset": preset, "parameters": parameters, "metrics": order}
+    parts = list(blocks(table, history=history, plans=plans))
+    if level == "pair":
+        return _sorted_pairs([_pair_rows(block, order, options) for block in parts], names, order)
+    evaluated = [(block, evaluate(block.tracks, block.planned, **options)) for block in parts]
+    if level == "scene":
+        return _scene_table(evaluated, names, order)
+    collected = _Cases(len(names), order)
+    for block, values in evaluated:
+        collected.add(block, values)
+    return collected.scenarios(names) if level == "scenario" else collected.origins(names)
+
+
+def case_ids(table: TrackTable) -> pa.Array:
+    """Ids of the cases, as whole numbers where they are; 1 for a recording without cases."""
+    if not table.has_cases:
+        return pa.array([1], pa.int64())
+    try:
+        numbers = [float(name) for name in table.cases]
+    except ValueError:
+        return pa.array(list(table.cases), pa.string())
+    if all(number.is_integer() for number in numbers):
+        return pa.array([int(number) for number in numbers], pa.int64())
+    return pa.array(numbers, pa.float64())
+
+
+def worst_table(
+    values: ScenarioValues,
+    *,
+    child: Sequence[int] | IntArray,
+    track_ids: IntArray,
+    timestamp_ms: IntArray,
+) -> pa.Table:
+    """Where the extremum of every child and metric came from: ``worst.parquet`` of a result folder.
+
+    Args:
+        values: of C children.
+        child: (C,) their numbers.
+        track_ids: (V,) of the vehicles.
+        timestamp_ms: (T,) of the steps, history included.
+
+    Returns:
+        child, metric, timestamp_ms, track_id, other_id (null for tq), value; no row where undefined.
+    """
+    parts = []
+    numbers = np.asarray(child, dtype=np.int64)
+    for name, worst in values.worst.items():
+        at = np.flatnonzero(worst.defined)
+        other = None if worst.other is None else track_ids[worst.other[at]]
+        parts.append(
+            _rows_table(
+                {"child": numbers[at]},
+                name,
+                timestamp_ms[worst.step[at]],
+                track_ids[worst.vehicle[at]],
+                other,
+                worst.value[at],
+                metric_first=True,
+            )
+        )
+    return pa.concat_tables(parts).sort_by([("child", "ascending")]) if parts else pa.table({})
+
+
+def _rows_table(
+    lead: dict[str, Any],
+    metric: str,
+    timestamp_ms: IntArray,
+    track_id: IntArray,
+    other_id: IntArray | None,
+    value: FloatArray,
+    *,
+    metric_first: bool = False,
+) -> pa.Table:
+    names = pa.repeat(pa.scalar(metric), len(value))
+    time = {"metric": names, "timestamp_ms": timestamp_ms}
+    if not metric_first:
+        time = {"timestamp_ms": timestamp_ms, "metric": names}
+    other = pa.nulls(len(value), pa.int64()) if other_id is None else pa.array(other_id, pa.int64())
+    return pa.table({**lead, **time, "track_id": track_id, "other_id": other, "value": value})
+
+
+def _pair_rows(block: Block, order: tuple[str, ...], options: dict[str, Any]) -> list[pa.Table]:
+    """One table per metric with ``case`` as index."""
+    found = evaluate_pairs(block.tracks, block.planned, **options)
+    tables = []
+    for name in order:
+        rows = found[name]
+        ids = block.track_id
+        other = None if rows.other is None else ids[rows.child, rows.other]
+        stamps = block.timestamp_ms[rows.child, rows.step]
+        lead = {"case": block.case[rows.child]}
+        tables.append(_rows_table(lead, name, stamps, ids[rows.child, rows.vehicle], other, rows.value))
+    return tables
+
+
+def _sorted_pairs(parts: Iterable[list[pa.Table]], names: pa.Array, order: tuple[str, ...]) -> pa.Table:
+    """Rows by case, time, metric (in the order of the columns), track and other."""
+    tables = [table for part in parts for table in part]
+    if not tables:
+        tables = [_rows_table({"case": np.empty(0, np.int64)}, "", *_nothing())]
+    whole = pa.concat_tables(tables)
+    rank = np.concatenate([np.full(len(t), i % max(len(order), 1)) for i, t in enumerate(tables)])
+    columns = [np.asarray(whole[name]) for name in ("track_id", "timestamp_ms", "case")]
+    other = np.asarray(whole["other_id"].fill_null(0))
+    whole = whole.take(pa.array(np.lexsort((other, columns[0], rank, columns[1], columns[2]))))
+    return _named(whole, names)
+
+
+def _nothing() -> tuple[IntArray, IntArray, None, FloatArray]:
+    return np.empty(0, np.int64), np.empty(0, np.int64), None, np.empty(0)
+
+
+def _named(table: pa.Table, names: pa.Array) -> pa.Table:
+    """The index column ``case`` replaced by the ids."""
+    return table.set_column(0, "case_id", names.take(table["case"].combine_chunks()))
+
+
+def _scene_table(
+    evaluated: list[tuple[Block, ScenarioValues]], names: pa.Array, order: tuple[str, ...]
+) -> pa.Table:
+    cases, times, ranks = ([np.empty(0, np.int64)] for _ in range(3))
+    found = [np.empty(0)]
+    for block, values in evaluated:
+        stamps = block.timestamp_ms[:, block.tracks.first :]
+        for rank, name in enumerate(order):
+            scene = values.scene[name]
+            child, step = np.nonzero(scene.defined)
+            cases.append(block.case[child])
+            times.append(stamps[child, step])
+            ranks.append(np.full(len(child), rank))
+            found.append(scene.value[child, step])
+    case, stamp, which = (np.concatenate(parts) for parts in (cases, times, ranks))
+    value = np.concatenate(found)
+    by = np.lexsort((which, stamp, case))
+    metric = pa.array(list(order), pa.string()).take(pa.array(which[by]))
+    return pa.table(
+        {
+            "case_id": names.take(pa.array(case[by])),
+            "timestamp_ms": stamp[by],
+            "metric": metric,
+            "value": value[by],
+        }
+    )
+
+
+class _Cases:
+    """Extrema and means of whole cases, collected block by block."""
+
+    def __init__(self, count: int, order: tuple[str, ...]) -> None:
+        size = len(order)
+        self.order = order
+        self.critical = {metric.name: metric.critical for metric in metrics_named(order)}
+        self.value = np.full((count, size), np.nan)
+        self.total, self.scenes = np.zeros((count, size)), np.zeros((count, size))
+        self.origin = np.zeros((count, size, 3), dtype=np.int64)
+
+    def add(self, block: Block, values: ScenarioValues) -> None:
+        """Take in the values of a block."""
+        for column, name in enumerate(self.order):
+            scene, worst = values.scene[name], values.worst[name]
+            np.add.at(self.total[:, column], block.case, np.where(scene.defined, scene.value, 0).sum(axis=1))
+            np.add.at(self.scenes[:, column], block.case, scene.defined.sum(axis=1))
+            self._keep_worse(column, name, block, worst)
+
+    def _keep_worse(self, column: int, name: str, block: Block, worst: Worst) -> None:
+        now = self.value[block.case, column]
+        worse: BoolArray = worst.value < now if self.critical[name] == "min" else worst.value > now
+        at = np.flatnonzero(worst.defined & (np.isnan(now) | worse))
+        case, ids = block.case[at], block.track_id
+        other = worst.vehicle if worst.other is None else worst.other
+        self.value[case, column] = worst.value[at]
+        self.origin[case, column] = np.stack(
+            [
+                block.timestamp_ms[at, worst.step[at]],
+                ids[at, worst.vehicle[at]],
+                ids[at, other[at]],
+            ],
+            axis=1,
+        )
+
+    def scenarios(self, names: pa.Array) -> pa.Table:
+        """case_id and two columns per metric, null where undefined."""
+        columns: dict[str, Any] = {"case_id": names}
+        for column, name in enumerate(self.order):
+            undefined = self.scenes[:, column] == 0
+            mean = self.total[:, column] / np.maximum(self.scenes[:, column], 1)
+            columns[name] = pa.array(self.value[:, column], mask=undefined)
+            columns[f"{name}_mean"] = pa.array(mean, mask=undefined)
+        return pa.table(columns)
+
+    def origins(self, names: pa.Array) -> pa.Table:
+        """case_id, metric, timestamp_ms, track_id, other_id, value."""
+        case, column = np.nonzero(self.scenes > 0)
+        metric = pa.array(list(self.order), pa.string()).take(pa.array(column))
+        stamp, track, other = self.origin[case, column].T
+        alone = np.array([name == "tq" for name in self.order], dtype=bool)[column]
+        return pa.table(
+            {
+                "case_id": names.take(pa.array(case)),
+                "metric": metric,
+                "timestamp_ms": stamp,
+                "track_id": track,
+                "other_id": pa.array(other, mask=alone),
+                "value": self.value[case, column],
+            }
+        )

@@ -1,0 +1,163 @@
+"""Assignments: which behaviour model drives which vehicle in which child."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.errors import UsageError
+from scex_sumo.statistics.designs import DESIGNS, check_design
+
+MAX_COMBINATIONS = 1_000_000
+_ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM = range(4)
+
+
+def child_generator(seed: int, child: int, stream: int = _PLAN_STREAM) -> np.random.Generator:
+    """The random numbers of one child; they depend on the seed and the child's number alone.
+
+    Args:
+        seed: the run's seed, not negative.
+        child: the child's number.
+        stream: separates draws of different purpose, so that one more draw here changes none there.
+    """
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(child, stream)))
+
+
+def random_assignments(
+    weights: Sequence[float], children: Sequence[int] | IntArray, vehicles: int, *, seed: int
+) -> IntArray:
+    """Draw a model for every vehicle of every child, independently.
+
+    Args:
+        weights: (M,) relative frequency of each model, not all zero.
+        children: (C,) numbers of the children.
+        vehicles: number of vehicles V.
+        seed: the run's seed.
+
+    Returns:
+        (C, V) index of the model.
+    """
+    upper = np.cumsum(np.asarray(weights, dtype=np.float64))
+    upper /= upper[-1]
+    draws = np.stack([child_generator(seed, int(c), _ASSIGNMENT_STREAM).random(vehicles) for c in children])
+    return np.searchsorted(upper, draws, side="right").astype(np.int64)
+
+
+def designed_assignments(
+    weights: Sequence[float], children: int, vehicles: int, *, seed: int, design: str
+) -> IntArray:
+    """Models for the vehicles of all children together, spread more evenly than independent draws.
+
+    Args:
+        weights: (M,) relative frequency of each model, not all zero.
+        children: number of children.
+        vehicles: number of vehicles V, at least 1.
+        seed: the run's seed.
+        design: one of ``DESIGNS``.
+
+    Returns:
+        (C, V) index of the model.
+    """
+    drawn = np.flatnonzero(np.asarray(weights, dtype=np.float64) > 0)
+    shares = np.asarray(weights, dtype=np.float64)[drawn]
+    shares /= shares.sum()
+    rng = child_generator(seed, 0, _DESIGN_STREAM)
+    return drawn[DESIGNS[design]([shares] * vehicles, children, rng)].astype(np.int64)
+
+
+def all_assignments(choices: Sequence[int]) -> IntArray:
+    """Every combination of models, the last vehicle's changing fastest.
+
+    Args:
+        choices: (V,) number of models that each vehicle may get.
+
+    Returns:
+        (product of choices, V) index of the model among the vehicle's choices.
+
+    Raises:
+        UsageError: more than a million combinations.
+    """
+    count = 1
+    for choice in choices:
+        count *= int(choice)
+    if count > MAX_COMBINATIONS:
+        raise UsageError(
+            f"--children all: {count:.3g} combinations for {len(choices)} vehicles, at most "
+            f"{MAX_COMBINATIONS:,} are run; name fewer models, fix some vehicles with --assign, "
+            "or give a number of children"
+        )
+    grid = np.indices(tuple(int(c) for c in choices), dtype=np.int64)
+    return grid.reshape(len(choices), -1).T.copy()
+
+
+def assignments(
+    weights: Sequence[float],
+    track_ids: Sequence[int] | IntArray,
+    *,
+    children: int | None,
+    seed: int,
+    fixed: Mapping[int, int] | None = None,
+    design: str = "random",
+) -> IntArray:
+    """The assignment of every child of a run.
+
+    Args:
+        weights: (M,) relative frequency of the models to draw from.
+        track_ids: (V,) names of the vehicles.
+        children: number of children, or None for all combinations.
+        seed: the run's seed.
+        fixed: model (index, may lie beyond ``weights``) by track id, the same in all children.
+        design: how a number of children is drawn, one of ``DESIGNS``; fixed vehicles
+            take no part in it. With ``random`` and ``balanced``, fewer children are the first of more.
+
+    Returns:
+        (C, V) index of the model.
+
+    Raises:
+        UsageError: an unknown track id or design, no children, or too many combinations.
+    """
+    check_design(design)
+    ids = [int(t) for t in track_ids]
+    fixed = dict(fixed or {})
+    unknown = sorted(set(fixed) - set(ids))
+    if unknown:
+        raise UsageError(f"--assign: no vehicle {unknown[0]} in the seed scene; its vehicles: {listing(ids)}")
+    if children is None:
+        drawn = [i for i, weight in enumerate(weights) if weight > 0]
+        picked = all_assignments([1 if t in fixed else len(drawn) for t in ids])
+        result = np.asarray(drawn, dtype=np.int64)[picked]
+    else:
+        if children < 1:
+            raise UsageError(f"--children: got {children}, needs at least 1 (or 'all')")
+        if design == "random":
+            result = random_assignments(weights, range(children), len(ids), seed=seed)
+        else:
+            free = [v for v, t in enumerate(ids) if t not in fixed]
+            result = np.zeros((children, len(ids)), dtype=np.int64)
+            if free:
+                result[:, free] = designed_assignments(weights, children, len(free), seed=seed, design=design)
+    for track, model in fixed.items():
+        result[:, ids.index(track)] = model
+    return result
+
+
+def route_draws(children: Sequence[int] | IntArray, vehicles: int, *, seed: int) -> FloatArray:
+    """One number in [0, 1) per vehicle and child, with which models of random routes choose theirs.
+
+    Args:
+        children: (C,) numbers of the children.
+        vehicles: number of vehicles V.
+        seed: the run's seed.
+
+    Returns:
+        (C, V).
+    """
+    return np.stack([child_generator(seed, int(c), _ROUTE_STREAM).random(vehicles) for c in children])
+
+
+def listing(ids: Sequence[int], most: int = 12) -> str:
+    """Some ids as words, the first few of many."""
+    shown = ", ".join(str(i) for i in ids[:most])
+    return shown if len(ids) <= most else f"{shown}, ... ({len(ids)} in all)"

@@ -1,0 +1,96 @@
+"""How often models of a run had no usable plan: a table of those plans, and counts in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.arrays import IntArray
+from scex_sumo.extrapolation.rollout import Replaced
+from scex_sumo.scene import STEP_S
+
+FALLBACKS: Final = "fallbacks.parquet"
+
+
+def fallbacks_table(
+    replaced: Sequence[Replaced],
+    *,
+    children: IntArray,
+    assignment: IntArray,
+    names: Sequence[str],
+    track_ids: IntArray,
+) -> pa.Table | None:
+    """The plans that the path-following driver made, ordered by child, step, vehicle; None for none.
+
+    Args:
+        replaced: of a batch of children.
+        children: (C,) their numbers, ascending.
+        assignment: (C, V) index into `names`.
+        names: the models.
+        track_ids: (V,) of the vehicles.
+
+    Returns:
+        child, track_id, step (steps from the seed scene to the plan), model, reason.
+    """
+    if not replaced:
+        return None
+    rows = sorted(replaced, key=lambda r: (r.child, r.step, r.vehicle))
+    child = np.array([r.child for r in rows], dtype=np.int64)
+    vehicle = np.array([r.vehicle for r in rows], dtype=np.int64)
+    model = assignment[np.searchsorted(children, child), vehicle]
+    return pa.table(
+        {
+            "child": child,
+            "track_id": np.asarray(track_ids, dtype=np.int64)[vehicle],
+            "step": np.array([r.step for r in rows], dtype=np.int64),
+            "model": pa.array([names[m] for m in model.tolist()], pa.string()),
+            "reason": pa.array([r.reason for r in rows], pa.string()),
+        }
+    )
+
+
+def count_fallbacks(
+    table: pa.Table | None, assignment: IntArray, names: Sequence[str], rounds: int
+) -> list[dict[str, Any]]:
+    """Per model that fell back: how many of its plans, in how many children, and the first of them.
+
+    Args:
+        table: as `fallbacks_table`.
+        assignment: (C, V) index into `names`, of all children of the run.
+        names: the models.
+        rounds: plans per vehicle and child.
+
+    Returns:
+        For ``run.json``: model, replaced, plans, children, first (child, track_id, step, reason).
+    """
+    if table is None:
+        return []
+    models = np.asarray(table["model"].to_pylist())
+    counts = []
+    for index, name in enumerate(names):
+        mine = table.filter(pa.array(models == name))
+        if mine.num_rows:
+            counts.append(
+                {
+                    "model": name,
+                    "replaced": mine.num_rows,
+                    "plans": int((assignment == index).sum()) * rounds,
+                    "children": len(set(mine["child"].to_pylist())),
+                    "first": mine.drop_columns(["model"]).slice(0, 1).to_pylist()[0],
+                }
+            )
+    return counts
+
+
+def fallback_lines(counts: Sequence[dict[str, Any]]) -> list[str]:
+    """``count_fallbacks`` as a line for each model."""
+    return [
+        f"{c['model']}: {c['replaced']} of {c['plans']} plans replaced by the path-following driver's, "
+        f"in {c['children']} {'child' if c['children'] == 1 else 'children'}; "
+        f"first (child {c['first']['child']}, vehicle {c['first']['track_id']}, "
+        f"{c['first']['step'] * STEP_S:.1f} s): {c['first']['reason']}"
+        for c in counts
+    ]

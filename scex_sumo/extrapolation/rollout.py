@@ -1,0 +1,235 @@
+"""The closed loop: models plan, the world steps, models see the outcome. Knows neither SUMO nor metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
+from scex_sumo.errors import ScexError
+from scex_sumo.road import Road
+from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, Who
+
+
+class Advances(Protocol):
+    """What the loop needs of a world that has been set to the seed scene."""
+
+    def move(self, states: States, mask: BoolArray) -> None:
+        """Override the masked vehicles' next states, (C, V)."""
+
+    def move_obstacles(self, states: States, present: BoolArray) -> None:
+        """Set the replayed participants' next states, (O,)."""
+
+    def step(self) -> None:
+        """Advance by 0.1 s."""
+
+    def read(self) -> States:
+        """What the world holds after the step, (C, V)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rollout:
+    """A batch of child scenarios, as read back from the world.
+
+    Attributes:
+        children: (C,) numbers of the children.
+        states: (C, T, V) after each step.
+        plan_x: (C, R, V, H) centres planned at each of the R replans, m.
+        plan_y: (C, R, V, H) likewise.
+        replan: steps between plans.
+        replaced: plans that the path-following driver made for a model that had none.
+    """
+
+    children: IntArray
+    states: States
+    plan_x: FloatArray
+    plan_y: FloatArray
+    replan: int
+    replaced: tuple[Replaced, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replaced:
+    """A plan that the path-following driver made in a model's stead.
+
+    Attributes:
+        child: the child's number.
+        vehicle: index into the seed scene.
+        step: steps since the seed scene.
+        reason: why, a phrase.
+    """
+
+    child: int
+    vehicle: int
+    step: int
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cast:
+    """Who drives whom in a batch.
+
+    Attributes:
+        children: (C,) numbers of the children.
+        assignment: (C, V) index into ``models``.
+        models: the behaviour models, by index.
+        names: their names, for messages.
+        overridden: (M,) False for models that the world itself drives (SUMO's own).
+        route_draw: (C, V) in [0, 1).
+        generators: (C,) random numbers of each child.
+    """
+
+    children: IntArray
+    assignment: IntArray
+    models: Sequence[Behavior]
+    names: Sequence[str]
+    overridden: BoolArray
+    route_draw: FloatArray
+    generators: Sequence[np.random.Generator]
+
+
+def roll_out(
+    world: Advances,
+    road: Road,
+    seed: SeedScene,
+    cast: Cast,
+    *,
+    steps: int,
+    replan: int,
+    on_step: Callable[[int], None] | None = None,
+) -> Rollout:
+    """Let a batch of children run from the seed scene.
+
+    All models see the same history, then all vehicles move: no vehicle plans on another's future.
+
+    Args:
+        world: holds the seed scene in each of its C tiles.
+        road: the map.
+        seed: the seed scene.
+        cast: who drives whom.
+        steps: number of steps of 0.1 s.
+        replan: steps that a plan is followed before the next.
+        on_step: called after each step with the number of children, e.g. to advance a progress bar.
+
+    Raises:
+        ScexError: a model returned a plan that is too short or not finite. A `Fallible` model never does.
+    """
+    count, vehicles = cast.assignment.shape
+    window = seed.history.repeat(count)
+    override = cast.overridden[cast.assignment]
+    groups = [
+        Who(child=c, vehicle=v)
+        for c, v in (np.nonzero(cast.assignment == m) for m in range(len(cast.models)))
+    ]
+    rounds = -(-steps // replan)
+    plan_x = np.empty((count, rounds, vehicles, PLAN_STEPS))
+    plan_y = np.empty_like(plan_x)
+    simulated = States.empty((count, steps, vehicles))
+    plan = States.empty((count, vehicles, max(replan, PLAN_STEPS)))
+    replaced: list[Replaced] = []
+    for step in range(steps):
+        if step % replan == 0:
+            history = history_at(seed, window, cast.children, cast.route_draw, step=step)
+            for index, who in enumerate(groups):
+                if len(who):
+                    made = cast.models[index].plan(history, road, who, cast.generators)
+                    _take(made, plan, who, cast.names[index])
+                    replaced += _replaced(made, who, cast, step)
+            plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]
+            plan_y[:, step // replan] = plan.y[:, :, :PLAN_STEPS]
+        world.move(plan[:, :, step % replan], override)
+        if seed.obstacles is not None:
+            obstacles, present = obstacles_at(seed, step + 1)
+            world.move_obstacles(obstacles, present)
+        world.step()
+        read = world.read()
+        simulated.assign((slice(None), step), read)
+        window = States.concatenate([window[:, :, 1:], read[:, :, None]], axis=2)
+        if on_step is not None:
+            on_step(count)
+    return Rollout(
+        children=cast.children,
+        states=simulated,
+        plan_x=plan_x,
+        plan_y=plan_y,
+        replan=replan,
+        replaced=tuple(replaced),
+    )
+
+
+def obstacles_at(seed: SeedScene, step: int) -> tuple[States, BoolArray]:
+    """Replayed participants ``step`` steps after the seed scene: (O,) states and presence.
+
+    After the last step that the seed scene holds they keep its state.
+    """
+    assert seed.obstacles is not None
+    column = min(HISTORY_STEPS + step, seed.obstacles.states.shape[1] - 1)
+    return seed.obstacles.states[:, column], seed.obstacles.present[:, column]
+
+
+def history_at(
+    seed: SeedScene, window: States, children: IntArray, route_draw: FloatArray, *, step: int
+) -> SceneHistory:
+    """What models see ``step`` steps after the seed scene.
+
+    Args:
+        seed: the seed scene.
+        window: (C, V, 11) the last states.
+        children: (C,) numbers of the children.
+        route_draw: (C, V) in [0, 1).
+        step: steps since the seed scene.
+    """
+    obstacles, present = obstacles_at(seed, step) if seed.obstacles is not None else (None, None)
+    return SceneHistory(
+        seed=seed,
+        states=window.map(_read_only),
+        children=children,
+        step=step,
+        route_draw=route_draw,
+        obstacle_states=obstacles,
+        obstacle_present=present,
+    )
+
+
+def _read_only(values: FloatArray) -> FloatArray:
+    """A view that no model can change for the others."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
+def _take(made: Plan, plan: States, who: Who, name: str) -> None:
+    """Check a model's plan and enter it for the vehicles that it was made for."""
+    needed = plan.shape[2]
+    parts = {"x": made.x, "y": made.y, "heading": made.heading, "speed": made.speed}
+    for key, values in parts.items():
+        if values.ndim != 2 or values.shape[0] != len(who) or values.shape[1] < needed:
+            raise ScexError(
+                f"behaviour model {name}: plan.{key} has shape {values.shape}, "
+                f"needs ({len(who)}, {needed}) or more steps"
+            )
+        if not np.isfinite(values[:, :needed]).all():
+            bad = int((~np.isfinite(values[:, :needed])).any(axis=1).sum())
+            raise ScexError(
+                f"behaviour model {name}: plan.{key} is not finite for {bad} of {len(who)} vehicles"
+            )
+        getattr(plan, key)[who.child, who.vehicle] = values[:, :needed]
+
+
+def _replaced(made: Plan, who: Who, cast: Cast, step: int) -> list[Replaced]:
+    """The plans that are not the model's own."""
+    if made.fallback is None:
+        return []
+    return [
+        Replaced(
+            child=int(cast.children[who.child[row]]),
+            vehicle=int(who.vehicle[row]),
+            step=step,
+            reason=made.reasons[row] if made.reasons else BY_ITSELF,
+        )
+        for row in np.flatnonzero(made.fallback).tolist()
+    ]

@@ -1,0 +1,312 @@
+"""Where polylines cross, for many pairs of them at once.
+
+Each polyline carries a pyramid of bounding boxes (segments, blocks of segments, blocks of blocks, ...). Pairs
+are refined from the top; only the few segments whose boxes meet are intersected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+
+BLOCK = 6
+# Sine of the angle below which two segments count as parallel: rounding of map coordinates (1e-10 m at 1000
+# km) over segments of about a metre must not make a lane's own line cross itself.
+PARALLEL = 1e-9
+ARC_ROUNDING_M = 1e-9
+TOUCH = 1e-9  # end points that touch within this share of a segment's length do cross
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Hits:
+    """Crossing points of segments: which of the tested, and where on either.
+
+    Attributes:
+        which: (X,) index into the tested pairs.
+        first: (X,) share of the first segment up to the crossing point, 0 to 1.
+        second: (X,) share of the second segment.
+        sine: (X,) of the angle between them, without sign.
+    """
+
+    which: IntArray
+    first: FloatArray
+    second: FloatArray
+    sine: FloatArray
+
+
+def intersect(
+    px: FloatArray,
+    py: FloatArray,
+    rx: FloatArray,
+    ry: FloatArray,
+    qx: FloatArray,
+    qy: FloatArray,
+    sx: FloatArray,
+    sy: FloatArray,
+) -> Hits:
+    """Crossing points of segments p + u r and q + w s; touching counts, parallel segments never cross.
+
+    Args:
+        px: (N,) start of the first segments, m; ``py`` likewise.
+        py: (N,).
+        rx: (N,) from start to end of the first segments, m; ``ry`` likewise.
+        ry: (N,).
+        qx: (N,) start of the second segments, m; ``qy`` likewise.
+        qy: (N,).
+        sx: (N,) from start to end of the second segments, m; ``sy`` likewise.
+        sy: (N,).
+    """
+    area = rx * sy - ry * sx
+    gx, gy = qx - px, qy - py
+    sign = np.sign(area)
+    u, w, size = (gx * sy - gy * sx) * sign, (gx * ry - gy * rx) * sign, np.abs(area)
+    slack = size * TOUCH
+    limit = size + slack
+    inside = (u >= -slack) & (u <= limit) & (w >= -slack) & (w <= limit) & (size > 0)
+    hit = np.flatnonzero(inside)
+    if hit.size == 0:
+        return Hits(which=hit, first=np.empty(0), second=np.empty(0), sine=np.empty(0))
+    size = size[hit]
+    lengths = np.hypot(rx[hit], ry[hit]) * np.hypot(sx[hit], sy[hit])
+    crossing = size > PARALLEL * lengths
+    hit, size, sine = hit[crossing], size[crossing], size[crossing] / lengths[crossing]
+    return Hits(which=hit, first=np.clip(u[hit] / size, 0, 1), second=np.clip(w[hit] / size, 0, 1), sine=sine)
+
+
+def boxes_meet(first: FloatArray, second: FloatArray) -> BoolArray:
+    """Whether octagons overlap: (4, 2, ...) lowest and highest x, y, x + y, x - y of each."""
+    meet: BoolArray = first[0, 0] <= second[0, 1]
+    for axis in range(4):
+        if axis:
+            meet = meet & (first[axis, 0] <= second[axis, 1])
+        meet &= second[axis, 0] <= first[axis, 1]
+    return meet
+
+
+def octagon(x: FloatArray, y: FloatArray) -> FloatArray:
+    """(4, N...) coordinates along the four directions of an octagon: x, y, x + y, x - y."""
+    directions = np.empty((4, *x.shape))
+    directions[0], directions[1] = x, y
+    np.add(x, y, out=directions[2])
+    np.subtract(x, y, out=directions[3])
+    return directions
+
+
+def segment_boxes(x: FloatArray, y: FloatArray, end_x: FloatArray, end_y: FloatArray) -> FloatArray:
+    """(4, 2, N...) octagons around segments, a hair wider than they are, so that touching is not lost."""
+    return _around(octagon(x, y), octagon(end_x, end_y))
+
+
+def _around(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Octagons around two points given by their octagon coordinates, (4, N...) each."""
+    boxes = np.empty((4, 2, *start.shape[1:]))
+    low, high = boxes[:, 0], boxes[:, 1]
+    np.minimum(start, end, out=low)
+    np.maximum(start, end, out=high)
+    margin = high - low
+    margin += 1.0
+    margin *= TOUCH
+    low -= margin
+    high += margin
+    return boxes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Polylines:
+    """N polylines of H nodes with their box pyramids.
+
+    Attributes:
+        x: (N, H) m.
+        y: (N, H) m.
+        octagons: (4, N, H) of the nodes.
+        arc: (N, H) length from the first node, m.
+        start: (2, N, M) start of each segment, M a multiple of the block size; the surplus has no length.
+        delta: (2, N, M) from start to end, m.
+        boxes: level by level, segments first: (4, 2, N, M / block^level) octagons; the top has one each.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    octagons: FloatArray
+    arc: FloatArray
+    start: FloatArray
+    delta: FloatArray
+    boxes: tuple[FloatArray, ...]
+
+    @classmethod
+    def build(cls, x: FloatArray, y: FloatArray) -> Polylines:
+        """Prepare (N, H) nodes, all finite."""
+        count = x.shape[1] - 1
+        levels = 1
+        while BLOCK**levels < count:
+            levels += 1
+        padded = BLOCK * -(-max(count, 1) // BLOCK)
+        full = np.empty((2, len(x), padded + 1))
+        full[0, :, : count + 1], full[1, :, : count + 1] = x, y
+        full[:, :, count + 1 :] = full[:, :, count : count + 1]
+        nodes = octagon(full[0], full[1])
+        start, delta = full[:, :, :-1], np.diff(full, axis=2)
+        boxes = [_around(nodes[:, :, :-1], nodes[:, :, 1:])]
+        for _ in range(levels):
+            boxes.append(_merge(boxes[-1]))
+        arc = np.zeros(x.shape)
+        np.cumsum(np.hypot(delta[0], delta[1])[:, :count], axis=1, out=arc[:, 1:])
+        octagons = nodes[:, :, : count + 1]
+        return cls(x=x, y=y, octagons=octagons, arc=arc, start=start, delta=delta, boxes=tuple(boxes))
+
+    def arc_at(self, line: IntArray, segment: IntArray, share: FloatArray) -> FloatArray:
+        """(N,) length from the first node to a share of a segment, m."""
+        at = (line, segment)
+        arc: FloatArray = self.arc[at] + share * np.hypot(self.delta[0][at], self.delta[1][at])
+        return arc
+
+    def end_of(self, line: IntArray) -> FloatArray:
+        """(2, N...) last node, m."""
+        return np.stack([self.x[line, -1], self.y[line, -1]])
+
+    def direction_of(self, line: IntArray) -> FloatArray:
+        """(2, N...) unit vector of the last segment that has a length; 0 where none has."""
+        length = np.hypot(self.delta[0], self.delta[1])
+        index = np.arange(length.shape[1])
+        last = np.where(length > 0, index, -1).max(axis=1)
+        rows, column = np.arange(len(last)), np.maximum(last, 0)
+        own = length[rows, column]
+        unit = self.delta[:, rows, column] / np.where(own > 0, own, 1.0)
+        direction: FloatArray = unit[:, line]
+        return direction
+
+    def column_at(self, line: IntArray, arc: FloatArray, *, leaving: bool = False) -> FloatArray:
+        """(N,) fractional column at which a length from the first node is reached, 0 where it is negative.
+
+        Args:
+            line: (N,) index of the polyline.
+            arc: (N,) m.
+            leaving: where the polyline stays at a point, when it leaves it; inf beyond the last node.
+        """
+        end = self.arc[line, -1]
+        target = np.where((arc > end) & (arc <= end + ARC_ROUNDING_M), end, arc)
+        low, high = np.zeros(len(line), dtype=np.int64), np.full(len(line), self.arc.shape[1])
+        for _ in range(self.arc.shape[1].bit_length()):
+            middle = (low + high) // 2
+            value = self.arc[line, np.minimum(middle, self.arc.shape[1] - 1)]
+            right = (value <= target if leaving else value < target) & (middle < high)
+            low, high = np.where(right, middle + 1, low), np.where(right, high, middle)
+        before = np.clip(low - 1, 0, self.arc.shape[1] - 1)
+        after = np.minimum(low, self.arc.shape[1] - 1)
+        step = self.arc[line, after] - self.arc[line, before]
+        share = np.divide(target - self.arc[line, before], step, out=np.zeros(len(line)), where=step > 0)
+        column = np.maximum(before + np.where(low == 0, 0.0, share), 0.0)
+        return np.where(target > end, np.inf, column)
+
+
+def _merge(boxes: FloatArray) -> FloatArray:
+    """Boxes of blocks of boxes; a last, smaller block is filled up with its last box."""
+    count = boxes.shape[3]
+    missing = -count % BLOCK
+    if missing:
+        boxes = np.concatenate([boxes, np.repeat(boxes[..., -1:], missing, axis=3)], axis=3)
+    merged = boxes[..., ::BLOCK].copy()
+    # Member by member: reducing a short last axis would cost several times as much.
+    for member in range(1, BLOCK):
+        np.minimum(merged[:, 0], boxes[:, 0, :, member::BLOCK], out=merged[:, 0])
+        np.maximum(merged[:, 1], boxes[:, 1, :, member::BLOCK], out=merged[:, 1])
+    return merged
+
+
+def _children(block: IntArray, count: int) -> tuple[IntArray, BoolArray]:
+    """(N, BLOCK) members of each block on the level below, and whether they exist."""
+    member = block[:, None] * BLOCK + np.arange(BLOCK)
+    return np.minimum(member, count - 1), member < count
+
+
+def polyline_crossings(
+    lines: Polylines, first: IntArray, second: IntArray
+) -> tuple[Hits, IntArray, IntArray]:
+    """All crossing points of pairs of polylines.
+
+    Args:
+        lines: the polylines.
+        first: (N,) index of one polyline of each pair.
+        second: (N,) index of the other.
+
+    Returns:
+        Crossing points (``which`` points into the pairs) and the number of the segment on either line.
+    """
+    which = np.arange(len(first))
+    block_1 = block_2 = np.zeros(len(first), dtype=np.int64)
+    for boxes in reversed(lines.boxes):
+        if boxes is not lines.boxes[-1]:
+            (block_1, real_1), (block_2, real_2) = (_children(b, boxes.shape[3]) for b in (block_1, block_2))
+            one = boxes[:, :, first[which][:, None], block_1][..., :, None]
+            two = boxes[:, :, second[which][:, None], block_2][..., None, :]
+            meet = boxes_meet(one, two) & real_1[:, :, None] & real_2[:, None, :]
+            pair, own, other = np.nonzero(meet)
+            which, block_1, block_2 = which[pair], block_1[pair, own], block_2[pair, other]
+        else:
+            meet = boxes_meet(boxes[:, :, first, 0], boxes[:, :, second, 0])
+            keep = np.flatnonzero(meet)
+            which, block_1, block_2 = which[keep], block_1[keep], block_2[keep]
+    at_1, at_2 = (first[which], block_1), (second[which], block_2)
+    hits = intersect(
+        *(lines.start[axis][at_1] for axis in (0, 1)),
+        *(lines.delta[axis][at_1] for axis in (0, 1)),
+        *(lines.start[axis][at_2] for axis in (0, 1)),
+        *(lines.delta[axis][at_2] for axis in (0, 1)),
+    )
+    found = hits.which
+    hits = replace(hits, which=which[found])
+    return hits, block_1[found], block_2[found]
+
+
+def segment_crossings(
+    x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, lines: Polylines, line: IntArray
+) -> tuple[Hits, IntArray]:
+    """All crossing points of N segments with one polyline each.
+
+    Args:
+        x: (N,) start of the segments, m; ``y`` likewise.
+        y: (N,).
+        dx: (N,) from start to end, m; ``dy`` likewise.
+        dy: (N,).
+        lines: the polylines.
+        line: (N,) index of each segment's polyline.
+
+    Returns:
+        Crossing points (``which`` points into the segments) and the number of the polyline's segment.
+    """
+    which, block = meeting_segments(segment_boxes(x, y, x + dx, y + dy), lines, line)
+    at = (line[which], block)
+    hits = intersect(
+        x[which],
+        y[which],
+        dx[which],
+        dy[which],
+        *(lines.start[axis][at] for axis in (0, 1)),
+        *(lines.delta[axis][at] for axis in (0, 1)),
+    )
+    found = hits.which
+    return replace(hits, which=which[found]), block[found]
+
+
+def meeting_segments(own: FloatArray, lines: Polylines, line: IntArray) -> tuple[IntArray, IntArray]:
+    """Segments of polylines whose octagons meet given ones.
+
+    Args:
+        own: (4, 2, N) octagons.
+        lines: the polylines.
+        line: (N,) index of the polyline that each octagon is tested with.
+
+    Returns:
+        Index of the octagon and number of the segment.
+    """
+    which = np.flatnonzero(boxes_meet(own, lines.boxes[-1][:, :, line, 0]))
+    block = np.zeros(which.size, dtype=np.int64)
+    for boxes in reversed(lines.boxes[:-1]):
+        members, real = _children(block, boxes.shape[3])
+        meet = boxes_meet(own[:, :, which, None], boxes[:, :, line[which][:, None], members]) & real
+        row, member = np.nonzero(meet)
+        which, block = which[row], members[row, member]
+    return which, block

@@ -1,0 +1,148 @@
+"""Picture of the Graph Image Predictor: one moment, and what it plans with the graph or the road in mind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Colormap
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.errors import UsageError
+from scex_sumo.reports.run_pictures import STYLE, draw_road, vehicle_boxes
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, States, Who
+
+VALUES = (0.0, 0.25, 0.5, 0.75, 1.0)
+SHOWN = 3  # vehicles whose speeds are drawn
+
+
+def plot_attention(
+    seed: SeedScene,
+    path: str | Path,
+    *,
+    weights: str | Path = "",
+    values: Sequence[float] = VALUES,
+    head: str = "bounded",
+    around_m: float = 40.0,
+) -> Path:
+    """Draw the plans of a seed scene's vehicles for several attention weights.
+
+    The picture is centred on the vehicle whose plans differ most; beside it are the planned speeds of the
+    three in the picture that differ most. Each plan ends in the outline of the vehicle after 3 s.
+
+    Args:
+        seed: the seed scene, with its road.
+        path: PNG or SVG file.
+        weights: file of weights of the Graph Image Predictor; empty takes the shipped ones.
+        values: attention weights w in [0, 1]; 1 looks at the scene graph alone.
+        head: ``bounded`` or ``free``, as of the model.
+        around_m: how far to see to all sides, m.
+
+    Returns:
+        The file.
+
+    Raises:
+        UsageError: the scene has no road, or no values are given.
+        InputError: the weights cannot be used.
+    """
+    if seed.road is None:
+        raise UsageError(f"{seed.name}: the scene has no road; read it with its map")
+    if not len(values):
+        raise UsageError("values: got none; give at least one attention weight")
+    plans = [_plan(seed, f"graph_image_predictor:attention={w:g}:head={head}", weights) for w in values]
+    order = _most_different(plans)
+    centre = _middle(seed, plans, order[0])
+    order = [v for v in order if np.abs(_middle(seed, plans, v) - centre).max() < around_m][:SHOWN]
+    palette = plt.get_cmap("plasma")
+    with plt.rc_context(STYLE):
+        figure = plt.figure(figsize=(9, 5.4), layout="constrained")
+        grid = figure.add_gridspec(len(order), 2, width_ratios=[1.7, 1])
+        whole = figure.add_subplot(grid[:, 0])
+        _scene(whole, seed, plans, values, order, palette)
+        low, high = centre - around_m, centre + around_m
+        whole.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        for place, vehicle in enumerate(order):
+            axes = figure.add_subplot(grid[place, 1])
+            _speeds(axes, seed, plans, values, vehicle, palette)
+            axes.set_title("ABC"[place], loc="left", fontweight="bold")
+        figure.axes[-1].set_xlabel("time [s]")
+        figure.savefig(path, dpi=130)
+        plt.close(figure)
+    return Path(path)
+
+
+def _plan(seed: SeedScene, model: str, weights: str | Path) -> Plan:
+    assert seed.road is not None
+    built = build(parse_models(f"{model}:weights={weights}" if str(weights) else model)[0])
+    history = SceneHistory.of_seed(seed)
+    who = Who(child=np.zeros(seed.vehicles, dtype=np.int64), vehicle=np.arange(seed.vehicles))
+    return built.plan(history, seed.road, who, [np.random.default_rng(0)])
+
+
+def _most_different(plans: Sequence[Plan]) -> list[int]:
+    """Vehicles by how far their plans end from each other, the furthest first."""
+    ends = np.stack([np.stack([plan.x[:, -1], plan.y[:, -1]], -1) for plan in plans])
+    spread = np.hypot(*(ends.max(axis=0) - ends.min(axis=0)).T)
+    return [int(v) for v in np.argsort(-spread, kind="stable")]
+
+
+def _scene(
+    axes: Axes,
+    seed: SeedScene,
+    plans: Sequence[Plan],
+    values: Sequence[float],
+    order: Sequence[int],
+    palette: Colormap,
+) -> None:
+    assert seed.road is not None
+    draw_road(axes, seed.road)
+    for box in vehicle_boxes(seed):
+        axes.fill(*box.T, facecolor="#222222", edgecolor="white", linewidth=0.6, zorder=5)
+    for number, (plan, w) in enumerate(zip(plans, values, strict=True)):
+        x, y = (np.column_stack([a, b]) for a, b in ((seed.now.x, plan.x), (seed.now.y, plan.y)))
+        color = _color(palette, w)
+        lines = axes.plot(x.T, y.T, color=color, linewidth=1.4, zorder=4 - 0.1 * number)
+        lines[0].set_label(f"w = {w:g}")
+        ends = States(x=plan.x, y=plan.y, heading=plan.heading, speed=plan.speed)[:, -1]
+        for box in vehicle_boxes(seed, ends):
+            axes.fill(*box.T, facecolor="none", edgecolor=color, linewidth=1.2, zorder=6)
+    for name, vehicle in zip("ABC", order, strict=False):
+        at = (float(seed.now.x[vehicle]), float(seed.now.y[vehicle]))
+        axes.annotate(name, at, xytext=(9, 9), textcoords="offset points", fontweight="bold", zorder=7)
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.set_title("plans of 3 s; w = 1 looks at the scene graph alone, w = 0 at the road alone", loc="left")
+    axes.legend(loc="best", frameon=True, framealpha=0.9)
+
+
+def _speeds(
+    axes: Axes,
+    seed: SeedScene,
+    plans: Sequence[Plan],
+    values: Sequence[float],
+    vehicle: int,
+    palette: Colormap,
+) -> None:
+    past = seed.history.speed[vehicle]
+    before = STEP_S * np.arange(1 - len(past), 1)
+    axes.plot(before, past, color="#222222", linewidth=1.4)
+    for plan, w in zip(plans, values, strict=True):
+        ahead = STEP_S * np.arange(plan.speed.shape[1] + 1)
+        axes.plot(ahead, [past[-1], *plan.speed[vehicle]], color=_color(palette, w), linewidth=1.4)
+    axes.set(ylabel="speed [m/s]", xlim=(before[0], STEP_S * plans[0].speed.shape[1]))
+    axes.set_ylim(bottom=min(0.0, float(axes.get_ylim()[0])))
+
+
+def _color(palette: Colormap, w: float) -> tuple[float, float, float, float]:
+    return palette(0.9 * w)
+
+
+def _middle(seed: SeedScene, plans: Sequence[Plan], vehicle: int) -> FloatArray:
+    """(2,) halfway from a vehicle to where its longest plan ends, m."""
+    here = np.array([seed.now.x[vehicle], seed.now.y[vehicle]])
+    ends = np.array([(plan.x[vehicle, -1], plan.y[vehicle, -1]) for plan in plans])
+    middle: FloatArray = (here + ends[np.argmax(np.hypot(*(ends - here).T))]) / 2
+    return middle

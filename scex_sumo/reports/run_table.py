@@ -1,0 +1,103 @@
+"""What the terminal says of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.cells import cell_len
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.extrapolation.fallbacks import fallback_lines
+from scex_sumo.results.run import Run
+from scex_sumo.statistics.density import side_of
+
+# Shown per metric: its name and unit; the column ttc holds the inverse.
+METRIC_LABELS = {
+    "distance": "distance [m]",
+    "tq": "traffic quality",
+    "gap_time": "gap time [s]",
+    "pttc": "PTTC [s]",
+    "wttc": "WTTC [s]",
+    "ttc": "1/TTC [1/s]",
+}
+_LEAST = 12  # characters of a column that may take several lines
+
+
+def print_summary(run: Run, console: Console) -> None:
+    """Print the table, and what was planned by the path-following driver instead."""
+    print_table(summary_table(run), console, breaks=(" if", " interval"))
+    for line in fallback_lines(run.info.get("fallbacks", [])):
+        console.print(Text(line), soft_wrap=True)
+
+
+def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -> None:
+    """Print a table, without its frame where the terminal is too narrow, and never cut off.
+
+    Args:
+        table: columns with overflow ``fold`` may take several lines, all others take one.
+        console: where to; it gets as wide as the table needs.
+        breaks: parts of headers that begin a new line where the terminal is too narrow.
+    """
+    unlimited = console.options.update(max_width=1000)
+    if console.measure(table, options=unlimited).maximum > console.width:
+        table.box, table.padding, table.pad_edge = None, (0, 1, 0, 0), False
+        for column in table.columns:
+            for part in breaks:
+                column.header = str(column.header).replace(part, f"\n{part.strip()}")
+        folded = [c for c in table.columns if c.overflow == "fold"]
+        spare = sum(max(0, *(cell_len(str(cell)) for cell in c.cells)) - _LEAST for c in folded)
+        needed = console.measure(table, options=unlimited).maximum
+        console.width = max(console.width, needed - max(0, spare))
+    console.print(table)
+
+
+def summary_table(run: Run) -> Table:
+    """Per metric: recorded value, median of the children, share of critical children, defined children."""
+    import numpy as np
+
+    scene = run.info["seed_scene"]
+    table = Table(
+        title=f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, "
+        f"{counted(run.children, 'child scenario')}",
+        title_justify="left",
+        caption="worst value of each child; interval: 95 %, Wilson",
+        caption_justify="left",
+    )
+    table.add_column("metric")
+    for name in ("recorded", "median", "critical if", "P(critical)", "95 % interval", "defined"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for column, label in METRIC_LABELS.items():
+        samples = run.samples(column)
+        recorded = run.recorded_value(column)
+        threshold = run.thresholds.get(column)
+        table.add_row(
+            Text(label),  # or rich takes the unit in brackets for markup
+            _number(recorded),
+            _number(float(np.median(samples)) if len(samples) else None),
+            *_critical(run, column, threshold, samples),
+            f"{len(samples)}/{run.children}",
+        )
+    return table
+
+
+def _critical(run: Run, column: str, threshold: float | None, samples: FloatArray) -> tuple[str, str, str]:
+    if threshold is None:
+        return "–", "–", "–"
+    sign = "≤" if side_of(column) == "left" else "≥"
+    limit = f"{sign} {threshold:.3g}"
+    if len(samples) == 0:
+        return limit, "–", "–"
+    share = run.p_critical(column)
+    return limit, f"{share.value:.1%}", f"{share.low:.1%} – {share.high:.1%}"
+
+
+def counted(count: int, noun: str) -> str:
+    """A number with its noun, in the plural where it is one."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"

@@ -1,0 +1,270 @@
+"""The result folder: made whole or not at all, resumed after an interruption, read back as Arrow tables."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.errors import ResultError
+from scex_sumo.files import hold, let_go, write_atomic
+from scex_sumo.results.parts import PARTS, Part, Parts, save_part
+from scex_sumo.scene import LOGGED_HISTORY, SeedScene
+
+__all__ = ["Part", "ResultFolder", "save_part"]
+
+_PENDING = "incomplete.json"
+
+
+class ResultFolder:
+    """Writes a run into a folder.
+
+    Until :meth:`finish`, the folder has ``incomplete.json`` and no ``run.json``; finished batches of children
+    lie in a hidden folder, from which the same run goes on after an interruption.
+    """
+
+    def __init__(self, path: Path, configuration: Mapping[str, Any], *, overwrite: bool = False) -> None:
+        self.path = path
+        self.identity = hashlib.sha256(_json(configuration).encode()).hexdigest()
+        self._claim(overwrite)
+
+    def _claim(self, overwrite: bool) -> None:
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            hold(self.path)
+            found = self._found_identity()
+            if found != self.identity:
+                if found is not None and not overwrite:
+                    raise ResultError(
+                        f"{self.path}: holds the result of another run; give another folder with -o, "
+                        "or --overwrite to replace it"
+                    )
+                if found is None and any(self.path.iterdir()):
+                    raise ResultError(
+                        f"{self.path}: not empty, and no result of scex-sumo; give another folder with -o"
+                    )
+                self._clear()
+            (self.path / PARTS).mkdir(exist_ok=True)
+            (self.path / "sumo").mkdir(exist_ok=True)
+            write_atomic(self.path / _PENDING, _json({"identity": self.identity}).encode())
+            (self.path / "run.json").unlink(missing_ok=True)
+        except OSError as error:
+            let_go(self.path)
+            raise ResultError(f"{self.path}: cannot write the result: {error.strerror or error}") from None
+        except ResultError:
+            let_go(self.path)
+            raise
+
+    def _found_identity(self) -> str | None:
+        for name in (_PENDING, "run.json"):
+            file = self.path / name
+            if file.is_file():
+                try:
+                    content = json.loads(file.read_text())
+                    return str(content.get("identity", ""))
+                except (ValueError, AttributeError):
+                    return ""
+        return None
+
+    def _clear(self) -> None:
+        """Remove what an earlier run wrote, and nothing else."""
+        for name in ("run.json", _PENDING, "seed.csv", "report.html", *_TABLES):
+            (self.path / name).unlink(missing_ok=True)
+        for pattern in _PATTERNS:
+            for file in self.path.glob(pattern):
+                file.unlink()
+        for name in (PARTS, "sumo", "baseline"):
+            shutil.rmtree(self.path / name, ignore_errors=True)
+
+    def save_part(self, part: Part) -> None:
+        """Keep a batch of children until the run is finished."""
+        save_part(self.path, part)
+
+    def done(self) -> set[int]:
+        """Numbers of the children that need not run again."""
+        return set(Parts(self.path).children.tolist())
+
+    def values(self, children: int) -> tuple[FloatArray, BoolArray]:
+        """(C, 12) metric values of the first children and where they are defined, all of them finished."""
+        return Parts(self.path).values(children)
+
+    def collect(self, children: int) -> Part:
+        """All children in order, whatever the batches they ran in.
+
+        Raises:
+            ResultError: some are missing.
+        """
+        return next(self.in_order(children, size=children))
+
+    def in_order(self, children: int, *, size: int) -> Iterator[Part]:
+        """The same, some at a time: memory does not grow with their number.
+
+        Args:
+            children: how many there are.
+            size: how many at a time.
+
+        Raises:
+            ResultError: some are missing.
+        """
+        parts = Parts(self.path)
+        there = int((parts.children < children).sum())
+        if there != children:
+            raise ResultError(f"{self.path}: {there} of {children} children are there; run again to resume")
+        for first in range(0, children, size):
+            yield parts.read(first, min(first + size, children))
+
+    def write_table(self, name: str, table: pa.Table) -> None:
+        """Write one of the folder's Parquet files."""
+        with self.writer(name) as write:
+            write(table)
+
+    @contextlib.contextmanager
+    def writer(self, name: str) -> Iterator[Callable[[pa.Table], None]]:
+        """Write one of the folder's Parquet files piece by piece; there is none where nothing is written.
+
+        Raises:
+            ResultError: the file cannot be written.
+        """
+        path = self.path / name
+        temporary = path.with_name(f".{name}.writing")
+        file: pq.ParquetWriter | None = None
+
+        def write(table: pa.Table) -> None:
+            nonlocal file
+            if file is None:
+                file = _parquet(temporary, table.schema)
+            file.write_table(table)
+
+        try:
+            try:
+                yield write
+            finally:
+                if file is not None:
+                    file.close()
+            if file is not None:
+                temporary.replace(path)
+        except OSError as error:
+            raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
+
+    def finish(self, info: Mapping[str, Any]) -> None:
+        """Write ``run.json``: from now on the folder is a result."""
+        write_atomic(self.path / "run.json", _json({**info, "identity": self.identity}, indent=2).encode())
+        (self.path / _PENDING).unlink(missing_ok=True)
+        shutil.rmtree(self.path / PARTS, ignore_errors=True)
+        let_go(self.path)
+
+
+def _parquet(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
+    # Floats in lists hardly repeat: their bytes sorted by significance compress better than a dictionary.
+    lists = [field.name for field in schema if pa.types.is_fixed_size_list(field.type)]
+    return pq.ParquetWriter(
+        path,
+        schema,
+        compression="zstd",
+        use_dictionary=[name for name in schema.names if name not in lists],
+        use_byte_stream_split=[f"{name}.list.element" for name in lists] or False,
+    )
+
+
+_PATTERNS = (
+    "densities.*",
+    "cumulative.*",
+    "scene.png",
+    "under_test.*",
+    "fallbacks.*",
+    "explain*",
+    "sample_size*",
+)
+_TABLES = tuple(
+    f"{name}.parquet"
+    for name in ("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst")
+)
+
+
+def tracks_table(seed: SeedScene, part: Part) -> pa.Table:
+    """Children as INTERACTION cases: frames 1-10 are the seed's history, 10 the seed scene itself.
+
+    Rows are ordered by child, vehicle, frame.
+    """
+    count, steps, vehicles = part.states.shape
+    past = seed.history[:, -LOGGED_HISTORY:]
+    frames = LOGGED_HISTORY + steps
+
+    def column(history: FloatArray, simulated: FloatArray) -> FloatArray:
+        whole = np.empty((count, vehicles, frames))
+        whole[:, :, :LOGGED_HISTORY] = history
+        whole[:, :, LOGGED_HISTORY:] = simulated.transpose(0, 2, 1)
+        return whole.reshape(-1)
+
+    heading = column(past.heading, part.states.heading)
+    speed = column(past.speed, part.states.speed)
+    frame = np.tile(np.arange(1, frames + 1, dtype=np.int64), count * vehicles)
+    per_vehicle = np.tile(np.repeat(np.arange(vehicles, dtype=np.int32), frames), count)
+    types = pa.DictionaryArray.from_arrays(pa.array(per_vehicle), pa.array(list(seed.types), pa.string()))
+    return pa.table(
+        {
+            "case_id": np.repeat(part.children, vehicles * frames),
+            "track_id": np.asarray(seed.track_ids)[per_vehicle],
+            "frame_id": frame,
+            "timestamp_ms": frame * 100,
+            "agent_type": types.cast(pa.string()),
+            "x": column(past.x, part.states.x),
+            "y": column(past.y, part.states.y),
+            "vx": speed * np.cos(heading),
+            "vy": speed * np.sin(heading),
+            "psi_rad": heading,
+            "length": seed.length[per_vehicle],
+            "width": seed.width[per_vehicle],
+        }
+    )
+
+
+def values_table(
+    columns: Sequence[str], values: FloatArray, defined: BoolArray, children: IntArray | None = None
+) -> pa.Table:
+    """Microscopic values, one row per child; null where a metric is undefined.
+
+    Args:
+        columns: the names of the metric columns.
+        values: (C, len(columns)).
+        defined: (C, len(columns)).
+        children: (C,) numbers for a leading column ``child``, or None for none.
+    """
+    data: dict[str, Any] = {} if children is None else {"child": children}
+    for index, name in enumerate(columns):
+        data[name] = pa.array(values[:, index], mask=~defined[:, index])
+    return pa.table(data)
+
+
+def assignments_table(seed: SeedScene, assignment: IntArray, names: Sequence[str]) -> pa.Table:
+    """Which model drove which vehicle: child, track_id, model.
+
+    Args:
+        seed: the seed scene.
+        assignment: (C, V) index into ``names``.
+        names: the models as given, with their parameters.
+    """
+    count, vehicles = assignment.shape
+    models = pa.DictionaryArray.from_arrays(
+        pa.array(assignment.reshape(-1)), pa.array(list(names), pa.string())
+    )
+    return pa.table(
+        {
+            "child": np.repeat(np.arange(count, dtype=np.int64), vehicles),
+            "track_id": np.tile(np.asarray(seed.track_ids), count),
+            "model": models.cast(pa.string()),
+        }
+    )
+
+
+def _json(content: Mapping[str, Any], indent: int | None = None) -> str:
+    return json.dumps(content, sort_keys=indent is None, indent=indent, default=str, allow_nan=False) + "\n"

@@ -1,0 +1,175 @@
+"""Finished batches of children, kept in a hidden folder of the result until the run is finished."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.scene import States
+
+PARTS = ".parts"
+_STATES = ("x", "y", "heading", "speed")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """Some children of a run, ready to be logged.
+
+    Attributes:
+        children: (C,) their numbers.
+        states: (C, T, V) simulated states.
+        values: (C, 12) metric values.
+        defined: (C, 12) False where a metric is defined in no scene of the child.
+        worst: where each child's extremum came from, columns of ``worst.parquet``.
+        plan_x: (C, R, V, H) centres planned at each of the R replans, m; None where plans are not kept.
+        plan_y: (C, R, V, H) likewise.
+        fallbacks: plans that are not the models' own, rows of ``fallbacks.parquet``; None for none.
+        tested: (2, C, 12) values, and 1 where defined, of the vehicles under test alone; None without any.
+    """
+
+    children: IntArray
+    states: States
+    values: FloatArray
+    defined: BoolArray
+    worst: pa.Table
+    plan_x: FloatArray | None = None
+    plan_y: FloatArray | None = None
+    fallbacks: pa.Table | None = None
+    tested: FloatArray | None = None
+
+
+def save_part(folder: Path, part: Part) -> None:
+    """Keep a batch of children in a result folder until the run is finished."""
+    name = f"{int(part.children[0]):08d}-{int(part.children[-1]):08d}.npz"
+    target = folder / PARTS / name
+    temporary = target.with_name(f".{name}.writing")
+    fallbacks = None if part.fallbacks is None else _packed(part.fallbacks)
+    given = {"plan_x": part.plan_x, "plan_y": part.plan_y, "fallbacks": fallbacks, "tested": part.tested}
+    some: dict[str, Any] = {name: values for name, values in given.items() if values is not None}
+    with temporary.open("wb") as file:
+        np.savez(
+            file,
+            children=part.children,
+            x=part.states.x,
+            y=part.states.y,
+            heading=part.states.heading,
+            speed=part.states.speed,
+            values=part.values,
+            defined=part.defined,
+            worst=_packed(part.worst),
+            **some,
+        )
+    temporary.replace(target)
+
+
+def _unpacked(data: NDArray[np.uint8]) -> pa.Table:
+    return pa.ipc.open_stream(data.tobytes()).read_all()
+
+
+def _packed(table: pa.Table) -> NDArray[np.uint8]:
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, table.schema) as stream:
+        stream.write_table(table)
+    return np.frombuffer(sink.getvalue(), dtype=np.uint8)
+
+
+class Parts:
+    """The parts that a result folder holds, whatever the batches that its children ran in."""
+
+    def __init__(self, folder: Path) -> None:
+        self._files = sorted((folder / PARTS).glob("*.npz"))
+        rows = [(np.load(file)["children"], index) for index, file in enumerate(self._files)]
+        numbers = np.concatenate([np.empty(0, np.int64), *(children for children, _ in rows)])
+        self.children, first = np.unique(numbers, return_index=True)
+        """(C,) numbers of the children that are there, ascending."""
+        self._file = np.repeat([index for _, index in rows], [len(children) for children, _ in rows])[first]
+        self._row = np.concatenate([np.empty(0, np.int64), *(np.arange(len(c)) for c, _ in rows)])[first]
+
+    def values(self, children: int) -> tuple[FloatArray, BoolArray]:
+        """(C, 12) metric values of the first children and where they are defined."""
+        some = self._taken(slice(0, children), ("values", "defined"))
+        return some["values"], some["defined"]
+
+    def read(self, first: int, stop: int) -> Part:
+        """Children ``first`` to ``stop - 1`` in order; they must be there."""
+        part = slice(*np.searchsorted(self.children, (first, stop)))
+        some = self._taken(part, (*_STATES, "values", "defined", "plan_x", "plan_y", "tested"))
+        tables: dict[str, list[pa.Table]] = {"worst": [], "fallbacks": []}
+        for file in np.unique(self._file[part]):
+            mine = pa.array(self.children[part][self._file[part] == file])
+            with np.load(self._files[file]) as data:
+                for name in tables.keys() & data.keys():
+                    table = _unpacked(data[name])
+                    tables[name].append(table.filter(pc.is_in(table["child"], value_set=mine)))
+        return Part(
+            children=self.children[part],
+            states=States(**{name: some[name] for name in _STATES}),
+            worst=_by_child(tables["worst"]),
+            fallbacks=_in_order(tables["fallbacks"]),
+            values=some["values"],
+            defined=some["defined"],
+            plan_x=some.get("plan_x"),
+            plan_y=some.get("plan_y"),
+            tested=some.get("tested"),
+        )
+
+    def _taken(self, part: slice, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+        """Arrays of some children, of those names that their files have; one file at a time."""
+        files, rows = self._file[part], self._row[part]
+        whole: dict[str, NDArray[Any]] = {}
+        for file in np.unique(files):
+            here = np.flatnonzero(files == file)
+            with np.load(self._files[file]) as data:
+                for name in (name for name in names if name in data):
+                    values = np.moveaxis(data[name], _AXIS.get(name, 0), 0)
+                    if name not in whole:
+                        whole[name] = np.empty((len(rows), *values.shape[1:]), values.dtype)
+                    whole[name][here] = values[rows[here]]
+        return {name: np.moveaxis(values, 0, _AXIS.get(name, 0)) for name, values in whole.items()}
+
+
+_AXIS = {"tested": 1}  # the children's axis, where it is not the first
+
+
+def joined(parts: Sequence[Part]) -> Part:
+    """Parts of consecutive children as one."""
+
+    def one(arrays: Sequence[Any], axis: int = 0) -> Any:
+        there = [array for array in arrays if array is not None]
+        return np.concatenate(there, axis) if there else None
+
+    fallbacks = [part.fallbacks for part in parts if part.fallbacks is not None]
+    return Part(
+        children=one([part.children for part in parts]),
+        states=States.concatenate([part.states for part in parts], axis=0),
+        values=one([part.values for part in parts]),
+        defined=one([part.defined for part in parts]),
+        worst=pa.concat_tables([part.worst for part in parts]),
+        plan_x=one([part.plan_x for part in parts]),
+        plan_y=one([part.plan_y for part in parts]),
+        fallbacks=pa.concat_tables(fallbacks) if fallbacks else None,
+        tested=one([part.tested for part in parts], axis=1),
+    )
+
+
+def _by_child(tables: Sequence[pa.Table]) -> pa.Table:
+    """Rows ordered by child and metric, whatever the batches that they come from."""
+    whole = pa.concat_tables(tables)
+    names = np.asarray(whole["metric"])
+    return whole.take(np.lexsort((names, np.asarray(whole["child"]))))
+
+
+def _in_order(tables: Sequence[pa.Table]) -> pa.Table | None:
+    """Rows ordered by child, whose own rows are in one part; None where no part has any."""
+    whole = pa.concat_tables(tables) if tables else None
+    if whole is None or whole.num_rows == 0:
+        return None
+    return whole.take(np.argsort(np.asarray(whole["child"]), kind="stable"))

@@ -1,0 +1,269 @@
+"""A finished run, read from its result folder."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.results.under_test import UNDER_TEST, UnderTest
+from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
+from scex_sumo.statistics.density import Density, Interval, density, p_critical, side_of
+
+if TYPE_CHECKING:
+    from scex_sumo.converters.net.convert import SumoNet
+
+DENSITIES_SCHEMA = pa.schema(
+    [("metric", pa.string()), *((name, pa.float64()) for name in ("x", "pdf", "cdf", "low", "high"))]
+)
+
+
+class Run:
+    """Result of a run: tables and statistics, read when asked for.
+
+    Attributes:
+        folder: the result folder.
+        info: what ``run.json`` says.
+    """
+
+    def __init__(self, folder: Path, temporary: tempfile.TemporaryDirectory[str] | None = None) -> None:
+        self.folder = folder
+        self._temporary = temporary  # keeps a folder that nobody asked for until the run is forgotten
+        self.info = _read_info(folder)
+
+    def __repr__(self) -> str:
+        name = self.info["seed_scene"]["name"]
+        return f"Run({str(self.folder)!r}: {self.info['children']} children of {name})"
+
+    @cached_property
+    def metrics(self) -> pa.Table:
+        """One row per child: ``child`` and the 12 metric columns, null where undefined."""
+        return self._table("metrics.parquet")
+
+    @cached_property
+    def recorded(self) -> pa.Table | None:
+        """The same 12 columns for what really happened, one row; None where nothing was recorded."""
+        return self._table("recorded.parquet") if (self.folder / "recorded.parquet").exists() else None
+
+    @cached_property
+    def assignments(self) -> pa.Table:
+        """``child``, ``track_id``, ``model``: who drove whom."""
+        return self._table("assignments.parquet")
+
+    @cached_property
+    def tracks(self) -> pa.Table:
+        """States of all children in INTERACTION columns; ``case_id`` is the child."""
+        return self._table("tracks.parquet")
+
+    @cached_property
+    def worst(self) -> pa.Table:
+        """Where each extremum came from: child, metric, timestamp_ms, track_id, other_id, value."""
+        return self._table("worst.parquet")
+
+    @cached_property
+    def baseline(self) -> Run | None:
+        """The same children without the models under test; None where there are none, or it was not run."""
+        folder = self.folder / "baseline"
+        return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
+
+    @cached_property
+    def under_test(self) -> UnderTest:
+        """The vehicles under test against the baseline.
+
+        Raises:
+            ResultError: the run has no vehicle under test, or no baseline.
+        """
+        known = self.info.get("under_test") or {}
+        if not known:
+            raise ResultError(
+                f"{self.folder}: no vehicle is under test; run with --under-test TRACK=MODEL, "
+                "or --assign TRACK=package.module:Class"
+            )
+        if self.baseline is None:
+            raise ResultError(f"{self.folder}: its baseline was not run; run again without --no-baseline")
+        tested, without = self.table(UNDER_TEST), self.baseline.table(UNDER_TEST)
+        if without["child"] != tested["child"]:
+            raise ResultError(f"{self.baseline.folder}: has not the children of {self.folder}; run again")
+        vehicles = {int(track): model for track, model in known.items()}
+        return UnderTest(vehicles, tested, without, self.thresholds)
+
+    @cached_property
+    def scene(self) -> SeedScene:
+        """The seed scene as kept in ``seed.csv``, vehicles in the order of the run; without its road."""
+        from scex_sumo.converters.datasets.seed import read_seed
+
+        known = self.info["seed_scene"]
+        scene = read_seed(
+            self.folder / known["name"], tracks=self.folder / "seed.csv", case="1.0", repair=False
+        )
+        where = {int(track): index for index, track in enumerate(scene.track_ids)}
+        if sorted(where) != sorted(known["track_ids"]):
+            raise ResultError(f"{self.folder}: seed.csv is not that of run.json; run again")
+        return scene.reordered([where[track] for track in known["track_ids"]], name=known["name"])
+
+    @cached_property
+    def net(self) -> SumoNet:
+        """The SUMO net that the run used."""
+        from scex_sumo.converters.net.convert import open_net
+
+        return open_net(self.folder / "sumo" / f"{self.info['net']}.net.xml")
+
+    def states(self, child: int) -> States:
+        """(V, T) states of a child, frames 1 to 10 the seed's history, 10 the seed scene.
+
+        Raises:
+            UsageError: there is no such child.
+        """
+        if not 0 <= child < self.children:
+            raise UsageError(f"no child {child} in {self.folder}; it has 0 to {self.children - 1}")
+        vehicles = len(self.info["seed_scene"]["track_ids"])
+        frames = LOGGED_HISTORY + int(self.info["steps"])
+        rows = self.tracks.slice(child * vehicles * frames, vehicles * frames)
+        x, y, vx, vy, psi = (
+            np.asarray(rows[name]).reshape(vehicles, frames) for name in ("x", "y", "vx", "vy", "psi_rad")
+        )
+        return States(x=x, y=y, heading=psi, speed=np.hypot(vx, vy))
+
+    def models_of(self, child: int) -> list[str]:
+        """(V,) who drove each vehicle of a child."""
+        vehicles = len(self.info["seed_scene"]["track_ids"])
+        return [str(m) for m in self.assignments["model"].slice(child * vehicles, vehicles).to_pylist()]
+
+    @property
+    def columns(self) -> list[str]:
+        """The 12 metric columns."""
+        return [name for name in self.metrics.column_names if name != "child"]
+
+    @property
+    def children(self) -> int:
+        """Number of children."""
+        return int(self.metrics.num_rows)
+
+    @property
+    def thresholds(self) -> dict[str, float]:
+        """Threshold of each metric that has one."""
+        return dict(self.info["thresholds"])
+
+    def samples(self, column: str) -> FloatArray:
+        """(n,) the values of a metric in the children where it is defined."""
+        if column not in self.columns:
+            raise UsageError(f"unknown metric {column!r}; known: {', '.join(self.columns)}")
+        values = self.metrics[column].drop_null().to_numpy(zero_copy_only=False)
+        return np.asarray(values, dtype=np.float64)
+
+    def density(self, column: str, *, bandwidth: float = 0.1) -> Density:
+        """Kernel density and cumulative density of a metric with its 95 % band."""
+        return density(self.samples(column), bandwidth=bandwidth)
+
+    def p_critical(self, column: str, *, threshold: float | None = None) -> Interval:
+        """Share of the children with a critical value of a metric, with its 95 % interval.
+
+        Args:
+            column: one of the 12 columns.
+            threshold: None takes the run's.
+
+        Raises:
+            UsageError: no threshold is given and the run has none for this metric.
+        """
+        limit = self.thresholds.get(column) if threshold is None else threshold
+        if limit is None:
+            raise UsageError(
+                f"{column}: has no threshold; those that have: {', '.join(self.thresholds)}; "
+                "give one as threshold="
+            )
+        return p_critical(self.samples(column), limit, side=side_of(column))
+
+    def recorded_value(self, column: str) -> float | None:
+        """What a metric was in the recorded future, or None."""
+        if self.recorded is None:
+            return None
+        value = self.recorded[column][0].as_py()
+        return None if value is None else float(value)
+
+    def most_critical(self, column: str) -> int:
+        """The child with the most critical value of a metric.
+
+        Raises:
+            ResultError: the metric is defined in no child.
+        """
+        values = self.metrics[column].to_numpy(zero_copy_only=False)
+        if np.isnan(values).all():
+            raise ResultError(f"{self.folder}: {column} is defined in none of {self.children} children")
+        index = np.nanargmin(values) if side_of(column) == "left" else np.nanargmax(values)
+        return int(self.metrics["child"][int(index)].as_py())
+
+    def table(self, name: str) -> pa.Table:
+        """One of the folder's Parquet files.
+
+        Raises:
+            ResultError: it cannot be read.
+        """
+        return self._table(name)
+
+    def _table(self, name: str) -> pa.Table:
+        try:
+            return pq.read_table(self.folder / name)
+        except (OSError, pa.ArrowException) as error:
+            raise ResultError(f"{self.folder / name}: cannot be read: {error}") from None
+
+
+def open_run(folder: str | Path) -> Run:
+    """Open a result folder.
+
+    Raises:
+        ResultError: no finished result is there.
+    """
+    return Run(Path(folder))
+
+
+def densities_table(metrics: pa.Table) -> pa.Table:
+    """Density and cumulative density with its 95 % band of each column: metric, x, pdf, cdf, low, high.
+
+    Args:
+        metrics: as :attr:`Run.metrics`.
+
+    Returns:
+        Without rows for a metric that is undefined in every child; a single vehicle leaves none.
+    """
+    parts = [DENSITIES_SCHEMA.empty_table()]
+    for column in metrics.column_names[1:]:
+        samples = np.asarray(metrics[column].drop_null(), dtype=np.float64)
+        if len(samples) == 0:
+            continue
+        curve = density(samples)
+        low, high = curve.band
+        parts.append(
+            pa.table(
+                {
+                    "metric": pa.repeat(pa.scalar(column), len(curve.x)),
+                    "x": curve.x,
+                    "pdf": curve.pdf,
+                    "cdf": curve.cdf,
+                    "low": low,
+                    "high": high,
+                },
+                schema=DENSITIES_SCHEMA,
+            )
+        )
+    return pa.concat_tables(parts)
+
+
+def _read_info(folder: Path) -> dict[str, Any]:
+    file = folder / "run.json"
+    if not file.is_file():
+        if (folder / "incomplete.json").is_file():
+            raise ResultError(f"{folder}: the run was interrupted; the same command resumes it")
+        found = "no such folder" if not folder.exists() else "no run.json in it"
+        raise ResultError(f"{folder}: {found}; give the folder that 'scex-sumo run -o' wrote")
+    try:
+        return dict(json.loads(file.read_text()))
+    except ValueError as error:
+        raise ResultError(f"{file}: not JSON: {error}; run again") from None

@@ -1,0 +1,218 @@
+"""A driving function under test: how critical its vehicle's own encounters are, with it and without it.
+
+Metrics are restricted to pairs that involve a vehicle under test. The baseline are the same children - the
+same models for all others, the same random numbers - in which those vehicles are driven as drawn, so that
+children are compared pair by pair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.errors import UsageError
+from scex_sumo.statistics.density import Density, Interval, density, p_critical, side_of
+
+UNDER_TEST: Final = "under_test.parquet"
+BASELINE: Final = "baseline"
+ROUNDING: Final = 1e-9  # in the metric's unit; libraries may round another way among other vehicles
+
+Driven = Literal["under_test", "baseline"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """How a metric differs between the children with the models under test and the same ones without.
+
+    Attributes:
+        column: the metric column.
+        under_test: median with the models under test; NaN where defined in no child.
+        baseline: median without.
+        children: how many children have a value in both.
+        worse: in how many of them the models under test are more critical.
+        better: in how many less.
+        p_value: of no difference in the values: Wilcoxon's signed-rank test over those children; NaN where
+            no child differs.
+        p_critical: share of critical children with the models under test; None without a threshold.
+        baseline_p_critical: without.
+        newly_critical: children that are critical with the models under test only.
+        no_longer_critical: critical without them only.
+        critical_p_value: of no difference in the shares: McNemar's exact test; NaN without a threshold or
+            such children.
+    """
+
+    column: str
+    under_test: float
+    baseline: float
+    children: int
+    worse: int
+    better: int
+    p_value: float
+    p_critical: Interval | None
+    baseline_p_critical: Interval | None
+    newly_critical: int
+    no_longer_critical: int
+    critical_p_value: float
+
+
+class UnderTest:
+    """What a run says of its vehicles under test, against its baseline.
+
+    Attributes:
+        vehicles: model by track id; None where a vehicle is driven as drawn.
+        metrics: one row per child: ``child`` and the 12 metric columns over the vehicles' own pairs, null
+            where undefined.
+        baseline: the same for the same children without the models under test.
+        columns: the metric columns.
+    """
+
+    def __init__(
+        self,
+        vehicles: Mapping[int, str | None],
+        metrics: pa.Table,
+        baseline: pa.Table,
+        thresholds: Mapping[str, float],
+    ) -> None:
+        """Put two tables of the same children side by side.
+
+        Args:
+            vehicles: model by track id.
+            metrics: of the children with the models under test.
+            baseline: of the same children without.
+            thresholds: by metric column.
+        """
+        self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
+        self.thresholds = thresholds
+        self.columns = [name for name in metrics.column_names if name != "child"]
+
+    @property
+    def label(self) -> str:
+        """``vehicle 17: mypkg:MyDriver``, several joined."""
+        return ", ".join(f"vehicle {track}: {model}" for track, model in self.vehicles.items())
+
+    def values(self, column: str, driven: Driven = "under_test") -> tuple[FloatArray, BoolArray]:
+        """(C,) values of a metric in all children, and where it is defined."""
+        if column not in self.columns:
+            raise UsageError(f"unknown metric {column!r}; known: {', '.join(self.columns)}")
+        table = self.metrics if driven == "under_test" else self.baseline
+        values = np.asarray(table[column].fill_null(0.0), dtype=np.float64)
+        return values, ~np.asarray(table[column].is_null())
+
+    def samples(self, column: str, driven: Driven = "under_test") -> FloatArray:
+        """(n,) the values of a metric in the children where it is defined."""
+        values, defined = self.values(column, driven)
+        return values[defined]
+
+    def density(self, column: str, driven: Driven = "under_test", *, bandwidth: float = 0.1) -> Density:
+        """Kernel density and cumulative density of a metric with its 95 % band."""
+        return density(self.samples(column, driven), bandwidth=bandwidth)
+
+    def p_critical(self, column: str, driven: Driven = "under_test") -> Interval | None:
+        """Share of critical children with its 95 % interval; None without a threshold or a value."""
+        limit, samples = self.thresholds.get(column), self.samples(column, driven)
+        if limit is None or len(samples) == 0:
+            return None
+        return p_critical(samples, limit, side=side_of(column))
+
+    def difference(self, column: str) -> Difference:
+        """Compare the children one by one."""
+        one, there = self.values(column)
+        two, there_too = self.values(column, "baseline")
+        both = there & there_too
+        sign = -1.0 if side_of(column) == "left" else 1.0
+        limit = self.thresholds.get(column)
+        change = signs(sign * one[both], sign * two[both])
+        critical = [_critical(values[both], limit, sign) for values in (one, two)]
+        newly, no_longer = (int((a & ~b).sum()) for a, b in (critical, critical[::-1]))
+        return Difference(
+            column=column,
+            under_test=_median(one[there]),
+            baseline=_median(two[there_too]),
+            children=int(both.sum()),
+            worse=int((change > 0).sum()),
+            better=int((change < 0).sum()),
+            p_value=signed_rank(one[both], two[both]),
+            p_critical=self.p_critical(column),
+            baseline_p_critical=self.p_critical(column, "baseline"),
+            newly_critical=newly,
+            no_longer_critical=no_longer,
+            critical_p_value=mcnemar(newly, no_longer) if limit is not None and both.any() else float("nan"),
+        )
+
+
+def signs(one: FloatArray, two: FloatArray) -> FloatArray:
+    """(n,) sign of one - two; 0 for equal infinities, and for what differs by rounding only."""
+    with np.errstate(invalid="ignore"):
+        same = (one == two) | (np.abs(one - two) < ROUNDING)
+    return np.where(same, 0.0, np.where(one > two, 1.0, -1.0))
+
+
+def signed_rank(one: FloatArray, two: FloatArray) -> float:
+    """Two-sided p of Wilcoxon's signed-rank test, ties and zeros as Pratt has them.
+
+    Infinite differences are the largest. Normal approximation with the variance of the ranks that are there.
+
+    Args:
+        one: (n,) values.
+        two: (n,) values of the same children.
+
+    Returns:
+        p; NaN where all pairs are equal.
+
+    Source: Wilcoxon 1945, Pratt 1959.
+    """
+    from scipy.special import ndtr
+    from scipy.stats import rankdata
+
+    direction = signs(one, two)
+    if not direction.any():
+        return float("nan")
+    finite = np.isfinite(one) & np.isfinite(two)
+    size = np.where(finite, np.abs(np.where(finite, one, 0.0) - np.where(finite, two, 0.0)), np.inf)
+    rank = rankdata(np.where(direction == 0, 0.0, size))
+    total = float((direction * rank).sum())
+    return float(2 * ndtr(-abs(total) / np.sqrt(float((rank[direction != 0] ** 2).sum()))))
+
+
+def mcnemar(first_only: int, second_only: int) -> float:
+    """Two-sided p of McNemar's exact test; 1 where no child differs.
+
+    Args:
+        first_only: children that are critical in the first run only.
+        second_only: in the second run only.
+
+    Source: McNemar 1947.
+    """
+    from scipy.special import bdtr
+
+    count = first_only + second_only
+    return 1.0 if count == 0 else min(1.0, 2 * float(bdtr(min(first_only, second_only), count, 0.5)))
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """P-values of several tests, each so that none of the true hypotheses is rejected; NaN stays.
+
+    Source: Holm 1979.
+    """
+    values = np.asarray(p_values, dtype=np.float64)
+    known = np.flatnonzero(~np.isnan(values))
+    order = known[np.argsort(values[known], kind="stable")]
+    factors = np.arange(len(order), 0, -1)
+    adjusted = values.copy()
+    adjusted[order] = np.minimum(np.maximum.accumulate(values[order] * factors), 1.0)
+    return [float(value) for value in adjusted]
+
+
+def _critical(values: FloatArray, limit: float | None, sign: float) -> BoolArray:
+    if limit is None:
+        return np.zeros(len(values), dtype=np.bool_)
+    return np.asarray(sign * values >= sign * limit)
+
+
+def _median(values: FloatArray) -> float:
+    return float(np.median(values)) if len(values) else float("nan")

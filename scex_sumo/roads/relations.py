@@ -1,0 +1,244 @@
+"""How the lanes of a road relate: behind one another, side by side, meeting ahead. Tables for all pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.geometry.crossings import intersect
+from scex_sumo.geometry.polylines import along, arc_lengths, length_of
+from scex_sumo.road import Lane
+from scex_sumo.roads.conflicts import Conflict, conflicts, opposed
+from scex_sumo.roads.conflicts import intersect as proper_crossing
+
+CONFLICT_M = 80.0  # how far ahead drivers look for the place where their ways meet
+CONFLICTS = 4  # places remembered per pair of lanes, the nearest first
+BESIDE_M = 30.0  # how far along the lanes a vehicle on the next lane still counts as beside
+SIDEWAYS = 2  # lanes to either side
+SAMPLE_M = 0.5  # where centrelines that come close do not cross, their closest places are sampled
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaneRelations:
+    """Tables over ordered pairs (a, b) of the L vehicle lanes; arc lengths count from a lane's start.
+
+    Attributes:
+        length: (L,) m.
+        ahead: (L, L) way from the start of a to the start of b along successors, m; inf where there is none,
+            0 on the diagonal.
+        loop: (L,) the shortest way from the start of a lane round to its start again, m; inf without one.
+        side: (L, L) how many lanes b lies left (positive) or right of a, along the way at most `BESIDE_M`
+            before or after it; 0 where they are not neighbours.
+        lead: (L, L) and the next two: the lead of a vehicle at ``s_b`` on b over one at ``s_a`` on a is
+            ``lead + stretch_b * s_b - stretch_a * s_a`` where `side` is not 0, m.
+        stretch_a: (L, L).
+        stretch_b: (L, L).
+        meeting: (L, L, CONFLICTS, 2) way from the start of a, and from that of b, to the places where ways
+            ahead of both meet, m: where the centrelines cross, or where two that merge first come too close
+            for two vehicles. The nearest first, by the sum of both; inf where there is none.
+    """
+
+    length: FloatArray
+    ahead: FloatArray
+    loop: FloatArray
+    side: IntArray
+    lead: FloatArray
+    stretch_a: FloatArray
+    stretch_b: FloatArray
+    meeting: FloatArray
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that the tables take."""
+        return sum(table.nbytes for table in vars(self).values())
+
+
+def lane_relations(lanes: Sequence[Lane]) -> LaneRelations:
+    """Relate all lanes to each other.
+
+    Args:
+        lanes: the L vehicle lanes of a road; lanes that they name and that are not among them are ignored.
+    """
+    number = {lane.lane_id: k for k, lane in enumerate(lanes)}
+    length = np.array([length_of(lane.centreline) for lane in lanes], dtype=np.float64)
+    ahead = _ways(lanes, number, length)
+    following = [[number[i] for i in lane.successors if i in number] for lane in lanes]
+    round_again = [ahead[next_, k].min(initial=np.inf) for k, next_ in enumerate(following)]
+    side, lead, stretch_a, stretch_b = _beside(lanes, number, length, ahead)
+    return LaneRelations(
+        length=length,
+        ahead=ahead,
+        loop=length + np.array(round_again, dtype=np.float64),
+        side=side,
+        lead=lead,
+        stretch_a=stretch_a,
+        stretch_b=stretch_b,
+        meeting=_meetings(lanes, number, length, ahead),
+    )
+
+
+def _ways(lanes: Sequence[Lane], number: dict[int, int], length: FloatArray) -> FloatArray:
+    """(L, L) shortest ways along successors from start to start, m."""
+    pairs = {(k, number[i]) for k, lane in enumerate(lanes) for i in lane.successors if i in number}
+    if not pairs:
+        ways = np.full((len(lanes), len(lanes)), np.inf)
+        np.fill_diagonal(ways, 0.0)
+        return ways
+    tail, head = np.array(sorted(pairs)).T
+    # A lane without length would be no connection at all in a sparse matrix.
+    links = csr_array((np.maximum(length[tail], 1e-9), (tail, head)), shape=(len(lanes), len(lanes)))
+    return np.asarray(dijkstra(links))
+
+
+def _neighbours(lanes: Sequence[Lane], number: dict[int, int]) -> list[tuple[int, int, int]]:
+    """(lane, other lane, how many lanes to the left that is), nearest first; right is negative."""
+    left: dict[int, int] = {}
+    right: dict[int, int] = {}
+    for k, lane in enumerate(lanes):
+        for table, back, other in (
+            (left, right, lane.adjacent_left if lane.adjacent_left is not None else lane.left),
+            (right, left, lane.adjacent_right if lane.adjacent_right is not None else lane.right),
+        ):
+            if other is not None and other in number:
+                table[k] = number[other]
+                back.setdefault(number[other], k)
+    found: dict[tuple[int, int], int] = {}
+    for sign, table in ((1, left), (-1, right)):
+        at = {k: k for k in range(len(lanes))}
+        for hops in range(1, SIDEWAYS + 1):
+            at = {k: table[here] for k, here in at.items() if here in table}
+            for k, other in at.items():
+                if other != k:
+                    found.setdefault((k, other), sign * hops)
+    return sorted(((k, other, hops) for (k, other), hops in found.items()), key=lambda f: (abs(f[2]), f))
+
+
+def _beside(
+    lanes: Sequence[Lane], number: dict[int, int], length: FloatArray, ahead: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """`LaneRelations.side`, `lead`, `stretch_a` and `stretch_b`."""
+    count = len(lanes)
+    side, lead = np.zeros((count, count), dtype=np.int64), np.zeros((count, count))
+    stretch_a, stretch_b = np.ones((count, count)), np.ones((count, count))
+    # From the end of one lane to the start of the other, whichever way round is shorter.
+    onward = ahead - length[:, None]
+    np.fill_diagonal(onward, 0.0)
+    gap = np.minimum(onward, onward.T)
+    position = np.where(onward <= onward.T, ahead, -ahead.T)
+    nearest = np.full((count, count), np.inf)
+    every = np.arange(count)
+    for a, b, hops in _neighbours(lanes, number):
+        ratio = length[a] / length[b] if length[b] > 0 else 1.0
+        # A lane before or after a is beside b; a is beside a lane before or after b.
+        for one, other, shift, from_a, from_b, way in (
+            (every, b, position[:, a], 1.0, ratio, gap[:, a]),
+            (a, every, position[b] * ratio, 1.0, ratio, gap[b]),
+        ):
+            better = (way < nearest[one, other]) & (way <= BESIDE_M)
+            for table, value in ((side, hops), (lead, shift), (stretch_a, from_a), (stretch_b, from_b)):
+                table[one, other] = np.where(better, value, table[one, other])
+            nearest[one, other] = np.where(better, way, nearest[one, other])
+    lower = np.tril_indices(count, -1)  # the same lead seen from either vehicle
+    side[lower], lead[lower] = -side.T[lower], -lead.T[lower]
+    stretch_a[lower], stretch_b[lower] = stretch_b.T[lower], stretch_a.T[lower]
+    np.fill_diagonal(side, 0)
+    return side, lead, stretch_a, stretch_b
+
+
+def _meetings(
+    lanes: Sequence[Lane], number: dict[int, int], length: FloatArray, ahead: FloatArray
+) -> FloatArray:
+    """`LaneRelations.meeting`."""
+    count = len(lanes)
+    table = np.full((count, count, CONFLICTS, 2), np.inf)
+    by_id = {lane.lane_id: lane for lane in lanes}
+    places = []
+    for conflict in _ahead(by_id):
+        s = meeting_place(conflict, by_id)
+        first, second = (number[i] for i in conflict.lanes)
+        places += [(first, s[0], second, s[1]), (second, s[1], first, s[0])]
+    if not places:
+        return table
+    own, own_s, other, other_s = (np.array(column) for column in zip(*places, strict=True))
+    to_place = ahead[:, own] + own_s  # (L, P)
+    to_same = ahead[:, other] + other_s
+    in_sight = to_place - length[:, None] <= CONFLICT_M
+    other_in_sight = to_same - length[:, None] <= CONFLICT_M
+    for a in range(count):
+        mine = np.flatnonzero(in_sight[a])
+        if not len(mine):
+            continue
+        theirs = np.where(other_in_sight[:, mine], to_same[:, mine], np.inf)
+        keep = np.argsort(to_place[a, mine] + theirs, axis=1, kind="stable")[:, :CONFLICTS]
+        table[a, :, : keep.shape[1], 1] = np.take_along_axis(theirs, keep, axis=1)
+        seen = np.isfinite(table[a, :, : keep.shape[1], 1])
+        table[a, :, : keep.shape[1], 0] = np.where(seen, to_place[a, mine][keep], np.inf)
+    return table
+
+
+def _ahead(lanes: dict[int, Lane]) -> list[Conflict]:
+    """The conflicts that drivers approach: crossings and merges, not the branches of a fork.
+
+    Branches may overlap for longer than their first lanes. A lane whose overlap begins at its start, without
+    a crossing, continues a fork where a lane before it is itself a branch beside the same other lane.
+    """
+    found = conflicts(lanes)
+    forks = {c.lanes for c in found if c.kind == "diverge"}
+    forks |= {  # at the map's border a fork has no lane before it
+        (min(i, j), max(i, j))
+        for i, lane in lanes.items()
+        for j in lane.conflicts
+        if j in lanes and np.hypot(*(lane.centreline[0] - lanes[j].centreline[0])) < SAMPLE_M
+    }
+    rest = [c for c in found if c.kind != "diverge"]
+    while True:
+        apart = {c.lanes for c in rest if c.kind == "cross" and _parts_further(c, lanes, forks)}
+        if not apart:
+            return rest
+        forks |= apart
+        rest = [c for c in rest if c.kind == "merge" or c.lanes not in apart]
+
+
+def _parts_further(conflict: Conflict, lanes: dict[int, Lane], forks: set[tuple[int, int]]) -> bool:
+    (a, b), ((start_a, _), (start_b, _)) = conflict.lanes, conflict.spans
+    for one, other, start in ((a, b, start_a), (b, a, start_b)):
+        before = {(min(p, other), max(p, other)) for p in lanes[one].predecessors}
+        if start < SAMPLE_M and before & forks:
+            return not proper_crossing(lanes[a].centreline, lanes[b].centreline)
+    return False
+
+
+def meeting_place(conflict: Conflict, lanes: dict[int, Lane]) -> tuple[float, float]:
+    """Where two lanes meet, as an arc length on either, m.
+
+    The beginning of a merge; else the first crossing of the centrelines within the stretch that both share,
+    or the place where they come closest; the middle of the stretch where traffic comes the other way.
+    """
+    (first_a, last_a), (first_b, last_b) = conflict.spans
+    if conflict.kind == "merge":
+        return first_a, first_b
+    a, b = (lanes[i].centreline for i in conflict.lanes)
+    arc_a, arc_b = arc_lengths(a), arc_lengths(b)
+    i, j = (g.ravel() for g in np.meshgrid(np.arange(len(a) - 1), np.arange(len(b) - 1), indexing="ij"))
+    step_a, step_b = np.diff(a, axis=0), np.diff(b, axis=0)
+    hits = intersect(*a[i].T, *step_a[i].T, *b[j].T, *step_b[j].T)
+    s = arc_a[i[hits.which]] + hits.first * np.hypot(*step_a[i[hits.which]].T)
+    t = arc_b[j[hits.which]] + hits.second * np.hypot(*step_b[j[hits.which]].T)
+    shared = (s >= first_a - SAMPLE_M) & (s <= last_a + SAMPLE_M)
+    shared &= (t >= first_b - SAMPLE_M) & (t <= last_b + SAMPLE_M)
+    if shared.any():
+        earliest = int(np.argmin(np.where(shared, s, np.inf)))
+        return float(s[earliest]), float(t[earliest])
+    if opposed(a, b, *conflict.spans):
+        return (first_a + last_a) / 2, (first_b + last_b) / 2
+    s = np.linspace(first_a, last_a, int((last_a - first_a) / SAMPLE_M) + 2)
+    t = np.linspace(first_b, last_b, int((last_b - first_b) / SAMPLE_M) + 2)
+    apart = along(a, s)[:, None] - along(b, t)
+    gap = np.hypot(apart[..., 0], apart[..., 1])
+    at_a, at_b = np.unravel_index(int(np.argmin(gap)), gap.shape)
+    return float(s[at_a]), float(t[at_b])

@@ -1,0 +1,91 @@
+"""Seed scenes together with their map: recorded ones read, synthetic ones populated by SUMO."""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from pathlib import Path
+
+from scex_sumo.errors import TrackError
+from scex_sumo.scene import SeedScene
+
+
+def read_seed(
+    map_path: str | Path,
+    *,
+    tracks: str | Path | None = None,
+    case: str | None = None,
+    time: float | None = None,
+    origin: tuple[float, float] | None = None,
+    align: bool = True,
+) -> SeedScene:
+    """Read one moment of a recording, with its map.
+
+    Args:
+        map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
+        tracks: a track file in INTERACTION format, a CommonRoad scenario, or a folder with the chunks of one
+            CommonRoad recording; None looks where the dataset's
+            folder layout has it, and takes a CommonRoad map's own vehicles.
+        case: the case of a file with ``case_id``; None takes the busiest one.
+        time: the moment in seconds of the recording; None takes frame 10 of a case, and of a recording the
+            moment with most moving vehicles recorded from 1 s before to 3 s after.
+        origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
+        align: whether tracks that lie beside the map's lanes are moved onto them, see `align_tracks`; False
+            leaves them where they were recorded.
+
+    Returns:
+        The seed scene, its ``road`` set.
+
+    Raises:
+        MapError: the map cannot be read.
+        TrackError: the tracks cannot be read, or hold no such moment.
+    """
+    from scex_sumo.converters.datasets.seed import find_tracks
+    from scex_sumo.converters.datasets.seed import read_seed as read_recorded
+    from scex_sumo.converters.maps import read_map
+
+    map_path = Path(map_path)
+    try:
+        track_path = Path(tracks) if tracks is not None else find_tracks(map_path)
+    except TrackError:
+        read_map(map_path)  # a file that is no map is the likelier reason, and says so
+        raise
+    road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False)
+    scene = read_recorded(map_path, tracks=track_path, case=case, time_s=time, road=road, align=align)
+    return dataclasses.replace(scene, road=road)
+
+
+def synthetic_seed(
+    map_path: str | Path,
+    *,
+    vehicles: int,
+    seed: int = 0,
+    origin: tuple[float, float] | None = None,
+) -> SeedScene:
+    """Populate a map by SUMO's own demand and car-following, and take one moment of it.
+
+    Args:
+        map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
+        vehicles: how many vehicles the seed scene has.
+        seed: the same seed gives the same scene.
+        origin: latitude and longitude of the map's coordinates; None looks beside the map, and takes its
+            south-west corner where nothing is said: no tracks need to match.
+
+    Returns:
+        The seed scene with a history and a future from the same SUMO run, its ``road`` set.
+
+    Raises:
+        MapError: the map cannot be read.
+        SimulationError: the map cannot hold so many vehicles.
+    """
+    from scex_sumo.converters.maps import read_map
+    from scex_sumo.converters.net.convert import convert
+    from scex_sumo.scenarios.traffic.synthetic import synthetic_seed as populate
+
+    map_path = Path(map_path)
+    road = read_map(map_path, origin=origin, own_corner=True)
+    with tempfile.TemporaryDirectory(prefix="scex-sumo-") as folder:
+        net = convert(road, Path(folder) / f"{road.name}.net.xml")
+        name = f"{road.name}_synthetic{vehicles}_s{seed}"
+        scene = populate(road, net, vehicles=vehicles, seed=seed, name=name)
+    return dataclasses.replace(scene, road=road)

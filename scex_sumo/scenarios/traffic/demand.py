@@ -1,0 +1,248 @@
+"""Traffic for SUMO on any net: random routes from edge of the map to edge of the map, random drivers."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.errors import SimulationError
+
+LATERAL_MPS2 = 2.5  # comfortable in a curve; most drivers stay between 2 and 3
+CURVE_WINDOW_M = 6.0  # shorter bends than a car are the map's, not the road's
+SLOWEST_MPS = 4.0
+CHANGE_M = 40.0  # an edge shorter than this is too short to plan a lane change on
+LONGEST_ROUTE = 80
+ROUTE_TRIES = 40
+TRUCK_SHARE = 0.08
+TRUCK_TOP_MPS = 24.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SumoLane:
+    """One lane of a SUMO net that cars may use.
+
+    Attributes:
+        edge: its edge.
+        index: from the right, as SUMO counts.
+        length_m: of the lane.
+        reachable: indices of the edge's lanes that can be reached from it, itself first.
+        onward: (edge, index) of the lanes that connections lead to.
+    """
+
+    edge: str
+    index: int
+    length_m: float
+    reachable: tuple[int, ...]
+    onward: tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trip:
+    """One vehicle to be: when, where and what it is.
+
+    Attributes:
+        depart_s: when it wants to enter.
+        lane: index of the lane it enters on.
+        edges: its route.
+        kind: ``car`` or ``truck``.
+        length_m: of the vehicle.
+        width_m: of the vehicle.
+        driver: attributes of the ``vType`` element.
+    """
+
+    depart_s: float
+    lane: int
+    edges: tuple[str, ...]
+    kind: str
+    length_m: float
+    width_m: float
+    driver: dict[str, str]
+
+
+class Network:
+    """The lanes of a SUMO net that cars may use, and random ways through them."""
+
+    def __init__(self, net_path: Path) -> None:
+        root = ElementTree.parse(net_path).getroot()
+        onward: dict[tuple[str, int], list[tuple[str, int]]] = defaultdict(list)
+        for link in root.iter("connection"):
+            start, end = link.get("from", ""), link.get("to", "")
+            if not start.startswith(":"):
+                onward[start, int(link.get("fromLane", 0))].append((end, int(link.get("toLane", 0))))
+        self._lanes: dict[tuple[str, int], SumoLane] = {}
+        for edge in root.iter("edge"):
+            if edge.get("function") in (None, "normal"):
+                for lane in _car_lanes(edge, onward):
+                    self._lanes[lane.edge, lane.index] = lane
+        entered = {to for lane in self._lanes.values() for to, _ in lane.onward}
+        left = {lane.edge for lane in self._lanes.values() if lane.onward}
+        self._exits = {edge for edge, _ in self._lanes if edge not in left}
+        self.origins = sorted(
+            key for key in self._lanes if key[0] not in entered and key[0] not in self._exits
+        )
+
+    def random_route(self, origin: tuple[str, int], rng: np.random.Generator) -> tuple[str, ...] | None:
+        """Edges of a random way from a lane to the edge of the map, each fork equally likely."""
+        for _ in range(ROUTE_TRIES):
+            edges, here = [origin[0]], origin
+            while here[0] not in self._exits and len(edges) < LONGEST_ROUTE:
+                choices = self._next(here, edges)
+                if not choices:
+                    break
+                here = choices[int(rng.integers(len(choices)))]
+                edges.append(here[0])
+            if here[0] in self._exits:
+                return tuple(edges)
+        return None
+
+    def _next(self, here: tuple[str, int], done: list[str]) -> list[tuple[str, int]]:
+        """One lane per edge that can come next."""
+        lane = self._lanes[here]
+        # Without room for a lane change, only the vehicle's own lane counts, unless it ends here.
+        lanes = lane.reachable if lane.length_m >= CHANGE_M or not lane.onward else lane.reachable[:1]
+        choices: dict[str, tuple[str, int]] = {}
+        for index in lanes:
+            for to in self._lanes[here[0], index].onward:
+                if to in self._lanes and to[0] not in done:
+                    choices.setdefault(to[0], to)
+        return list(choices.values())
+
+
+def random_trips(
+    network: Network, *, until_s: float, every_s: tuple[float, float], rng: np.random.Generator
+) -> list[Trip]:
+    """Vehicles that want to enter, in the order of their departure.
+
+    Args:
+        network: where.
+        until_s: end of the departures.
+        every_s: mean time between vehicles on a lane into the map, at the beginning and at the end; in
+            between it changes geometrically. The lanes' shares differ at random.
+        rng: where the randomness comes from.
+
+    Raises:
+        SimulationError: the net has no way through it.
+    """
+    trips: list[Trip] = []
+    for origin in network.origins:
+        share, clock = rng.uniform(0.6, 1.6), 0.0
+        while True:
+            mean = every_s[0] * (every_s[1] / every_s[0]) ** (clock / until_s)
+            clock += rng.exponential(mean / share)
+            edges = network.random_route(origin, rng)
+            if clock > until_s or edges is None:
+                break
+            trips.append(_trip(clock, origin[1], edges, rng))
+    if not trips:
+        raise SimulationError(
+            "the map has no lane that leads from one of its edges to another: nothing to populate"
+        )
+    return sorted(trips, key=lambda trip: trip.depart_s)
+
+
+def write_trips(path: Path, trips: list[Trip]) -> None:
+    """Write the trips as SUMO routes; vehicle ``i`` is ``trips[i]``."""
+    root = ElementTree.Element("routes")
+    for i, trip in enumerate(trips):
+        size = {"length": f"{trip.length_m:.2f}", "width": f"{trip.width_m:.2f}"}
+        ElementTree.SubElement(root, "vType", {"id": f"t{i}", **size, **trip.driver})
+        vehicle = ElementTree.SubElement(
+            root,
+            "vehicle",
+            {
+                "id": str(i),
+                "type": f"t{i}",
+                "depart": f"{trip.depart_s:.1f}",
+                "departLane": str(trip.lane),
+                "departSpeed": "max",
+            },
+        )
+        ElementTree.SubElement(vehicle, "route", {"edges": " ".join(trip.edges)})
+    ElementTree.ElementTree(root).write(path, encoding="utf-8")
+
+
+def write_curve_limits(net_path: Path, target: Path) -> None:
+    """Copy a net with every lane's speed limited to what its curves allow; SUMO itself ignores curves."""
+    tree = ElementTree.parse(net_path)
+    for lane in tree.getroot().iter("lane"):
+        shape = np.array([p.split(",")[:2] for p in lane.get("shape", "").split()], dtype=np.float64)
+        limit = max(SLOWEST_MPS, float(np.sqrt(LATERAL_MPS2 / max(_sharpest(shape), 1e-6))))
+        lane.set("speed", f"{min(float(lane.get('speed', 13.89)), limit):.2f}")
+    tree.write(target, encoding="utf-8")
+
+
+def _car_lanes(
+    edge: ElementTree.Element, onward: dict[tuple[str, int], list[tuple[str, int]]]
+) -> list[SumoLane]:
+    name = edge.get("id", "")
+    lanes = {int(lane.get("index", 0)): lane for lane in edge.iter("lane") if _for_cars(lane)}
+    found = []
+    for index, lane in lanes.items():
+        reachable = [index]
+        for step, rule in ((1, "changeLeft"), (-1, "changeRight")):
+            at = index
+            while at + step in lanes and _for_cars(lanes[at], rule):
+                at += step
+                reachable.append(at)
+        found.append(
+            SumoLane(
+                edge=name,
+                index=index,
+                length_m=float(lane.get("length", 0)),
+                reachable=tuple(reachable),
+                onward=tuple(onward[name, index]),
+            )
+        )
+    return found
+
+
+def _for_cars(lane: ElementTree.Element, rule: str = "allow") -> bool:
+    allowed = lane.get(rule)
+    if allowed is not None:
+        return bool({"all", "passenger"} & set(allowed.split()))
+    return not {"all", "passenger"} & set(lane.get("disallow", "").split()) or rule != "allow"
+
+
+def _sharpest(shape: FloatArray) -> float:
+    """Largest curvature of a polyline over stretches of a car's length, 1/m."""
+    step = np.diff(shape, axis=0)
+    length = np.hypot(step[:, 0], step[:, 1])
+    step, length = step[length > 1e-6], length[length > 1e-6]
+    if len(step) < 2:
+        return 0.0
+    heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    middle = np.cumsum(length) - length / 2
+    s = np.arange(middle[0], middle[-1], 1.0)
+    turned = np.interp(s + CURVE_WINDOW_M, middle, heading) - np.interp(s, middle, heading)
+    return float(np.abs(turned).max() / CURVE_WINDOW_M) if len(s) else 0.0
+
+
+def _trip(depart_s: float, lane: int, edges: tuple[str, ...], rng: np.random.Generator) -> Trip:
+    """A vehicle and its driver; spreads as in urban and motorway traffic, every driver different."""
+    truck = bool(rng.random() < TRUCK_SHARE)
+    length = rng.uniform(8.0, 12.0) if truck else float(np.clip(rng.normal(4.5, 0.35), 3.6, 5.3))
+    width = 2.5 if truck else float(np.clip(rng.normal(1.82, 0.07), 1.6, 2.0))
+    accel = rng.uniform(0.9, 1.2) if truck else float(np.clip(rng.normal(1.8, 0.3), 1.2, 2.8))
+    driver = {
+        "carFollowModel": "EIDM",
+        "accel": f"{accel:.2f}",
+        "decel": f"{np.clip(rng.normal(3.0, 0.4), 2.0, 4.5):.2f}",
+        "tau": f"{np.clip(rng.normal(1.3, 0.3), 0.8, 2.2):.2f}",
+        "minGap": f"{np.clip(rng.normal(2.2, 0.5), 1.2, 4.0):.2f}",
+        "speedFactor": f"{np.clip(rng.normal(0.98, 0.1), 0.75, 1.25):.3f}",
+        "maxSpeed": f"{TRUCK_TOP_MPS if truck else 60.0:.1f}",
+        # Cars change lanes by driving, not by sliding: lateral speed in proportion to speed.
+        "lcMaxSpeedLatStanding": "0",
+        "lcMaxSpeedLatFactor": "0.15",
+        "jmTimegapMinor": f"{np.clip(rng.normal(1.0, 0.3), 0.4, 2.0):.2f}",
+        "impatience": f"{rng.uniform(0.0, 0.8):.2f}",
+    }
+    kind = "truck" if truck else "car"
+    return Trip(
+        depart_s=depart_s, lane=lane, edges=edges, kind=kind, length_m=length, width_m=width, driver=driver
+    )

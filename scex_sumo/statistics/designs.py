@@ -1,0 +1,245 @@
+"""Assignment designs that need fewer runs than independent draws: every model equally often per vehicle, ...
+
+A design says for every run (row) which level each factor has: which of its models each vehicle gets. Rows are
+judged by how far the shares of all level combinations are from what independent draws would give on average,
+few factors counting more than many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.errors import UsageError
+
+DECAY: Final = 0.3
+"""How much a combination of k + 1 factors counts against one of k; found by ``benchmarks/designs.py``."""
+
+BLOCK_ROWS: Final = 1024
+_STARTS, _SWEEPS = 3, 3
+_TIE: Final = 1e-9  # scores this close are equal, whatever the order in which a machine adds them up
+
+Shares = Sequence[Sequence[float]] | Sequence[FloatArray]
+
+
+def balanced(shares: Shares, rows: int, rng: np.random.Generator, *, decay: float = DECAY) -> IntArray:
+    """Rows that are balanced wherever one stops: one by one, each where it is missing most.
+
+    With the product kernel k(x, z) = prod over factors of (1 + decay * ([x = z] / share - 1)), the squared
+    discrepancy of the rows from the product of the shares is the mean of k over all pairs of rows, less one;
+    it adds up the squared deviations of the shares of all combinations of k factors, weighted by decay^k.
+    Every next row is the best one that a coordinate search from random starts finds (kernel herding). The
+    first rows of a longer design are the shorter design. Blocks of 1024 rows are independent of each other.
+
+    Args:
+        shares: per factor, the share of each of its levels; each sums to 1, none is 0.
+        rows: number of rows R.
+        rng: the randomness; ties and starts are drawn from it. With equal shares all levels of a factor are
+            alike, so that each single row is distributed as an independent draw.
+        decay: above 0 and below 1.
+
+    Returns:
+        (R, F) level of each factor in each row.
+
+    Source: kernel herding, Chen, Welling, Smola 2010; discrepancies of designs with qualitative factors as
+    reproducing kernels, Hickernell, Liu 2002.
+    """
+    if not 0 < decay < 1:
+        raise UsageError(f"decay of a design: got {decay}, needs to be between 0 and 1")
+    weights = [np.asarray(s, dtype=np.float64) for s in shares]
+    own = [1 - decay + decay / w for w in weights]
+    edges = _edges(weights)
+    out = np.empty((rows, len(weights)), dtype=np.int64)
+    for start in range(0, rows, BLOCK_ROWS):
+        block = out[start : start + BLOCK_ROWS]
+        # Column 0 of a kernel is that of each level with itself, for the new row's own share.
+        kernels = [np.full((len(w), len(block) + 1), 1 - decay) for w in weights]
+        for kernel, diagonal in zip(kernels, own, strict=True):
+            kernel[:, 0] = diagonal
+        for row in range(len(block)):
+            block[row] = _next_row([k[:, : row + 1] for k in kernels], edges, rng)
+            for factor, level in enumerate(block[row]):
+                kernels[factor][level, row + 1] = own[factor][level]
+    return out
+
+
+def _next_row(
+    kernels: Sequence[FloatArray], edges: Sequence[FloatArray], rng: np.random.Generator
+) -> IntArray:
+    """The row that lowers the discrepancy most, as far as a search from a few random rows finds it.
+
+    Args:
+        kernels: per factor, (L, 1 + R) of its levels with themselves, and with those of the rows so far.
+        edges: per factor, (L - 1,) bounds between its levels, as `_edges`.
+        rng: the randomness.
+
+    Returns:
+        (F,) levels.
+    """
+    starts = _STARTS if kernels[0].shape[1] > 1 else 1
+    rows = _between(edges, rng.random((starts, len(edges))))
+    if starts == 1:
+        return rows.reshape(-1)
+    sweeps = [rng.permutation(len(kernels)).tolist() for _ in range(_SWEEPS)]
+    draws = rng.random(_SWEEPS * starts * sum(len(k) for k in kernels)).tolist()  # for ties, in order
+    used = 0
+    like = [k[rows[:, f]] for f, k in enumerate(kernels)]
+    product = np.prod(like, axis=0)
+    product[:, 0] *= 0.5
+    added, levels = [0.0] * starts, rows.T.tolist()
+    for sweep in sweeps:
+        settled = True
+        for factor in sweep:
+            rest, mine = product / like[factor], levels[factor]
+            before = list(mine)
+            for start, scores in enumerate((rest @ kernels[factor].T).tolist()):
+                added[start] = least = min(scores)
+                if scores[mine[start]] > least + _TIE:
+                    lowest = [level for level, score in enumerate(scores) if score <= least + _TIE]
+                    mine[start] = max(lowest, key=draws[used : used + len(scores)].__getitem__)
+                used += len(scores)
+            if mine != before:
+                settled = False
+                like[factor] = kernels[factor][mine]
+                product = rest * like[factor]
+        if settled:  # further sweeps would change nothing either
+            break
+    best = next(start for start in range(starts) if added[start] <= min(added) + _TIE)
+    return np.array([mine[best] for mine in levels], dtype=np.int64)
+
+
+def latin(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
+    """Every level as often as its share says, per factor; factors independent (Latin hypercube).
+
+    Args:
+        shares: per factor, the share of each of its levels.
+        rows: number of rows R.
+        rng: the randomness.
+
+    Returns:
+        (R, F) level of each factor in each row.
+
+    Source: McKay, Beckman, Conover 1979.
+    """
+    strata = np.stack([rng.permutation(rows) for _ in shares], axis=1)
+    return _levels(shares, (strata + rng.random(strata.shape)) / rows)
+
+
+def sobol(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
+    """Levels from a scrambled Sobol' sequence, one dimension per factor.
+
+    Args:
+        shares: per factor, the share of each of its levels.
+        rows: number of rows R; balance is best at powers of two.
+        rng: the randomness.
+
+    Returns:
+        (R, F) level of each factor in each row.
+
+    Source: Owen 1998 (scrambling); scipy's generator.
+    """
+    from scipy.stats import qmc
+
+    exponent = max(int(rows - 1).bit_length(), 0)
+    points = qmc.Sobol(len(shares), scramble=True, seed=rng).random_base2(exponent)[:rows]
+    return _levels(shares, points)
+
+
+def halton(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
+    """Levels from a scrambled Halton sequence, one dimension per factor.
+
+    Args:
+        shares: per factor, the share of each of its levels.
+        rows: number of rows R.
+        rng: the randomness.
+
+    Returns:
+        (R, F) level of each factor in each row.
+
+    Source: Owen 2017 (scrambling); scipy's generator.
+    """
+    from scipy.stats import qmc
+
+    return _levels(shares, qmc.Halton(len(shares), scramble=True, seed=rng).random(rows))
+
+
+def orthogonal(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
+    """Levels from a Latin hypercube on an orthogonal array of strength two.
+
+    The array has p² rows for a prime p and takes p + 1 factors at most; the smallest one with enough rows and
+    factors is drawn and its first rows, in random order, are taken.
+
+    Args:
+        shares: per factor, the share of each of its levels.
+        rows: number of rows R.
+        rng: the randomness.
+
+    Returns:
+        (R, F) level of each factor in each row.
+
+    Source: Tang 1993; scipy's generator.
+    """
+    from scipy.stats import qmc
+
+    prime = max(int(np.ceil(np.sqrt(rows))), len(shares) - 1, 2)
+    while any(prime % k == 0 for k in range(2, int(prime**0.5) + 1)):
+        prime += 1
+    points = qmc.LatinHypercube(len(shares), strength=2, seed=rng).random(prime * prime)
+    return _levels(shares, rng.permutation(points)[:rows])
+
+
+def independent(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
+    """Independent draws: the baseline.
+
+    Args:
+        shares: per factor, the share of each of its levels.
+        rows: number of rows R.
+        rng: the randomness.
+
+    Returns:
+        (R, F) level of each factor in each row.
+    """
+    return _levels(shares, rng.random((rows, len(shares))))
+
+
+DESIGNS: Final[Mapping[str, Callable[[Shares, int, np.random.Generator], IntArray]]] = {
+    "random": independent,
+    "balanced": balanced,
+    "latin": latin,
+    "orthogonal": orthogonal,
+    "sobol": sobol,
+    "halton": halton,
+}
+"""Designs by name. The rows of a shorter ``random`` or ``balanced`` design begin a longer one."""
+
+DEFAULT_DESIGN: Final = "balanced"
+
+DESIGNS_THAT_GROW: Final = ("random", "balanced")
+"""Designs whose first rows are a shorter design."""
+
+
+def check_design(name: str) -> None:
+    """Raise a `UsageError` for an unknown design."""
+    if name not in DESIGNS:
+        raise UsageError(f"--design: unknown design {name!r}; known: {', '.join(DESIGNS)}")
+
+
+def _levels(shares: Shares, points: FloatArray) -> IntArray:
+    """Numbers in [0, 1) as levels, by their shares."""
+    return _between(_edges(shares), points)
+
+
+def _edges(shares: Shares) -> list[FloatArray]:
+    """Per factor, the bounds between the shares of its levels."""
+    upper = [np.cumsum(np.asarray(share, dtype=np.float64)) for share in shares]
+    return [sums[:-1] / sums[-1] for sums in upper]
+
+
+def _between(edges: Sequence[FloatArray], points: FloatArray) -> IntArray:
+    levels = np.empty(points.shape, dtype=np.int64)
+    for factor, bounds in enumerate(edges):
+        levels[:, factor] = bounds.searchsorted(points[:, factor], side="right")
+    return levels

@@ -1,0 +1,172 @@
+"""Where criticality comes from: which vehicles' models make the values vary, and what makes them critical."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from scex_sumo.arrays import IntArray
+from scex_sumo.statistics.effects import Condition, Effect, conditions, covering, effects
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
+
+WORST_SHARE: Final = 0.1
+"""The most critical tenth stands in for the critical children of a metric without threshold."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Explanation:
+    """Where the values of one metric come from.
+
+    Attributes:
+        metric: the column.
+        defined: number of children in which it is defined.
+        effects: see `effects`; empty where nothing can be said.
+        threshold: of criticality; the limit of the most critical tenth where the metric has none.
+        given: whether the threshold is the run's.
+        p_critical: critical share of the children in which the metric is defined.
+        conditions: those that make it surely more critical than it is overall, see `conditions`.
+        rules: a few of them that account for much of what is critical, see `covering`.
+        worst: most critical children, the worst first.
+    """
+
+    metric: str
+    defined: int
+    effects: list[Effect]
+    threshold: float
+    given: bool
+    p_critical: float
+    conditions: list[Condition]
+    rules: list[Condition]
+    worst: list[int]
+
+
+RULES: Final = 3
+MOMENT_MS: Final = 1000  # the seed scene is frame 10 of every child
+
+
+def explain(run: Run, metric: str, *, worst: int = 5) -> Explanation:
+    """Explain one metric of a finished run.
+
+    Args:
+        run: a finished run.
+        metric: one of its columns.
+        worst: how many of the most critical children are named.
+    """
+    from scex_sumo.statistics.density import side_of
+
+    run.samples(metric)  # says which metrics there are
+    levels, _ = assignment_of(run)
+    values = np.asarray(run.metrics[metric].to_numpy(zero_copy_only=False), dtype=np.float64)
+    known = ~np.isnan(values)
+    sign = 1.0 if side_of(metric) == "left" else -1.0
+    given = metric in run.thresholds
+    limit = float("nan")
+    if given:
+        limit = run.thresholds[metric]
+    elif known.any():
+        limit = float(sign * np.quantile(sign * values[known], WORST_SHARE, method="lower"))
+    critical = known & (sign * values <= sign * limit)
+    share = float(critical[known].mean()) if known.any() else float("nan")
+    surer = [c for c in conditions(levels[known], critical[known]) if c.low > share] if known.any() else []
+    order = np.lexsort((np.arange(len(values)), np.where(known, sign * values, np.inf)))
+    return Explanation(
+        metric=metric,
+        defined=int(known.sum()),
+        effects=effects(levels, values),
+        threshold=limit,
+        given=given,
+        p_critical=share,
+        conditions=surer,
+        rules=covering(levels[known], critical[known], RULES),
+        worst=[int(c) for c in order[: min(worst, int(known.sum()))]],
+    )
+
+
+def assignment_of(run: Run) -> tuple[IntArray, list[str]]:
+    """(C, V) model of each vehicle in each child, vehicles as in the seed scene, and the models' names."""
+    table = run.assignments
+    names, flat = np.unique(np.asarray(table["model"].to_pylist(), dtype=str), return_inverse=True)
+    vehicles = int(run.info["seed_scene"]["vehicles"])
+    return flat.reshape(-1, vehicles).astype(np.int64), [str(n) for n in names]
+
+
+def effect_rows(explanation: Explanation, track_ids: Sequence[int]) -> list[dict[str, Any]]:
+    """Effects as rows of a table: metric, kind, track_id, other_id, share, raw_share, degrees, p_value."""
+    return [
+        {
+            "metric": explanation.metric,
+            "kind": e.kind,
+            "track_id": track_ids[e.vehicle] if e.vehicle >= 0 else None,
+            "other_id": track_ids[e.other] if e.other >= 0 else None,
+            "share": e.share,
+            "raw_share": e.raw_share,
+            "degrees": e.degrees,
+            "p_value": None if np.isnan(e.p_value) else e.p_value,
+        }
+        for e in explanation.effects
+    ]
+
+
+def condition_rows(
+    explanation: Explanation, track_ids: Sequence[int], names: Sequence[str]
+) -> list[dict[str, Any]]:
+    """Conditions as rows of a table: who must be driven how, and how critical it then is."""
+    return [
+        {
+            "metric": explanation.metric,
+            "track_id": track_ids[c.vehicles[0]],
+            "model": names[c.models[0]],
+            "other_id": track_ids[c.vehicles[1]] if len(c.vehicles) > 1 else None,
+            "other_model": names[c.models[1]] if len(c.vehicles) > 1 else None,
+            "children": c.children,
+            "critical": c.critical,
+            "share": c.share,
+            "low": c.low,
+            "high": c.high,
+            "covered": c.covered,
+        }
+        for c in explanation.conditions
+    ]
+
+
+def worst_rows(
+    run: Run, explanation: Explanation, levels: IntArray, names: Sequence[str]
+) -> list[dict[str, Any]]:
+    """The most critical children as rows: value, who with whom and when, and who drove whom.
+
+    Args:
+        run: a finished run.
+        explanation: of one of its metrics.
+        levels: (C, V) of `assignment_of`.
+        names: the models, of `assignment_of`.
+    """
+    track_ids = run.info["seed_scene"]["track_ids"]
+    metric = explanation.metric.removesuffix("_mean")
+    source = {
+        row["child"]: row
+        for row in (run.worst.to_pylist() if metric == explanation.metric else [])
+        if row["metric"] == metric and row["child"] in explanation.worst
+    }
+    rows = []
+    for rank, child in enumerate(explanation.worst, 1):
+        by = source.get(child, {})
+        stamp = by.get("timestamp_ms")
+        drivers = zip(track_ids, levels[child], strict=True)
+        rows.append(
+            {
+                "metric": explanation.metric,
+                "rank": rank,
+                "child": child,
+                "value": run.metrics[explanation.metric][child].as_py(),
+                "track_id": by.get("track_id"),
+                "other_id": by.get("other_id"),
+                "after_s": None if stamp is None else (stamp - MOMENT_MS) / 1000,
+                "assignment": " ".join(f"{t}={names[m]}" for t, m in drivers),
+            }
+        )
+    return rows

@@ -1,0 +1,259 @@
+"""How many children are enough: all assignments as the truth, and how far fewer children are from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.behaviors.registry import DEFAULT_MODELS
+from scex_sumo.errors import UsageError
+from scex_sumo.extrapolation.assignments import all_assignments
+from scex_sumo.scene import SeedScene
+from scex_sumo.statistics.density import BANDWIDTH, density
+from scex_sumo.statistics.designs import DESIGNS, DESIGNS_THAT_GROW, check_design
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
+
+SIZES: Final = (1000, 385, 100, 10)
+DRAWS: Final = 200
+MODELS: Final = f"{DEFAULT_MODELS},calibrated_driver,sumo:EIDM"
+"""Six models as in the paper; two that drive as people do stand in for its learned drivers."""
+
+_DRAWS_AT_ONCE = 20
+_KERNEL_REACH = 8  # bandwidths; beyond, the kernel is below 1e-14 of its height
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Errors:
+    """How far draws are from the truth, in one metric.
+
+    Attributes:
+        ks: (D,) Kolmogorov-Smirnov distance; NaN where the metric is defined in no child of a draw.
+        w1: (D,) Wasserstein-1 distance, in the metric's unit.
+        jsd: (D,) Jensen-Shannon divergence, base 2, of the kernel densities.
+    """
+
+    ks: FloatArray
+    w1: FloatArray
+    jsd: FloatArray
+
+
+def truth(
+    scene: SeedScene,
+    out: str | Path,
+    *,
+    models: str = MODELS,
+    seed: int = 0,
+    workers: int = 1,
+    overwrite: bool = False,
+    command: Sequence[str] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Run:
+    """Run every assignment of a seed scene, or open the result where that has been done before.
+
+    Args:
+        scene: the seed scene, with its road.
+        out: result folder; an interrupted run goes on.
+        models: behaviour models.
+        seed: of the routes that models of random routes take; one draw per assignment.
+        workers: processes.
+        overwrite: replace another result in ``out``.
+        command: the command line, for ``run.json``.
+        progress: called with (steps done, steps in all).
+    """
+    from scex_sumo.behaviors.registry import parse_models
+    from scex_sumo.extrapolation.extrapolate import extrapolate
+    from scex_sumo.results.provenance import fingerprint
+    from scex_sumo.results.run import open_run
+    from scex_sumo.version import __version__
+
+    if (Path(out) / "run.json").is_file() and not overwrite:
+        found = open_run(out)
+        wanted: Mapping[str, Any] = {
+            "scex_sumo": __version__,
+            "models": [{"model": str(s), "weight": s.weight} for s in parse_models(models)],
+            "children": len(all_assignments([len(parse_models(models))] * scene.vehicles)),
+            "assign": {},
+            "seed": seed,
+        }
+        same_scene = found.info["seed_scene"]["fingerprint"] == fingerprint(scene)
+        if same_scene and all(found.info.get(k) == v for k, v in wanted.items()):
+            return found
+    return extrapolate(
+        scene,
+        models=models,
+        children="all",
+        seed=seed,
+        workers=workers,
+        out=out,
+        overwrite=overwrite,
+        command=command,
+        progress=progress,
+    )
+
+
+def subsets(count: int, size: int, draws: int, *, seed: int = 0) -> IntArray:
+    """Random subsets of children: (D, size) numbers, none twice in a subset.
+
+    Args:
+        count: number of children in all.
+        size: children per subset.
+        draws: number of subsets D.
+        seed: the same seed gives the same subsets.
+    """
+    rngs = (np.random.default_rng([seed, size, draw]) for draw in range(draws))
+    return np.stack([rng.permutation(count)[:size] for rng in rngs])
+
+
+def designed(
+    design: str, models: int, vehicles: int, size: int, draws: int, *, seed: int = 0
+) -> tuple[IntArray, ...]:
+    """Children that repetitions of a design would run, as numbers among all assignments.
+
+    Args:
+        design: one of `scex_sumo.statistics.designs.DESIGNS`.
+        models: number of models, equally frequent.
+        vehicles: number of vehicles.
+        size: runs per repetition.
+        draws: number of repetitions D.
+        seed: the same seed gives the same repetitions.
+
+    Returns:
+        D arrays (size,), numbered as `scex_sumo.extrapolation.assignments.all_assignments` does.
+    """
+    check_design(design)
+    shares = [np.full(models, 1 / models)] * vehicles
+    numbers = []
+    for draw in range(draws):
+        rows = DESIGNS[design](shares, size, np.random.default_rng([seed, draw]))
+        numbers.append(np.ravel_multi_index(tuple(rows.T), (models,) * vehicles).astype(np.int64))
+    return tuple(numbers)
+
+
+def errors(values: FloatArray, draws: Sequence[IntArray] | IntArray, *, with_jsd: bool = True) -> Errors:
+    """Distances between the distribution of a metric over some children and over all of them.
+
+    Args:
+        values: (N,) of all children; NaN where undefined. Undefined children are left out on both sides.
+        draws: D arrays of children; one may be drawn more than once.
+        with_jsd: False leaves the Jensen-Shannon divergence, which takes longest, NaN.
+    """
+    defined = np.flatnonzero(np.isfinite(values))
+    nothing = np.full(len(draws), np.nan)
+    if len(defined) == 0:
+        return Errors(ks=nothing, w1=nothing, jsd=nothing)
+    at, place = np.unique(values[defined], return_inverse=True)
+    rank = np.full(len(values), len(at), dtype=np.int64)  # undefined ones are counted behind the last
+    rank[defined] = place
+    counts = np.stack([np.bincount(rank[d], minlength=len(at) + 1)[: len(at)] for d in draws])
+    number = counts.sum(axis=1)
+    some = number > 0
+    share = counts[some] / number[some, None]
+    whole = np.bincount(place, minlength=len(at)) / len(defined)
+    apart = np.abs(np.cumsum(share, axis=1) - np.cumsum(whole))
+    ks, w1, jsd = nothing, nothing.copy(), nothing.copy()
+    ks[some] = apart.max(axis=1)
+    w1[some] = apart[:, :-1] @ np.diff(at)
+    if with_jsd:
+        jsd[some] = _divergence(at, share, whole)
+    return Errors(ks=ks, w1=w1, jsd=jsd)
+
+
+def _divergence(
+    at: FloatArray, share: FloatArray, whole: FloatArray, bandwidth: float = BANDWIDTH
+) -> FloatArray:
+    """(D,) Jensen-Shannon divergence of the kernel densities of weighted samples from that of all.
+
+    Args:
+        at: (U,) values, ascending.
+        share: (D, U) weights of the values in each draw.
+        whole: (U,) weights of the values in the truth.
+        bandwidth: of the kernel.
+    """
+    from scipy.sparse import csr_matrix
+
+    grid = density(at, bandwidth).x
+    reach = _KERNEL_REACH * bandwidth
+    start, stop = np.searchsorted(grid, at - reach), np.searchsorted(grid, at + reach)
+    ends = np.concatenate([[0], np.cumsum(stop - start)])
+    column = np.arange(ends[-1]) - np.repeat(ends[:-1] - start, stop - start)
+    z = (grid[column] - np.repeat(at, stop - start)) / bandwidth
+    kernel = csr_matrix((np.exp(-0.5 * z * z), column, ends), shape=(len(at), len(grid)))
+    truth_mass = np.asarray(kernel.T @ whole)
+    truth_mass /= truth_mass.sum()
+    result = np.empty(len(share))
+    for first in range(0, len(share), _DRAWS_AT_ONCE):
+        part = slice(first, first + _DRAWS_AT_ONCE)
+        for draw, mass in enumerate((csr_matrix(share[part]) @ kernel).toarray(), first):
+            mass /= mass.sum()
+            middle = (mass + truth_mass) / 2
+            result[draw] = (_entropy_part(mass, middle) + _entropy_part(truth_mass, middle)) / 2
+    return np.clip(result, 0.0, 1.0)
+
+
+def _entropy_part(mass: FloatArray, middle: FloatArray) -> float:
+    some = mass > 0
+    return float(np.sum(mass[some] * np.log2(mass[some] / middle[some])))
+
+
+def study(
+    run: Run,
+    *,
+    sizes: Sequence[int] = SIZES,
+    draws: int = DRAWS,
+    designs: Sequence[str] = ("random",),
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[dict[str, Any]]:
+    """Median and 95th percentile of the distances of repeated smaller samples to all children.
+
+    Args:
+        run: a run of all assignments.
+        sizes: numbers of children; those above the number of assignments are left out.
+        draws: repetitions of each size.
+        designs: ``random`` takes subsets without replacement, as the paper does; others are designs.
+        seed: of the draws.
+        progress: called with (metrics done, metrics in all).
+
+    Returns:
+        Rows of metric, design, size, draws, defined_draws and, for each of ks, w1, jsd, its median and p95;
+        None where no draw has a child in which the metric is defined.
+    """
+    models, vehicles = len(run.info["models"]), run.info["seed_scene"]["vehicles"]
+    if run.children != models**vehicles:
+        raise UsageError(f"{run.folder}: {run.children} children, not all {models**vehicles} assignments")
+    fitting = [size for size in sizes if size <= run.children]
+    samples: dict[tuple[str, int], Sequence[IntArray] | IntArray] = {}
+    for design in designs:
+        check_design(design)
+        whole: tuple[IntArray, ...] = ()
+        if design in DESIGNS_THAT_GROW and design != "random" and fitting:
+            whole = designed(design, models, vehicles, max(fitting), draws, seed=seed)
+        for size in fitting:
+            if design == "random":
+                samples[design, size] = subsets(run.children, size, draws, seed=seed)
+            elif whole:  # the first runs of a long one are a short one
+                samples[design, size] = [d[:size] for d in whole]
+            else:
+                samples[design, size] = designed(design, models, vehicles, size, draws, seed=seed)
+    rows = []
+    for index, column in enumerate(run.columns):
+        values = run.metrics[column].to_numpy(zero_copy_only=False)
+        for (design, size), picked in samples.items():
+            found = errors(np.asarray(values, dtype=np.float64), picked)
+            row: dict[str, Any] = {"metric": column, "design": design, "size": size, "draws": draws}
+            row["defined_draws"] = int(np.isfinite(found.ks).sum())
+            for name, distances in (("ks", found.ks), ("w1", found.w1), ("jsd", found.jsd)):
+                some = distances[np.isfinite(distances)]
+                row[f"{name}_median"] = float(np.median(some)) if len(some) else None
+                row[f"{name}_p95"] = float(np.quantile(some, 0.95)) if len(some) else None
+            rows.append(row)
+        if progress is not None:
+            progress(index + 1, len(run.columns))
+    return rows

@@ -1,0 +1,128 @@
+"""Samples as tensors, a few graphs at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.behaviors.learned.networks.graph import PathBatch, SceneBatch
+from scex_sumo.training.data.samples import Samples
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Batch:
+    """Some graphs, their pairs of vehicle and path, and the targets.
+
+    Attributes:
+        scene: N nodes.
+        path: n pairs.
+        right: (n,) whether the path is the one taken.
+        share: (n,) weight of a pair in losses on trajectories: 1 divided by the vehicle's right paths, times
+            the weight of its site; 0 where the path is not right.
+        site: (n,) number of the site.
+        pose: (n, 3) of the vehicle in the map's coordinates: x, y, heading.
+        s: (n, H) m.
+        d: (n, H) m.
+        start: (n, 4) see `Samples`.
+        room: (n, 2) m.
+        xy: (n, H, 2) m.
+    """
+
+    scene: SceneBatch
+    path: PathBatch
+    right: Tensor
+    share: Tensor
+    site: Tensor
+    pose: Tensor
+    s: Tensor
+    d: Tensor
+    start: Tensor
+    room: Tensor
+    xy: Tensor
+
+
+class Batches:
+    """Draws batches from samples.
+
+    Args:
+        samples: the graphs.
+        site_weight: (S,) weight of each site's graphs in the loss.
+        device: where the tensors live.
+    """
+
+    def __init__(self, samples: Samples, site_weight: FloatArray, device: torch.device) -> None:
+        self.samples, self.device = samples, device
+        self.node_start = _starts(samples.nodes)
+        self.edge_start = _starts(samples.edges)
+        self.pair_start = _starts(samples.pairs)
+        graph = np.repeat(np.arange(len(samples)), samples.pairs)
+        node = self.node_start[graph] + samples.pair_node
+        rights = np.bincount(node[samples.right], minlength=int(samples.nodes.sum()))
+        share = samples.right / np.maximum(rights[node], 1) * site_weight[samples.site[graph]]
+        self._share = self._tensor(share)
+        self._pair_site = torch.as_tensor(samples.site[graph], device=device)
+        self._pose = torch.as_tensor(samples.pose[node], device=device)  # float64: maps may lie far away
+        self._node, self._history = self._tensor(samples.node), self._tensor(samples.history)
+        self._edge, self._feature = self._tensor(samples.edge), self._tensor(samples.feature)
+        self._right = torch.as_tensor(samples.right, device=device)
+        self._s, self._d = self._tensor(samples.s), self._tensor(samples.d)
+        self._start, self._room = self._tensor(samples.start), self._tensor(samples.room)
+        self._xy = self._tensor(samples.xy)
+
+    def _tensor(self, values: FloatArray) -> Tensor:
+        return torch.as_tensor(np.asarray(values, dtype=np.float32), device=self.device)
+
+    def take(self, graphs: IntArray) -> Batch:
+        """Some graphs by number, as one batch."""
+        samples = self.samples
+        nodes, edges, pairs = samples.nodes[graphs], samples.edges[graphs], samples.pairs[graphs]
+        node = self._index(self.node_start[graphs], nodes)
+        edge = self._index(self.edge_start[graphs], edges)
+        pair = self._index(self.pair_start[graphs], pairs)
+        begin = _starts(nodes)
+        edge_index = samples.edge_index[:, edge.cpu().numpy()] + np.repeat(begin, edges)
+        pair_node = samples.pair_node[pair.cpu().numpy()] + np.repeat(begin, pairs)
+        return Batch(
+            scene=SceneBatch(
+                node=self._node[node],
+                history=self._history[node],
+                edge_index=torch.as_tensor(edge_index, device=self.device),
+                edge=self._edge[edge],
+            ),
+            path=PathBatch(node=torch.as_tensor(pair_node, device=self.device), features=self._feature[pair]),
+            right=self._right[pair],
+            share=self._share[pair],
+            site=self._pair_site[pair],
+            pose=self._pose[pair],
+            s=self._s[pair],
+            d=self._d[pair],
+            start=self._start[pair],
+            room=self._room[pair],
+            xy=self._xy[pair],
+        )
+
+    def _index(self, start: IntArray, count: IntArray) -> Tensor:
+        """Rows of several pieces, one after the other."""
+        index = np.arange(int(count.sum())) + np.repeat(start - _starts(count), count)
+        return torch.as_tensor(index, device=self.device)
+
+    def epoch(self, rng: np.random.Generator, nodes: int) -> Iterator[Batch]:
+        """All graphs once, in random order, in batches of about so many nodes."""
+        for graphs in self.groups(rng.permutation(len(self.samples)), nodes):
+            yield self.take(graphs)
+
+    def groups(self, order: IntArray, nodes: int) -> list[IntArray]:
+        """An order of graphs cut into batches of about so many nodes."""
+        total = np.cumsum(self.samples.nodes[order])
+        cuts = np.flatnonzero(np.diff((total - 1) // nodes)) + 1
+        return [part for part in np.split(order, cuts) if len(part)]
+
+
+def _starts(count: IntArray) -> IntArray:
+    start: IntArray = np.cumsum(count) - count
+    return start

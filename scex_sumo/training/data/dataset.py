@@ -1,0 +1,254 @@
+"""Samples of many recordings, made once and kept in a cache."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import inspect
+import os
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from scex_sumo.converters.datasets.recordings import (
+    LoadedRecording,
+    Recording,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
+from scex_sumo.errors import TrackError
+from scex_sumo.road import Road
+from scex_sumo.scene import SeedScene, States
+from scex_sumo.training.data.perturb import Perturbation, perturbed
+from scex_sumo.training.data.samples import Samples, learnable, scene_samples
+from scex_sumo.training.data.split import Part, Split, split_moments
+
+# What samples depend on besides the recordings: a change of these modules makes them anew.
+_MODULES = (
+    "scex_sumo.roads.relations",
+    "scex_sumo.behaviors.driving.leaders",
+    "scex_sumo.behaviors.learned.seen.inputs",
+    "scex_sumo.behaviors.learned.seen.surface",
+    "scex_sumo.behaviors.driving.paths",
+    "scex_sumo.behaviors.driving.perception",
+    "scex_sumo.behaviors.driving.projection",
+    "scex_sumo.roads.index",
+    "scex_sumo.behaviors.scene_graph.edges",
+    "scex_sumo.behaviors.scene_graph.graph",
+    "scex_sumo.behaviors.scene_graph.nodes",
+    "scex_sumo.behaviors.driving.smoothing",
+    "scex_sumo.converters.datasets.recordings",
+    "scex_sumo.converters.datasets.reader",
+    "scex_sumo.converters.cleaning.align",
+    "scex_sumo.converters.moments.moments",
+    "scex_sumo.converters.cleaning.repair",
+    "scex_sumo.converters.moments.sample",
+    "scex_sumo.converters.moments.scene",
+    "scex_sumo.converters.cleaning.smooth",
+    "scex_sumo.roads.matching",
+    "scex_sumo.roads.routes",
+    "scex_sumo.training.data.dataset",
+    "scex_sumo.training.data.perturb",
+    "scex_sumo.training.data.samples",
+    "scex_sumo.training.data.split",
+    "scex_sumo.training.data.targets",
+)
+MOST_MOMENTS = 1000  # of a short recording moments lie nearer together, at least 0.1 s apart
+FINEST_S = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampleOptions:
+    """How samples are made from recordings.
+
+    Attributes:
+        every_s: between two moments of a long recording; a short one is looked at more often, up to
+            `MOST_MOMENTS` moments or every 0.1 s.
+        copies: perturbed copies of each training scene.
+        perturbation: how far vehicles are put off in them.
+        split: which time is for what.
+        seed: of the perturbations.
+    """
+
+    every_s: float = 0.5
+    copies: int = 2
+    perturbation: Perturbation = field(default_factory=Perturbation)
+    split: Split = field(default_factory=Split)
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Dataset:
+    """Samples for training and validation.
+
+    Attributes:
+        sites: (S) names of the sites; `Samples.site` counts them.
+        kinds: (S) the dataset that each site belongs to.
+        roads: (S) their maps.
+        train: with perturbed copies.
+        validation: without.
+        digest: of all that the samples depend on.
+    """
+
+    sites: tuple[str, ...]
+    kinds: tuple[str, ...]
+    roads: tuple[Road, ...]
+    train: Samples
+    validation: Samples
+    digest: str
+
+
+def make_dataset(
+    recordings: Sequence[Recording],
+    options: SampleOptions,
+    *,
+    cache: Path | None = None,
+    tick: Callable[[int, int], None] | None = None,
+) -> Dataset:
+    """Make the samples of recordings, or take them from the cache.
+
+    Args:
+        recordings: of any datasets.
+        options: how.
+        cache: folder; None keeps nothing.
+        tick: called with the number of recordings done, and of all.
+
+    Raises:
+        TrackError: nothing to learn from.
+    """
+    sites = tuple(sorted({recording.site for recording in recordings}))
+    kinds: dict[str, str] = {}
+    roads: dict[str, Road] = {}
+    parts: dict[Part, list[Samples]] = {"train": [], "validation": []}
+    digest = hashlib.sha256()
+    for done, recording in enumerate(recordings):
+        if tick is not None:
+            tick(done, len(recordings))
+        key = _key(recording, options)
+        digest.update(key.encode())
+        loaded = load_recording(recording)
+        kinds[recording.site] = recording.dataset
+        road = roads.setdefault(recording.site, loaded.road)
+        for part, found in parts.items():
+            file = None if cache is None else cache / f"{recording.name}-{part}-{key[:16]}.npz"
+            samples = _read(file) if file is not None and file.exists() else None
+            if samples is None:
+                samples = _make(loaded, road, options, part)
+                if file is not None:
+                    _write(file, samples)
+            found += [_on_site(samples, sites.index(recording.site))] if samples else []
+    if not parts["train"] or not parts["validation"]:
+        short = "training" if not parts["train"] else "validation"
+        raise TrackError(
+            f"{', '.join(r.name for r in recordings[:3])}: no vehicle for {short} with 1 s of recorded past "
+            "and 3 s of recorded future; give longer recordings"
+        )
+    return Dataset(
+        sites=sites,
+        kinds=tuple(kinds[site] for site in sites),
+        roads=tuple(roads[site] for site in sites),
+        train=Samples.concatenate(parts["train"]),
+        validation=Samples.concatenate(parts["validation"]),
+        digest=digest.hexdigest(),
+    )
+
+
+def part_scenes(
+    loaded: LoadedRecording, part: Part, *, split: Split, every_s: float, most: int | None = None
+) -> list[SeedScene]:
+    """Seed scenes of one part of a recording that have a vehicle to learn from.
+
+    Args:
+        loaded: the recording.
+        part: which part.
+        split: how it is split.
+        every_s: between two moments.
+        most: short recordings are looked at more often, up to so many moments in all, or every 0.1 s.
+
+    Raises:
+        TrackError: a track is not finite.
+    """
+    every = recording_moments(loaded, every_s=FINEST_S)
+    step_s = every_s
+    if every and most is not None and not every[0].case:
+        step_s = max(FINEST_S, min(every_s, (every[-1].time_s - every[0].time_s) / most))
+    last, scenes = -np.inf, []
+    for moment in split_moments(every, split)[part]:
+        if not moment.case and moment.time_s - last < step_s - 1e-6:
+            continue
+        last = moment.time_s
+        scene = seed_at(loaded, moment.time_s, case=moment.case or None)
+        _check_finite(loaded, scene)
+        if len(learnable(scene)):
+            scenes.append(scene)
+    return scenes
+
+
+def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
+    for states in (scene.history, scene.future):
+        if states is None:
+            continue
+        for name, values in vars(states).items():
+            bad = ~np.isfinite(values).all(axis=1)
+            if bad.any():
+                raise TrackError(
+                    f"{loaded.recording.name}: track {scene.track_ids[np.argmax(bad)]} has no finite {name} "
+                    f"around {scene.time_s:g} s; repair the recording or leave it out"
+                )
+
+
+def _make(loaded: LoadedRecording, road: Road, options: SampleOptions, part: Part) -> Samples | None:
+    """Samples of one part, perturbed copies of training scenes included; None where there are none."""
+    rng = np.random.default_rng([options.seed, zlib.crc32(loaded.recording.name.encode())])
+    copies = options.copies if part == "train" else 0
+    found = []
+    for scene in part_scenes(loaded, part, split=options.split, every_s=options.every_s, most=MOST_MOMENTS):
+        put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(copies)]
+        samples = scene_samples(scene, road, States.stack([scene.history, *put_off], 0))
+        found += [samples] if samples is not None else []
+    return Samples.concatenate(found) if found else None
+
+
+def _on_site(samples: Samples, site: int) -> Samples:
+    columns = {f.name: getattr(samples, f.name) for f in fields(Samples)}
+    return Samples(**{**columns, "site": np.full(len(samples), site)})
+
+
+def default_cache() -> Path:
+    """Folder for samples: ``$XDG_CACHE_HOME/scex-sumo``, else ``~/.cache/scex-sumo``."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scex-sumo"
+
+
+def _key(recording: Recording, options: SampleOptions) -> str:
+    """Digest of a recording's files, of the options and of the code that makes samples."""
+    digest = hashlib.sha256(repr(sorted(asdict(options).items())).encode())
+    for path in (recording.map_path, *recording.track_paths):
+        digest.update(path.read_bytes())
+    for name in _MODULES:
+        digest.update(inspect.getsource(importlib.import_module(name)).encode())
+    return digest.hexdigest()
+
+
+def _read(file: Path) -> Samples | None:
+    """Samples from the cache; None where the part has none, or the file is broken (then made anew)."""
+    try:
+        with np.load(file) as data:
+            columns: dict[str, Any] = {name: data[name] for name in data.files}
+            return Samples(**columns) if columns else None
+    except (OSError, ValueError, TypeError, BadZipFile):
+        return None
+
+
+def _write(file: Path, samples: Samples | None) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    columns = {} if samples is None else {f.name: getattr(samples, f.name) for f in fields(Samples)}
+    temporary = file.with_name(f".{os.getpid()}-{file.name}")
+    with temporary.open("wb") as stream:
+        np.savez(stream, **columns)
+    temporary.replace(file)

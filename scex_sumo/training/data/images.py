@@ -1,0 +1,86 @@
+"""What the image branch sees in training: the map turned by a random quarter, and the vehicle with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scex_sumo.behaviors.learned.networks.graph_image import COS, SIN, ImageBatch, MapImage
+from scex_sumo.behaviors.learned.seen.raster import PIXEL_M, Raster, raster_of
+from scex_sumo.road import Road
+from scex_sumo.training.data.batches import Batch
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Images:
+    """Maps of all sites, each in four directions, and the same as in a mirror.
+
+    Attributes:
+        maps: (S, 8) by site and number of quarter turns; from 4 on mirrored first.
+    """
+
+    maps: tuple[tuple[MapImage, ...], ...]
+
+    @classmethod
+    def of_roads(cls, roads: Sequence[Road], device: torch.device) -> Images:
+        """Draw the maps of some roads."""
+        return cls(
+            maps=tuple(
+                (*_turns(image), *_turns(_mirrored(image)))
+                for image in (_image(raster_of(road), device) for road in roads)
+            )
+        )
+
+    def batch(self, batch: Batch, turns: int = 0, *, mirrored: bool = False) -> ImageBatch:
+        """What the vehicles of a batch see, one place per pair, after some quarter turns of everything.
+
+        Args:
+            batch: K pairs.
+            turns: 0 to 3.
+            mirrored: the batch has been mirrored, see `mirror`.
+        """
+        present, site = torch.unique(batch.site, return_inverse=True)
+        return ImageBatch(
+            maps=tuple(self.maps[int(s)][turns + 4 * mirrored] for s in present),
+            site=site,
+            pose=turned(batch.pose, turns),
+            place=torch.arange(len(site), device=site.device),
+        )
+
+
+def turned(pose: Tensor, turns: int) -> Tensor:
+    """Poses (n, 3) turned by quarters about the origin, counter-clockwise."""
+    x, y, heading = pose.unbind(1)
+    for _ in range(turns):
+        x, y, heading = -y, x, heading + np.pi / 2
+    return torch.stack([x, y, heading], 1)
+
+
+def _image(raster: Raster, device: torch.device) -> MapImage:
+    values = torch.as_tensor(raster.values, dtype=torch.float32, device=device)
+    return MapImage(raster=values, corner=torch.as_tensor(raster.corner, dtype=torch.float64, device=device))
+
+
+def _mirrored(image: MapImage) -> MapImage:
+    """A map mirrored about the x axis."""
+    values = image.raster.flip(1)
+    values[SIN] = -values[SIN]
+    height = PIXEL_M * (values.shape[1] - 1)
+    return MapImage(raster=values, corner=torch.stack([image.corner[0], -(image.corner[1] + height)]))
+
+
+def _turns(image: MapImage) -> list[MapImage]:
+    """A map in four directions: 0, 1, 2, 3 quarter turns counter-clockwise about the origin."""
+    images, values, corner = [image], image.raster, image.corner
+    for _ in range(3):
+        height = PIXEL_M * (values.shape[1] - 1)
+        corner = torch.stack([-(corner[1] + height), corner[0]])
+        # The pixel in row i and column j goes to row j, and to a column that counts from the other side.
+        values = values.flip(1).transpose(1, 2).contiguous()
+        values[COS], values[SIN] = -values[SIN].clone(), values[COS].clone()
+        images.append(MapImage(raster=values, corner=corner))
+    return images

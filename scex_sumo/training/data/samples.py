@@ -1,0 +1,215 @@
+"""Training samples: scene graphs with every vehicle's candidate paths and its recorded future."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
+from scex_sumo.behaviors.driving.projection import sample
+from scex_sumo.behaviors.learned.seen.inputs import path_inputs
+from scex_sumo.behaviors.scene_graph.graph import scene_graph
+from scex_sumo.extrapolation.rollout import history_at
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.road import Road
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, Who
+from scex_sumo.training.data.targets import along_paths, right_paths, smooth_return
+
+CATCH_UP_S = 4.0  # within which a driver who is ahead or behind gets to where the recorded one was
+MOST_AHEAD_M = 8.0  # further off along the path, what the recorded driver did says nothing any more
+MOST_ASIDE_M = 2.0
+MOST_SLOPE = 0.3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """G scene graphs one after the other; N nodes, E edges, P pairs of a vehicle and a candidate path.
+
+    Attributes:
+        site: (G,) number of the site that a graph belongs to.
+        nodes: (G,) how many nodes each graph has.
+        edges: (G,) edges.
+        pairs: (G,) pairs.
+        node: (N, F) features, as in `SceneGraph`.
+        history: (N, 11, 5) likewise.
+        pose: (N, 3) x and y of the vehicle's centre in the map's coordinates, and its heading.
+        edge_index: (2, E) source and target within the graph.
+        edge_kind: (E,)
+        edge: (E, K) features.
+        pair_node: (P,) the vehicle, within the graph.
+        feature: (P, D), as in `PathInputs`.
+        room: (P, 2) likewise.
+        right: (P,) True for the path that the vehicle took.
+        s: (P, H) m, target: way along the path; 0 where the path is not right.
+        d: (P, H) m, target: offset from the path.
+        start: (P, 4) speed in m/s, offset in m and heading error in rad at the beginning; the offset that a
+            vehicle was put off by, m.
+        xy: (P, H, 2) the target in the vehicle's own coordinates, m.
+    """
+
+    site: IntArray
+    nodes: IntArray
+    edges: IntArray
+    pairs: IntArray
+    node: FloatArray
+    history: FloatArray
+    pose: FloatArray
+    edge_index: IntArray
+    edge_kind: IntArray
+    edge: FloatArray
+    pair_node: IntArray
+    feature: FloatArray
+    room: FloatArray
+    right: BoolArray
+    s: FloatArray
+    d: FloatArray
+    start: FloatArray
+    xy: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Samples]) -> Samples:
+        """All graphs of several sets of samples; the sets must be of one kind."""
+        joined = {}
+        for f in fields(cls):
+            axis = 1 if f.name == "edge_index" else 0
+            joined[f.name] = np.concatenate([getattr(part, f.name) for part in parts], axis=axis)
+        return cls(**joined)
+
+
+def scene_samples(
+    seed: SeedScene, road: Road, states: States, *, site: int = 0, step: int = 0
+) -> Samples | None:
+    """Samples of a scene, one graph for each child.
+
+    What vehicles should do is what the recorded ones did from the same time on; a vehicle that is not where
+    the recorded one was comes back smoothly. All vehicles are nodes; those with a whole recorded past
+    second and 3 s of recorded future are learned from.
+
+    Args:
+        seed: the seed scene, with its future.
+        road: the map.
+        states: (C, V, 11) what the drivers see, oldest first.
+        site: number of the site.
+        step: steps since the seed scene.
+
+    Returns:
+        C graphs, or None where no vehicle can be learned from.
+    """
+    usable = learnable(seed, step)
+    children = states.shape[0]
+    if not len(usable):
+        return None
+    paths = seed_paths(seed, road)
+    recorded, future, valid = recorded_from(seed, step)
+    row, owner, right = right_paths(paths, usable, recorded[usable], future[usable], valid[usable])
+    child = np.repeat(np.arange(children), len(row))
+    vehicle = np.tile(usable[owner], children)
+    who = Who(child=child, vehicle=vehicle)
+    rows, takes = np.tile(row, children), np.tile(right, children)
+    history = _history(seed, states, step)
+    goal = _goals(paths, rows, who, history, recorded[vehicle], future[vehicle][:, :PLAN_STEPS])
+    keep = goal.near
+    who = Who(child=child[keep], vehicle=vehicle[keep])
+    inputs = path_inputs(history, road, who, paths, rows[keep])
+    graph = scene_graph(history, road)
+    count = seed.vehicles
+    now = history.now
+    graph_of_edge = graph.edge_index[1] // count
+    order = np.argsort(graph_of_edge, kind="stable")
+    return Samples(
+        site=np.full(children, site),
+        nodes=np.full(children, count),
+        edges=np.bincount(graph_of_edge, minlength=children),
+        pairs=np.bincount(who.child, minlength=children),
+        node=graph.node.astype(np.float32),
+        history=graph.history.astype(np.float32),
+        pose=np.stack([now.x, now.y, now.heading], -1).reshape(-1, 3),
+        edge_index=graph.edge_index[:, order] % count,
+        edge_kind=graph.edge_kind[order],
+        edge=graph.edge[order].astype(np.float32),
+        pair_node=who.vehicle,
+        feature=inputs.features.astype(np.float32),
+        room=inputs.room.astype(np.float32),
+        right=takes[keep],
+        s=goal.s[keep].astype(np.float32),
+        d=goal.d[keep].astype(np.float32),
+        start=goal.start[keep].astype(np.float32),
+        xy=goal.xy[keep].astype(np.float32),
+    )
+
+
+def learnable(seed: SeedScene, step: int = 0) -> IntArray:
+    """Vehicles with a whole recorded past second and 3 s of recorded future from a step on."""
+    if seed.future_valid is None or seed.future_valid.shape[1] < step + PLAN_STEPS:
+        return np.zeros(0, dtype=np.int64)
+    whole = seed.future_valid[:, : step + PLAN_STEPS].all(axis=1)
+    return np.flatnonzero(whole & (seed.recorded_steps >= HISTORY_STEPS))
+
+
+def recorded_from(seed: SeedScene, step: int) -> tuple[States, States, BoolArray]:
+    """(V,) recorded states after some steps, (V, F) what came after, (V, F) whether that was recorded."""
+    assert seed.future is not None and seed.future_valid is not None
+    now = seed.now if step == 0 else seed.future[:, step - 1]
+    return now, seed.future[:, step:], seed.future_valid[:, step:]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Goals:
+    s: FloatArray  # (P, H)
+    d: FloatArray  # (P, H)
+    start: FloatArray  # (P, 4)
+    xy: FloatArray  # (P, H, 2)
+    near: BoolArray  # (P,)
+
+
+def _goals(
+    paths: SeedPaths, row: IntArray, who: Who, history: SceneHistory, recorded: States, future: States
+) -> _Goals:
+    """What each vehicle should do along each of its paths, from where it is in its child."""
+    present = history.now[who.child, who.vehicle]
+    way = BEHIND_M + history.step * STEP_S * history.seed.now.speed[who.vehicle]
+    s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, start_way=way)
+    s_now, d_now, _, _ = along_paths(paths, row, present, present[:, None], start_way=way)
+    heading = sample(paths, row, s_now)[4]
+    aside, ahead = d_now - d_then, s_now - s_then
+    lean = np.tan(np.clip(wrap(present.heading - recorded.heading), -MOST_SLOPE, MOST_SLOPE))
+    catching = _catch_up(ahead, present.speed - recorded.speed, future.x.shape[1])
+    travelled = np.maximum.accumulate(np.maximum(s_true + catching - s_now[:, None], 0.0), axis=1)
+    d = d_true + smooth_return(aside, lean, present.speed, travelled)
+    px, py, cos, sin, _, _ = _sampled(paths, row, s_now[:, None] + travelled)
+    dx, dy = px - d * sin - present.x[:, None], py + d * cos - present.y[:, None]
+    own_cos, own_sin = np.cos(present.heading)[:, None], np.sin(present.heading)[:, None]
+    return _Goals(
+        s=travelled,
+        d=d,
+        start=np.stack([present.speed, d_now, wrap(present.heading - heading), aside], -1),
+        xy=np.stack([own_cos * dx + own_sin * dy, own_cos * dy - own_sin * dx], -1),
+        near=(np.abs(ahead) <= MOST_AHEAD_M) & (np.abs(aside) <= MOST_ASIDE_M),
+    )
+
+
+def _catch_up(ahead: FloatArray, faster: FloatArray, steps: int) -> FloatArray:
+    """(n, H) how far ahead of the recorded one a driver still is, who is ahead and faster now, m."""
+    u = STEP_S * np.arange(1, steps + 1) / CATCH_UP_S
+    keep = 1 - u**3 * (10 - 15 * u + 6 * u**2)
+    lean = u - u**3 * (6 - 8 * u + 3 * u**2)
+    still: FloatArray = ahead[:, None] * keep + faster[:, None] * CATCH_UP_S * lean
+    return still
+
+
+def _sampled(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
+    """(6, n, H) path properties at (n, H) arc lengths."""
+    n, steps = s.shape
+    return sample(paths, np.repeat(row, steps), s.ravel()).reshape(6, n, steps)
+
+
+def _history(seed: SeedScene, states: States, step: int) -> SceneHistory:
+    children, vehicles, _ = states.shape
+    return history_at(seed, states, np.arange(children), np.zeros((children, vehicles)), step=step)

@@ -1,0 +1,93 @@
+"""What a vehicle should have done: its recorded future, along its path and in its own frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
+from scex_sumo.behaviors.driving.projection import project
+from scex_sumo.scene import States
+
+AMBIGUOUS_M = 0.3  # two paths this alike over the recorded future are both right
+RETURN_S = 2.5  # how long a driver takes to come back to where the recorded one drove
+RETURN_M = 12.0  # and the shortest way for it: who stands does not move sideways
+
+
+def along_paths(
+    paths: SeedPaths, row: IntArray, start: States, future: States, *, start_way: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Places in the coordinates of paths.
+
+    Args:
+        paths: the paths.
+        row: (n,) path of each vehicle.
+        start: (n,) present states.
+        future: (n, F).
+        start_way: (n,) how far the vehicles have come on the tables, roughly, m; the table's begin, where
+            None is given.
+
+    Returns:
+        (n,) arc length now, (n,) offset now, (n, F) arc length, (n, F) offset.
+    """
+    n, steps = future.x.shape
+    way = np.full(n, BEHIND_M) if start_way is None else start_way
+    s0, d0, _ = project(paths, row, start.x, start.y, way)
+    step_x = np.diff(np.concatenate([start.x[:, None], future.x], 1), axis=1)
+    step_y = np.diff(np.concatenate([start.y[:, None], future.y], 1), axis=1)
+    expected = s0[:, None] + np.cumsum(np.hypot(step_x, step_y), axis=1)
+    s, d, _ = project(paths, np.repeat(row, steps), future.x.ravel(), future.y.ravel(), expected.ravel())
+    return s0, d0, s.reshape(n, steps), d.reshape(n, steps)
+
+
+def right_paths(
+    paths: SeedPaths, vehicle: IntArray, now: States, future: States, valid: BoolArray
+) -> tuple[IntArray, IntArray, BoolArray]:
+    """Which candidate paths the vehicles really took.
+
+    Args:
+        paths: paths of the seed scene.
+        vehicle: (k,) vehicles with a recorded future.
+        now: (k,) their present states.
+        future: (k, F), as long as it was recorded, for what comes after the plan tells forks apart.
+        valid: (k, F).
+
+    Returns:
+        (r,) rows of all their candidate paths, (r,) index into `vehicle` of each, and (r,) True for the one
+        nearest to the future on average, and for those within `AMBIGUOUS_M` of it.
+    """
+    count = paths.count[vehicle]
+    owner = np.repeat(np.arange(len(vehicle)), count)
+    first = np.cumsum(count) - count
+    row = paths.first[vehicle][owner] + np.arange(len(owner)) - first[owner]
+    if not len(row):
+        return row, owner, np.zeros(0, dtype=np.bool_)
+    _, _, _, d = along_paths(paths, row, now[owner], future[owner])
+    known = valid[owner]
+    distance = (np.abs(d) * known).sum(1) / np.maximum(known.sum(1), 1)
+    best = np.minimum.reduceat(distance, first)
+    return row, owner, distance <= best[owner] + AMBIGUOUS_M
+
+
+def smooth_return(displaced: FloatArray, slope: FloatArray, speed: FloatArray, way: FloatArray) -> FloatArray:
+    """How far from where the recorded one drove a displaced vehicle is on its way back.
+
+    A quintic in the distance travelled: it begins at the displacement with the slope, and ends after the
+    way of `RETURN_S`, at least `RETURN_M`, at zero, without slope and curvature there.
+
+    Args:
+        displaced: (n,) m, left positive.
+        slope: (n,) sideways over ahead: the tangent of the heading error.
+        speed: (n,) m/s, now.
+        way: (n, H) m travelled.
+
+    Returns:
+        (n, H) m.
+    """
+    length = np.maximum(RETURN_M, RETURN_S * speed)[:, None]
+    u = np.clip(way / length, 0.0, 1.0)
+    keep = 1 - u**3 * (10 - 15 * u + 6 * u**2)
+    # of unit slope at 0: u - 6u³ + 8u⁴ - 3u⁵
+    lean = u - u**3 * (6 - 8 * u + 3 * u**2)
+    back: FloatArray = displaced[:, None] * keep + slope[:, None] * length * lean
+    return back

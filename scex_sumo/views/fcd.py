@@ -1,0 +1,143 @@
+"""Floating car data, SUMO's own format for trajectories: what sumo-gui replays and SUMO's tools plot.
+
+Positions and speeds are the logged ones. SUMO wants a lane beside every position; it is the nearest one whose
+direction fits, and the first of a vehicle is never inside a junction, where SUMO lets nobody begin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import shapely
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.scene import STEP_S, States
+from scex_sumo.world.frame import to_sumo
+from scex_sumo.world.tiles import tile_id
+
+# A lane that points the wrong way is as bad as one that is this much farther away, m per rad.
+_WRONG_WAY_M_PER_RAD = 3.0
+_NEAR_M = 8.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FcdTracks:
+    """Vehicles to be written side by side.
+
+    Attributes:
+        ids: (N,) SUMO's ids.
+        types: (N,) ids of vehicle types.
+        length: (N,) m.
+        states: (N, T) centres, in the net's coordinates.
+        present: (N, T) from a vehicle's first to its last appearance without a gap.
+        tile: slot whose lanes the vehicles drive on, None in a net that is not tiled.
+        offset: x and y of the tile, m.
+    """
+
+    ids: Sequence[str]
+    types: Sequence[str]
+    length: FloatArray
+    states: States
+    present: BoolArray
+    tile: int | None = None
+    offset: tuple[int, int] = (0, 0)
+
+
+class LaneFinder:
+    """The lanes of a SUMO net, to be found by position and heading."""
+
+    def __init__(self, net_path: Path) -> None:
+        """Read the net's lanes."""
+        names, lines, inside = [], [], []
+        for edge in ElementTree.parse(net_path).getroot().iter("edge"):
+            function = edge.get("function", "normal")
+            if function not in ("normal", "internal"):
+                continue
+            for lane in edge.iter("lane"):
+                points = np.array([p.split(",")[:2] for p in lane.get("shape", "").split()], dtype=float)
+                names.append(lane.get("id", ""))
+                lines.append(shapely.linestrings(points))
+                inside.append(function == "internal")
+        self._names = names
+        self._lines = np.array(lines)
+        self._inside = np.array(inside)
+        self._tree = shapely.STRtree(lines)
+        self._outer = np.flatnonzero(~self._inside)
+        self._outer_tree = shapely.STRtree(self._lines[self._outer])
+
+    def find(self, x: FloatArray, y: FloatArray, heading: FloatArray) -> tuple[list[str], FloatArray]:
+        """The lane of each place of one vehicle.
+
+        Args:
+            x: (T,) m.
+            y: (T,) m.
+            heading: (T,) rad.
+
+        Returns:
+            Lane ids, and (T,) positions along them in m.
+        """
+        places = shapely.points(x, y)
+        found = np.empty(len(places), dtype=np.int64)
+        for t, place in enumerate(places):
+            near = self._tree.query(place, predicate="dwithin", distance=_NEAR_M)
+            if t == 0:
+                near = near[~self._inside[near]]
+            if len(near):
+                found[t] = near[np.argmin(self._cost(near, place, heading[t]))]
+            else:
+                found[t] = self._outer[self._outer_tree.nearest(place)]
+        along = shapely.line_locate_point(self._lines[found], places)
+        return [self._names[i] for i in found], along
+
+    def _cost(self, lanes: IntArray, place: shapely.Point, heading: float) -> FloatArray:
+        lines = self._lines[lanes]
+        along = shapely.line_locate_point(lines, place)
+        back = shapely.line_interpolate_point(lines, np.maximum(along - 0.5, 0.0))
+        front = shapely.line_interpolate_point(lines, along + 0.5)
+        direction = np.arctan2(
+            shapely.get_y(front) - shapely.get_y(back), shapely.get_x(front) - shapely.get_x(back)
+        )
+        turn = np.abs(np.angle(np.exp(1j * (direction - heading))))
+        cost: FloatArray = shapely.distance(lines, place) + _WRONG_WAY_M_PER_RAD * turn
+        return cost
+
+
+def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder, *, first_s: float = STEP_S) -> None:
+    """Write tracks as SUMO's FCD.
+
+    Args:
+        path: file to write.
+        groups: vehicles, all with the same number of steps; each group in one tile.
+        lanes: the lanes of the net as converted, not tiled.
+        first_s: time of the first step.
+    """
+    steps = groups[0].states.shape[1]
+    rows: list[list[str]] = [[] for _ in range(steps)]
+    for group in groups:
+        x, y, angle = to_sumo(group.states, group.length[:, None])
+        dx, dy = group.offset
+        for n, key in enumerate(group.ids):
+            when = np.flatnonzero(group.present[n])
+            if not len(when):
+                continue
+            names, along = lanes.find(x[n, when], y[n, when], group.states.heading[n, when])
+            head = f"        <vehicle id={quoteattr(key)} type={quoteattr(group.types[n])}"
+            for k, t in enumerate(when.tolist()):
+                lane = names[k] if group.tile is None else tile_id(group.tile, names[k])
+                rows[t].append(
+                    f'{head} x="{x[n, t] + dx:.6f}" y="{y[n, t] + dy:.6f}" angle="{angle[n, t]:.6f}"'
+                    f' speed="{group.states.speed[n, t]:.6f}" pos="{along[k]:.2f}"'
+                    f' lane={quoteattr(lane)} slope="0"/>\n'
+                )
+    with path.open("w", encoding="utf-8") as file:
+        file.write('<?xml version="1.0" encoding="UTF-8"?>\n<fcd-export>\n')
+        for step, vehicles in enumerate(rows):
+            file.write(
+                f'    <timestep time="{first_s + step * STEP_S:.2f}">\n{"".join(vehicles)}    </timestep>\n'
+            )
+        file.write("</fcd-export>\n")

@@ -1,0 +1,221 @@
+"""Child scenarios as files that plain sumo-gui opens: ``sumo-gui -c child_0007.sumocfg``, without Python.
+
+sumo-gui replays the logged trajectories (FCD) on the converted net with its markings; vehicles have the
+colour of their behaviour model, thin lines show where each of them goes from the seed scene on.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray
+from scex_sumo.scene import STEP_S, SeedScene
+from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
+from scex_sumo.world.colors import Rgb
+from scex_sumo.world.gui_drawings import (
+    OTHER_RGB,
+    ChildView,
+    Shown,
+    draw_children,
+    draw_legend,
+    frame_of,
+    legend_entries,
+)
+from scex_sumo.world.gui_settings import write_view_settings
+from scex_sumo.world.tiles import TileTemplate
+from scex_sumo.world.vehicle_types import replayed_type
+
+if TYPE_CHECKING:
+    from scex_sumo.converters.net.convert import SumoNet
+_GRID_MARGIN_M = 15.0
+
+
+def write_child_view(
+    folder: Path,
+    net: SumoNet,
+    seed: SeedScene,
+    child: ChildView,
+    colors: Mapping[str, Rgb],
+    *,
+    delay_ms: int = 100,
+    snapshots: tuple[tuple[float, str], ...] = (),
+) -> Path:
+    """Write what sumo-gui needs to show one child.
+
+    Args:
+        folder: where to write; the net is referred to by a relative path.
+        net: the converted map.
+        seed: the seed scene.
+        child: the child.
+        colors: RGB of each behaviour model, 0 to 255.
+        delay_ms: pause of sumo-gui after each step.
+        snapshots: times in s and names of pictures that sumo-gui writes then.
+
+    Returns:
+        The file to open, ``child_NUMBER.sumocfg``.
+    """
+    return _write(folder, f"child_{child.number:04d}", net, seed, [child], colors, delay_ms, snapshots)
+
+
+def write_grid_view(
+    folder: Path,
+    net: SumoNet,
+    seed: SeedScene,
+    children: Sequence[ChildView],
+    colors: Mapping[str, Rgb],
+    *,
+    delay_ms: int = 100,
+    snapshots: tuple[tuple[float, str], ...] = (),
+) -> Path:
+    """Write what sumo-gui needs to show several children side by side, in reading order.
+
+    Args:
+        folder: where to write.
+        net: the converted map.
+        seed: the seed scene.
+        children: the children, with the same number of steps.
+        colors: RGB of each behaviour model, 0 to 255.
+        delay_ms: pause of sumo-gui after each step.
+        snapshots: times in s and names of pictures that sumo-gui writes then.
+
+    Returns:
+        The file to open, ``grid_N.sumocfg``.
+    """
+    return _write(folder, f"grid_{len(children)}", net, seed, children, colors, delay_ms, snapshots)
+
+
+def _write(
+    folder: Path,
+    name: str,
+    net: SumoNet,
+    seed: SeedScene,
+    children: Sequence[ChildView],
+    colors: Mapping[str, Rgb],
+    delay_ms: int,
+    snapshots: tuple[tuple[float, str], ...],
+) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    template, grid = TileTemplate(net.path), len(children) > 1
+    layout = template.window_layout(len(children), margin_m=_GRID_MARGIN_M)
+    net_file, additional = net.path, [net.extras] if net.extras is not None else []
+    if grid:
+        net_file = folder / f"{name}.net.xml"
+        template.write(net_file, range(len(children)), layout)
+        if net.extras is not None:
+            additional = [folder / f"{name}.extras.xml"]
+            TileTemplate(net.extras).write(additional[0], range(len(children)), layout)
+    shown = [
+        Shown(child=child, slot=slot if grid else None, offset=layout.offset(slot))
+        for slot, child in enumerate(children)
+    ]
+    write_fcd(folder / f"{name}.fcd.xml", [g for s in shown for g in _groups(seed, s)], LaneFinder(net.path))
+    entries = legend_entries(seed, [model for child in children for model in child.models], colors)
+    frame = frame_of(template.bounds, [s.offset for s in shown], entries)
+    if not grid:
+        frame = frame.closer(children[0].states)
+    drawn = draw_children(shown, colors, frame) + draw_legend(frame)
+    additional.append(folder / f"{name}.add.xml")
+    types = _types(seed, children, colors)
+    additional[-1].write_text(f"<additional>\n{types}{drawn}</additional>\n", encoding="utf-8")
+    write_view_settings(
+        folder / f"{name}.view.xml",
+        delay_ms=delay_ms,
+        viewport=frame.viewport,
+        names=not grid,
+        text_m=frame.line_m,
+        exaggeration=frame.exaggeration,
+        snapshots=snapshots,
+        # At the end sumo-gui would ask whether to close; who comes for the pictures only wants it to end.
+        pause_s=None if snapshots else children[0].states.shape[1] * STEP_S,
+    )
+    return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1])
+
+
+def _groups(seed: SeedScene, shown: Shown) -> list[FcdTracks]:
+    steps = shown.child.states.shape[1]
+    vehicles = FcdTracks(
+        ids=[shown.id(str(track)) for track in seed.track_ids],
+        types=[_type_id(model, v) for v, model in enumerate(shown.child.models)],
+        length=seed.length,
+        states=shown.child.states,
+        present=np.ones(shown.child.states.shape, dtype=bool),
+        tile=shown.slot,
+        offset=shown.offset,
+    )
+    others = seed.obstacles
+    if others is None:
+        return [vehicles]
+    # Frame 1 of a child is the second of the eleven states that a seed scene holds of the past.
+    columns = np.minimum(np.arange(1, steps + 1), others.states.shape[1] - 1)
+    obstacles = FcdTracks(
+        ids=[shown.id(f"P{name}") for name in others.ids],
+        types=[f"other.{o}" for o in range(len(others.ids))],
+        length=others.length,
+        states=others.states[:, columns],
+        present=_without_gaps(others.present[:, columns]),
+        tile=shown.slot,
+        offset=shown.offset,
+    )
+    return [vehicles, obstacles]
+
+
+def _without_gaps(present: BoolArray) -> BoolArray:
+    """SUMO replays a track step by step and would close a gap in it by a jump in time."""
+    return (
+        np.logical_or.accumulate(present, axis=1)
+        & np.logical_or.accumulate(present[:, ::-1], axis=1)[:, ::-1]
+    )
+
+
+def _type_id(model: str, vehicle: int) -> str:
+    return f"{re.sub('[^A-Za-z0-9_.=-]', '_', model)}.{vehicle}"
+
+
+def _types(seed: SeedScene, children: Sequence[ChildView], colors: Mapping[str, Rgb]) -> str:
+    """A type for each vehicle and model: it has the vehicle's size and the model's colour."""
+    lines = []
+    for v in range(seed.vehicles):
+        size = seed.types[v], float(seed.length[v]), float(seed.width[v])
+        for model in sorted({child.models[v] for child in children}):
+            lines.append(replayed_type(_type_id(model, v), *size, colors[model]))
+    if (others := seed.obstacles) is not None:
+        for o, kind in enumerate(others.types):
+            size = kind, float(others.length[o]), float(others.width[o])
+            lines.append(replayed_type(f"other.{o}", *size, OTHER_RGB))
+    return "".join(lines)
+
+
+def _write_configuration(folder: Path, name: str, net: Path, additional: Sequence[Path], steps: int) -> Path:
+    """The file that sumo-gui opens; other files are named relative to it."""
+
+    def relative(path: Path) -> str:
+        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+
+    options = {
+        "net-file": relative(net),
+        "additional-files": ",".join(relative(path) for path in additional),
+        "device.fcd-replay.files": f"{name}.fcd.xml",
+        "gui-settings-file": f"{name}.view.xml",
+        "step-length": str(STEP_S),
+        "end": f"{(steps + 2) * STEP_S:.1f}",
+        # The trajectories go where they go: on and off the lanes, and through one another.
+        "ignore-route-errors": "true",
+        "insertion-checks": "none",
+        "collision.action": "none",
+        "time-to-teleport": "-1",
+        "no-warnings": "true",
+        "no-step-log": "true",
+        "xml-validation": "never",
+        "start": "true",
+    }
+    lines = "".join(f"    <{key} value={quoteattr(value)}/>\n" for key, value in options.items())
+    path = folder / f"{name}.sumocfg"
+    path.write_text(f"<configuration>\n{lines}</configuration>\n", encoding="utf-8")
+    return path

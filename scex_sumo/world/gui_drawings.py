@@ -1,0 +1,202 @@
+"""What is drawn beside the vehicles: their ways, the children's titles, and whose colour is which."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
+from scex_sumo.world.colors import Rgb
+from scex_sumo.world.tiles import WINDOW_ASPECT, tile_id
+
+Bounds = tuple[float, float, float, float]
+OTHER_RGB = (255, 0, 200)  # pedestrians and cyclists
+_LINE = 1.4  # from line to line of text, in heights of a letter
+_LETTER = 0.4  # width of a letter likewise
+_LEGEND_COLUMNS = 3
+_WINDOW_ASPECTS = (1.2, 1.5, 1.8, 2.1)  # widths by heights of windows that people use
+_LETTER_SHARE = 0.03  # height of a letter in a window
+_AROUND_M = 25.0  # of the map to be seen around vehicles
+_TRACK_LAYER = 30  # above the markings, below the vehicles
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChildView:
+    """A child scenario to be shown.
+
+    Attributes:
+        number: the child's number.
+        states: (V, T) its vehicles, from 0.1 s on: first the past, up to the seed scene, then what follows.
+        models: (V,) the behaviour model of each vehicle.
+        title: what to write beside it, e.g. its most critical value.
+        past: how many of the states are the past; the last of these is the seed scene.
+    """
+
+    number: int
+    states: States
+    models: Sequence[str]
+    title: str = ""
+    past: int = HISTORY_STEPS
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shown:
+    """A child and the tile that it is shown in, None in a net that is not tiled.
+
+    Attributes:
+        child: the child.
+        slot: of its tile.
+        offset: of its tile, m.
+    """
+
+    child: ChildView
+    slot: int | None
+    offset: tuple[int, int]
+
+    def id(self, name: str) -> str:
+        """An id in the tile."""
+        return name if self.slot is None else tile_id(self.slot, name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """What is in view: tiles, titles above them and a legend below.
+
+    Attributes:
+        net: smallest x, y and largest x, y of all tiles, m: what sumo-gui shows at a zoom of 100 %.
+        view: the same of what is to be seen.
+        line_m: height of a letter, m.
+        entries: names and colours of the legend.
+    """
+
+    net: Bounds
+    view: Bounds
+    line_m: float
+    entries: tuple[tuple[str, Rgb], ...]
+
+    @property
+    def viewport(self) -> tuple[float, float, float]:
+        """sumo-gui's zoom in percent, and the centre."""
+        rows = math.ceil(len(self.entries) / _LEGEND_COLUMNS)
+        left, bottom, right, top = self.view
+        top, bottom = top + 2.0 * self.line_m, bottom - (rows * _LINE + 1.0) * self.line_m
+        view = left, bottom, right, top
+        zoom = min(100.0 * _window_height(self.net, a) / _window_height(view, a) for a in _WINDOW_ASPECTS)
+        return zoom, (left + right) / 2, (top + bottom) / 2
+
+    @property
+    def exaggeration(self) -> float:
+        """How much larger than they are vehicles must be drawn to be seen at all, 1 to 3."""
+        return min(max(_window_height(self.view) / 200.0, 1.0), 3.0)
+
+    @property
+    def way_m(self) -> float:
+        """Width of lines that can be seen."""
+        return max(0.25, 0.003 * _window_height(self.view))
+
+    def closer(self, states: States) -> Frame:
+        """The part of the map where vehicles are and go.
+
+        Args:
+            states: of all vehicles, of any shape.
+        """
+        around = (
+            float(states.x.min()) - _AROUND_M,
+            float(states.y.min()) - _AROUND_M,
+            float(states.x.max()) + _AROUND_M,
+            float(states.y.max()) + _AROUND_M,
+        )
+        left, bottom, right, top = self.net
+        view = max(left, around[0]), max(bottom, around[1]), min(right, around[2]), min(top, around[3])
+        if view[0] >= view[2] or view[1] >= view[3]:  # all are off the map
+            view = around
+        return replace(self, view=view, line_m=_LETTER_SHARE * _window_height(view))
+
+
+def _window_height(bounds: Bounds, aspect: float = WINDOW_ASPECT) -> float:
+    """Height in m of a window of some width by height that shows all of it."""
+    left, bottom, right, top = bounds
+    return max(top - bottom, (right - left) / aspect)
+
+
+def frame_of(
+    bounds: Bounds,
+    offsets: Sequence[tuple[int, int]],
+    entries: Sequence[tuple[str, Rgb]],
+) -> Frame:
+    """The frame of tiles.
+
+    Args:
+        bounds: smallest x, y and largest x, y of the map, m.
+        offsets: of the tiles, m.
+        entries: names and colours of the legend.
+    """
+    left, bottom, right, top = bounds
+    net = (
+        left + min(dx for dx, _ in offsets),
+        bottom + min(dy for _, dy in offsets),
+        right + max(dx for dx, _ in offsets),
+        top + max(dy for _, dy in offsets),
+    )
+    return Frame(net=net, view=net, line_m=_LETTER_SHARE * _window_height(net), entries=tuple(entries))
+
+
+def legend_entries(
+    seed: SeedScene, models: Sequence[str], colors: Mapping[str, Rgb]
+) -> list[tuple[str, Rgb]]:
+    """Models in alphabetical order, and pedestrians and cyclists where there are any."""
+    entries = [(model, colors[model]) for model in sorted(set(models))]
+    if seed.obstacles is not None and seed.obstacles.present.any():
+        entries.append(("pedestrians and cyclists", OTHER_RGB))
+    return entries
+
+
+def draw_children(shown: Sequence[Shown], colors: Mapping[str, Rgb], frame: Frame) -> str:
+    """The way of each vehicle, and the children's titles above their tiles."""
+    lines = []
+    for s in shown:
+        dx, dy = s.offset
+        for v, model in enumerate(s.child.models):
+            track = s.child.states[v, max(s.child.past - 1, 0) :]
+            way = zip((track.x + dx).tolist(), (track.y + dy).tolist(), strict=True)
+            shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in way)
+            lines.append(_poly(s.id(f"way.{v}"), shape, colors[model], line_m=frame.way_m))
+        title = f"child {s.child.number}" + (f" · {s.child.title}" if s.child.title else "")
+        x, y = frame.view[0] + dx, frame.view[3] + dy + 0.5 * frame.line_m
+        lines.append(_text(title, x, y, frame.line_m))
+    return "".join(lines)
+
+
+def draw_legend(frame: Frame) -> str:
+    """Below the tiles: which colour is whose."""
+    lines, line_m = [], frame.line_m
+    widest = max((len(name) for name, _ in frame.entries), default=0)
+    for n, (name, rgb) in enumerate(frame.entries):
+        row, column = divmod(n, _LEGEND_COLUMNS)
+        x = frame.view[0] + column * (3.0 + widest * _LETTER) * line_m
+        y = frame.view[1] - (row + 1) * _LINE * line_m
+        corners = ((0.0, 0.0), (1.5, 0.0), (1.5, 0.8), (0.0, 0.8))
+        square = " ".join(f"{x + cx * line_m:.2f},{y + (cy - 0.4) * line_m:.2f}" for cx, cy in corners)
+        lines.append(_poly(f"legend.{n}", square, rgb))
+        lines.append(_text(name, x + 2.0 * line_m, y, line_m))
+    return "".join(lines)
+
+
+def _poly(key: str, shape: str, rgb: Rgb, *, line_m: float | None = None) -> str:
+    """A filled polygon, or a line of some width."""
+    color = ",".join(str(c) for c in rgb)
+    style = 'fill="1"' if line_m is None else f'fill="0" lineWidth="{line_m:.2f}"'
+    return f'    <poly id="{key}" color="{color}" {style} layer="{_TRACK_LAYER}" shape="{shape}"/>\n'
+
+
+def _text(text: str, x: float, y: float, line_m: float) -> str:
+    """Text that begins at x: the id of a point too small to see, on which sumo-gui centres it."""
+    middle = x + 0.5 * _LETTER * len(text) * line_m
+    # SUMO allows no blanks in ids, but blanks that do not break; and neither signs that end ids in lists.
+    key = re.sub(r"[|\\'\";,<>&]", "_", re.sub(r"\s", "\N{NO-BREAK SPACE}", text))
+    return (
+        f'    <poi id="{key}" color="0,0,0,0" layer="{_TRACK_LAYER}" x="{middle:.2f}" y="{y:.2f}"'
+        ' width="0.01" height="0.01"/>\n'
+    )

@@ -1,0 +1,222 @@
+"""One running SUMO: its files, its start and end, its errors; what talks to it is the world's to choose."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
+from dataclasses import dataclass, fields
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import sumo
+
+from scex_sumo.errors import SimulationError
+from scex_sumo.scene import STEP_S
+from scex_sumo.world.colors import Rgb
+from scex_sumo.world.gui_drawings import draw_legend, frame_of
+from scex_sumo.world.gui_settings import write_view_settings
+from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id
+from scex_sumo.world.vehicle_types import TypeBook
+
+if TYPE_CHECKING:
+    from scex_sumo.converters.net.convert import SumoNet
+
+ANY_ROUTE = "anywhere"  # vehicles that are moved need a route to exist, and never follow it
+
+# Tiles of a world shown in sumo-gui stand close together, to be seen at a glance.
+_GUI_MARGIN_M = 30.0
+
+_OPTIONS = (
+    *("--step-length", str(STEP_S), "--seed", "0", "--xml-validation", "never"),
+    *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true"),
+    # SUMO must not take away, stop or push what is where it was put.
+    *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
+    *("--default.speeddev", "0"),
+    # SUMO's drivers change lanes in this many seconds instead of jumping sideways.
+    *("--lanechange.duration", "3"),
+)
+
+_open = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class VehicleCalls:
+    """SUMO's functions on a vehicle that are called at every step, by their names.
+
+    libsumo wraps each in a Python function that does nothing but pass the arguments on, a fifth of the
+    getters' time; traci has no such inner functions.
+    """
+
+    moveToXY: Callable[..., None]
+    getPosition: Callable[[str], tuple[float, float]]
+    getAngle: Callable[[str], float]
+    getSpeed: Callable[[str], float]
+    setPreviousSpeed: Callable[..., None]
+
+    @classmethod
+    def of(cls, module: Any) -> VehicleCalls:
+        """Those of libsumo or traci."""
+        inner = getattr(getattr(module, "libsumo", None), "_libsumo", None)
+        names = [field.name for field in fields(cls)]
+        return cls(**{n: getattr(inner, f"vehicle_{n}", getattr(module.vehicle, n)) for n in names})
+
+
+@contextmanager
+def _silence() -> Iterator[Callable[[], list[str]]]:
+    """Keep SUMO and traci from writing to the terminal; gives a way to read what SUMO complained about.
+
+    SUMO writes to the process's own error stream, past Python's: the stream itself is diverted for a while.
+    """
+    sys.stderr.flush()
+    stream = os.dup(2)
+    with tempfile.TemporaryFile() as file, redirect_stdout(StringIO()):
+        os.dup2(file.fileno(), 2)
+
+        def said() -> list[str]:
+            file.seek(0)
+            return file.read().decode("utf-8", errors="replace").splitlines()
+
+        try:
+            yield said
+        finally:
+            os.dup2(stream, 2)
+            os.close(stream)
+
+
+class SumoSession:
+    """SUMO with the tiles of a net: started when needed, returned to time 0 between batches."""
+
+    def __init__(
+        self,
+        net: SumoNet,
+        slots: Sequence[int],
+        types: TypeBook,
+        folder: Path,
+        *,
+        gui: bool,
+        delay_ms: int,
+        legend: Sequence[tuple[str, Rgb]],
+    ) -> None:
+        """Take the net apart; nothing is started.
+
+        Args:
+            net: the converted road.
+            slots: the tile slots that batches will use.
+            types: the vehicle types; drivers may be entered later.
+            folder: where SUMO's files go.
+            gui: sumo-gui in libsumo's place.
+            delay_ms: pause of sumo-gui after each step.
+            legend: what the colours of vehicles mean in sumo-gui.
+
+        Raises:
+            SimulationError: the net cannot be read.
+        """
+        self.slots = sorted({int(slot) for slot in slots})
+        self._types = types
+        self._folder = folder
+        self._gui = gui
+        self._delay_ms = delay_ms
+        self._legend = legend
+        self._template = TileTemplate(net.path)
+        self._extras = TileTemplate(net.extras) if gui and net.extras is not None else None
+        count = max(self.slots, default=0) + 1
+        self.layout = (
+            self._template.window_layout(count, margin_m=_GUI_MARGIN_M) if gui else self._template.layout()
+        )
+        self._sumo: Any = None
+        self._errors: tuple[type[Exception], ...] = ()
+
+    def ready(self, module: Any) -> Any:
+        """An empty simulation at time 0 that knows all vehicle types entered.
+
+        Args:
+            module: libsumo or traci.
+
+        Returns:
+            The module, connected.
+
+        Raises:
+            SimulationError: SUMO does not start, or another simulation runs in this process.
+        """
+        if self._sumo is not None and self._types.complete and not self._types.random:
+            with self.refusals("return to the start"):
+                self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
+            return self._sumo
+        self.stop()
+        # SUMO numbers its lanes and gives each a random generator: with all tiles always there, and as many
+        # generators as lanes, a random driver meets the same numbers in its slot in whatever company.
+        self.slots = list(range(TILE_SLOTS)) if self._types.random else self.slots
+        generators = self._template.lanes * TILE_SLOTS if self._types.random else 1
+        self._start(module, [*self._write_files(), "--thread-rngs", str(generators)])
+        return self._sumo
+
+    def stop(self) -> None:
+        """End the simulation if it runs."""
+        global _open
+        if self._sumo is not None:
+            with suppress(*self._errors):
+                self._sumo.close()
+            self._sumo, _open = None, False
+
+    @contextmanager
+    def refusals(self, what: str) -> Iterator[None]:
+        """Turn SUMO's errors into ours: SUMO refused to do ``what``."""
+        try:
+            yield
+        except self._errors as error:
+            reason = str(error).strip() or type(error).__name__
+            raise SimulationError(f"SUMO refused to {what}: {reason}") from error
+
+    def _write_files(self) -> list[str]:
+        """SUMO's input; returns the options that name it."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        net, types = self._folder / "tiles.net.xml", self._folder / "types.add.xml"
+        self._template.write(net, self.slots, self.layout)
+        self._types.write(types)
+        additional, options = [types], ["-n", str(net)]
+        if self._gui:
+            if self._extras is not None:
+                additional.append(self._folder / "tiles.add.xml")
+                self._extras.write(additional[-1], self.slots, self.layout)
+            offsets = [self.layout.offset(slot) for slot in self.slots]
+            frame = frame_of(self._template.bounds, offsets, self._legend)
+            additional.append(self._folder / "legend.add.xml")
+            text = f"<additional>\n{draw_legend(frame)}</additional>\n"
+            additional[-1].write_text(text, encoding="utf-8")
+            view = self._folder / "view.xml"
+            write_view_settings(
+                view,
+                delay_ms=self._delay_ms,
+                viewport=frame.viewport,
+                names=len(self.slots) == 1,
+                text_m=frame.line_m,
+                exaggeration=frame.exaggeration,
+            )
+            options += ["--gui-settings-file", str(view), "--start", "true", "--quit-on-end", "true"]
+        return [*options, "-a", ",".join(str(path) for path in additional)]
+
+    def _start(self, module: Any, options: list[str]) -> None:
+        global _open
+        if _open:
+            raise SimulationError("SUMO runs one simulation per process and one is open; close that world")
+        os.environ.setdefault("SUMO_HOME", sumo.SUMO_HOME)
+        if self._gui and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            raise SimulationError("sumo-gui needs a display and DISPLAY is not set; run without --gui")
+        program = str(Path(sumo.SUMO_HOME) / "bin" / "sumo-gui") if self._gui else "sumo"
+        self._errors = (module.TraCIException, module.exceptions.FatalTraCIError)
+        with _silence() as said:
+            try:
+                module.start([program, *options, *_OPTIONS])
+            except self._errors as error:
+                reason = next((line for line in said() if line.startswith("Error: ")), f"Error: {error}")
+                raise SimulationError(f"SUMO does not start: {reason.removeprefix('Error: ')}") from error
+        self._sumo, _open = module, True
+        edge = self._template.plainest_edge
+        with self.refusals("begin"):
+            for slot in self.slots:
+                module.route.add(tile_id(slot, ANY_ROUTE), [tile_id(slot, edge)])
+            module.simulation.saveState(str(self._folder / "empty.xml"))

@@ -1,0 +1,198 @@
+"""Vehicle types for SUMO: shapes to look at, sizes of the seed scene, parameters of SUMO's own drivers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
+
+from scex_sumo.errors import UsageError
+from scex_sumo.scene import SeedScene
+from scex_sumo.world.gui_drawings import OTHER_RGB
+
+SUMO_MODELS = ("Krauss", "KraussPS", "IDM", "IDMM", "EIDM", "ACC", "CACC", "W99")
+"""SUMO's car-following models that repeat themselves in their tile; all but W99 do the same in any tile."""
+
+_RANDOM_MODELS = frozenset({"W99"})  # its randomness cannot be switched off
+
+# SUMO draws random numbers per lane: a driver who uses them would depend on the tile it drives in.
+_STOCHASTIC = (
+    "sigma",
+    "sigmaleader",
+    "sigmagap",
+    "sigmaerror",
+    "speedDev",
+    "lcSigma",
+    "jmSigmaMinor",
+    "jmIgnoreFoeProb",
+    "jmIgnoreJunctionFoeProb",
+)
+# A driver state or a time between driver actions brings back random errors or depends on the clock.
+_REFUSED = frozenset(
+    {"hasDriverState", "applyDriverState", "actionStepLength", "id", "length", "width", "carFollowModel"}
+)
+
+_GUI_SHAPES = (
+    ("pedestrian/bicycle", "bicycle"),
+    ("pedestrian", "pedestrian"),
+    ("bicycle", "bicycle"),
+    ("motorcycle", "motorcycle"),
+    ("bus", "bus"),
+    ("truck", "truck"),
+    ("van", "delivery"),
+    ("car", "passenger"),
+)
+_CLASSES = {"truck": "truck", "bus": "bus", "motorcycle": "motorcycle"}
+
+
+def gui_shape(kind: str) -> str:
+    """SUMO's name of the shape that a recorded type looks like; a passenger car where it is not known."""
+    return next((shape for word, shape in _GUI_SHAPES if word in kind), "passenger")
+
+
+def overridden_type(name: str, kind: str, length: float, width: float) -> str:
+    """The ``vType`` element of vehicles that are only ever put somewhere.
+
+    Class ``ignoring`` may be on any lane; the top speed is out of the way.
+    """
+    attributes = {"vClass": "ignoring", "guiShape": gui_shape(kind), "maxSpeed": "200"}
+    return _element(name, length, width, attributes)
+
+
+def replayed_type(name: str, kind: str, length: float, width: float, rgb: tuple[int, int, int]) -> str:
+    """The ``vType`` element of vehicles that SUMO shows in a colour, 0 to 255, on given trajectories."""
+    attributes = {"vClass": "ignoring", "guiShape": gui_shape(kind), "maxSpeed": "200"}
+    return _element(name, length, width, {**attributes, "color": ",".join(str(c) for c in rgb)})
+
+
+def driven_type(
+    name: str, kind: str, length: float, width: float, model: str, parameters: Mapping[str, str]
+) -> str:
+    """The ``vType`` element of vehicles that a car-following model of SUMO drives.
+
+    Args:
+        name: id of the type.
+        kind: recorded type; trucks and buses get SUMO's acceleration, braking and top speed for them.
+        length: m.
+        width: m.
+        model: SUMO's name of the model, one of ``SUMO_MODELS``.
+        parameters: attributes of SUMO's vehicle types, e.g. ``tau``.
+
+    Raises:
+        UsageError: unknown model or parameter, or one that would make the driver depend on its tile.
+    """
+    check_driver(model, parameters)
+    shape = gui_shape(kind)
+    attributes = {"vClass": _CLASSES.get(shape, "passenger"), "guiShape": shape, "carFollowModel": model}
+    return _element(name, length, width, {**attributes, **dict.fromkeys(_STOCHASTIC, "0"), **parameters})
+
+
+def check_driver(model: str, parameters: Mapping[str, str]) -> None:
+    """Check a SUMO model's name and parameters.
+
+    Raises:
+        UsageError: as ``driven_type``.
+    """
+    if model not in SUMO_MODELS:
+        raise UsageError(f"unknown SUMO model {model!r}; known: {', '.join(SUMO_MODELS)}")
+    for key, value in parameters.items():
+        if key in _STOCHASTIC and value not in ("0", "0.0"):
+            raise UsageError(
+                f"sumo:{model}: {key}={value} makes the driver random, and SUMO's random numbers depend on "
+                f"where a child is simulated; leave {key} at 0"
+            )
+        if key in _REFUSED or key not in _known_parameters():
+            raise UsageError(f"sumo:{model}: unknown parameter {key!r}; SUMO's own names are meant, e.g. tau")
+        try:
+            float(value)
+        except ValueError:
+            raise UsageError(f"sumo:{model}: {key}={value} is not a number") from None
+
+
+@cache
+def _known_parameters() -> frozenset[str]:
+    import sumo
+
+    schema = ElementTree.parse(Path(sumo.SUMO_HOME) / "data" / "xsd" / "types" / "route.xsd")
+    xsd = "{http://www.w3.org/2001/XMLSchema}"
+    types = [t for t in schema.iter(f"{xsd}complexType") if _is_vehicle_type(t.get("name", ""))]
+    return frozenset(a.get("name", "") for t in types for a in t.iter(f"{xsd}attribute"))
+
+
+def _is_vehicle_type(name: str) -> bool:
+    return name == "vTypeBaseType" or (name.startswith("cf") and name.endswith("Type"))
+
+
+def _element(name: str, length: float, width: float, attributes: Mapping[str, str]) -> str:
+    fixed = {"id": name, "length": repr(float(length)), "width": repr(float(width)), "speedFactor": "1"}
+    every = {**fixed, "speedDev": "0", **attributes}
+    return "<vType" + "".join(f" {key}={quoteattr(value)}" for key, value in every.items()) + "/>\n"
+
+
+class TypeBook:
+    """The vehicle types of a seed scene: one for each type and size, and each SUMO driver in them."""
+
+    def __init__(self, seed: SeedScene) -> None:
+        """Collect the types and sizes of the seed scene's vehicles, pedestrians and cyclists."""
+        self._vehicles = list(zip(seed.types, seed.length.tolist(), seed.width.tolist(), strict=True))
+        others = seed.obstacles
+        self._obstacles = (
+            []
+            if others is None
+            else list(zip(others.types, others.length.tolist(), others.width.tolist(), strict=True))
+        )
+        self._drivers: dict[tuple[str, tuple[tuple[str, str], ...]], int] = {}
+        self._written: set[int] = set()
+
+    @property
+    def complete(self) -> bool:
+        """Whether the file written last holds every driver entered."""
+        return self._written == set(self._drivers.values())
+
+    @property
+    def random(self) -> bool:
+        """Whether a driver draws random numbers of SUMO's."""
+        return any(model in _RANDOM_MODELS for model, _ in self._drivers)
+
+    def enter(self, model: str, parameters: Mapping[str, str]) -> None:
+        """Make a SUMO driver known.
+
+        Raises:
+            UsageError: unknown model or parameter, or one that would make the driver depend on its tile.
+        """
+        key = (model, tuple(sorted(parameters.items())))
+        if key not in self._drivers:
+            check_driver(model, parameters)
+            self._drivers[key] = len(self._drivers)
+
+    def overridden(self, vehicle: int) -> str:
+        """Type of a vehicle of the seed scene that SUMO does not drive."""
+        return _type_name(*self._vehicles[vehicle])
+
+    def driven(self, vehicle: int, model: str, parameters: Mapping[str, str]) -> str:
+        """Type of a vehicle of the seed scene that SUMO drives."""
+        index = self._drivers[model, tuple(sorted(parameters.items()))]
+        return f"{self.overridden(vehicle)}_{model}{index}"
+
+    def obstacle(self, obstacle: int) -> str:
+        """Type of a pedestrian or cyclist."""
+        return _type_name(*self._obstacles[obstacle])
+
+    def write(self, path: Path) -> None:
+        """Write SUMO's additional file with all types."""
+        lines = {_type_name(*size): overridden_type(_type_name(*size), *size) for size in self._vehicles}
+        for size in self._obstacles:
+            lines[_type_name(*size)] = replayed_type(_type_name(*size), *size, OTHER_RGB)
+        for (model, parameters), index in self._drivers.items():
+            for size in self._vehicles:
+                name = f"{_type_name(*size)}_{model}{index}"
+                lines[name] = driven_type(name, *size, model, dict(parameters))
+        path.write_text(f"<additional>\n{''.join(lines.values())}</additional>\n", encoding="utf-8")
+        self._written = set(self._drivers.values())
+
+
+def _type_name(kind: str, length: float, width: float) -> str:
+    return f"{re.sub('[^a-z0-9]', '_', kind)}_{length!r}x{width!r}"

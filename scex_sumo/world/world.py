@@ -1,0 +1,325 @@
+"""The world: libsumo (or sumo-gui), tiles, vehicles moved to their planned states, and what SUMO then holds.
+
+The only module that imports libsumo or traci, and only when a world opens. libsumo runs one simulation per
+process; a world opens its tiles once and is reused for all batches. Every batch begins at time 0 with new
+vehicles: nothing is left of one that could colour the next, not even the time (EIDM drivers depend on it).
+"""
+
+from __future__ import annotations
+
+import importlib
+import tempfile
+from collections.abc import Sequence
+from itertools import chain
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.errors import SimulationError
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
+from scex_sumo.world.batch import Batch, Some, SumoDriven, vehicle_ids
+from scex_sumo.world.colors import Rgb
+from scex_sumo.world.frame import from_sumo, to_sumo
+from scex_sumo.world.session import ANY_ROUTE, SumoSession, VehicleCalls
+from scex_sumo.world.tiles import TILE_SLOTS, tile_id
+from scex_sumo.world.vehicle_types import TypeBook
+
+if TYPE_CHECKING:
+    from scex_sumo.converters.net.convert import SumoNet
+
+__all__ = ["TILE_SLOTS", "SumoDriven", "World"]
+
+# moveToXY's keepRoute, which decides where SUMO looks for the lane that the vehicle is on; the vehicle is put
+# exactly where it should be in any case (2). 1 = only along the vehicle's route; 4 = lanes of any permission.
+_ANY_LANE = 2 + 4
+_OWN_ROUTE = 2 + 1
+# Distance at which SUMO takes a vehicle to be on a lane, m. Faster than the default of 100 m; from 20 m on it
+# finds the right one of two lanes that fork on all maps tried, with 5 m not always.
+_MATCH_M = 20.0
+_NO_LANE = -1
+
+
+def load_sumo(*, gui: bool = False) -> Any:
+    """libsumo, or traci for sumo-gui; the first time takes a quarter of a second."""
+    return importlib.import_module("traci" if gui else "libsumo")
+
+
+class World:
+    """SUMO's simulation of a batch of children, each in its tile; a context manager, one per process.
+
+    Children in which SUMO drives nobody may share a tile: vehicles that are moved take no notice of others.
+    """
+
+    def __init__(
+        self,
+        net: SumoNet,
+        seed: SeedScene,
+        *,
+        slots: Sequence[int],
+        gui: bool = False,
+        folder: Path | None = None,
+        delay_ms: int = 100,
+        legend: Sequence[tuple[str, Rgb]] = (),
+    ) -> None:
+        """Build the tiles; SUMO itself starts with the first batch.
+
+        Args:
+            net: the converted road.
+            seed: the seed scene, for sizes, types and names.
+            slots: the tile slots that batches will use, each below ``TILE_SLOTS``.
+            gui: show the simulation in sumo-gui. Its tiles stand closer together, so that the last bits of
+                positions may differ from a run without.
+            folder: where tile nets go; a temporary folder by default.
+            delay_ms: pause of sumo-gui after each step.
+            legend: names and colours to be explained in sumo-gui, e.g. the behaviour models.
+
+        Raises:
+            SimulationError: the net cannot be read.
+        """
+        self._seed = seed
+        self._temporary = tempfile.TemporaryDirectory(prefix="scex-world-")
+        self._types = TypeBook(seed)
+        self._session = SumoSession(
+            net,
+            slots,
+            self._types,
+            Path(self._temporary.name) if folder is None else folder,
+            gui=gui,
+            delay_ms=delay_ms,
+            legend=legend,
+        )
+        self._gui = gui
+        self._length = np.asarray(seed.length, dtype=np.float64)
+        self._sumo: Any = None
+        self._running: Batch | None = None
+        self._speeds: list[tuple[str, float, float]] = []  # to be set after the next step
+        self._routes = 0
+
+    def __enter__(self) -> World:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the simulation; may be called again."""
+        self._session.stop()
+        self._running = None
+        self._temporary.cleanup()
+
+    def begin(self, start: States, slots: IntArray, driven: Sequence[SumoDriven] = ()) -> None:
+        """Put everybody at the start of a batch; ``read`` then equals ``start``.
+
+        Args:
+            start: (C, V) states of the seed scene.
+            slots: (C,) tile slot of each child; only children in which SUMO drives nobody may share one.
+            driven: the vehicles that SUMO drives; all others must be moved before each step.
+
+        Raises:
+            SimulationError: a slot without a tile, or shared with a driver of SUMO's, a route that the net
+                does not hold, or a refusal by SUMO.
+            UsageError: an unknown SUMO model or parameter.
+        """
+        wanted, tiles = [int(slot) for slot in slots], self._session.slots
+        if missing := sorted(set(wanted) - set(tiles)):
+            raise SimulationError(f"no tile for slots {missing}; this world has tiles for {tiles}")
+        for d in driven:
+            self._types.enter(d.model, d.parameters)
+        self._running = None
+        self._speeds.clear()
+        self._sumo = self._session.ready(load_sumo(gui=self._gui))
+        self._call = VehicleCalls.of(self._sumo)
+        batch = self._running = self._new_batch(start, wanted, driven)
+        if shared := batch.shared_slots():
+            raise SimulationError(
+                f"slots {shared} hold several children, one of them with drivers of SUMO's or somebody who "
+                "watches; give each a slot of its own"
+            )
+        with self._session.refusals(f"set up a batch of {len(wanted)} children"):
+            self._add_vehicles(batch, driven)
+            self._place(start, batch.everybody, np.zeros(start.shape))
+        if others := self._seed.obstacles:
+            self.move_obstacles(others.states[:, HISTORY_STEPS], others.present[:, HISTORY_STEPS])
+        self._advance(batch)
+        with self._session.refusals("hand vehicles over to its drivers"):
+            batch.hand_over(driven, self._sumo)
+
+    def _new_batch(self, start: States, slots: list[int], driven: Sequence[SumoDriven]) -> Batch:
+        overridden = np.ones(start.shape, dtype=bool)
+        for d in driven:
+            overridden[d.child, d.vehicle] = False
+        # Looking for lanes takes three quarters of the time, and is of use only to the drivers of SUMO's who
+        # look for vehicles on their lanes: where there are none, SUMO need not look beyond one lane.
+        mixed = np.full(len(slots), self._gui) | ~overridden.all(axis=1)
+        offsets = np.array([self._session.layout.offset(slot) for slot in slots], dtype=np.float64)
+        return Batch(
+            slots=slots,
+            ids=vehicle_ids(slots, self._seed.track_ids),
+            offset=offsets.T[..., None],
+            overridden=overridden,
+            mixed=mixed,
+            lanes=np.where(mixed[:, None] & overridden, _ANY_LANE, _OWN_ROUTE),
+            speed=start.speed.copy(),
+            held=np.empty(start.shape),
+        )
+
+    def move(self, states: States, mask: BoolArray) -> None:
+        """Say where vehicles are after the next step.
+
+        Args:
+            states: (C, V), used where ``mask`` is True.
+            mask: (C, V) exactly the vehicles that SUMO does not drive.
+
+        SUMO knows no negative speeds: a vehicle that reverses is where it should be, and reads 0 m/s.
+
+        Raises:
+            SimulationError: a vehicle is moved that SUMO drives, or one is left out that it does not.
+        """
+        batch = self._batch
+        if not np.array_equal(mask, batch.overridden):
+            raise SimulationError(
+                f"{int((mask & ~batch.overridden).sum())} vehicles moved that SUMO drives, "
+                f"{int((~mask & batch.overridden).sum())} not moved that it does not drive"
+            )
+        with self._session.refusals("move vehicles"):
+            self._place(states, batch.moved, (states.speed - batch.speed) / STEP_S)
+        np.copyto(batch.speed, states.speed, where=mask)
+
+    def move_obstacles(self, states: States, present: BoolArray) -> None:
+        """Say where pedestrians and cyclists are after the next step, wherever SUMO's drivers see them.
+
+        Their speed is left to SUMO's own estimate, the motion along the lane: somebody who crosses a lane
+        stands still for whoever drives along it.
+
+        Args:
+            states: (O,) one for each obstacle of the seed scene.
+            present: (O,) False takes an obstacle out of the world.
+        """
+        batch, others = self._batch, self._seed.obstacles
+        if others is None:
+            return
+        front_x, front_y, angle = to_sumo(states, others.length)
+        with self._session.refusals("move pedestrians and cyclists"):
+            for child in np.flatnonzero(batch.mixed):
+                slot, (dx, dy) = batch.slots[child], batch.offset[:, child, 0]
+                for o, name in enumerate(others.ids):
+                    key = tile_id(slot, f"other{name}")
+                    if present[o]:
+                        if key not in batch.obstacles:
+                            self._add(key, tile_id(slot, ANY_ROUTE), self._types.obstacle(o))
+                            batch.obstacles.add(key)
+                        self._put(key, float(front_x[o] + dx), float(front_y[o] + dy), float(angle[o]))
+                    elif key in batch.obstacles:
+                        self._sumo.vehicle.remove(key)
+                        batch.obstacles.remove(key)
+
+    def step(self) -> None:
+        """Advance by 0.1 s.
+
+        Raises:
+            SimulationError: SUMO lost a vehicle, or stopped.
+        """
+        batch = self._batch
+        with self._session.refusals("move vehicles on beyond the end of their route"):
+            for pose in batch.go_straight_on():
+                self._put(pose.key, pose.x, pose.y, pose.angle)
+                self._speeds.append((pose.key, pose.speed, 0.0))
+        self._advance(batch)
+        with self._session.refusals("follow routes"):
+            batch.watch_route_ends(self._sumo)
+
+    def read(self) -> States:
+        """What SUMO holds now: (C, V) centres, headings in (-pi, pi], speeds.
+
+        The speed of a vehicle that is moved is the one that it was given: SUMO is told where it matters to
+        somebody in the child, see ``_advance``.
+        """
+        batch, get = self._batch, self._call
+        shape = batch.overridden.shape
+        with self._session.refusals("read vehicles"):
+            ends = chain.from_iterable(map(get.getPosition, batch.ids))
+            front = np.fromiter(ends, np.float64, 2 * len(batch.ids)).reshape(*shape, 2)
+            angle = np.fromiter(map(get.getAngle, batch.ids), np.float64, len(batch.ids)).reshape(shape)
+            speed = batch.held.copy()
+            for child in np.flatnonzero(batch.mixed):
+                mine = batch.ids[child * shape[1] : (child + 1) * shape[1]]
+                speed[child] = list(map(get.getSpeed, mine))
+        x, y = front[..., 0] - batch.offset[0], front[..., 1] - batch.offset[1]
+        return from_sumo(x, y, angle, speed, self._length)
+
+    def color(self, child: int, vehicle: int, rgb: Rgb) -> None:
+        """Colour a vehicle of the batch in sumo-gui; without it nobody looks, and nothing happens."""
+        if self._gui:
+            with self._session.refusals("colour a vehicle"):
+                self._sumo.vehicle.setColor(self._batch.id_of(child, vehicle), (*rgb, 255))
+
+    @property
+    def _batch(self) -> Batch:
+        if self._running is None:
+            raise SimulationError("no batch is running in this world; begin one first")
+        return self._running
+
+    def _place(self, states: States, some: Some, acceleration: FloatArray) -> None:
+        """Queue poses for the next step, and for the moment after it the speeds that somebody looks at."""
+        batch = self._batch
+        front_x, front_y, angle = to_sumo(states, self._length)
+        poses = (front_x + batch.offset[0], front_y + batch.offset[1], angle)
+        x, y, degrees = (values.reshape(-1)[some.index].tolist() for values in poses)
+        move = self._call.moveToXY
+        for key, to_x, to_y, turned, lanes in zip(some.ids, x, y, degrees, some.lanes, strict=True):
+            move(key, "", _NO_LANE, to_x, to_y, turned, lanes, _MATCH_M)
+        if some.watched:
+            at = some.index[some.watched]
+            speeds, changes = (values.reshape(-1)[at].tolist() for values in (states.speed, acceleration))
+            self._speeds.extend(zip([some.ids[i] for i in some.watched], speeds, changes, strict=True))
+
+    def _put(self, key: str, x: float, y: float, angle: float) -> None:
+        self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, _ANY_LANE, _MATCH_M)
+
+    def _add(self, key: str, route: str, kind: str) -> None:
+        self._sumo.vehicle.add(key, route, kind)
+
+    def _advance(self, batch: Batch) -> None:
+        """One step of SUMO, a count of the vehicles, and the right speeds for those that were moved.
+
+        SUMO takes the motion along the lane for the speed, which is wrong wherever a vehicle is not parallel
+        to it. What is set here is what SUMO goes on with, and what its drivers see of a vehicle; without
+        anybody in a child who looks, a vehicle's speed is none of SUMO's concern.
+        """
+        expected = len(batch.ids) + len(batch.obstacles)
+        with self._session.refusals("advance"):
+            self._sumo.simulationStep()
+            if self._sumo.vehicle.getIDCount() != expected:
+                lost = sorted({*batch.ids, *batch.obstacles} - set(self._sumo.vehicle.getIDList()))
+                raise SimulationError(
+                    f"SUMO lost {len(lost)} of {expected} vehicles ({', '.join(lost[:3])}, ...); "
+                    "please report this with the seed scene"
+                )
+            set_speed = self._call.setPreviousSpeed
+            for key, speed, acceleration in self._speeds:
+                set_speed(key, speed, acceleration)
+        self._speeds.clear()
+        batch.held = np.where(batch.speed < 0, 0.0, batch.speed)
+
+    def _add_vehicles(self, batch: Batch, driven: Sequence[SumoDriven]) -> None:
+        vehicles = self._seed.vehicles
+        overridden = [self._types.overridden(v) for v in range(vehicles)]
+        by_sumo = {d.child * vehicles + d.vehicle: d for d in driven}
+        for index, key in enumerate(batch.ids):
+            child, v = divmod(index, vehicles)
+            slot = batch.slots[child]
+            if d := by_sumo.get(index):
+                self._routes += 1
+                route = f"route{self._routes}"
+                self._sumo.route.add(route, [tile_id(slot, edge) for edge in d.edges])
+                self._add(key, route, self._types.driven(v, d.model, d.parameters))
+            else:
+                self._add(key, tile_id(slot, ANY_ROUTE), overridden[v])
+                if batch.mixed[child]:
+                    # Or SUMO makes others give way to lane changes that this vehicle will never make.
+                    self._sumo.vehicle.setLaneChangeMode(key, 0)

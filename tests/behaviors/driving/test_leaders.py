@@ -1,0 +1,173 @@
+"""Who is a leader, and how far ahead."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
+from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
+from scex_sumo.behaviors.driving.projection import project
+from scex_sumo.road import Road
+from scex_sumo.scene import Obstacles, States, Who
+from tests.behaviors import roads
+
+OWN = (100.0, 0.0, 0.0, 10.0)  # 4.5 m long, 1.8 m wide, on the lane's centreline
+DOWN = -np.pi / 2
+
+
+def leaders(
+    *others: roads.Vehicle,
+    own: roads.Vehicle = OWN,
+    where: Road | None = None,
+    clearance: float = 5.0,
+    radius: float = 100.0,
+    obstacles: Obstacles | None = None,
+) -> Leaders:
+    scene = roads.seed(own, *others, obstacles=obstacles)
+    history = roads.present(scene)
+    who = Who(child=np.array([0]), vehicle=np.array([0]))
+    paths = seed_paths(scene, roads.straight() if where is None else where)
+    row = paths.choose(0, who.vehicle, np.zeros(1))
+    s, _, _ = project(paths, row, np.array([own[0]]), np.array([own[1]]), np.array([BEHIND_M]))
+    return find_leaders(history, who, paths, row, s, clearance=clearance, radius=radius)
+
+
+def gap(*others: roads.Vehicle, **kwargs: object) -> float:
+    return float(leaders(*others, **kwargs).gap[0])  # type: ignore[arg-type]
+
+
+def test_the_gap_is_bumper_to_bumper() -> None:
+    found = leaders((130.0, 0.0, 0.0, 7.0))
+    assert (found.gap[0], found.speed[0], found.index[0]) == pytest.approx((25.5, 7.0, 1))
+
+
+def test_without_anybody_ahead_the_gap_is_infinite() -> None:
+    found = leaders((70.0, 0.0, 0.0, 12.0))
+    assert (found.gap[0], found.speed[0], found.index[0]) == (np.inf, 0.0, -1)
+
+
+def test_the_nearest_one_leads() -> None:
+    assert leaders((160.0, 0.0, 0.0, 1.0), (130.0, 2.0, 0.0, 7.0), (145.0, 0.0, 0.0, 3.0)).index[0] == 2
+
+
+def test_the_clearance_takes_in_the_neighbouring_lane_or_does_not() -> None:
+    beside = (130.0, 3.5, 0.0, 7.0)
+    assert gap(beside) == pytest.approx(25.5)
+    assert gap(beside, clearance=1.5) == np.inf
+    assert gap((130.0, 5.2, 0.0, 7.0)) == np.inf
+
+
+def test_a_long_vehicle_reaches_into_the_way_from_outside_the_clearance() -> None:
+    # Turned across, its 4.5 m reach 2.25 m to the side: from 3.4 m away to 1.15 m, inside 0.9 + 0.3 m.
+    assert gap((130.0, 3.4, DOWN, 0.0), clearance=1.5) == pytest.approx(130 - 100 - 0.9 - 2.25)
+    assert gap((130.0, 3.5, DOWN, 0.0), clearance=1.5) == np.inf
+
+
+def test_a_vehicle_across_the_path_stands_there_with_its_width() -> None:
+    found = leaders((130.0, 0.0, DOWN, 6.0))
+    assert found.gap[0] == pytest.approx(130 - 100 - 0.9 - 2.25)
+    assert found.speed[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_one_turned_by_45_degrees_has_the_extent_of_its_rectangle() -> None:
+    extent = (2.25 + 0.9) * np.sqrt(0.5)
+    found = leaders((130.0, 0.0, np.pi / 4, 6.0))
+    assert found.gap[0] == pytest.approx(30 - 2.25 - extent)
+    assert found.speed[0] == pytest.approx(6.0 * np.sqrt(0.5))
+
+
+def test_a_vehicle_alongside_is_no_leader_unless_it_is_in_the_way() -> None:
+    # Half a length ahead: in the next lane it overlaps along the path but not across.
+    assert gap((102.0, 3.5, 0.0, 10.0)) == np.inf
+    # One that cuts in: 1.9 m beside, bodies 0.1 m apart.
+    assert gap((102.0, 1.9, 0.0, 10.0)) == pytest.approx(2.0 - 4.5)
+    # The same one behind is not ours to avoid.
+    assert gap((98.0, 1.9, 0.0, 10.0)) == np.inf
+
+
+def test_oncoming_traffic_in_its_own_lane_is_no_leader_in_ours_it_is() -> None:
+    assert gap((130.0, 3.5, np.pi, 10.0)) == np.inf
+    found = leaders((130.0, 0.5, np.pi, 10.0))
+    assert (found.gap[0], found.speed[0]) == pytest.approx((25.5, -10.0))
+    # Nor is one that waits there; one that stands across counts.
+    assert gap((130.0, 3.5, np.pi, 0.0)) == np.inf
+    assert gap((130.0, 3.5, np.pi / 2, 0.0)) == pytest.approx(30 - 2.25 - 0.9)
+
+
+def test_only_those_within_the_perception_radius_are_seen() -> None:
+    assert gap((149.0, 0.0, 0.0, 7.0), radius=50.0) == pytest.approx(44.5)
+    assert gap((151.0, 0.0, 0.0, 7.0), radius=50.0) == np.inf
+
+
+def test_distance_is_measured_along_a_curved_path() -> None:
+    where = roads.road(roads.lane(1, roads.arc(30.0, 3.0, step=0.5)))
+    at = 1.5  # rad around the circle, 45 m
+    other = (30 * np.sin(at), 30 - 30 * np.cos(at), at, 5.0)
+    found = leaders(other, own=(0.0, 0.0, 0.0, 8.0), where=where)
+    # Smoothing shortens the arc by sigma²/(2R²), 0.1 %.
+    assert found.gap[0] == pytest.approx(45.0 - 4.5, abs=0.15)
+    assert found.speed[0] == pytest.approx(5.0, abs=0.01)
+
+
+def test_a_vehicle_on_another_branch_of_a_fork_leads_only_who_goes_there() -> None:
+    other = (65.0, 50.0, np.pi / 2, 5.0)  # up the left branch
+    scene = roads.seed((40.0, 0.0, 0.0, 8.0), other)
+    history, who = roads.present(scene), Who(child=np.zeros(3, dtype=int), vehicle=np.zeros(3, dtype=int))
+    paths = seed_paths(scene, roads.fork())
+    row = np.array([0, 1, 2])
+    s, _, _ = project(paths, row, np.full(3, 40.0), np.zeros(3), np.full(3, BEHIND_M))
+    found = find_leaders(history, who, paths, row, s, clearance=5.0, radius=100.0)
+    assert found.index.tolist() == [1, -1, -1]
+
+
+def pedestrian(x: float, y: float, present: bool = True) -> Obstacles:
+    shape = (1, 11)
+    return Obstacles(
+        ids=("P1",),
+        types=("pedestrian/bicycle",),
+        length=np.array([0.5]),
+        width=np.array([0.5]),
+        states=States(
+            x=np.full(shape, x), y=np.full(shape, y), heading=np.full(shape, DOWN), speed=np.full(shape, 1.4)
+        ),
+        present=np.full(shape, present),
+    )
+
+
+def test_a_pedestrian_on_the_road_is_a_leader_while_present() -> None:
+    found = leaders(obstacles=pedestrian(120.0, 1.0))
+    assert (found.gap[0], found.index[0]) == pytest.approx((20.0 - 2.25 - 0.25, 1))
+    assert gap(obstacles=pedestrian(120.0, 1.0, present=False)) == np.inf
+
+
+def test_a_pedestrian_waiting_beside_the_lane_stops_nobody() -> None:
+    # A vehicle there would, within 5 m.
+    assert gap(obstacles=pedestrian(120.0, 3.0)) == np.inf
+    assert gap((120.0, 3.0, DOWN, 0.0)) < np.inf
+
+
+def test_the_nearest_is_found_on_a_path_that_comes_back_beside_itself() -> None:
+    """A U-turn: one on the way back is ahead by the way round, not by the short cut."""
+    turn = roads.arc(10.0, np.pi, (60.0, 0.0), step=0.5)
+    where = roads.road(roads.lane(1, [(0.0, 0.0), *map(tuple, turn), (0.0, 20.0)]))
+    found = leaders((40.0, 20.0, np.pi, 5.0), own=(40.0, 0.0, 0.0, 8.0), where=where)
+    way = 20 + 10 * np.pi + 20
+    # Smoothing draws the turn in by sigma²/(2R) = 0.11 m: 0.35 m shorter.
+    assert found.gap[0] == pytest.approx(way - 0.35 - 4.5, abs=0.15)
+    assert found.speed[0] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("ahead", np.linspace(10.0, 60.0, 11).tolist())
+def test_in_a_roundabout_the_leader_is_where_it_is_this_lap(ahead: float) -> None:
+    radius = 12.0
+    half = roads.arc(radius, np.pi, step=0.5), roads.arc(radius, np.pi, (0.0, 2 * radius), np.pi, step=0.5)
+    ring = roads.road(
+        roads.lane(1, half[0], successors=(2,), predecessors=(2,)),
+        roads.lane(2, half[1], successors=(1,), predecessors=(1,)),
+    )
+    turn = ahead / radius
+    other = (radius * np.sin(turn), radius - radius * np.cos(turn), turn, 5.0)
+    found = leaders(other, own=(0.0, 0.0, 0.0, 8.0), where=ring)
+    # Smoothing draws the ring in by sigma²/(2R) = 0.09 m of 12 m: by less than one part in a hundred.
+    assert found.gap[0] == pytest.approx(ahead - 4.5, abs=0.01 * ahead + 0.05)

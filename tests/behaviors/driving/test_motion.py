@@ -1,0 +1,164 @@
+"""Motion: a car that starts where it is, obeys its steering, and joins its path."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE
+from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity, ConstantVelocityProfile
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.road import Road
+from scex_sumo.scene import SeedScene, States
+from tests.behaviors import roads
+
+MODEL = ConstantVelocity(ConstantVelocityProfile(path=0))
+LENGTH = 4.5
+
+
+def driven(where: Road, scene: SeedScene, seconds: float, replan: int = 5) -> States:
+    """The first vehicle's states from the seed scene on, (1 + steps)."""
+    steps = round(seconds * 10)
+    track = roads.closed_loop(MODEL, where, scene, steps=steps, replan=replan)
+    return States.concatenate([scene.now[0:1], track[0, 0]], axis=0)
+
+
+def rear_axle(track: States) -> tuple[FloatArray, FloatArray]:
+    back = REAR_AXLE_SHARE * LENGTH
+    return track.x - back * np.cos(track.heading), track.y - back * np.sin(track.heading)
+
+
+def assert_bicycle(track: States) -> None:
+    """The rear axle moves along the heading, on arcs of at most 0.2 1/m."""
+    x, y = rear_axle(track)
+    dx, dy = np.diff(x), np.diff(y)
+    turn = wrap(np.diff(track.heading))
+    moved = np.hypot(dx, dy)
+    moving = moved > 1e-6
+    assert np.all(np.abs(turn[~moving]) < 1e-6)
+    # On an arc the chord points halfway between the headings at its ends.
+    slip = wrap(np.arctan2(dy, dx) - track.heading[:-1] - turn / 2)
+    assert np.abs(slip[moving]).max() < 1e-6
+    arc = moved[moving] * (turn[moving] / 2) / np.where(turn[moving] == 0, 1, np.sin(turn[moving] / 2))
+    arc = np.where(turn[moving] == 0, moved[moving], arc)
+    assert (np.abs(turn[moving]) / arc).max() <= 0.2 + 1e-9
+
+
+STARTS = [(v, d, a) for v in (2, 5, 10, 20, 30) for d in (-2.0, 0.3, 2.0) for a in (-10, 0, 10)]
+
+
+@pytest.mark.parametrize(("speed", "offset", "degrees"), STARTS)
+def test_every_plan_obeys_a_kinematic_bicycle(speed: float, offset: float, degrees: float) -> None:
+    scene = roads.seed((50.0, offset, np.deg2rad(degrees), speed))
+    assert_bicycle(driven(roads.straight(), scene, 3.0, replan=30))
+
+
+@pytest.mark.parametrize("speed", [3.0, 8.0, 14.0])
+@pytest.mark.parametrize("path", [0, 1, 2])
+def test_so_do_plans_through_a_junction(speed: float, path: int) -> None:
+    model = ConstantVelocity(ConstantVelocityProfile(path=path))
+    scene = roads.seed((30.0, 0.6, 0.05, speed))
+    track = roads.closed_loop(model, roads.fork(), scene, steps=60, replan=5)
+    assert_bicycle(States.concatenate([scene.now[0:1], track[0, 0]], axis=0))
+
+
+@pytest.mark.parametrize("offset", [0.5, -1.0, 2.0])
+@pytest.mark.parametrize("degrees", [-10, -3, 0, 3, 10])
+def test_joining_a_straight_lane_at_20_mps_costs_at_most_4_mps2(offset: float, degrees: float) -> None:
+    scene = roads.seed((50.0, offset, np.deg2rad(degrees), 20.0))
+    track = driven(roads.straight(), scene, 8.0)
+    before = scene.history[0, 9:10]  # the acceleration at the first step counts too
+    whole = States.concatenate([before, track], axis=0)
+    ax, ay = np.diff(whole.x, 2) / 0.01, np.diff(whole.y, 2) / 0.01
+    heading = whole.heading[1:-1]
+    lateral = np.cos(heading) * ay - np.sin(heading) * ax
+    assert np.abs(lateral).max() <= 4.0
+    assert track.y[-1] == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("speed", "offset"), [(3.0, 0.8), (10.0, 1.5), (20.0, -2.0), (35.0, 1.0)])
+def test_a_vehicle_beside_the_centreline_joins_it_and_stays_without_swinging(
+    speed: float, offset: float
+) -> None:
+    scene = roads.seed((50.0, offset, 0.0, speed))
+    y = driven(roads.straight(2000.0), scene, 15.0).y * np.sign(offset)
+    # It neither moves away first nor goes further past the line than a millimetre in a hundred.
+    assert y.max() <= abs(offset) + 1e-9
+    assert y.min() >= -0.01 * abs(offset)
+    assert y[-1] == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("offset", "degrees", "speed"), [(1.0, 5.0, 12.0), (-2.0, -8.0, 20.0), (0.5, 20.0, 4.0)]
+)
+def test_replanning_more_often_changes_nothing_for_a_lone_vehicle(
+    offset: float, degrees: float, speed: float
+) -> None:
+    scene = roads.seed((30.0, offset, np.deg2rad(degrees), speed))
+    for where in (roads.straight(), roads.fork()):
+        often, seldom = driven(where, scene, 6.0, replan=5), driven(where, scene, 6.0, replan=10)
+        # On a curve the curvature of the last step is known to the sample only.
+        assert np.hypot(often.x - seldom.x, often.y - seldom.y).max() < 0.02
+        assert np.abs(wrap(often.heading - seldom.heading)).max() < 0.01
+
+
+def test_the_path_is_kept_to_in_a_curve() -> None:
+    where = roads.road(roads.lane(1, roads.arc(15.0, 3.0, (50.0, 0.0), step=0.5), predecessors=(2,)),
+                       roads.lane(2, [(0.0, 0.0), (50.0, 0.0)], successors=(1,)))  # fmt: skip
+    track = driven(where, roads.seed((35.0, 0.0, 0.0, 6.0)), 9.0)
+    x, y = rear_axle(track)
+    inside = x > 50.0
+    radius = np.hypot(x[inside] - 50.0, y[inside] - 15.0)
+    # Smoothing draws the entry inwards by a few centimetres; the rest is the driver's.
+    assert radius == pytest.approx(15.0, abs=0.15)
+
+
+def test_a_long_child_still_finds_its_road() -> None:
+    # A ring of 40 m radius, once round at 10 m/s: 25 s, 251 m; a plan's table reaches 120 m at first.
+    ring = [roads.arc(40.0, np.pi), roads.arc(40.0, np.pi, (0.0, 80.0), np.pi)]
+    where = roads.road(
+        roads.lane(1, ring[0], successors=(2,), predecessors=(2,)),
+        roads.lane(2, ring[1], successors=(1,), predecessors=(1,)),
+    )
+    track = driven(where, roads.seed((0.0, 0.0, 0.0, 10.0)), 25.0)
+    x, y = rear_axle(track)
+    assert np.hypot(x, y - 40.0)[30:] == pytest.approx(40.0, abs=0.1)
+
+
+def test_steering_has_no_jumps_between_steps_or_plans() -> None:
+    scene = roads.seed((20.0, 1.0, 0.1, 8.0))
+    track = driven(roads.fork(), scene, 8.0)
+    x, y = rear_axle(track)
+    curvature = wrap(np.diff(track.heading)) / np.hypot(np.diff(x), np.diff(y))
+    # 0.3 1/m per second of correction, and what the fork's 15 m curve asks for on its way in:
+    # 1/15 1/m over some 3·1.5 m at 8 m/s is 0.12 1/m per second.
+    assert np.abs(np.diff(curvature)).max() <= 0.1 * (0.3 + 0.12)
+
+
+def test_a_standing_vehicle_stays_where_it_is_and_how_it_stands() -> None:
+    track = driven(roads.straight(), roads.seed((30.0, 1.0, 0.3, 0.0)), 3.0)
+    for key, value in (("x", 30.0), ("y", 1.0), ("heading", 0.3), ("speed", 0.0)):
+        assert getattr(track, key) == pytest.approx(value)
+
+
+def test_a_vehicle_facing_half_backwards_turns_round_and_comes_back() -> None:
+    # Matching ends at 60 degrees; a given path has no such limit.
+    model = ConstantVelocity(ConstantVelocityProfile(path=((0.0, 0.0), (900.0, 0.0))))
+    scene = roads.seed((300.0, 0.0, np.deg2rad(150), 5.0))
+    track = roads.closed_loop(model, roads.straight(), scene, steps=200, replan=5)[0, 0]
+    assert track.y[-1] == pytest.approx(0.0, abs=0.05)
+    assert track.heading[-1] == pytest.approx(0.0, abs=0.01)
+    assert_bicycle(track)
+
+
+def test_the_rear_axle_of_a_truck_keeps_to_its_share_of_the_length() -> None:
+    where = roads.road(roads.lane(1, roads.arc(20.0, 3.0, step=0.5)))
+    scene = roads.seed((0.0, 0.0, 0.0, 6.0), length=12.0)
+    track = roads.closed_loop(MODEL, where, scene, steps=60, replan=5)[0, 0]
+    x = track.x - REAR_AXLE_SHARE * 12.0 * np.cos(track.heading)
+    y = track.y - REAR_AXLE_SHARE * 12.0 * np.sin(track.heading)
+    late = slice(30, None)
+    # Its centre swings out: R_centre = √(R² + (0.3·12)²).
+    assert np.hypot(x, y - 20.0)[late] == pytest.approx(20.0, abs=0.15)
+    assert np.hypot(track.x, track.y - 20.0)[late] == pytest.approx(np.hypot(20.0, 3.6), abs=0.15)

@@ -1,0 +1,214 @@
+"""The Intelligent Driver Model: formula, equilibrium, stopping, speed limits, curves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile, desired_speed, idm_acceleration
+from scex_sumo.behaviors.profiles import DEFAULTS
+from scex_sumo.errors import UsageError
+from scex_sumo.scene import Obstacles, States
+from tests.behaviors import roads
+
+PROFILE = IdmProfile(
+    comfort_deceleration=2.0, time_headway=1.5, minimum_gap=2.0, max_acceleration=1.5, path=0
+)
+DRIVER = IdmDriver(PROFILE)
+
+
+def acceleration(v: float, v0: float, gap: float, leader: float, profile: IdmProfile = PROFILE) -> float:
+    columns = (np.array([value]) for value in (v, v0, gap, leader))
+    return float(idm_acceleration(profile, *columns)[0])
+
+
+@pytest.mark.parametrize("name", ["standard_driver", "risky_driver", "calibrated_driver"])
+@pytest.mark.parametrize(("v", "v0", "gap", "leader"), [(10, 15, 30, 8), (0, 15, 5, 0), (14, 15, 60, 14)])
+def test_the_acceleration_is_that_of_the_formula(
+    name: str, v: float, v0: float, gap: float, leader: float
+) -> None:
+    p = DEFAULTS[name]
+    root = 2 * np.sqrt(p.max_acceleration * p.comfort_deceleration)
+    wanted = p.minimum_gap + v * p.time_headway + v * (v - leader) / root
+    by_hand = p.max_acceleration * (1 - (v / v0) ** 4 - (wanted / gap) ** 2)
+    assert acceleration(v, v0, gap, leader, p) == pytest.approx(by_hand, rel=1e-12)
+
+
+def test_at_the_equilibrium_gap_a_follower_keeps_its_speed() -> None:
+    v, v0 = 10.0, 15.0
+    gap = (2.0 + 10.0 * 1.5) / np.sqrt(1 - (v / v0) ** 4)
+    assert acceleration(v, v0, gap, v) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_free_driver_accelerates_at_a_max_from_rest_and_not_at_all_at_the_desired_speed() -> None:
+    assert acceleration(0.0, 15.0, np.inf, 0.0) == 1.5
+    assert acceleration(15.0, 15.0, np.inf, 0.0) == 0.0
+
+
+def test_braking_is_limited_by_physics_even_on_overlap() -> None:
+    assert acceleration(20.0, 15.0, 1.0, 0.0) == -9.0
+    assert acceleration(20.0, 15.0, -3.0, 0.0) == -9.0
+
+
+def test_a_leader_that_runs_away_does_not_pull() -> None:
+    # s* does not fall below s0 however fast the leader opens the gap.
+    v0 = 15.0
+    assert acceleration(5.0, v0, 20.0, 50.0) == pytest.approx(1.5 * (1 - (5 / v0) ** 4 - (2 / 20) ** 2))
+
+
+def follow(*vehicles: roads.Vehicle, seconds: float = 3.0, profile: IdmProfile = PROFILE) -> States:
+    """First vehicle an IDM driver, the others standing still or driving on at constant speed."""
+    scene = roads.seed(*vehicles)
+    made = roads.plan(IdmDriver(profile), roads.straight(), roads.present(scene))
+    steps = round(seconds * 10)
+    return States(
+        x=made.x[0, :steps], y=made.y[0, :steps], heading=made.heading[0, :steps], speed=made.speed[0, :steps]
+    )
+
+
+def test_the_first_step_is_the_formula_bumper_to_bumper() -> None:
+    # Centres 34.5 m apart, 4.5 m long: 30 m between the bumpers.
+    track = follow((30.0, 0.0, 0.0, 10.0), (64.5, 0.0, 0.0, 8.0))
+    assert (track.speed[0] - 10.0) / 0.1 == pytest.approx(acceleration(10.0, 15.0, 30.0, 8.0))
+    assert track.x[0] == pytest.approx(30.0 + (10.0 + track.speed[0]) / 2 * 0.1)
+
+
+def test_a_follower_in_equilibrium_stays_in_it_through_the_whole_plan() -> None:
+    gap = (2.0 + 10.0 * 1.5) / np.sqrt(1 - (10 / 15) ** 4)
+    track = follow((30.0, 0.0, 0.0, 10.0), (34.5 + gap, 0.0, 0.0, 10.0))
+    assert track.speed == pytest.approx(10.0, abs=1e-6)
+
+
+def test_a_driver_stops_smoothly_behind_something_standing_and_never_reverses() -> None:
+    track = one_against_standing(DRIVER, 12.0, 70.0, seconds=30)
+    assert np.all(track.speed >= 0)
+    assert track.speed[-1] == pytest.approx(0.0, abs=0.05)
+    # It ends s0 = 2 m behind the rear bumper at 100 - 2.25, give or take the crawl of the last seconds.
+    assert 100.0 - 4.5 - track.x[-1] == pytest.approx(2.0, abs=0.4)
+    assert np.diff(track.speed).min() / 0.1 > -3.5
+    assert np.all(np.diff(track.x) >= 0)
+
+
+def one_against_standing(driver: IdmDriver, speed: float, gap: float, seconds: float) -> States:
+    """Closed loop of one driver towards an obstacle that stands at x = 30 + gap: (steps,)."""
+    shape = (1, 11)
+    stands = States(
+        x=np.full(shape, 30.0 + gap), y=np.zeros(shape), heading=np.zeros(shape), speed=np.zeros(shape)
+    )
+    wall = Obstacles(
+        ids=("P1",),
+        types=("pedestrian/bicycle",),
+        length=np.array([4.5]),
+        width=np.array([1.8]),
+        states=stands,
+        present=np.ones(shape, dtype=bool),
+    )
+    scene = roads.seed((30.0, 0.0, 0.0, speed), obstacles=wall)
+    return roads.closed_loop(driver, roads.straight(), scene, steps=round(seconds * 10), replan=5)[0, 0]
+
+
+def test_emergency_a_short_gap_is_braked_for_at_the_limit() -> None:
+    track = follow((30.0, 0.0, 0.0, 15.0), (45.0, 0.0, 0.0, 0.0))
+    assert np.diff(track.speed)[:5] / 0.1 == pytest.approx(-9.0)
+    assert np.all(track.speed >= 0)
+    assert track.speed[-1] == 0.0
+
+
+def test_the_speed_limit_of_the_lane_is_the_desired_speed_and_can_be_replaced() -> None:
+    scene = roads.seed((30.0, 0.0, 0.0, 5.0))
+
+    def end(limit: float, **parameters: float) -> float:
+        driver = IdmDriver(replace(PROFILE, max_acceleration=3.0, **parameters))  # type: ignore[arg-type]
+        track = roads.closed_loop(driver, roads.straight(2000.0, limit=limit), scene, steps=400, replan=10)
+        return float(track.speed[0, 0, -1])
+
+    assert end(10.0) == pytest.approx(10.0, abs=0.01)
+    assert end(10.0, speed=7.0) == pytest.approx(7.0, abs=0.01)
+    assert end(10.0, speed_factor=1.2) == pytest.approx(12.0, abs=0.01)
+
+
+HABIT = replace(PROFILE, habit_memory=10.0, habit_lead=1.5, habit_margin=0.5)
+
+
+def wish(
+    time_s: float, *, present: float, speed: float, acceleration: float, profile: IdmProfile = HABIT
+) -> float:
+    """Desired speed on a road with 15 m/s."""
+    columns = (np.array([value]) for value in (15.0, present, speed, acceleration))
+    return float(desired_speed(profile, *columns, time_s)[0])
+
+
+def test_a_driver_with_a_habit_wants_what_it_showed_first_and_the_limit_later() -> None:
+    # 8 m/s, 1 m/s²: it shows 8 + 1.5·1 + 0.5 = 10 m/s.
+    assert wish(0.0, present=8.0, speed=8.0, acceleration=1.0) == pytest.approx(10.0)
+    assert wish(10.0, present=8.0, speed=8.0, acceleration=1.0) == pytest.approx(15 - 5 / np.e)
+    # Not more than the limit, but what it drives already; nothing below a standstill.
+    assert wish(0.0, present=14.0, speed=14.0, acceleration=2.0) == pytest.approx(15.0)
+    assert wish(0.0, present=18.0, speed=18.0, acceleration=2.0) == pytest.approx(18.0)
+    assert wish(0.0, present=0.0, speed=1.0, acceleration=-4.0) == 0.0
+    assert wish(5.0, present=8.0, speed=8.0, acceleration=1.0, profile=PROFILE) == 15.0
+
+
+def test_a_habit_of_braking_is_never_harder_than_comfortable() -> None:
+    # It showed 8 - 1.5·3 + 0.5 = 4 m/s; at 8 m/s the formula alone would brake with 1.5·(2⁴ - 1) m/s².
+    v0 = wish(0.0, present=8.0, speed=8.0, acceleration=-3.0)
+    assert v0 > 4.0
+    assert acceleration(8.0, v0, np.inf, 0.0) == pytest.approx(-PROFILE.comfort_deceleration)
+
+
+def test_the_calibrated_driver_goes_on_as_the_seed_scene_shows() -> None:
+    scene = roads.seed((30.0, 0.0, 0.0, 8.0))
+    speed = 8.0 + 0.1 * 1.0 * np.arange(-10, 1)[None]
+    speeding = replace(scene, history=replace(scene.history, speed=speed))
+    driver = IdmDriver(DEFAULTS["calibrated_driver"])
+    steady, faster = (
+        roads.plan(driver, roads.straight(), roads.present(one)).speed[0] for one in (scene, speeding)
+    )
+    assert steady[-1] - 8.0 < 1.0 < faster[-1] - 8.0
+    assert np.abs(np.diff(steady)).max() / 0.1 < 0.5
+
+
+def test_with_a_curve_limit_a_driver_is_slow_enough_when_it_gets_there_without_one_it_is_not() -> None:
+    bend = roads.arc(20.0, np.pi, (150.0, 0.0), step=0.5)
+    where = roads.road(
+        roads.lane(1, [(0.0, 0.0), (150.0, 0.0)], successors=(2,)), roads.lane(2, bend, predecessors=(1,))
+    )
+    scene = roads.seed((40.0, 0.0, 0.0, 15.0))
+
+    def fastest_in_curve(curve_acceleration: float) -> tuple[float, float]:
+        driver = IdmDriver(replace(PROFILE, curve_acceleration=curve_acceleration))
+        track = roads.closed_loop(driver, where, scene, steps=150, replan=5)[0, 0]
+        return float(track.speed[track.x > 152.0].max()), float(np.diff(track.speed).min() / 0.1)
+
+    slow, braking = fastest_in_curve(2.5)
+    # √(2.5·20) = 7.07 m/s; the model follows a falling desired speed with some lag.
+    assert slow**2 / 20 <= 1.4 * 2.5
+    assert braking >= -2.5
+    fast, _ = fastest_in_curve(0.0)
+    assert fast == pytest.approx(15.0, abs=0.1)
+
+
+def test_a_vehicle_off_the_road_keeps_its_speed_and_a_parked_one_stays() -> None:
+    scene = roads.seed((20.0, 50.0, 0.4, 7.0), (90.0, -50.0, 1.0, 0.0))
+    made = roads.plan(DRIVER, roads.straight(), roads.present(scene))
+    assert made.speed[0] == pytest.approx(7.0)
+    assert made.heading[0] == pytest.approx(0.4)
+    assert made.x[1] == pytest.approx(90.0) and made.y[1] == pytest.approx(-50.0)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value"),
+    [("time_headway", -1.0), ("max_acceleration", 0.0), ("comfort_deceleration", float("nan")),
+     ("radius", float("inf")), ("minimum_gap", "2"), ("habit_memory", -1.0), ("habit_lead", float("nan"))],
+)  # fmt: skip
+def test_parameters_that_make_no_sense_are_refused(parameter: str, value: object) -> None:
+    with pytest.raises(UsageError, match=f"{parameter}: got"):
+        replace(PROFILE, **{parameter: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("path", ["left", 1.5, True, (), ((0.0, 0.0),)])
+def test_a_path_is_an_index_random_lanes_or_points(path: object) -> None:
+    with pytest.raises(UsageError, match="path: got"):
+        replace(PROFILE, path=path)  # type: ignore[arg-type]

@@ -1,0 +1,82 @@
+"""The real recordings: all of them load, are cleaned, and lie on their maps."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.converters.commonroad.tracks import read_commonroad_tracks
+from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.datasets.recordings import (
+    LoadedRecording,
+    find_recordings,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
+from scex_sumo.converters.datasets.report import track_quality
+from scex_sumo.scenarios.seeds import read_seed
+from tests.converters.datasets.test_recordings import same
+
+
+def load(root: Path) -> LoadedRecording:
+    return load_recording(find_recordings([root])[0])
+
+
+def test_every_recording_here_is_found(data: Path) -> None:
+    found = find_recordings([data])
+    cut_apart = len(list((data / "ngsim").glob("*.xml.gz")))  # scenarios of a site that do not join
+    assert len(found) == 20 + cut_apart
+    assert {r.dataset for r in found} == {"commonroad", "taf_bw"}
+    assert [len(r.track_paths) for r in found if "MONA" in r.name] == [24, 24, 24]
+
+
+def test_k733_is_repaired_and_lies_on_its_lanes(data: Path) -> None:
+    loaded = load(data / "taf_bw/maps/k733_2020-09-15.osm")
+    raw = track_quality(read_recorded(loaded.recording.track_paths)[0].vehicles, loaded.road)
+    clean = track_quality(loaded.table.vehicles, loaded.road)
+    assert raw.factor == pytest.approx(1.75, abs=0.03)
+    assert clean.factor == pytest.approx(1.0, abs=0.01)
+    assert raw.off_lane > 0.6 and clean.off_lane < 0.35
+
+
+def test_all_of_k729_is_moved_alike(data: Path) -> None:
+    recordings = find_recordings([data / "taf_bw/maps/k729_2022-03-16.osm"])
+    said = {f for r in recordings[:4] for f in load_recording(r).findings if "aligned to the map" in f}
+    (phrase,) = said
+    before, after = map(float, re.findall(r"([\d.]+) -> ([\d.]+) m", phrase)[0])
+    assert before > 0.8 and after < 0.4
+    assert "estimated from 16 recordings of the site" in phrase
+
+
+def test_monas_chunks_fit_at_their_seams(data: Path) -> None:
+    loaded = load(data / "mona/MONA-Merge")
+    assert np.ptp(loaded.table.vehicles.timestamp_ms) == pytest.approx(24 * 16_000.0, abs=400.0)
+    chunks = [read_commonroad_tracks(path)[0].vehicles for path in loaded.recording.track_paths]
+    for one, other in itertools.pairwise(chunks):
+        for label in set(one.labels) & set(other.labels):
+            last = np.flatnonzero(one.track == one.labels.index(label))[-1]
+            first = np.flatnonzero(other.track == other.labels.index(label))[0]
+            step = np.hypot(other.x[first] - one.x[last], other.y[first] - one.y[last])
+            mean = (other.speed[first] + one.speed[last]) / 2.0
+            # One time step of 0.2 s lies between them; 0.05 m is what speeds are rounded and smoothed by.
+            assert step == pytest.approx(0.2 * mean, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    "root", ["taf_bw/maps/k733_2020-09-15.osm", "taf_bw/maps/k729_2022-03-16.osm", "mona/MONA-Merge"]
+)
+def test_seed_scenes_are_those_that_run_would_read(data: Path, root: str) -> None:
+    loaded = load(data / root)
+    recording = loaded.recording
+    tracks = recording.track_paths[0] if len(recording.track_paths) == 1 else recording.map_path.parent
+    moment = recording_moments(loaded, every_s=5.0)[1]
+    scene = seed_at(loaded, moment.time_s)
+    same(scene, read_seed(recording.map_path, tracks=tracks, time=moment.time_s))
+    raw = read_seed(recording.map_path, tracks=tracks, time=moment.time_s, align=False)
+    moved_m = np.hypot(raw.now.x - scene.now.x, raw.now.y - scene.now.y)
+    assert (moved_m > 0.1).all() and (moved_m < 3.0).all()

@@ -1,0 +1,276 @@
+"""One moment of a recording becomes a seed scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.converters.datasets.seed import moments, read_seed, read_tracks
+from scex_sumo.errors import TrackError
+from scex_sumo.scene import SeedScene
+from tests.converters.track_files import CASE_COLUMNS, Row, in_case, moving, straight, write_rows
+
+
+def _seed(tmp_path: Path, rows: list[Row], **options: object) -> SeedScene:
+    columns = CASE_COLUMNS if "case_id" in rows[0] else CASE_COLUMNS[1:]
+    tracks = write_rows(tmp_path / "vehicle_tracks_007.csv", rows, columns)
+    return read_seed(tmp_path / "town.osm", tracks=tracks, **options)  # type: ignore[arg-type]
+
+
+def test_a_moment_has_its_last_second_and_its_recorded_future(tmp_path: Path) -> None:
+    seed = _seed(tmp_path, straight(5, range(60), start=100.0, y=2.0), time_s=2.0)
+    assert seed.track_ids.tolist() == [5]
+    assert seed.types == ("car",)
+    assert seed.time_s == 2.0
+    np.testing.assert_allclose(seed.history.x[0], 110.0 + np.arange(11))
+    np.testing.assert_allclose(seed.history.y, 2.0)
+    np.testing.assert_allclose(seed.history.speed, 10.0)
+    np.testing.assert_allclose(seed.history.heading, 0.0)
+    assert seed.recorded_steps.tolist() == [10]
+    assert seed.future is not None
+    assert seed.future_valid is not None
+    assert seed.future_valid.sum() == 39  # frames 21 to 59
+    np.testing.assert_allclose(seed.future.x[0], 121.0 + np.arange(50))  # goes on after the recording's end
+    assert seed.notes == ()
+    assert (seed.length[0], seed.width[0]) == (4.5, 1.8)
+
+
+def test_a_vehicle_without_a_past_gets_one_at_constant_velocity_and_it_is_said(tmp_path: Path) -> None:
+    late = moving(lambda t: (0.0, 6.0 * t), 2, range(17, 60))
+    seed = _seed(tmp_path, straight(1, range(60), y=-9.0) + late, time_s=2.0)
+    assert seed.recorded_steps.tolist() == [10, 3]
+    np.testing.assert_allclose(seed.history.y[1], 0.6 * np.arange(10, 21), atol=1e-9)
+    np.testing.assert_allclose(seed.history.x[1], 0.0, atol=1e-9)
+    np.testing.assert_allclose(seed.history.heading[1], np.pi / 2)
+    assert seed.notes == ("1 of 2 vehicles came within the last second: constant velocity before",)
+
+
+def test_vehicles_with_too_short_a_past_can_be_left_out(tmp_path: Path) -> None:
+    rows = straight(1, range(60)) + straight(2, range(17, 60), y=4.0)
+    seed = _seed(tmp_path, rows, time_s=2.0, min_history=5)
+    assert seed.track_ids.tolist() == [1]
+    assert "1 vehicles with less than 5 previous steps left out" in seed.notes
+    with pytest.raises(TrackError, match="none of 2 vehicles at 0 s has 5 recorded previous steps"):
+        _seed(tmp_path, straight(1) + straight(2, y=4.0), time_s=0.0, min_history=5)
+
+
+def test_the_time_is_rounded_to_the_nearest_frame(tmp_path: Path) -> None:
+    assert _seed(tmp_path, straight(1), time_s=1.96).time_s == 2.0
+    assert _seed(tmp_path, straight(1), time_s=2.04).time_s == 2.0
+    assert _seed(tmp_path, straight(1), time_s=4.04).time_s == 4.0
+
+
+def test_of_a_recording_the_busiest_complete_moment_is_taken(tmp_path: Path) -> None:
+    # Two vehicles are whole (1 s before, 3 s after) from 3.0 to 4.0 s; the standing ones do not count.
+    rows = straight(1, range(0, 80)) + straight(2, range(20, 71), y=4.0)
+    rows += straight(3, range(0, 80), y=8.0, speed=0.0) + straight(4, range(0, 30), y=12.0)
+    assert _seed(tmp_path, rows).time_s == 3.0
+
+
+def test_moments_count_the_vehicles_that_are_complete(tmp_path: Path) -> None:
+    rows = straight(1, range(0, 51)) + straight(2, range(0, 51), y=4.0, speed=0.0)
+    found = moments(read_tracks(write_rows(tmp_path / "t.csv", rows)))
+    assert len(found) == 51
+    assert all(moment.vehicles == 2 for moment in found)
+    assert [moment.time_s for moment in found if moment.complete] == pytest.approx(np.arange(10, 21) / 10)
+    sparse = moments(read_tracks(tmp_path / "t.csv"), every_s=1.0)
+    assert [moment.time_s for moment in sparse] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def _cases() -> list[Row]:
+    frames = range(1, 41)
+    rows = in_case("1.0", straight(1, frames))
+    rows += in_case("2.0", straight(1, frames) + straight(2, frames, y=4.0))
+    return rows + in_case("11.0", straight(3, range(20, 41)))
+
+
+def test_the_moment_of_a_case_is_frame_10(tmp_path: Path) -> None:
+    seed = _seed(tmp_path, _cases(), case="1.0")
+    assert seed.time_s == 1.0
+    assert seed.history.x[0, -1] == 10.0
+    assert seed.recorded_steps.tolist() == [9]
+    np.testing.assert_allclose(seed.history.x[0], np.arange(11), atol=1e-9)
+    assert seed.future_valid is not None
+    assert seed.future_valid.sum() == 30
+    assert seed.notes == ("9 of 10 previous steps recorded, constant velocity before",)
+
+
+def test_a_case_is_known_by_its_number(tmp_path: Path) -> None:
+    rows = _cases()
+    for case in ("2.0", "2", 2, 2.0):
+        assert _seed(tmp_path, rows, case=case).track_ids.tolist() == [1, 2]
+    assert _seed(tmp_path, rows).track_ids.tolist() == [1, 2]  # the busiest
+    assert _seed(tmp_path, rows, case="11", time_s=3.0).track_ids.tolist() == [3]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"case": "7"}, ["no case 7", "3 cases: 1.0, 2.0, 11.0"]),
+        ({"case": "11"}, ["case 11.0", "no vehicle in frame 10", "--time S"]),
+        ({"case": "1", "time_s": 9.0}, ["no moment at 9 s", "0.1 to 4.0 s", "--time"]),
+    ],
+)
+def test_a_wrong_case_is_an_error_that_helps(
+    tmp_path: Path, options: dict[str, object], words: list[str]
+) -> None:
+    with pytest.raises(TrackError) as error:
+        _seed(tmp_path, _cases(), **options)
+    for word in words:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("rows", "options", "words"),
+    [
+        (straight(1), {"case": "1"}, ["no case_id column", "--time S"]),
+        (straight(1), {"time_s": 4.2}, ["no moment at 4.2 s", "spans 0.0 to 4.0 s", "--time"]),
+        (straight(1), {"time_s": -1.0}, ["no moment at -1 s", "spans 0.0 to 4.0 s"]),
+        (straight(1), {"time_s": float("nan")}, ["no moment at nan s"]),
+        (straight(1, kind="pedestrian"), {}, ["no motor vehicle", "only pedestrian"]),
+        (
+            straight(1, range(10)) + straight(2, range(30, 41)),
+            {"time_s": 2.0},
+            ["no vehicle at 2 s", "nearest moment with one is"],
+        ),
+    ],
+)
+def test_a_moment_without_vehicles_is_an_error_that_helps(
+    tmp_path: Path, rows: list[Row], options: dict[str, object], words: list[str]
+) -> None:
+    with pytest.raises(TrackError) as error:
+        _seed(tmp_path, rows, **options)
+    for word in words:
+        assert word in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def _turn(t: float) -> tuple[float, float]:
+    """A circle of 20 m at 8 m/s whose heading passes through pi after 2 s."""
+    phi = np.pi + 0.4 * (t - 2.0)
+    return 20.0 * np.sin(phi), -20.0 * np.cos(phi)
+
+
+@pytest.mark.parametrize("step_ms", [40.0, 1000.0 / 30.0, 200.0])
+def test_other_rates_are_interpolated_to_ten_hertz(tmp_path: Path, step_ms: float) -> None:
+    rows = moving(_turn, 1, range(int(6000 / step_ms)), step_ms=step_ms)
+    seed = _seed(tmp_path, rows, time_s=2.0)
+    t = seed.time_s + 0.1 * np.arange(-10, 1)
+    expected = np.array([_turn(value) for value in t]).T
+    # The cubic is off by p'''' dt⁴ / 384 < 1e-5 m; stamps are rounded: 8 m/s * 0.5 ms.
+    np.testing.assert_allclose(seed.history.x[0], expected[0], atol=0.006)
+    np.testing.assert_allclose(seed.history.y[0], expected[1], atol=0.006)
+    turned = np.angle(np.exp(1j * (seed.history.heading[0] - 0.4 * (t - 2.0) - np.pi)))
+    np.testing.assert_allclose(turned, 0.0, atol=0.002)  # through the step from pi to -pi
+    np.testing.assert_allclose(seed.history.speed, 8.0, atol=0.01)  # chord of 0.08 rad: 1 - cos(0.04)
+    assert f"recorded at {1000 / step_ms:.3g} Hz: interpolated to 10 Hz" in seed.notes
+
+
+def test_short_gaps_are_interpolated_and_counted(tmp_path: Path) -> None:
+    frames = [frame for frame in range(60) if frame not in (15, 16, 17, 30)]
+    seed = _seed(tmp_path, straight(1, frames), time_s=2.0)
+    np.testing.assert_allclose(seed.history.x[0], 10.0 + np.arange(11), atol=1e-9)
+    assert seed.recorded_steps.tolist() == [10]
+    assert seed.notes == ("4 missing samples interpolated",)
+
+
+def test_a_vehicle_that_is_just_being_missed_is_there(tmp_path: Path) -> None:
+    frames = [frame for frame in range(60) if frame not in (19, 20, 21)]
+    seed = _seed(tmp_path, straight(1, frames) + straight(2, range(60), y=4.0), time_s=2.0)
+    assert seed.track_ids.tolist() == [1, 2]
+    assert seed.now.x[0] == pytest.approx(20.0)
+
+
+def test_a_long_gap_ends_history_and_future(tmp_path: Path) -> None:
+    frames = [*range(0, 10), *range(17, 24), *range(35, 60)]
+    rows = straight(1, frames) + straight(2, range(60), y=4.0)
+    seed = _seed(tmp_path, rows, time_s=2.0)
+    assert seed.recorded_steps.tolist() == [3, 10]
+    assert seed.future_valid is not None
+    assert seed.future_valid.sum(axis=1).tolist() == [3, 39]
+
+
+def test_the_last_frame_has_no_future(tmp_path: Path) -> None:
+    seed = _seed(tmp_path, straight(1), time_s=4.0)
+    assert seed.future is None
+    assert seed.future_valid is None
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 4, 5])
+def test_a_recording_of_a_few_samples_is_a_recording(tmp_path: Path, samples: int) -> None:
+    for kind in ("pedestrian", "car"):
+        rows = straight(1, range(samples)) + straight(2, range(1), y=5.0, kind=kind)
+        seed = _seed(tmp_path, rows, time_s=0.0)
+        np.testing.assert_allclose(seed.history.x[0], np.arange(-10, 1))
+        assert (seed.future is None) == (samples == 1)
+
+
+def test_pedestrians_present_at_the_moment_are_obstacles(tmp_path: Path) -> None:
+    rows = straight(1, range(60))
+    rows += straight(2, range(15, 31), speed=1.0, kind="Pedestrian", y=5.0)
+    rows += straight(3, range(25, 60), speed=1.0, kind="Bike", y=7.0)  # not yet there
+    obstacles = _seed(tmp_path, rows, time_s=2.0).obstacles
+    assert obstacles is not None
+    assert obstacles.ids == ("2",)
+    assert obstacles.types == ("pedestrian",)
+    assert obstacles.states.shape == (1, 61)
+    assert obstacles.present[0, :5].tolist() == [False] * 5
+    assert obstacles.present[0, 5:].all()
+    np.testing.assert_allclose(obstacles.states.x[0], 1.0 + 0.1 * np.arange(61))  # goes on after frame 30
+
+
+def test_repairs_are_said_in_one_line_and_can_be_switched_off(tmp_path: Path) -> None:
+    rows = straight(1, range(60), vx=5.0)
+    repaired = _seed(tmp_path, rows, time_s=2.0)
+    assert len(repaired.notes) == 1
+    assert repaired.notes[0].startswith("vehicle_tracks_007.csv repaired: velocities of 1 of 1")
+    np.testing.assert_allclose(repaired.history.speed, 10.0, atol=1e-6)
+    raw = _seed(tmp_path, rows, time_s=2.0, repair=False)
+    assert raw.notes == ()
+    np.testing.assert_array_equal(raw.history.speed, 5.0)
+
+
+def test_names_are_short_and_fit_for_files(tmp_path: Path) -> None:
+    assert _seed(tmp_path, straight(1), time_s=2.0).name == "town_007_t2.0"
+    assert _seed(tmp_path, _cases(), case=2).name == "town_007_case2.0"
+    assert _seed(tmp_path, _cases(), case=2, time_s=2.0).name == "town_007_case2.0_t2.0"
+    own = write_rows(tmp_path / "town_train.csv", in_case("a/b c", straight(1)), CASE_COLUMNS)
+    seed = read_seed(tmp_path / "town.osm", tracks=own)
+    assert seed.name == "town_train_casea-b-c"
+    assert seed.location == "town"
+    assert seed.source["case"] == "a/b c"
+    assert seed.source["tracks"] == str(own)
+
+
+def test_k733_at_one_minute(data: Path) -> None:
+    seed = read_seed(data / "taf_bw/maps/k733_2020-09-15.osm", time_s=60.0)
+    assert seed.name == "k733_2020-09-15_000_t60.0"
+    assert seed.vehicles == 9
+    assert seed.obstacles is not None
+    assert sum("1.74 x too small" in note for note in seed.notes) == 1
+    # What a history says and what it shows agree: the positions move as fast as the speeds.
+    step = np.hypot(np.diff(seed.history.x), np.diff(seed.history.y)) / 0.1
+    mean = (seed.history.speed[:, 1:] + seed.history.speed[:, :-1]) / 2.0
+    recorded = np.arange(10) >= 10 - seed.recorded_steps[:, None]
+    assert np.abs(step - mean)[recorded].max() < 0.5
+
+
+def test_every_recording_of_k729_gives_a_seed_scene(data: Path) -> None:
+    for path in sorted((data / "taf_bw/recorded_trackfiles/k729_2022-03-16").glob("vehicle_tracks_*.csv")):
+        seed = read_seed(data / "taf_bw/maps/k729_2022-03-16.osm", tracks=path)
+        assert seed.vehicles >= 1
+        assert (seed.now.speed < 20.0).all()
+        assert "tracker warm-up" in seed.notes[0]
+
+
+def test_the_cases_of_version_1_2_are_found(data: Path) -> None:
+    tracks = data / "interaction/cases/v12_case_format_sample.csv"
+    seed = read_seed(data / "interaction/maps/DR_DEU_Roundabout_OF.osm", tracks=tracks, case=2)
+    assert seed.track_ids.tolist() == [2, 3, 4, 5, 6, 7]
+    assert seed.recorded_steps.tolist() == [9] * 6
+    assert seed.future_valid is not None
+    assert seed.future_valid.sum(axis=1).tolist() == [7] * 6  # 17 frames
+    assert seed.obstacles is not None
+    assert seed.obstacles.ids == ("1",)

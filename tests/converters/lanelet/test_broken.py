@@ -1,0 +1,233 @@
+"""Broken maps: mended or left out and said so, or one clear error; never a crash of the process.
+
+Maps that crash Lanelet2 are read in a process of their own, so that a crash shows as a failure here.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.errors import MapError
+from scex_sumo.road import Road
+from tests.converters.maps import Lanelet, Line, draw_map, rule, straight
+
+READ = """
+import sys
+from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.errors import ScexError
+for path in sys.argv[1:]:
+    print(path, flush=True)
+    try:
+        road = read_road(path)
+        print("lanes", *road.lanes)
+        print("notes", *road.notes, sep="|")
+    except ScexError as error:
+        print("error", error)
+"""
+
+
+def read_apart(*paths: Path) -> str:
+    """Read maps in another process; fails where that process dies."""
+    command = [sys.executable, "-c", READ, *map(str, paths)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, f"exit {done.returncode} after {done.stdout[-300:]!r}: {done.stderr[-600:]}"
+    return done.stdout
+
+
+def two_lanes() -> str:
+    """Lanelets 1 and 2 in a row; nodes 100000 to 100005, ways 200000 to 200003."""
+    return draw_map([straight(1, 0, 50), straight(2, 50, 90)])
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "broken.osm"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def one_note(road: Road) -> str:
+    (note,) = road.notes
+    return note
+
+
+# Ways to break the map of two lanes, and what the note must say; lane 1 is the one that is hit.
+LEFT_OUT: dict[str, tuple[Callable[[str], str], str]] = {
+    "a bound is missing": (
+        lambda text: text.replace("<member type='way' ref='200000' role='left'/>", ""),
+        "bounds are missing, .*: 1$",
+    ),
+    "a bound's way is missing": (
+        lambda text: text.replace("<way id='200000'>", "<way id='299999'>"),
+        "bounds are missing, .*: 1$",
+    ),
+    "a bound is empty": (
+        lambda text: text.replace("<nd ref='100000'/><nd ref='100001'/>", ""),
+        "bounds are missing, .*: 1$",
+    ),
+    "a bound has one point": (
+        lambda text: text.replace("<nd ref='100000'/><nd ref='100001'/>", "<nd ref='100001'/>"),
+        "bounds are missing, .*: 1$",
+    ),
+    "a bound stands still": (
+        lambda text: text.replace("<nd ref='100000'/>", "<nd ref='100001'/>"),
+        "bounds are missing, .*: 1$",
+    ),
+    "a bound's node is missing": (
+        lambda text: text.replace("node id='100000'", "node id='999999'"),
+        "bounds are missing, .*: 1$",
+    ),
+    "two bounds on one side": (
+        lambda text: text.replace("ref='200000' role='left'/>", "ref='200000' role='left'/>" + EXTRA),
+        "bounds are missing, in pieces .*: 1$",
+    ),
+    "one way is both bounds": (
+        lambda text: text.replace("ref='200001' role='right'", "ref='200000' role='right'"),
+        "one way is both their bounds: 1$",
+    ),
+    "a node is not a number": (
+        lambda text: text.replace("<node id='100000' lat='", "<node id='100000' lat='nan' old='"),
+        "no usable id or coordinates: node 100000",
+    ),
+    "a node is off the Earth": (
+        lambda text: text.replace("<node id='100000' lat='", "<node id='100000' lat='1e9' old='"),
+        "no usable id or coordinates: node 100000",
+    ),
+    "a node is far away": (
+        lambda text: text.replace("<node id='100000' lat='", "<node id='100000' lat='48.5' old='"),
+        "nodes over 50 km away from the map, left out: 100000",
+    ),
+}
+EXTRA = "<member type='way' ref='200002' role='left'/><member type='way' ref='200003' role='left'/>"
+
+
+@pytest.mark.parametrize("defect", LEFT_OUT)
+def test_a_lanelet_without_two_bounds_is_left_out_and_named(tmp_path: Path, defect: str) -> None:
+    break_it, said = LEFT_OUT[defect]
+    broken = break_it(two_lanes())
+    assert broken != two_lanes()
+    output = read_apart(written(tmp_path, broken))
+    assert "lanes 2\n" in output
+    road = read_road(tmp_path / "broken.osm")
+    assert list(road.lanes) == [2]
+    assert any(re.search(said, note) for note in road.notes), road.notes
+
+
+def test_empty_bounds_do_not_crash_beside_each_other(tmp_path: Path) -> None:
+    # Two lanelets with empty bounds are what Lanelet2's routing graph dies of.
+    text = two_lanes().replace("<nd ref='100000'/><nd ref='100001'/>", "").replace("<nd ref='100001'/>", "")
+    assert "error" in read_apart(written(tmp_path, text))
+
+
+def test_a_missing_node_inside_a_bound_is_passed_over(tmp_path: Path) -> None:
+    text = draw_map([Lanelet(1, left=[(0, 3), (20, 3), (50, 3)], right=[(0, 0), (50, 0)])])
+    road = read_road(written(tmp_path, text.replace("node id='100001'", "node id='999999'")))
+    np.testing.assert_allclose(road.lanes[1].left_bound, [(0, 3), (50, 3)], atol=1e-6)
+    assert one_note(road) == "ways that refer to missing nodes, drawn without them: 200000"
+
+
+def test_bounds_in_pieces_are_joined(tmp_path: Path) -> None:
+    pieces = [Line(7, [(80, 3.5), (50, 3.5)]), Line(8, [(50, 0), (80, 0)])]  # 7 is drawn backwards
+    text = draw_map([straight(1, 0, 50)], lines=pieces)
+    for side, way in (("left", 7), ("right", 8)):
+        member = f"role='{side}'/>"
+        text = text.replace(member, f"{member}<member type='way' ref='{way}' {member}")
+    road = read_road(written(tmp_path, text))
+    np.testing.assert_allclose(road.lanes[1].left_bound, [(0, 3.5), (50, 3.5), (80, 3.5)], atol=1e-6)
+    np.testing.assert_allclose(road.lanes[1].right_bound, [(0, 0), (50, 0), (80, 0)], atol=1e-6)
+    assert one_note(road) == "lanelets with bounds in several pieces, joined: 1"
+
+
+def test_a_bound_tagged_as_area_is_a_line(tmp_path: Path) -> None:
+    road = read_road(written(tmp_path, two_lanes().replace("</way>", '<tag k="area" v="yes"/></way>', 1)))
+    assert list(road.lanes) == [1, 2]
+    assert one_note(road) == "bounds tagged area=yes, taken as lines: 200000"
+
+
+def test_of_elements_with_one_id_the_first_counts(tmp_path: Path) -> None:
+    text = two_lanes()
+    again = [line for line in text.splitlines() if "id='2'" in line or "id='100000'" in line]
+    moved = again[0].replace("lat='0", "lat='1")
+    road = read_road(written(tmp_path, text.replace("</osm>", "\n".join([moved, again[1], "</osm>"]))))
+    assert list(road.lanes) == [1, 2]
+    np.testing.assert_allclose(road.lanes[1].left_bound, [(0, 3.5), (50, 3.5)], atol=1e-6)
+    assert one_note(road) == "ids used twice, the first element kept: node 100000, relation 2"
+
+
+def test_crossing_bounds_are_said(tmp_path: Path) -> None:
+    crossed = Lanelet(1, left=[(0, 3), (25, 3), (50, -3)], right=[(0, 0), (25, 0), (50, 3)])
+    looped = Lanelet(2, left=[(0, 13), (30, 13), (20, 16), (20, 12), (50, 13)], right=[(0, 9), (50, 9)])
+    road = read_road(written(tmp_path, draw_map([crossed, looped, straight(3, 0, 50, y=30)])))
+    assert list(road.lanes) == [1, 2, 3]
+    assert one_note(road) == "bounds cross each other or themselves, the lane's shape may be off: 1, 2"
+
+
+def test_a_rule_that_refers_to_nothing_is_used_without(tmp_path: Path) -> None:
+    element = rule(90, "right_of_way", [("yield", 1), ("right_of_way", 77), ("ref_line", 78)])
+    text = draw_map([straight(1, 0, 50, rules=[90, 91]), straight(2, 50, 90)], relations=[element])
+    road = read_road(written(tmp_path, text))
+    assert (road.regulations[0].yielding, road.regulations[0].priority) == ((1,), ())
+    assert "regulatory elements that refer to missing elements, used without: 90" in road.notes
+    assert "lanelets that refer to missing elements, used without: 1" in road.notes
+
+
+def test_a_rule_without_a_subtype_is_said(tmp_path: Path) -> None:
+    text = draw_map([straight(1, 0, 50)], relations=[rule(90, "stop")]).replace(
+        '<tag k="subtype" v="stop"/>', ""
+    )
+    assert "subtype" in one_note(read_road(written(tmp_path, text)))
+    assert one_note(read_road(tmp_path / "broken.osm")).endswith(": 90")
+
+
+def test_many_ids_are_not_all_listed(tmp_path: Path) -> None:
+    lanelets = [straight(i, 100 * i, 100 * i + 50) for i in range(1, 10)]
+    text = draw_map(lanelets).replace("role='left'", "role='lost'")
+    text = text.replace("role='lost'", "role='left'", 1)
+    road = read_road(written(tmp_path, text))
+    assert list(road.lanes) == [1]
+    assert one_note(road).endswith(": 2, 3, 4, 5, 6 and 3 more")
+
+
+NO_MAPS = {
+    "nothing": ("", "not XML"),
+    "text": ("lanelet,lane\n1,2\n", "not XML"),
+    "cut off": (two_lanes()[:-40], "not XML"),
+    "binary": ("\x00\x01\x02", "not XML"),
+    "a SUMO net": ("<net version='1.20'><edge id='a'/></net>", "root is <net>, not <osm>"),
+    "CommonRoad": ("<commonRoad><lanelet id='1'/></commonRoad>", "root is <commonRoad>"),
+    "an empty map": ("<osm version='0.6'/>", "no lanelets"),
+    "OpenStreetMap": (
+        "<osm version='0.6'><node id='1' lat='49' lon='8'/><node id='2' lat='49.1' lon='8'/>"
+        "<way id='3'><nd ref='1'/><nd ref='2'/><tag k='highway' v='primary'/></way></osm>",
+        "no lanelets",
+    ),
+    "lanelets without nodes": (
+        "<osm><relation id='1'><tag k='type' v='lanelet'/></relation></osm>",
+        "no usable nodes",
+    ),
+    "a map in metres": ("<osm><node id='1' x='990.1' y='1012.3'/></osm>", "have x, y instead of lat, lon"),
+    "only broken lanelets": (two_lanes().replace("role='left'", "role='lost'"), "no usable lanelet .*: 1, 2"),
+}
+
+
+@pytest.mark.parametrize("what", NO_MAPS)
+def test_what_is_no_map_is_one_clear_error(tmp_path: Path, what: str) -> None:
+    text, said = NO_MAPS[what]
+    with pytest.raises(MapError, match=said) as error:
+        read_road(written(tmp_path, text))
+    assert str(error.value).startswith(f"{tmp_path / 'broken.osm'}: ")
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_file_and_a_folder_are_clear_errors(tmp_path: Path) -> None:
+    with pytest.raises(MapError, match=r"absent\.osm: no such map"):
+        read_road(tmp_path / "absent.osm")
+    with pytest.raises(MapError, match=r"is a folder; name the \.osm file"):
+        read_road(tmp_path)

@@ -1,0 +1,116 @@
+"""Where a map's coordinates begin."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.converters.lanelet.origin import find_origin, parse_origin
+from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.errors import MapError, UsageError
+from tests.converters.maps import straight, write_map
+
+KARLSRUHE = (49.01, 8.43)
+
+
+def map_at(path: Path, place: tuple[float, float]) -> Path:
+    """A lanelet of about 111 m by 4 m whose south-west corner is at a place."""
+    (lat, lon), (north, east) = place, (4e-5, 1e-3)
+    corners = [(lat + north, lon), (lat + north, lon + east), (lat, lon), (lat, lon + east)]
+    nodes = "".join(f"<node id='{i}' lat='{a!r}' lon='{b!r}'/>" for i, (a, b) in enumerate(corners, 1))
+    ways = "<way id='5'><nd ref='1'/><nd ref='2'/></way><way id='6'><nd ref='3'/><nd ref='4'/></way>"
+    members = "<member type='way' ref='5' role='left'/><member type='way' ref='6' role='right'/>"
+    lanelet = f"<relation id='7'>{members}<tag k='type' v='lanelet'/></relation>"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"<osm version='0.6'>{nodes}{ways}{lanelet}</osm>")
+    return path
+
+
+def meta_data(folder: Path, lat: str = "49.5", lon: str = "8.5") -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "meta_data.csv"
+    path.write_text(f"id,originLat,originLon,duration\n000,{lat},{lon},60\n")
+    return path
+
+
+def test_a_given_origin_wins(tmp_path: Path) -> None:
+    meta_data(tmp_path)
+    assert find_origin(map_at(tmp_path / "a.osm", KARLSRUHE), origin=(1.0, 2.0)) == (1.0, 2.0)
+    assert find_origin(map_at(tmp_path / "a.osm", KARLSRUHE), origin=(0.0, 0.0)) == (0.0, 0.0)
+
+
+def test_the_recordings_meta_data_give_the_origin(tmp_path: Path) -> None:
+    meta_data(tmp_path / "tracks")
+    tracks = tmp_path / "tracks" / "vehicle_tracks_000.csv"
+    assert find_origin(map_at(tmp_path / "a.osm", KARLSRUHE), tracks_path=tracks) == (49.5, 8.5)
+
+
+@pytest.mark.parametrize("folder", ["maps", "maps/site", "recorded_trackfiles/site"])
+def test_meta_data_near_the_map_give_the_origin(tmp_path: Path, folder: str) -> None:
+    meta_data(tmp_path / folder)
+    assert find_origin(map_at(tmp_path / "maps" / "site.osm", KARLSRUHE)) == (49.5, 8.5)
+
+
+def test_the_tracks_meta_data_come_before_the_maps(tmp_path: Path) -> None:
+    meta_data(tmp_path, lat="10")
+    meta_data(tmp_path / "tracks", lat="20")
+    found = find_origin(map_at(tmp_path / "a.osm", KARLSRUHE), tracks_path=tmp_path / "tracks" / "a.csv")
+    assert found == (20.0, 8.5)
+
+
+def test_a_map_drawn_around_zero_has_its_origin_there(tmp_path: Path) -> None:
+    assert find_origin(map_at(tmp_path / "a.osm", (0.009, -0.009))) == (0.0, 0.0)
+
+
+def test_an_unknown_origin_is_an_error_that_says_how(tmp_path: Path) -> None:
+    with pytest.raises(MapError, match=r"a\.osm: the origin .* not known \(near 49\.01.* --origin LAT,LON"):
+        find_origin(map_at(tmp_path / "a.osm", KARLSRUHE))
+
+
+def test_a_map_by_itself_begins_at_its_own_corner_and_says_so(tmp_path: Path) -> None:
+    path = map_at(tmp_path / "a.osm", KARLSRUHE)
+    assert find_origin(path, own_corner=True) == KARLSRUHE
+    road = read_road(path)
+    assert road.origin == KARLSRUHE
+    assert road.notes == ("origin unknown: coordinates begin at the map's corner 49.0100000,8.4300000",)
+    np.testing.assert_allclose(road.lanes[7].right_bound[0], (0.0, 0.0), atol=1e-6)
+
+
+def test_a_known_origin_is_no_note(tmp_path: Path) -> None:
+    assert read_road(map_at(tmp_path / "a.osm", KARLSRUHE), origin=(49.0, 8.4)).notes == ()
+    assert read_road(write_map(tmp_path / "b.osm", [straight(1, 0, 50)])).notes == ()
+
+
+@pytest.mark.parametrize(("lat", "lon"), [("91", "8"), ("nan", "8"), ("north", "8")])
+def test_meta_data_that_are_no_place_are_an_error(tmp_path: Path, lat: str, lon: str) -> None:
+    meta_data(tmp_path, lat, lon)
+    with pytest.raises(
+        MapError, match=rf"meta_data\.csv: originLat, originLon is no place on Earth: {lat},{lon}"
+    ):
+        find_origin(map_at(tmp_path / "a.osm", KARLSRUHE))
+
+
+def test_meta_data_without_an_origin_are_passed_over(tmp_path: Path) -> None:
+    (tmp_path / "meta_data.csv").write_text("id,duration\n000,60\n")
+    assert find_origin(map_at(tmp_path / "a.osm", (0.0, 0.0))) == (0.0, 0.0)
+
+
+def test_an_origin_is_read_from_the_command_line() -> None:
+    assert parse_origin("49.0053,8.4374") == (49.0053, 8.4374)
+    assert parse_origin(" -33.9, 151.2 ") == (-33.9, 151.2)
+
+
+@pytest.mark.parametrize("text", ["", "49", "49,8,1", "north,east", "91,0", "0,181", "nan,0", "49;8"])
+def test_an_origin_that_is_none_is_a_usage_error(text: str) -> None:
+    with pytest.raises(UsageError, match=r"^--origin: .*; got|^--origin: .* got"):
+        parse_origin(text)
+
+
+def test_the_real_maps_origins(data: Path) -> None:
+    assert find_origin(data / "interaction/maps/DR_DEU_Merging_MT.osm") == (0.0, 0.0)
+    assert find_origin(data / "taf_bw/maps/k733_2020-09-15.osm") == (49.005306, 8.4374089)
+    tracks = data / "taf_bw/recorded_trackfiles/k729_2022-03-16/vehicle_tracks_000.csv"
+    found = find_origin(data / "taf_bw/maps/k729_2022-03-16.osm", tracks_path=tracks)
+    assert found == (49.01160993928274, 8.43856470258739)

@@ -1,0 +1,129 @@
+"""Nets of real maps: geometry, lanes, speeds, ways, lane changes, lights."""
+
+from __future__ import annotations
+
+import warnings
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sumolib
+from shapely import LineString, Point
+
+from scex_sumo.converters.fidelity.report import check_net, drive_net
+from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.converters.net.convert import SumoNet, convert
+from scex_sumo.road import Road
+from tests.converters.sumo_roads import NetFile, load
+
+MAPS = (
+    "interaction/maps/DR_DEU_Merging_MT.osm",
+    "interaction/maps/DR_DEU_Roundabout_OF.osm",
+    "taf_bw/maps/k733_2020-09-15.osm",
+    "taf_bw/maps/k729_2022-03-16.osm",
+)
+
+
+@pytest.fixture(scope="module", params=MAPS, ids=lambda name: Path(name).stem)
+def converted(
+    request: pytest.FixtureRequest, data: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Road, SumoNet]:
+    """A real map and its net."""
+    drawn = read_road(data / request.param)
+    return drawn, convert(drawn, tmp_path_factory.mktemp("nets") / f"{drawn.name}.net.xml")
+
+
+def test_the_checker_finds_nothing(converted: tuple[Road, SumoNet]) -> None:
+    drawn, net = converted
+    assert check_net(net.path, drawn, net.lanes).problems() == []
+
+
+def test_everyone_arrives_and_nobody_overlaps(converted: tuple[Road, SumoNet]) -> None:
+    report = drive_net(converted[1].path)
+    assert report.arrived == report.vehicles == 120
+    assert report.teleports == report.collisions == report.overlapping_pairs == 0
+
+
+def test_sumo_and_sumolib_load_it_without_a_warning(
+    converted: tuple[Road, SumoNet], capfd: pytest.CaptureFixture[str]
+) -> None:
+    _, net = converted
+    assert load(net.path, "-a", str(net.extras)) == ""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sumolib.net.readNet(str(net.path), withInternal=True)
+    assert capfd.readouterr().err == ""
+
+
+def test_every_lane_lies_on_its_lanelet(converted: tuple[Road, SumoNet]) -> None:
+    drawn, net = converted
+    shapes = {name: LineString(shape) for name, shape in NetFile(net.path).shapes.items()}
+    gaps = []
+    for i, one in drawn.vehicle_lanes.items():
+        own = [shapes[name] for name in net.lanes.sumo_lanes(i)]
+        line = LineString(one.centreline)
+        for s in np.arange(0.0, line.length, 0.5):
+            point = Point(line.interpolate(s))
+            gaps.append(min(point.distance(shape) for shape in own))
+    assert np.percentile(gaps, 95) <= 0.01
+    assert max(gaps) <= 0.10
+
+
+def test_successors_are_connections_and_none_is_invented(converted: tuple[Road, SumoNet]) -> None:
+    drawn, net = converted
+    driven = set()
+    for via, c in NetFile(net.path).connections.items():
+        ends = [f"{c.get(e)}_{c.get(f'{e}Lane')}" for e in ("from", "to")]
+        chain = [i for name in (ends[0], via, ends[1]) for i in net.lanes.lanelets(name)]
+        driven |= {pair for pair in pairwise(chain) if pair[0] != pair[1]}
+    wanted = {(i, j) for i, one in drawn.vehicle_lanes.items() for j in one.successors}
+    assert driven == wanted
+
+
+def test_speed_limits_are_the_lanelets_own(converted: tuple[Road, SumoNet]) -> None:
+    drawn, net = converted
+    file = NetFile(net.path)
+    for i, one in drawn.vehicle_lanes.items():
+        for name in net.lanes.sumo_lanes(i):
+            if len(net.lanes.lanelets(name)) == 1:
+                # Four decimals are written.
+                assert float(file.lanes[name].get("speed", "")) == pytest.approx(
+                    one.speed_limit_mps, abs=1e-4
+                )
+
+
+def test_the_bytes_are_the_same_every_time(converted: tuple[Road, SumoNet], tmp_path: Path) -> None:
+    drawn, net = converted
+    again = convert(drawn, tmp_path / net.path.name)
+    for suffix in (".net.xml", ".lanes.csv", ".add.xml"):
+        name = net.path.name.removesuffix(".net.xml") + suffix
+        assert (tmp_path / name).read_bytes() == (net.path.parent / name).read_bytes()
+    assert again.lanes.sumo_lanes(min(drawn.vehicle_lanes)) == net.lanes.sumo_lanes(min(drawn.vehicle_lanes))
+
+
+def test_the_recorded_phases_of_k733_become_its_light(data: Path, tmp_path: Path) -> None:
+    drawn = read_road(data / MAPS[2])
+    signals = data / "taf_bw" / "recorded_trackfiles" / "k733_2020-09-15" / "signal_phases_000.csv"
+    net = convert(drawn, tmp_path / "k733.net.xml", signals=signals)
+    assert load(net.path) == ""
+    assert net.notes == ()
+    file = NetFile(net.path)
+    [light] = list(file.root.iter("tlLogic"))
+    phases = [(float(p.get("duration", "")), p.get("state", "")) for p in light.iter("phase")]
+    # 157.5 s are recorded; three more of yellow lead from the last phase to the first.
+    assert sum(seconds for seconds, _ in phases) == pytest.approx(157.5 + 3.0)
+    # The southwestern approach 103632 obeys signal group 7: green at 2.8 s to 16.8 s, 92.8 s to 103.8 s.
+    [place] = {
+        int(c.get("linkIndex", ""))
+        for c in file.connections.values()
+        if c.get("from") == "l-103632" and c.get("dir") == "s"
+    }
+    green, now = [], 0.0
+    for seconds, state in phases:
+        if state[place] in "Gg":
+            green.append((now, now + seconds))
+        now += seconds
+    assert [(round(a, 1), round(b, 1)) for a, b in green] == [(2.8, 16.8), (92.8, 103.8)]
+    approaches = {c.get("from") for c in file.connections.values() if c.get("tl")}
+    assert len(approaches) == 11

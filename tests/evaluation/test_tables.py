@@ -1,0 +1,259 @@
+"""Recordings as tables: the rows of every level, windows, cases, files."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from scex_sumo.commands.metrics import metrics_command
+from scex_sumo.converters.tracks.reader import TrackTable, read_tracks
+from scex_sumo.errors import ResultError, TrackError, UsageError
+from scex_sumo.evaluation import blocks as recording
+from scex_sumo.evaluation.blocks import blocks
+from scex_sumo.evaluation.sources import read_source
+from scex_sumo.evaluation.tables import LEVELS, recording_table, worst_table
+from scex_sumo.metrics.base import PlannedPaths
+from scex_sumo.metrics.evaluate import COLUMNS, evaluate
+from tests.metrics.scenes import random_run
+
+HEADER = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width"
+
+
+def write_csv(path: Path, rows: list[str], header: str = HEADER) -> TrackTable:
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return read_tracks(path)
+
+
+def row(track: int, frame: int, x: float, y: float, v: float, psi: float = 0.0, kind: str = "car") -> str:
+    velocity = f"{v * math.cos(psi)!r},{v * math.sin(psi)!r}"
+    return f"{track},{frame},{frame * 100},{kind},{x!r},{y!r},{velocity},{psi!r},4.5,1.8"
+
+
+@pytest.fixture
+def two_cars(tmp_path: Path) -> TrackTable:
+    """Track 7 follows track 3: 20 m and 19 m behind, 20 against 10 m/s; a pedestrian is none of it."""
+    rows = [row(7, 1, 0, 0, 20.0), row(3, 1, 20, 0, 10.0), row(7, 2, 2, 0, 20.0), row(3, 2, 21, 0, 10.0)]
+    return write_csv(tmp_path / "two.csv", [*rows, row(9, 1, 5, 5, 1.0, kind="pedestrian")])
+
+
+def test_pairs_are_listed_one_row_per_ordered_pair(two_cars: TrackTable) -> None:
+    table = recording_table(two_cars, level="pair")
+    assert table.column_names == ["case_id", "timestamp_ms", "metric", "track_id", "other_id", "value"]
+    rows = table.to_pylist()
+    distances = [
+        (r["timestamp_ms"], r["track_id"], r["other_id"], r["value"])
+        for r in rows
+        if r["metric"] == "distance"
+    ]
+    assert distances == [(100, 3, 7, 20.0), (100, 7, 3, 20.0), (200, 3, 7, 19.0), (200, 7, 3, 19.0)]
+    times = [(r["track_id"], r["other_id"], r["value"]) for r in rows if r["metric"] == "ttc"]
+    assert times == [(7, 3, pytest.approx(2.0)), (7, 3, pytest.approx(1.9))]
+    assert [(r["track_id"], r["other_id"]) for r in rows if r["metric"] == "tq"] == [(3, None), (7, None)] * 2
+    assert {r["case_id"] for r in rows} == {1}
+    assert not [r for r in rows if r["metric"] == "gap_time"]
+
+
+def test_scenes_list_the_most_critical_value(two_cars: TrackTable) -> None:
+    rows = recording_table(two_cars, level="scene").to_pylist()
+    inverse = [(r["timestamp_ms"], r["value"]) for r in rows if r["metric"] == "ttc"]
+    assert inverse == [(100, pytest.approx(0.5)), (200, pytest.approx(1 / 1.9))]
+    assert list(rows[0]) == ["case_id", "timestamp_ms", "metric", "value"]
+    assert [r["metric"] for r in rows[:5]] == ["distance", "tq", "pttc", "wttc", "ttc"]
+
+
+def test_scenarios_have_the_twelve_columns(two_cars: TrackTable) -> None:
+    table = recording_table(two_cars, level="scenario")
+    assert table.column_names == ["case_id", *COLUMNS]
+    (values,) = table.to_pylist()
+    assert values["distance"] == 19.0 and values["distance_mean"] == 19.5
+    assert values["ttc_mean"] == pytest.approx((0.5 + 1 / 1.9) / 2)
+    assert values["gap_time"] is None and values["gap_time_mean"] is None
+
+
+def test_the_worst_level_names_the_moment_and_the_pair(two_cars: TrackTable) -> None:
+    rows = {r["metric"]: r for r in recording_table(two_cars, level="worst").to_pylist()}
+    assert rows["ttc"] == {
+        "case_id": 1, "metric": "ttc", "timestamp_ms": 200, "track_id": 7, "other_id": 3,
+        "value": pytest.approx(1 / 1.9),
+    }  # fmt: skip
+    assert rows["tq"]["other_id"] is None
+
+
+def test_history_of_a_case_is_left_out(two_cars: TrackTable) -> None:
+    (values,) = recording_table(two_cars, history=1, metrics=("distance",)).to_pylist()
+    assert values == {"case_id": 1, "distance": 19.0, "distance_mean": 19.0}
+
+
+def test_one_vehicle_is_no_error(tmp_path: Path) -> None:
+    table = write_csv(tmp_path / "one.csv", [row(1, 1, 0, 0, 5.0), row(1, 2, 0.5, 0, 5.0)])
+    assert recording_table(table, level="pair").num_rows == 0
+    assert recording_table(table, level="scene").num_rows == 0
+    (values,) = recording_table(table).to_pylist()
+    assert set(values) == {"case_id", *COLUMNS} and all(values[name] is None for name in COLUMNS)
+
+
+def test_only_pedestrians_are_no_error(tmp_path: Path) -> None:
+    table = write_csv(tmp_path / "walk.csv", [row(1, 1, 0, 0, 1.0, kind="pedestrian")])
+    for level in LEVELS:
+        assert recording_table(table, level=level).num_rows == (1 if level == "scenario" else 0)
+
+
+def wandering(tmp_path: Path, *, case_id: bool) -> TrackTable:
+    """Three random scenes as cases, or one of 100 steps as a recording."""
+    rng = np.random.default_rng(5)
+    tracks, _ = random_run(
+        rng, children=3 if case_id else 1, steps=40 if case_id else 100, history=1, vehicles=7, absent=0.2
+    )
+    assert tracks.present is not None
+    rows = []
+    for child, step, vehicle in np.argwhere(tracks.present):
+        at = (child, step, vehicle)
+        s = tracks.states
+        line = row(
+            int(vehicle) + 1,
+            int(step) + 1,
+            float(s.x[at]),
+            float(s.y[at]),
+            float(s.speed[at]),
+            float(s.heading[at]),
+        )
+        rows.append(f"{child + 1}.0,{line}" if case_id else line)
+    rng.shuffle(rows)
+    return write_csv(tmp_path / "random.csv", rows, f"case_id,{HEADER}" if case_id else HEADER)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("preset", ["paper", "path"])
+def test_windows_change_nothing(
+    level: str, preset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cut into windows of 7 steps, a recording gives the same; sums over 2 s differ by rounding."""
+    table = wandering(tmp_path, case_id=False)
+    metrics = (*COLUMNS[::2], "drac", "thw", "pet")
+    whole = recording_table(table, level=level, preset=preset, metrics=metrics)
+    monkeypatch.setattr(recording, "STACKED_STEPS", 1)
+    monkeypatch.setattr(recording, "WINDOW_STEPS", 7)
+    assert len(list(blocks(table))) == 15
+    cut = recording_table(table, level=level, preset=preset, metrics=metrics)
+    assert cut.column_names == whole.column_names
+    for name in whole.column_names:
+        if whole[name].type == pa.float64():
+            a, b = (np.array(t[name].to_pylist(), dtype=float) for t in (whole, cut))
+            np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-9)
+        else:
+            assert cut[name].equals(whole[name])
+
+
+def test_cases_are_evaluated_each_on_its_own(tmp_path: Path) -> None:
+    table = wandering(tmp_path, case_id=True)
+    together = recording_table(table)
+    assert together["case_id"].to_pylist() == [1, 2, 3]
+    for index in range(3):
+        alone = recording_table(table.case(index))
+        assert alone.slice(index, 1).equals(together.slice(index, 1))
+
+
+def test_stamps_that_jitter_stay_on_the_grid(tmp_path: Path) -> None:
+    """30 frames a second, rounded to milliseconds; one second is left out."""
+    frames = [*range(90), *range(120, 200)]
+    rows = [
+        f"{track},{k},{round(k * 1000 / 30)},car,{0.3 * k + 20 * track!r},0.0,9.0,0.0,0.0,4.5,1.8"
+        for k in frames
+        for track in (1, 2)
+    ]
+    table = write_csv(tmp_path / "fast.csv", rows)
+    (block,) = blocks(table)
+    seen = np.flatnonzero(block.tracks.present.any(axis=(0, 2))) if block.tracks.present is not None else []
+    assert list(seen) == frames
+    assert block.tracks.step_s == pytest.approx(1 / 30, abs=1e-3)
+
+
+def test_ids_of_cases_keep_their_kind(tmp_path: Path) -> None:
+    for names, expected in ((("2.0", "10.0"), [2, 10]), (("0.5", "2"), [0.5, 2.0]), (("a", "b"), ["a", "b"])):
+        rows = [f"{name},{row(1, 1, 0, 0, 1.0)}" for name in names]
+        table = write_csv(tmp_path / "ids.csv", rows, f"case_id,{HEADER}")
+        assert recording_table(table)["case_id"].to_pylist() == expected
+
+
+def test_worst_rows_of_children() -> None:
+    tracks, planned = random_run(np.random.default_rng(1), children=3)
+    values = evaluate(tracks, planned)
+    ids, stamps = np.array([11, 12, 13, 14, 15]), np.arange(1, 11) * 100
+    table = worst_table(values, child=[4, 5, 6], track_ids=ids, timestamp_ms=stamps)
+    assert table.column_names == ["child", "metric", "timestamp_ms", "track_id", "other_id", "value"]
+    rows = table.to_pylist()
+    assert len(rows) == sum(int(w.defined.sum()) for w in values.worst.values())
+    for entry in rows:
+        child, worst = entry["child"] - 4, values.worst[entry["metric"]]
+        assert entry["value"] == values.column(entry["metric"])[0][child]
+        assert entry["timestamp_ms"] == stamps[worst.step[child]] > tracks.first * 100
+        assert entry["track_id"] == ids[worst.vehicle[child]]
+
+
+def test_planned_paths_of_a_recording_are_the_driven_tracks(tmp_path: Path) -> None:
+    """Both arrive at the crossing point: 12 m at 6 m/s and 5 m at 5 m/s."""
+    rows = [row(1, k, -12.6 + 0.6 * k, 0, 6.0) for k in range(1, 40)]
+    rows += [row(2, k, 0, -5.5 + 0.5 * k, 5.0, math.pi / 2) for k in range(1, 40)]
+    table = recording_table(
+        write_csv(tmp_path / "cross.csv", rows), level="pair", metrics=("gap_time", "pet")
+    )
+    first = {(r["metric"], r["track_id"]): r["value"] for r in table.to_pylist() if r["timestamp_ms"] == 100}
+    assert first == {key: pytest.approx(1.0) for key in first}
+    assert len(first) == 4
+
+
+def test_files_are_written_by_their_ending(
+    tmp_path: Path, two_cars: TrackTable, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = {"map_path": None, "level": "pair", "preset": "paper", "metrics": None, "by_type": None}
+    for name in ("out.parquet", "out.csv"):
+        metrics_command(two_cars.path, out=tmp_path / name, **options)  # type: ignore[arg-type]
+    read = pq.read_table(tmp_path / "out.parquet")
+    assert read.num_rows == recording_table(two_cars, level="pair").num_rows
+    assert read.schema.metadata[b"preset"] == b"paper"
+    text = (tmp_path / "out.csv").read_text()
+    assert text.count("\n") == read.num_rows + 1
+    assert "level pair, preset paper" in capsys.readouterr().out
+    with pytest.raises(UsageError, match=r"known: \.parquet, \.csv"):
+        metrics_command(two_cars.path, out=tmp_path / "out.json", **options)  # type: ignore[arg-type]
+    with pytest.raises(ResultError, match="cannot write"):
+        metrics_command(two_cars.path, out=two_cars.path / "x.csv", **options)  # type: ignore[arg-type]
+
+
+def test_tracks_as_parquet_are_read_like_csv(tmp_path: Path) -> None:
+    table = wandering(tmp_path, case_id=True)
+    from pyarrow import csv
+
+    pq.write_table(csv.read_csv(table.path), tmp_path / "tracks.parquet")
+    again, history = read_source(tmp_path / "tracks.parquet")
+    assert history == 0
+    assert recording_table(again, level="pair").equals(recording_table(table, level="pair"))
+    with pytest.raises(TrackError, match="no column vx"):
+        pq.write_table(
+            pq.read_table(tmp_path / "tracks.parquet").drop_columns(["vx"]), tmp_path / "bad.parquet"
+        )
+        read_source(tmp_path / "bad.parquet")
+    with pytest.raises(TrackError, match=r"no tracks\.parquet"):
+        read_source(tmp_path / "..")
+
+
+def test_real_cases_have_values(data: Path) -> None:
+    """INTERACTION's own cases: every case with two vehicles at once has a distance; nothing is NaN."""
+    table = read_tracks(data / "interaction/cases/v12_case_format_sample.csv")
+    pairs = recording_table(table, level="pair")
+    assert pairs.num_rows > 1000
+    assert not np.isnan(np.asarray(pairs["value"])).any()
+    result = recording_table(table)
+    assert result["distance"].null_count == 0
+    assert evaluate(next(blocks(table)).tracks, None).defined.any()
+    assert isinstance(next(blocks(table)).planned, PlannedPaths)
+
+
+def test_an_unknown_level_is_refused(two_cars: TrackTable) -> None:
+    with pytest.raises(UsageError, match="known: pair, scene, scenario, worst"):
+        recording_table(two_cars, level="pairs")

@@ -1,0 +1,80 @@
+"""Assignments are random where asked, complete where asked, and a child's own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scex_sumo.errors import UsageError
+from scex_sumo.extrapolation.assignments import (
+    all_assignments,
+    assignments,
+    child_generator,
+    random_assignments,
+    route_draws,
+)
+
+
+def test_a_childs_assignment_does_not_depend_on_the_other_children() -> None:
+    together = random_assignments([1, 1, 1], range(20), 5, seed=7)
+    alone = random_assignments([1, 1, 1], [13], 5, seed=7)
+    assert np.array_equal(together[13], alone[0])
+
+
+def test_models_are_drawn_by_their_weights() -> None:
+    drawn = random_assignments([1, 3, 0], range(500), 10, seed=1)
+    share = np.bincount(drawn.ravel(), minlength=3) / drawn.size
+    # Three standard deviations of a share of 1/4 over 5000 draws.
+    assert share[0] == pytest.approx(0.25, abs=3 * np.sqrt(0.25 * 0.75 / 5000))
+    assert share[2] == 0
+
+
+def test_other_seeds_draw_other_assignments() -> None:
+    assert not np.array_equal(
+        random_assignments([1, 1], range(50), 4, seed=0), random_assignments([1, 1], range(50), 4, seed=1)
+    )
+
+
+def test_all_assignments_holds_each_combination_once() -> None:
+    every = all_assignments([3, 3, 3, 3])
+    assert every.shape == (81, 4)
+    assert len(np.unique(every, axis=0)) == 81
+
+
+def test_too_many_combinations_are_refused_with_their_number() -> None:
+    with pytest.raises(UsageError, match=r"1.68e\+07 combinations for 12 vehicles"):
+        all_assignments([4] * 12)
+
+
+def test_a_fixed_vehicle_has_its_model_in_every_child() -> None:
+    picked = assignments([1, 1], [4, 9, 2], children=40, seed=0, fixed={9: 2})
+    assert (picked[:, 1] == 2).all()
+    assert set(np.unique(picked[:, [0, 2]])) == {0, 1}
+
+
+def test_a_fixed_vehicle_is_left_out_of_the_combinations() -> None:
+    picked = assignments([1, 1], [4, 9, 2], children=None, seed=0, fixed={9: 1})
+    assert picked.shape == (4, 3)
+    assert (picked[:, 1] == 1).all()
+
+
+def test_models_of_no_weight_are_left_out_of_the_combinations() -> None:
+    picked = assignments([1, 0, 2], [1, 2], children=None, seed=0)
+    assert sorted(map(tuple, picked.tolist())) == [(0, 0), (0, 2), (2, 0), (2, 2)]
+
+
+def test_an_unknown_vehicle_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(UsageError, match="no vehicle 5 in the seed scene; its vehicles: 1, 2"):
+        assignments([1], [1, 2], children=3, seed=0, fixed={5: 0})
+
+
+@pytest.mark.parametrize("children", [0, -3])
+def test_fewer_than_one_child_is_refused(children: int) -> None:
+    with pytest.raises(UsageError, match="at least 1"):
+        assignments([1], [1], children=children, seed=0)
+
+
+def test_route_draws_are_fixed_per_child_and_apart_from_the_plans_draws() -> None:
+    draws = route_draws([3, 4], 6, seed=2)
+    assert np.array_equal(draws[1], route_draws([4], 6, seed=2)[0])
+    assert not np.array_equal(draws[0], child_generator(2, 3).random(6))

@@ -1,0 +1,134 @@
+"""Who drives whom, with and without vehicles under test; models are tried before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scex_sumo.behaviors import registry
+from scex_sumo.behaviors.guard.guarded import Guarded
+from scex_sumo.behaviors.plug_in.fallback import Fallible
+from scex_sumo.behaviors.registry import behavior
+from scex_sumo.errors import ScexError, UsageError
+from scex_sumo.extrapolation.casting import (
+    cast_models,
+    draw_assignments,
+    drivers,
+    put_under_test,
+    sources_of,
+    try_drivers,
+)
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, Who
+from scex_sumo.statistics.designs import DESIGNS
+from tests.behaviors import roads
+
+TRACKS = np.array([17, 23, 42])
+
+
+class Parked:
+    """Stays where it is; says that it cannot for vehicles in `not_for`."""
+
+    def __init__(self, *, not_for: int = -1) -> None:
+        self.not_for = not_for
+
+    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+        if (who.vehicle == self.not_for).any() or self.not_for == 99:
+            raise LookupError("nowhere to park")
+        now = history.now[who.child, who.vehicle]
+        x, y, heading = (np.repeat(a[:, None], 30, axis=1) for a in (now.x, now.y, now.heading))
+        return Plan(x=x, y=y, heading=heading, speed=np.zeros_like(x))
+
+
+@pytest.fixture(autouse=True)
+def parked() -> Iterator[None]:
+    before = dict(registry._registered)
+    behavior("parked")(Parked)
+    yield
+    registry._registered.clear()
+    registry._registered.update(before)
+
+
+@pytest.mark.parametrize("design", [*DESIGNS, "all"])
+def test_all_others_have_the_models_that_they_have_without_the_one_under_test(design: str) -> None:
+    models = "standard_driver,risky_driver,constant_velocity"
+
+    def drawn(under_test: dict[int, str | None]) -> np.ndarray:
+        casting = cast_models(models, {42: "emergency_brake"}, under_test)
+        count = None if design == "all" else 20
+        names = "random" if design == "all" else design
+        return draw_assignments(casting, TRACKS, children=count, seed=3, design=names)
+
+    tested, baseline = drawn({17: "parked"}), drawn({17: None})
+    assert np.array_equal(tested[:, 1], baseline[:, 1])
+    assert len(set(baseline[:, 0])) == 3 and len(set(tested[:, 0])) == 1
+    # The fixed vehicle has the same model, at whatever index.
+    assert len(set(tested[:, 2])) == len(set(baseline[:, 2])) == 1
+
+
+def test_a_model_of_ones_own_that_is_assigned_is_under_test() -> None:
+    assign = {17: "parked", 23: "standard_driver"}
+    assert put_under_test(assign, {}, own=True) == ({23: "standard_driver"}, {17: "parked"})
+    assert put_under_test(assign, {42: None}, own=False) == (assign, {42: None})
+
+
+def test_vehicles_that_are_named_twice_or_are_not_there_are_refused() -> None:
+    with pytest.raises(UsageError, match="--under-test 17: --assign names this vehicle too"):
+        put_under_test({17: "parked"}, {17: None}, own=True)
+    casting = cast_models("standard_driver", {}, {7: "parked"})
+    with pytest.raises(
+        UsageError, match="--assign or --under-test: no vehicle 7 in the seed scene; its vehicles: 17, 23, 42"
+    ):
+        draw_assignments(casting, TRACKS, children=3, seed=0, design="random")
+    with pytest.raises(UsageError, match="--under-test 7=parked,replay: names 2 models"):
+        cast_models("standard_driver", {}, {7: "parked,replay"})
+
+
+def test_only_models_that_may_fail_are_stood_in_for() -> None:
+    plain, own, guarded = drivers(cast_models("standard_driver,parked,parked:guard=true", {}))
+    assert not isinstance(plain, Fallible)
+    assert isinstance(own, Fallible)
+    assert isinstance(guarded, Guarded) and isinstance(guarded.model, Fallible)
+
+
+SCENE = replace(
+    roads.seed((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0), (90.0, 0.0, 0.0, 5.0)),
+    track_ids=TRACKS,
+    road=roads.straight(),
+)
+
+
+def tried(models: str, assign: dict[int, str]) -> None:
+    casting = cast_models(models, assign)
+    try_drivers(casting, drivers(casting), SCENE, seed=0)
+
+
+def test_a_model_without_any_usable_plan_is_refused_before_the_run() -> None:
+    with pytest.raises(
+        ScexError,
+        match=r"^parked:not_for=99: no usable plan for any of 3 vehicles of the seed scene: "
+        r"raised LookupError: nowhere to park \(test_casting.py, line \d+\); "
+        r"it is class Parked of .*test_casting.py; needs a Plan",
+    ):
+        tried("standard_driver,parked:not_for=99", {})
+
+
+def test_a_model_is_tried_on_the_vehicles_that_it_may_get_only() -> None:
+    tried("standard_driver", {17: "parked:not_for=2"})
+    tried("standard_driver,parked:not_for=2", {})  # fails for one of three
+    with pytest.raises(ScexError, match="no usable plan for any of 1 vehicles"):
+        tried("standard_driver", {42: "parked:not_for=2"})
+
+
+def test_a_guarded_model_is_tried_too() -> None:
+    with pytest.raises(ScexError, match="no usable plan for any of 3"):
+        tried("parked:not_for=99:guard=true", {})
+
+
+def test_the_file_of_ones_own_model_is_fingerprinted() -> None:
+    casting = cast_models("standard_driver,parked", {})
+    found = sources_of(casting, drivers(casting))
+    assert list(found) == ["parked"] and len(found["parked"]) == 64

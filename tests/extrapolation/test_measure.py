@@ -1,0 +1,93 @@
+"""What happened is measured like what could have happened."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from scex_sumo.extrapolation.measure import handover_jumps, measure_recorded, measure_rollout, worst_of
+from scex_sumo.extrapolation.rollout import Rollout
+from scex_sumo.scene import SeedScene, States
+from tests.seeds import straight_seed
+
+
+def going_on(scene: SeedScene, steps: int) -> States:
+    """(V, steps) every vehicle straight on at its speed, along its heading."""
+    now = scene.now
+    way = now.speed[:, None] * 0.1 * np.arange(1, steps + 1)
+    return States(
+        x=now.x[:, None] + way * np.cos(now.heading)[:, None],
+        y=now.y[:, None] + way * np.sin(now.heading)[:, None],
+        heading=np.repeat(now.heading[:, None], steps, axis=1),
+        speed=np.repeat(now.speed[:, None], steps, axis=1),
+    )
+
+
+def crossing_seed() -> SeedScene:
+    """One eastbound at 10 m/s, 42 m before the crossing; one northbound at 10 m/s, 45 m before it."""
+    times = np.arange(-10, 1) * 0.1
+    zero = np.zeros_like(times)
+    history = States(
+        x=np.stack([-42 + 10 * times, zero]),
+        y=np.stack([zero, -45 + 10 * times]),
+        heading=np.stack([zero, zero + np.pi / 2]),
+        speed=np.full((2, 11), 10.0),
+    )
+    scene = dataclasses.replace(straight_seed(), history=history)
+    future = going_on(scene, 50)
+    return dataclasses.replace(scene, future=future, future_valid=np.ones(future.shape, dtype=bool))
+
+
+def test_recorded_paths_go_on_beyond_the_measured_steps() -> None:
+    # They cross 4.2 s and 4.5 s after the moment; only 3 s are measured, but the paths are known for 5 s.
+    values = measure_recorded(crossing_seed(), 30)
+    assert values is not None
+    gap, defined = values.column("gap_time")
+    assert defined[0]
+    assert gap[0] == pytest.approx(0.3, abs=1e-9)
+    assert values.scene["gap_time"].value.shape == (1, 30)
+
+
+def test_no_recorded_future_has_no_values() -> None:
+    assert measure_recorded(straight_seed(), 30) is None
+
+
+def test_vehicles_count_as_long_as_they_were_recorded() -> None:
+    scene = crossing_seed()
+    valid = np.ones(scene.future.shape, dtype=bool) if scene.future is not None else None
+    assert valid is not None
+    valid[1, 10:] = False
+    values = measure_recorded(dataclasses.replace(scene, future_valid=valid), 30)
+    assert values is not None
+    assert values.scene["distance"].defined[0].tolist() == [True] * 10 + [False] * 20
+
+
+def test_only_the_vehicles_that_sumo_drives_can_jump_at_its_takeover() -> None:
+    scene = crossing_seed()
+    first = going_on(scene, 1)[:, 0].repeat(2)
+    moved = dataclasses.replace(first, x=first.x + np.array([[0.0, 3.0], [0.0, 0.0]]))
+    by_sumo = np.array([[False, True], [False, True]])
+    assert handover_jumps(scene, moved, by_sumo) == pytest.approx([3.0, 0.0])
+
+
+def test_the_worst_moment_is_named_by_its_frame() -> None:
+    scene = crossing_seed()
+    states = going_on(scene, 30).swapaxes(0, 1)[None]
+    plan = going_on(scene, 50)
+    rollout = Rollout(
+        children=np.array([7]),
+        states=states,
+        plan_x=plan.x[None, None],
+        plan_y=plan.y[None, None],
+        replan=30,
+    )
+    values = measure_rollout(scene, rollout)
+    rows = worst_of(scene, values, rollout.children).to_pylist()
+    closest = next(row for row in rows if row["metric"] == "distance")
+    # They come nearer all the time: the worst step is the last, frame 40 of the case.
+    assert closest["child"] == 7
+    assert closest["timestamp_ms"] == 4000
+    assert {closest["track_id"], closest["other_id"]} == {0, 1}
+    assert closest["value"] == pytest.approx(np.hypot(12, 15))

@@ -1,0 +1,124 @@
+"""Pictures and summary of a run show what the tables hold, undefined and one-sided cases included."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.reports.run_pictures import draw_cumulative, draw_densities, draw_run
+from scex_sumo.reports.run_table import print_summary, summary_table
+from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
+from scex_sumo.results.run import Run, open_run
+from scex_sumo.road import Lane, Road
+from scex_sumo.statistics.density import THRESHOLDS
+from scex_sumo.world.colors import model_colors
+from tests.results.test_folder import part_of
+from tests.seeds import straight_seed
+
+CHILDREN = 40
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """Forty children whose distance is 0.25 m times their number; gap time defined in none, TTC in half."""
+    folder = ResultFolder(tmp_path / "out", {})
+    values = np.repeat(0.25 * np.arange(CHILDREN)[:, None], len(COLUMNS), axis=1)
+    defined = np.ones(values.shape, dtype=bool)
+    defined[:, COLUMNS.index("gap_time")] = False
+    defined[::2, COLUMNS.index("ttc")] = False
+    folder.write_table("metrics.parquet", values_table(COLUMNS, values, defined, np.arange(CHILDREN)))
+    folder.write_table("recorded.parquet", values_table(COLUMNS, values[8:9], defined[8:9]))
+    part = part_of(list(range(CHILDREN)), steps=4)
+    folder.write_table("tracks.parquet", tracks_table(straight_seed(), part))
+    scene = {"name": "hand made", "vehicles": 2}
+    folder.finish({"seed_scene": scene, "steps": 4, "thresholds": dict(THRESHOLDS)})
+    return open_run(tmp_path / "out")
+
+
+def test_the_share_of_critical_children_counts_those_up_to_the_threshold(run: Run) -> None:
+    # 0.25 m times 0 to 20 is at most 5 m.
+    assert run.p_critical("distance").value == pytest.approx(21 / CHILDREN)
+    assert run.p_critical("distance", threshold=0.1).value == pytest.approx(1 / CHILDREN)
+
+
+def test_undefined_children_are_no_samples(run: Run) -> None:
+    assert len(run.samples("ttc")) == CHILDREN / 2
+    assert len(run.samples("gap_time")) == 0
+
+
+def test_the_most_critical_child_is_on_the_critical_side(run: Run) -> None:
+    assert run.most_critical("distance") == 0
+    assert run.most_critical("tq") == CHILDREN - 1
+    with pytest.raises(ResultError, match="gap_time is defined in none of 40 children"):
+        run.most_critical("gap_time")
+
+
+def test_unknown_metrics_and_missing_thresholds_name_the_known(run: Run) -> None:
+    with pytest.raises(UsageError, match="unknown metric 'speed'; known: distance, distance_mean"):
+        run.samples("speed")
+    with pytest.raises(UsageError, match="pttc: has no threshold; those that have: distance"):
+        run.p_critical("pttc")
+
+
+def test_plots_say_what_is_defined_and_mark_the_recorded_value(run: Run, tmp_path: Path) -> None:
+    svg, png = draw_densities(run, tmp_path / "densities")
+    text = svg.read_text()
+    assert "defined in no child" in text
+    assert "20/40" in text
+    assert "recorded future" in text
+    assert png.stat().st_size > 10_000
+
+
+def test_the_same_run_is_drawn_in_the_same_bytes(run: Run, tmp_path: Path) -> None:
+    first = draw_cumulative(run, tmp_path / "first")[0].read_bytes()
+    assert draw_cumulative(run, tmp_path / "second")[0].read_bytes() == first
+
+
+def test_the_scene_is_drawn_with_its_road(run: Run) -> None:
+    import dataclasses
+
+    line = np.array([[-20.0, 0.0], [30.0, 0.0]])
+    lane = Lane(
+        lane_id=1,
+        centreline=line,
+        left_bound=line + np.array([0.0, 2.0]),
+        right_bound=line - np.array([0.0, 2.0]),
+        width_m=4.0,
+        speed_limit_mps=10.0,
+    )
+    scene = dataclasses.replace(straight_seed(), road=Road(name="road", lanes={1: lane}))
+    names = {file.name for file in draw_run(run, scene)}
+    assert names == {"densities.svg", "densities.png", "cumulative.svg", "cumulative.png", "scene.png"}
+    assert all((run.folder / name).exists() for name in names)
+
+
+@pytest.mark.parametrize("width", [60, 80])
+def test_a_narrow_terminal_cuts_nothing_off_the_summary(run: Run, width: int) -> None:
+    console = Console(width=width)
+    with console.capture() as capture:
+        print_summary(run, console)
+    lines = capture.get().splitlines()
+    assert "…" not in capture.get()
+    assert any(line.startswith("traffic quality") and line.rstrip().endswith("40/40") for line in lines)
+    assert max(map(len, lines)) < 80  # a terminal of the usual width holds a line
+
+
+def test_the_summary_shows_shares_and_dashes(run: Run) -> None:
+    console = Console(width=110, record=True)
+    with console.capture() as capture:
+        console.print(summary_table(run))
+    rows = {line.split("│")[1].strip(): line for line in capture.get().splitlines() if line.startswith("│")}
+    assert "52.5%" in rows["distance [m]"]
+    assert "2.00" in rows["distance [m]"]  # recorded
+    assert "0/40" in rows["gap time [s]"]
+    assert "20/40" in rows["1/TTC [1/s]"]
+
+
+def test_models_keep_their_colours() -> None:
+    assert model_colors(["risky_driver", "mine"]) == model_colors(["risky_driver:time_headway=1", "mine:a=2"])
+    assert len(set(model_colors(["mine", "yours", "sumo:EIDM", "standard_driver"]))) == 4

@@ -1,0 +1,187 @@
+"""A result folder is whole or says that it is not; an interrupted run goes on where it was."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from scex_sumo.errors import ResultError
+from scex_sumo.results.folder import Part, ResultFolder, assignments_table, tracks_table, values_table
+from scex_sumo.results.parts import joined
+from scex_sumo.results.run import open_run
+from scex_sumo.scene import States
+from tests.seeds import straight_seed
+
+
+def part_of(children: list[int], steps: int = 3, vehicles: int = 2) -> Part:
+    """States and values that tell which child they belong to."""
+    numbers = np.asarray(children)
+    x = np.broadcast_to(100.0 * numbers[:, None, None], (len(children), steps, vehicles)).copy()
+    states = States(x=x, y=x + 1, heading=np.zeros_like(x), speed=np.full_like(x, 2.0))
+    values = np.broadcast_to(numbers[:, None].astype(float), (len(children), 12)).copy()
+    defined = np.ones((len(children), 12), dtype=bool)
+    defined[:, 3] = False
+    worst = pa.table({"child": numbers[::-1], "metric": ["distance"] * len(numbers)})
+    return Part(children=numbers, states=states, values=values, defined=defined, worst=worst)
+
+
+def test_parts_are_collected_in_order_of_the_children(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "out", {"seed": 1})
+    folder.save_part(part_of([3, 4]))
+    folder.save_part(part_of([0, 1, 2]))
+    whole = folder.collect(5)
+    assert whole.children.tolist() == [0, 1, 2, 3, 4]
+    assert whole.states.x[:, 0, 0].tolist() == [0, 100, 200, 300, 400]
+    assert whole.worst["child"].to_pylist() == [0, 1, 2, 3, 4]
+
+
+def test_plans_are_collected_like_the_children_that_made_them(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "out", {"seed": 1})
+    for numbers in ([3, 4], [0, 1, 2]):
+        plan = np.broadcast_to(np.array(numbers, float)[:, None, None, None], (len(numbers), 2, 2, 30))
+        folder.save_part(dataclasses.replace(part_of(numbers), plan_x=plan, plan_y=plan + 0.5))
+    whole = folder.collect(5)
+    assert whole.plan_x is not None
+    assert whole.plan_y is not None
+    assert whole.plan_x.shape == (5, 2, 2, 30)
+    assert whole.plan_x[:, 1, 1, 29].tolist() == [0, 1, 2, 3, 4]
+    assert whole.plan_y[:, 0, 0, 0].tolist() == [0.5, 1.5, 2.5, 3.5, 4.5]
+
+
+def test_children_are_read_some_at_a_time_in_order_from_parts_that_interlock(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "out", {"seed": 1})
+    for numbers in ([0, 2, 6], [1, 4], [3, 5]):
+        tested = np.stack([np.full((len(numbers), 12), 1.0), part_of(numbers).values])
+        folder.save_part(dataclasses.replace(part_of(numbers), tested=tested))
+    pieces = list(folder.in_order(7, size=3))
+    assert [piece.children.tolist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
+    assert [piece.worst["child"].to_pylist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
+    assert [piece.states.y[:, 2, 1].tolist() for piece in pieces] == [[1, 101, 201], [301, 401, 501], [601]]
+    whole = joined(pieces)
+    assert whole.values[:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6]
+    assert whole.tested is not None
+    assert whole.tested[:, :, 0].tolist() == [[1] * 7, [0, 1, 2, 3, 4, 5, 6]]
+
+
+def test_a_table_written_in_pieces_is_there_whole_or_not_at_all(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "out", {"seed": 1})
+    with folder.writer("metrics.parquet") as write:
+        write(pa.table({"child": [0, 1]}))
+        write(pa.table({"child": [2]}))
+    assert pq.read_table(folder.path / "metrics.parquet")["child"].to_pylist() == [0, 1, 2]
+    with folder.writer("tracks.parquet"):
+        pass
+    with pytest.raises(ValueError), folder.writer("plans.parquet") as write:
+        write(pa.table({"child": [0]}))
+        raise ValueError
+    assert sorted(file.name for file in folder.path.glob("*.parquet")) == ["metrics.parquet"]
+
+
+def test_parts_without_plans_are_collected_without(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "out", {"seed": 1})
+    folder.save_part(part_of([0, 1]))
+    assert folder.collect(2).plan_x is None
+
+
+def test_missing_children_are_counted(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "out", {"seed": 1})
+    folder.save_part(part_of([0, 1]))
+    with pytest.raises(ResultError, match="2 of 5 children are there"):
+        folder.collect(5)
+
+
+def test_the_same_run_goes_on_after_an_interruption(tmp_path: Path) -> None:
+    ResultFolder(tmp_path / "out", {"seed": 1}).save_part(part_of([0, 1]))
+    with pytest.raises(ResultError, match="interrupted; the same command resumes it"):
+        open_run(tmp_path / "out")
+    again = ResultFolder(tmp_path / "out", {"seed": 1})
+    assert again.done() == {0, 1}
+
+
+def test_another_runs_result_is_not_overwritten_unasked(tmp_path: Path) -> None:
+    ResultFolder(tmp_path / "out", {"seed": 1}).finish({})
+    with pytest.raises(ResultError, match="another run; give another folder"):
+        ResultFolder(tmp_path / "out", {"seed": 2})
+    assert ResultFolder(tmp_path / "out", {"seed": 2}, overwrite=True).done() == set()
+
+
+def test_a_folder_of_other_files_is_never_touched(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    for overwrite in (False, True):
+        with pytest.raises(ResultError, match="not empty, and no result of scex-sumo"):
+            ResultFolder(tmp_path, {"seed": 1}, overwrite=overwrite)
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+
+
+def test_overwriting_leaves_files_of_others_alone(tmp_path: Path) -> None:
+    ResultFolder(tmp_path / "out", {"seed": 1}).finish({})
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    (tmp_path / "out" / "scene.png").write_text("of the earlier run")
+    ResultFolder(tmp_path / "out", {"seed": 2}, overwrite=True)
+    assert not (tmp_path / "out" / "scene.png").exists()
+    assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
+
+
+def test_a_file_in_place_of_the_folder_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("")
+    with pytest.raises(ResultError, match="cannot write the result"):
+        ResultFolder(tmp_path / "out", {})
+
+
+@pytest.mark.parametrize(("content", "message"), [(None, "no such folder"), ("", "no run.json in it")])
+def test_opening_what_is_no_result_says_so(tmp_path: Path, content: str | None, message: str) -> None:
+    folder = tmp_path / "out"
+    if content is not None:
+        folder.mkdir()
+    with pytest.raises(ResultError, match=message):
+        open_run(folder)
+
+
+def test_tracks_are_interaction_cases_with_the_seed_scene_at_frame_ten() -> None:
+    seed = straight_seed()
+    table = tracks_table(seed, part_of([0, 1])).to_pydict()
+    rows = [i for i in range(len(table["x"])) if table["case_id"][i] == 1 and table["track_id"][i] == 1]
+    assert [table["frame_id"][i] for i in rows] == list(range(1, 14))
+    assert [table["timestamp_ms"][i] for i in rows][:2] == [100, 200]
+    x = [table["x"][i] for i in rows]
+    assert x[:10] == pytest.approx(seed.history.x[1, 1:])
+    assert x[10:] == [100.0] * 3
+
+
+def test_velocity_lies_along_the_heading() -> None:
+    seed = straight_seed(1, speed=4.0)
+    turned = States(
+        x=seed.history.x, y=seed.history.y, heading=np.full((1, 11), np.pi / 2), speed=seed.history.speed
+    )
+    table = tracks_table(dataclasses.replace(seed, history=turned), part_of([0], vehicles=1)).to_pydict()
+    assert table["vx"][0] == pytest.approx(0, abs=1e-12)
+    assert table["vy"][0] == pytest.approx(4.0)
+
+
+def test_an_undefined_metric_is_null(tmp_path: Path) -> None:
+    part = part_of([0, 1])
+    columns = [f"m{i}" for i in range(12)]
+    table = values_table(columns, part.values, part.defined, part.children)
+    assert table["m3"].null_count == 2
+    assert table["m4"].to_pylist() == [0.0, 1.0]
+
+
+def test_assignments_name_the_model_of_each_vehicle() -> None:
+    table = assignments_table(straight_seed(), np.array([[0, 1], [1, 1]]), ["a", "b:x=1"])
+    assert table.to_pydict() == {
+        "child": [0, 0, 1, 1],
+        "track_id": [0, 1, 0, 1],
+        "model": ["a", "b:x=1", "b:x=1", "b:x=1"],
+    }
+
+
+def test_tables_survive_the_disk(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "out", {})
+    table = tracks_table(straight_seed(), part_of([0]))
+    folder.write_table("tracks.parquet", table)
+    assert pq.read_table(tmp_path / "out" / "tracks.parquet").equals(table)

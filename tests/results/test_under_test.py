@@ -1,0 +1,175 @@
+"""Children with and without a driving function, compared one by one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from scipy import stats
+
+from scex_sumo.commands.run import parse_under_test
+from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.metrics.evaluate import COLUMNS, evaluate, evaluate_pairs
+from scex_sumo.reports.under_test_picture import draw_under_test
+from scex_sumo.reports.under_test_table import under_test_table
+from scex_sumo.results.run import Run
+from scex_sumo.results.under_test import holm, mcnemar, signed_rank, signs
+from tests.metrics.scenes import random_run
+
+
+def test_vehicles_under_test_are_read_with_and_without_a_model() -> None:
+    assert parse_under_test(("17=acc:Acc:time_gap=2", "23")) == {17: "acc:Acc:time_gap=2", 23: None}
+    for entries, words in (
+        (("x=acc:Acc",), "--under-test x=acc:Acc: needs TRACK=MODEL, e.g. --under-test 17=emergency_brake"),
+        (("17=",), "needs TRACK=MODEL"),
+        (("17=replay", "17"), "--under-test 17: vehicle 17 is given twice"),
+        (("17=replay", "17=replay"), "vehicle 17 is given twice; give it one model"),
+    ):
+        with pytest.raises(UsageError, match=words):
+            parse_under_test(entries)
+
+
+def test_the_signed_rank_test_is_scipys_with_ties_and_zeros() -> None:
+    rng = np.random.default_rng(0)
+    one = rng.integers(0, 6, 60).astype(float)
+    two = one + rng.integers(-2, 4, 60)
+    expected = stats.wilcoxon(one, two, zero_method="pratt", correction=False, method="approx").pvalue
+    assert signed_rank(one, two) == pytest.approx(expected, rel=1e-9)
+
+
+def test_infinite_differences_are_the_largest_and_equal_infinities_none() -> None:
+    one, two = np.array([1.0, 2.0, np.inf, np.inf]), np.array([2.0, 4.0, 8.0, np.inf])
+    finite = signed_rank(np.array([1.0, 2.0, 100.0, 5.0]), np.array([2.0, 4.0, 8.0, 5.0]))
+    assert signed_rank(one, two) == finite
+    assert np.isnan(signed_rank(two, two))
+
+
+def test_values_that_differ_by_rounding_are_equal() -> None:
+    one = np.array([1.0, np.inf, 3.0, np.inf])
+    assert signs(one, np.array([1.0 + 1e-13, np.inf, 2.0, 5.0])).tolist() == [0.0, 0.0, 1.0, 1.0]
+
+
+def test_mcnemar_is_the_binomial_test_of_the_children_that_changed() -> None:
+    assert mcnemar(1, 9) == pytest.approx(stats.binomtest(1, 10).pvalue)
+    assert mcnemar(4, 4) == 1.0
+    assert mcnemar(0, 0) == 1.0
+
+
+def test_holm_multiplies_the_smallest_most_and_keeps_the_order() -> None:
+    assert holm([0.01, 0.04, float("nan"), 0.03])[:2] == pytest.approx([0.03, 0.06])
+    assert holm([0.01, 0.04, float("nan"), 0.03])[3] == pytest.approx(0.06)
+    assert np.isnan(holm([float("nan")])[0])
+    assert holm([0.9, 0.8]) == [1.0, 1.0]
+
+
+def test_metrics_of_one_vehicle_are_the_extrema_of_its_own_pairs() -> None:
+    tracks, planned = random_run(np.random.default_rng(5), children=3)
+    own = evaluate(tracks, planned, vehicles=[2])
+    pairs = evaluate_pairs(tracks, planned)
+    for name, worst in (("distance", np.min), ("wttc", np.min)):
+        rows = pairs[name]
+        involved = (rows.vehicle == 2) | (rows.other == 2)
+        column, defined = own.column(name)
+        for child in range(len(column)):
+            mine = rows.value[involved & (rows.child == child)]
+            assert defined[child] == (len(mine) > 0)
+            if len(mine):
+                assert column[child] == worst(mine)
+    alone, _ = own.column("tq")
+    rows = pairs["tq"]
+    assert alone[0] == rows.value[(rows.vehicle == 2) & (rows.child == 0)].max()
+
+
+def test_all_vehicles_together_give_the_scenes_own_values() -> None:
+    tracks, planned = random_run(np.random.default_rng(6), vehicles=4)
+    assert np.array_equal(
+        evaluate(tracks, planned, vehicles=range(4)).values, evaluate(tracks, planned).values, equal_nan=True
+    )
+
+
+Columns = dict[str, list[float | None]]
+
+
+def folder_of(path: Path, tested: Columns, baseline: Columns) -> Run:
+    """A result folder with values under test; columns that are not given are null."""
+
+    def write(folder: Path, values: Columns, vehicles: dict[str, str | None]) -> None:
+        folder.mkdir(parents=True)
+        count = len(next(iter(values.values())))
+        columns = {c: pa.array(values.get(c, [None] * count), pa.float64()) for c in COLUMNS}
+        pq.write_table(pa.table({"child": list(range(count)), **columns}), folder / "under_test.parquet")
+        info = {
+            "under_test": vehicles,
+            "thresholds": {"distance": 5.0, "ttc": 0.5},
+            "seed_scene": {"name": "drawn"},
+            "children": count,
+        }
+        (folder / "run.json").write_text(json.dumps(info))
+
+    write(path, tested, {"17": "mypkg:MyDriver"})
+    write(path / "baseline", baseline, {"17": None})
+    return Run(path)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    return folder_of(
+        tmp_path / "out",
+        {"distance": [4.0, 6.0, 3.0, 9.0, None], "ttc": [0.6, 0.0, 0.6, 0.1, 0.2]},
+        {"distance": [8.0, 6.0, 7.0, 4.0, 2.0], "ttc": [0.1, 0.0, 0.1, 0.1, 0.2]},
+    )
+
+
+def test_children_are_compared_one_by_one(run: Run) -> None:
+    found = run.under_test.difference("distance")
+    assert (found.under_test, found.baseline) == (5.0, 6.0)
+    assert (found.children, found.worse, found.better) == (4, 2, 1)
+    assert (found.newly_critical, found.no_longer_critical) == (2, 1)
+    assert found.critical_p_value == 1.0
+    assert found.p_critical is not None and found.baseline_p_critical is not None
+    assert (found.p_critical.value, found.baseline_p_critical.value) == (0.5, 0.4)
+
+
+def test_for_metrics_that_are_critical_on_the_right_larger_is_worse(run: Run) -> None:
+    found = run.under_test.difference("ttc")
+    assert (found.worse, found.better, found.newly_critical, found.no_longer_critical) == (2, 0, 2, 0)
+
+
+def test_a_metric_without_values_or_threshold_is_left_open(run: Run) -> None:
+    empty = run.under_test.difference("gap_time")
+    assert empty.children == 0 and np.isnan(empty.under_test) and np.isnan(empty.p_value)
+    assert empty.p_critical is None and np.isnan(empty.critical_p_value)
+    with pytest.raises(UsageError, match="unknown metric 'speed'"):
+        run.under_test.samples("speed")
+
+
+def test_table_and_picture_show_every_metric(run: Run, tmp_path: Path) -> None:
+    table = under_test_table(run.under_test)
+    assert table.title == "under test, vehicle 17: mypkg:MyDriver: 5 child scenarios"
+    assert table.row_count == 6
+    assert list(table.columns[3].cells) == ["2 : 1", "–", "–", "–", "–", "2 : 0"]
+    assert next(iter(table.columns[5].cells)) == "50.0%"
+    svg, png = draw_under_test(run, tmp_path / "under_test")
+    assert png.stat().st_size > 0
+    text = svg.read_text()
+    assert "vehicle 17: mypkg:MyDriver" in text and "P = 50.0%" in text and "P = 40.0%" in text
+    assert text.count("defined in no child") == 4
+
+
+def test_a_run_without_vehicles_under_test_or_baseline_says_so(run: Run) -> None:
+    (run.folder / "baseline" / "run.json").unlink()
+    with pytest.raises(ResultError, match="its baseline was not run; run again without --no-baseline"):
+        _ = run.under_test
+    (run.folder / "run.json").write_text("{}")
+    with pytest.raises(ResultError, match="no vehicle is under test; run with --under-test TRACK=MODEL"):
+        _ = Run(run.folder).under_test
+
+
+def test_a_baseline_of_other_children_is_refused(tmp_path: Path) -> None:
+    run = folder_of(tmp_path / "out", {"distance": [4.0, 6.0]}, {"distance": [4.0]})
+    with pytest.raises(ResultError, match="has not the children of"):
+        _ = run.under_test

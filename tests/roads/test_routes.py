@@ -1,0 +1,144 @@
+"""Routes over lanes and the candidate paths of vehicles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scex_sumo.geometry.polylines import length_of
+from scex_sumo.roads.routes import candidate_paths, centreline, extended, routes
+from tests.behaviors import roads
+
+
+def test_a_three_way_fork_gives_three_routes_and_only_one_when_it_is_beyond_the_horizon() -> None:
+    assert routes(roads.fork(), 1, 10.0, 80.0) == ((1, 11), (1, 12), (1, 13))
+    assert routes(roads.fork(), 1, 10.0, 40.0) == ((1,),)
+
+
+def test_routes_end_with_the_mapped_road() -> None:
+    assert routes(roads.fork(), 12, 10.0, 500.0) == ((12,),)
+
+
+def test_a_roundabout_leads_round_and_out_at_every_exit() -> None:
+    ring = roads.arc(12.0, np.pi), roads.arc(12.0, np.pi, (0.0, 24.0), np.pi)
+    circle = roads.road(
+        roads.lane(1, ring[0], successors=(2, 3)),
+        roads.lane(2, ring[1], successors=(1,)),
+        roads.lane(3, [(0.0, 24.0), (-50.0, 24.0)]),
+    )
+    # Half a ring is 37.7 m: in 80 m the exit is passed once and reached again.
+    assert routes(circle, 1, 0.0, 80.0) == ((1, 2, 1), (1, 3))
+    assert (1, 2, 1, 3) in routes(circle, 1, 0.0, 120.0)
+
+
+def test_where_a_lane_ends_the_route_goes_on_beside_it_if_changing_is_allowed() -> None:
+    def ramp(left: int | None) -> tuple[tuple[int, ...], ...]:
+        merge = roads.road(
+            roads.lane(1, [(0.0, 0.0), (80.0, 0.0)], left=left),
+            roads.lane(2, [(0.0, 3.5), (80.0, 3.5)], successors=(3,), right=1),
+            roads.lane(3, [(80.0, 3.5), (300.0, 3.5)], predecessors=(2,)),
+        )
+        return routes(merge, 1, 10.0, 150.0)
+
+    assert ramp(left=2) == ((1, 2, 3),)
+    assert ramp(left=None) == ((1,),)
+
+
+def test_paths_at_a_fork_are_ordered_from_left_to_right_in_the_vehicles_frame() -> None:
+    (paths,) = candidate_paths(roads.fork(), roads.seed((20.0, 0.0, 0.0, 10.0)))
+    assert [path.lanes for path in paths] == [(1, 11), (1, 12), (1, 13)]
+    assert paths[0].angle > 0.5
+    assert paths[1].angle == pytest.approx(0.0)
+    assert paths[0].angle == pytest.approx(-paths[2].angle)
+    assert [path.probability for path in paths] == pytest.approx([1 / 3] * 3)
+    assert [path.s for path in paths] == pytest.approx([20.0] * 3)
+
+
+def test_the_order_does_not_depend_on_where_the_map_points() -> None:
+    fork = roads.fork()
+    turned = roads.road(
+        *(
+            roads.lane(
+                one.lane_id,
+                one.centreline @ np.array([[-1.0, 0.0], [0.0, -1.0]]),
+                successors=one.successors,
+                predecessors=one.predecessors,
+            )
+            for one in fork.lanes.values()
+        )
+    )
+    (paths,) = candidate_paths(turned, roads.seed((-20.0, 0.0, np.pi, 10.0)))
+    assert [path.lanes for path in paths] == [(1, 11), (1, 12), (1, 13)]
+
+
+def test_equal_angles_are_ordered_by_lane_ids() -> None:
+    same = [(50.0, 0.0), (150.0, 0.0)]
+    doubled = roads.road(
+        roads.lane(1, [(0.0, 0.0), (50.0, 0.0)], successors=(9, 4)),
+        roads.lane(9, same, predecessors=(1,)),
+        roads.lane(4, same, predecessors=(1,)),
+    )
+    (paths,) = candidate_paths(doubled, roads.seed((20.0, 0.0, 0.0, 10.0)))
+    assert [path.lanes for path in paths] == [(1, 4), (1, 9)]
+
+
+def test_probability_is_shared_at_each_fork_not_among_all_ends() -> None:
+    tree = roads.road(
+        roads.lane(1, [(0.0, 0.0), (30.0, 0.0)], successors=(2, 3)),
+        roads.lane(2, [(30.0, 0.0), (50.0, 8.0)], predecessors=(1,), successors=(4, 5)),
+        roads.lane(3, [(30.0, 0.0), (120.0, -40.0)], predecessors=(1,)),
+        roads.lane(4, [(50.0, 8.0), (120.0, 70.0)], predecessors=(2,)),
+        roads.lane(5, [(50.0, 8.0), (120.0, 8.0)], predecessors=(2,)),
+    )
+    (paths,) = candidate_paths(tree, roads.seed((10.0, 0.0, 0.0, 10.0)))
+    assert {path.lanes: path.probability for path in paths} == pytest.approx(
+        {(1, 2, 4): 0.25, (1, 2, 5): 0.25, (1, 3): 0.5}
+    )
+
+
+def test_a_vehicle_at_the_start_of_overlapping_lanes_can_take_any_of_them() -> None:
+    (paths,) = candidate_paths(roads.fork(), roads.seed((52.0, 0.0, 0.0, 10.0)))
+    assert [path.lanes for path in paths] == [(11,), (12,), (13,)]
+
+
+def test_a_vehicle_off_the_road_has_no_path_and_the_others_keep_theirs() -> None:
+    scene = roads.seed((20.0, 40.0, 0.0, 10.0), (20.0, 0.0, 0.0, 10.0))
+    nothing, three = candidate_paths(roads.fork(), scene)
+    assert nothing == () and len(three) == 3
+
+
+def test_a_route_is_continued_by_the_smallest_turn() -> None:
+    assert extended(roads.fork(), (1,), 100.0) == (1, 12)
+    assert extended(roads.fork(), (1,), 50.0) == (1,)
+
+
+def test_a_centreline_reaches_as_far_as_asked_straight_beyond_both_ends_of_the_road() -> None:
+    points, lanes = centreline(roads.fork(), (1, 12), 10.0, 25.0, 200.0)
+    assert points[0] == pytest.approx([-15.0, 0.0])
+    assert points[-1] == pytest.approx([210.0, 0.0])
+    assert length_of(points) == pytest.approx(225.0)
+    assert set(lanes.tolist()) == {1, 12}
+
+
+def test_a_centreline_follows_the_predecessor_backwards() -> None:
+    points, lanes = centreline(roads.fork(), (11,), 5.0, 20.0, 10.0)
+    assert points[0] == pytest.approx([35.0, 0.0], abs=1e-9)
+    assert lanes[0] == 1 and lanes[-1] == 11
+
+
+def test_where_two_lanes_fit_the_one_counts_that_the_vehicle_came_along() -> None:
+    # Lane 2 joins lane 1 from the left at x = 60; a vehicle at x = 55 is nearly as much on either.
+    merge = roads.road(
+        roads.lane(1, [(0.0, 0.0), (60.0, 0.0)], successors=(3,)),
+        roads.lane(2, [(0.0, 15.0), (45.0, 1.0), (60.0, 0.0)], successors=(3,)),
+        roads.lane(3, [(60.0, 0.0), (200.0, 0.0)], predecessors=(1, 2)),
+    )
+    straight = roads.seed((55.0, 0.2, -0.02, 15.0))
+    (paths,) = candidate_paths(merge, straight)
+    assert [path.lanes for path in paths] == [(1, 3)]
+    # Without a recorded past both are possible.
+    unknown = replace(straight, recorded_steps=np.array([0]))
+    (paths,) = candidate_paths(merge, unknown)
+    assert sorted(path.lanes for path in paths) == [(1, 3), (2, 3)]

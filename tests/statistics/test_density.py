@@ -1,0 +1,172 @@
+"""Densities and intervals: against their formulas, scipy, and what they promise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from scex_sumo.errors import InputError
+from scex_sumo.statistics.density import (
+    SIDES,
+    THRESHOLDS,
+    bootstrap_band,
+    defined_fraction,
+    density,
+    dkw_half_width,
+    p_critical,
+    wilson,
+)
+
+SAMPLES = np.random.default_rng(0).gamma(2.0, 3.0, 385)
+INF = float("inf")
+
+values = st.lists(st.floats(-1e3, 1e3, width=32), min_size=2, max_size=30)
+
+
+def test_one_sample_gives_the_kernel_itself() -> None:
+    curve = density([2.0], x=[1.9, 2.0, 2.1])
+    peak = 1 / (0.1 * np.sqrt(2 * np.pi))
+    assert curve.pdf == pytest.approx([peak * np.exp(-0.5), peak, peak * np.exp(-0.5)], rel=1e-12)
+    # Phi(1) from tables.
+    assert curve.cdf == pytest.approx([1 - 0.8413447460685429, 0.5, 0.8413447460685429], rel=1e-12)
+
+
+@pytest.mark.parametrize("bandwidth", [0.02, 0.1, 3.0])
+def test_the_bandwidth_is_absolute(bandwidth: float) -> None:
+    curve = density(SAMPLES, bandwidth)
+    z = (curve.x[:, None] - SAMPLES) / bandwidth
+    # 385 terms summed in another order.
+    np.testing.assert_allclose(curve.pdf, stats.norm.pdf(z).sum(axis=1) / (385 * bandwidth), rtol=1e-12)
+    np.testing.assert_allclose(curve.cdf, stats.norm.cdf(z).mean(axis=1), rtol=1e-12)
+
+
+@given(values, st.sampled_from([0.05, 0.1, 2.0]))
+def test_the_default_grid_holds_the_whole_density(samples: list[float], bandwidth: float) -> None:
+    """Beyond 5 bandwidths a kernel has 6e-7 left; the trapezoid rule adds less."""
+    curve = density(samples, bandwidth)
+    assert np.all(np.diff(curve.x) > 0)
+    step = bandwidth / 4
+    assert np.sum(curve.pdf) * step == pytest.approx(1.0, abs=1e-6)
+    assert np.all(np.diff(curve.cdf) >= -1e-15)
+    assert curve.cdf[0] < 1e-6 and curve.cdf[-1] > 1 - 1e-6
+
+
+def test_clusters_far_apart_do_not_fill_the_space_between() -> None:
+    assert density([0.0, 1e6]).x.size == 82
+
+
+def test_infinite_samples_keep_their_share() -> None:
+    curve = density([1.0, 2.0, INF, INF])
+    assert curve.cdf[-1] == pytest.approx(0.5, abs=1e-6)
+    assert np.sum(curve.pdf) * 0.025 == pytest.approx(0.5, abs=1e-6)
+    assert density([-INF, 1.0]).cdf[0] == pytest.approx(0.5, abs=1e-6)
+
+
+def test_reflection_folds_the_negative_part_back() -> None:
+    curve = density([0.0, 0.05, 1.0], reflect=True)
+    plain = density([0.0, 0.05, 1.0], x=np.concatenate([-curve.x[::-1], curve.x]))
+    half = curve.x.size
+    np.testing.assert_allclose(curve.pdf, plain.pdf[half:] + plain.pdf[:half][::-1], rtol=1e-12)
+    assert curve.x[0] == 0.0 and curve.cdf[0] == pytest.approx(0.0, abs=1e-15)
+    assert curve.cdf[-1] == pytest.approx(1.0, abs=1e-6)
+    with pytest.raises(InputError, match="negative sample"):
+        density([-0.1], reflect=True)
+
+
+def test_the_band_is_0_069_wide_for_385_children() -> None:
+    assert dkw_half_width(385) == pytest.approx(np.sqrt(np.log(40) / 770), rel=1e-12)
+    assert round(dkw_half_width(385), 3) == 0.069
+    curve = density(SAMPLES)
+    low, high = curve.band
+    np.testing.assert_allclose(low, np.maximum(curve.cdf - dkw_half_width(385), 0), rtol=1e-12)
+    np.testing.assert_allclose(high, np.minimum(curve.cdf + dkw_half_width(385), 1), rtol=1e-12)
+
+
+def test_the_band_covers_the_smoothed_truth_19_times_in_20() -> None:
+    """The standard normal smoothed by h is normal with variance 1 + h²; DKW is conservative."""
+    rng = np.random.default_rng(1)
+    x = np.linspace(-4, 4, 200)
+    truth = stats.norm.cdf(x / np.sqrt(1.01))
+    inside = 0
+    for _ in range(300):
+        low, high = density(rng.normal(size=50), x=x).band
+        inside += bool(np.all((low <= truth) & (truth <= high)))
+    # 300 draws: a true coverage of 0.95 stays above 0.91 in all but 1 of 1000 cases.
+    assert inside / 300 > 0.91
+
+
+def test_the_bootstrap_band_covers_the_truth_at_each_point() -> None:
+    """The median of a normal lies within the band at 0 in about 95 % of 300 sample sets."""
+    rng = np.random.default_rng(2)
+    inside = 0
+    for _ in range(300):
+        low, high = bootstrap_band(rng.normal(size=100), [0.0], rng, draws=300)
+        inside += bool(low[0] <= 0.5 <= high[0])
+    # Four standard deviations of a binomial share of 0.95, plus 0.02 for the percentile method's own bias.
+    assert abs(inside / 300 - 0.95) < 0.07
+
+
+def test_the_bootstrap_band_is_reproducible_and_keeps_infinite_samples() -> None:
+    x = [0.0, 1.0, 100.0]
+    bands = [bootstrap_band([0.5, INF], x, np.random.default_rng(0), draws=500) for _ in range(2)]
+    np.testing.assert_array_equal(bands[0], bands[1])
+    # Two samples, one at infinity: resamples have 0, 1 or 2 of them.
+    assert bands[0][0][-1] == 0.0 and bands[0][1][-1] == 1.0
+    with pytest.raises(InputError, match="0 samples"):
+        bootstrap_band([], x, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(("successes", "count"), [(0, 385), (1, 10), (16, 385), (200, 385), (385, 385)])
+def test_wilson_agrees_with_scipy(successes: int, count: int) -> None:
+    ours = wilson(successes, count)
+    theirs = stats.binomtest(successes, count).proportion_ci(method="wilson")
+    assert (ours.value, ours.low, ours.high) == pytest.approx(
+        (successes / count, theirs.low, theirs.high), abs=1e-12
+    )
+
+
+def test_critical_on_the_left_and_on_the_right() -> None:
+    samples = [0.1, 0.26, 0.5, INF]
+    assert p_critical(samples, 0.26, "left").value == 0.5
+    assert p_critical(samples, 0.26, "right").value == 0.75
+    assert p_critical(samples, 0.26).count == 4
+
+
+def test_without_samples_nothing_is_known() -> None:
+    interval = p_critical([], 1.0)
+    assert np.isnan(interval.value) and (interval.low, interval.high, interval.count) == (0.0, 1.0, 0)
+
+
+def test_the_papers_thresholds() -> None:
+    assert dict(THRESHOLDS) == {
+        "distance": 5.0,
+        "wttc": 0.26,
+        "tq": 1.2,
+        "ttc": pytest.approx(0.6667, abs=1e-4),
+    }
+    assert [name for name, side in SIDES.items() if side == "right"] == ["tq", "ttc"]
+
+
+def test_the_defined_fraction_counts_what_is_not_nan() -> None:
+    assert defined_fraction([1.0, np.nan, INF, 0.0]) == 0.75
+    assert np.isnan(defined_fraction([]))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: density([]), "no samples"),
+        (lambda: density([1.0, np.nan]), "1 of 2 samples are NaN"),
+        (lambda: density([1.0], 0.0), "bandwidth 0.0"),
+        (lambda: p_critical([1.0], 1.0, "above"), "choose left or right"),
+        (lambda: p_critical([1.0], np.nan), "not a number"),
+        (lambda: p_critical([1.0], 1.0, confidence=95), "between 0 and 1"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(call: object, message: str) -> None:
+    assert callable(call)
+    with pytest.raises(InputError, match=message):
+        call()

@@ -1,0 +1,110 @@
+"""Designs: how evenly assignments are spread, by counting."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from scex_sumo.arrays import IntArray
+from scex_sumo.errors import UsageError
+from scex_sumo.extrapolation.assignments import assignments
+from scex_sumo.statistics.designs import DESIGNS, balanced, latin, orthogonal
+
+SIX = [1 / 6] * 6
+
+
+def counts(rows: IntArray, factors: tuple[int, ...], levels: int) -> IntArray:
+    """How often each combination of the levels of some factors occurs."""
+    flat = np.ravel_multi_index(rows[:, factors].T, (levels,) * len(factors))
+    return np.bincount(flat, minlength=levels ** len(factors))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_36_balanced_runs_of_6_models_for_2_vehicles_have_each_pair_once(seed: int) -> None:
+    rows = balanced([SIX, SIX], 36, np.random.default_rng(seed))
+    assert (counts(rows, (0, 1), 6) == 1).all()
+
+
+def test_all_combinations_come_before_any_comes_twice() -> None:
+    rows = balanced([[0.5, 0.5]] * 3, 24, np.random.default_rng(0))
+    for first in (0, 8, 16):
+        assert len({tuple(r) for r in rows[first : first + 8].tolist()}) == 8
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_wherever_one_stops_no_model_is_far_ahead_of_another(seed: int) -> None:
+    rows = balanced([SIX] * 5, 200, np.random.default_rng(seed))
+    so_far = np.stack([np.cumsum(rows == m, axis=0) for m in range(6)], axis=-1)
+    assert np.ptp(so_far, axis=-1).max() <= 5  # independent draws: a spread of about 15 after 200 runs
+
+
+def test_pairs_of_models_are_ten_times_as_even_as_independent_draws() -> None:
+    # Independent draws have a variance of the counts of nearly their mean, n / 36 = 5.
+    rows = balanced([SIX] * 5, 180, np.random.default_rng(1))
+    variances = [counts(rows, pair, 6).var() for pair in combinations(range(5), 2)]
+    assert np.mean(variances) < 0.5
+    independent = DESIGNS["random"]([SIX] * 5, 180, np.random.default_rng(1))
+    assert np.mean([counts(independent, pair, 6).var() for pair in combinations(range(5), 2)]) > 4
+
+
+def test_shares_are_met_per_vehicle_and_per_pair() -> None:
+    rows = balanced([[0.75, 0.25], [0.5, 0.5]], 64, np.random.default_rng(2))
+    assert np.abs(counts(rows, (0, 1), 2) - [24, 24, 8, 8]).max() <= 1
+
+
+def test_a_shorter_balanced_design_begins_a_longer_one() -> None:
+    long = balanced([SIX] * 4, 90, np.random.default_rng(3))
+    assert np.array_equal(balanced([SIX] * 4, 50, np.random.default_rng(3)), long[:50])
+
+
+def test_every_single_row_of_a_balanced_design_is_as_likely_as_in_independent_draws() -> None:
+    # 600 designs: the 4 outcomes of row 3 of two vehicles have a count of 150 +- 10.6 each; 5 sigma.
+    rows = np.stack([balanced([[0.5, 0.5]] * 2, 4, np.random.default_rng([4, i]))[3] for i in range(600)])
+    assert np.abs(counts(rows, (0, 1), 2) - 150).max() < 53
+
+
+def test_a_latin_design_has_every_model_equally_often() -> None:
+    rows = latin([SIX] * 7, 60, np.random.default_rng(0))
+    assert all((counts(rows, (f,), 6) == 10).all() for f in range(7))
+
+
+def test_an_orthogonal_design_of_25_runs_has_each_pair_of_5_models_once() -> None:
+    rows = orthogonal([[0.2] * 5] * 6, 25, np.random.default_rng(0))
+    for pair in combinations(range(6), 2):
+        assert (counts(rows, pair, 5) == 1).all()
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+@pytest.mark.parametrize(("vehicles", "children"), [(1, 1), (1, 7), (3, 1), (9, 40)])
+def test_every_design_gives_as_many_children_as_asked_for(design: str, vehicles: int, children: int) -> None:
+    picked = assignments([1, 0, 2], range(vehicles), children=children, seed=0, design=design)
+    assert picked.shape == (children, vehicles)
+    assert set(np.unique(picked)) <= {0, 2}
+    again = assignments([1, 0, 2], range(vehicles), children=children, seed=0, design=design)
+    assert np.array_equal(picked, again)
+    if children * vehicles > 300:
+        other = assignments([1, 0, 2], range(vehicles), children=children, seed=1, design=design)
+        assert not np.array_equal(picked, other)
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+def test_a_fixed_vehicle_takes_no_part_in_a_design(design: str) -> None:
+    picked = assignments([1, 1], [4, 9, 2], children=20, seed=0, fixed={9: 2}, design=design)
+    assert (picked[:, 1] == 2).all()
+    alone = assignments([1, 1], [4, 2], children=20, seed=0, design=design)
+    if design != "random":  # there, a vehicle's draw must not depend on which others are fixed
+        assert np.array_equal(picked[:, [0, 2]], alone)
+    all_fixed = assignments([1, 1], [4], children=3, seed=0, fixed={4: 1}, design=design)
+    assert all_fixed.tolist() == [[1]] * 3
+
+
+def test_an_unknown_design_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(UsageError, match="unknown design 'best'; known: random, balanced"):
+        assignments([1], [1], children=3, seed=0, design="best")
+
+
+def test_a_decay_outside_0_to_1_is_refused() -> None:
+    with pytest.raises(UsageError, match="between 0 and 1"):
+        balanced([SIX], 3, np.random.default_rng(0), decay=1.0)

@@ -1,0 +1,74 @@
+"""Two processes never write into one folder; one that ends, however, leaves it to the next."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from scex_sumo.errors import ResultError
+from scex_sumo.files import hold, let_go
+from scex_sumo.ranking.folder import RankFolder
+from scex_sumo.results.folder import ResultFolder
+
+HOLDING = """
+import sys
+from pathlib import Path
+from scex_sumo.files import hold
+hold(Path(sys.argv[1]))
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+def _another(folder: Path) -> subprocess.Popen[str]:
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLDING, str(folder)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None and process.stdout.readline() == "held\n"
+    return process
+
+
+def test_a_folder_that_another_process_writes_is_refused_until_that_dies(tmp_path: Path) -> None:
+    with _another(tmp_path) as other:
+        with pytest.raises(ResultError, match="another process is writing"):
+            ResultFolder(tmp_path, {"seed": 1})
+        assert not any(tmp_path.iterdir())
+        other.kill()
+    folder = ResultFolder(tmp_path, {"seed": 1})
+    folder.finish({})
+
+
+def test_two_rankings_never_write_one_folder(tmp_path: Path) -> None:
+    with _another(tmp_path) as other:
+        with pytest.raises(ResultError, match="another process is writing"):
+            RankFolder(tmp_path, {"seed": 1})
+        assert not any(tmp_path.iterdir())
+        other.kill()
+    with RankFolder(tmp_path, {"seed": 1}):
+        pass
+    with _another(tmp_path) as other:  # let in without a word
+        other.kill()
+
+
+def test_a_run_that_failed_can_be_repeated_in_the_same_process(tmp_path: Path) -> None:
+    ResultFolder(tmp_path, {"seed": 1})
+    ResultFolder(tmp_path, {"seed": 1}).finish({})
+
+
+def test_a_finished_run_lets_others_in(tmp_path: Path) -> None:
+    ResultFolder(tmp_path, {"seed": 1}).finish({})
+    with _another(tmp_path) as other:
+        other.kill()
+
+
+def test_letting_go_of_what_is_not_held_does_nothing(tmp_path: Path) -> None:
+    let_go(tmp_path)
+    hold(tmp_path)
+    let_go(tmp_path)
+    let_go(tmp_path)

@@ -1,0 +1,96 @@
+"""What is drawn beside the vehicles, and what is in view."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from scex_sumo.scene import States
+from scex_sumo.world.gui_drawings import ChildView, Shown, draw_children, draw_legend, frame_of
+from scex_sumo.world.gui_settings import write_view_settings
+
+RED, BLUE = (214, 64, 58), (54, 124, 196)
+MAP = (0.0, 0.0, 300.0, 100.0)
+
+
+def track(x: float, y: float) -> States:
+    """(1, 4): eastwards, a metre a step."""
+    along = x + np.arange(4.0)[None]
+    return States(
+        x=along, y=np.full_like(along, y), heading=np.zeros_like(along), speed=np.full_like(along, 10)
+    )
+
+
+def elements(drawn: str) -> dict[str, ElementTree.Element]:
+    return {e.get("id", ""): e for e in ElementTree.fromstring(f"<a>{drawn}</a>")}
+
+
+def test_the_net_alone_fills_the_window_and_a_legend_takes_room_below_it() -> None:
+    # 300 m by 100 m, letters of 3 % of a window of 1.5 to 1 that shows it: 0.03 x 200 m = 6 m.
+    bare, full = frame_of(MAP, [(0, 0)], []), frame_of(MAP, [(0, 0)], [("a", RED), ("b", BLUE)])
+    assert bare.line_m == pytest.approx(6.0)
+    assert full.viewport[0] <= bare.viewport[0] <= 100.0
+    assert full.viewport[1] == 150.0
+    assert full.viewport[2] < bare.viewport[2]  # looks farther down
+
+
+def test_tiles_are_all_in_view() -> None:
+    frame = frame_of(MAP, [(0, 0), (320, 0), (0, -120)], [])
+    assert frame.net == frame.view == (0.0, -120.0, 620.0, 100.0)
+
+
+def test_a_child_is_shown_where_its_vehicles_are() -> None:
+    frame = frame_of(MAP, [(0, 0)], []).closer(track(100.0, 40.0))
+    assert frame.view == (75.0, 15.0, 128.0, 65.0)  # 25 m around 100 to 103, 40
+    assert frame.viewport[0] > 200.0
+    assert frame_of(MAP, [(0, 0)], []).closer(track(280.0, 90.0)).view == (255.0, 65.0, 300.0, 100.0)
+
+
+def test_vehicles_off_the_map_are_shown_all_the_same() -> None:
+    frame = frame_of(MAP, [(0, 0)], []).closer(track(900.0, 40.0))
+    assert frame.view == (875.0, 15.0, 928.0, 65.0)
+
+
+def test_vehicles_are_enlarged_only_where_they_would_be_too_small_to_see() -> None:
+    assert frame_of(MAP, [(0, 0)], []).exaggeration == 1.0
+    assert frame_of((0.0, 0.0, 300.0, 400.0), [(0, 0)], []).exaggeration == 2.0
+    assert frame_of((0.0, 0.0, 9000.0, 100.0), [(0, 0)], []).exaggeration == 3.0
+
+
+def test_ways_begin_at_the_seed_scene_in_the_colour_of_the_model() -> None:
+    child = ChildView(number=7, states=track(100.0, 40.0), models=("risky",), past=2, title="wttc < 0.3, say")
+    shown = Shown(child=child, slot=4, offset=(1000, -500))
+    drawn = elements(draw_children([shown], {"risky": RED}, frame_of(MAP, [(0, 0)], [])))
+    way = drawn["t4_way.0"]
+    assert way.get("shape") == "1101.00,-460.00 1102.00,-460.00 1103.00,-460.00"
+    assert way.get("color") == "214,64,58"
+    # SUMO refuses ids with blanks, commas or angle brackets; a title has to be one.
+    assert set(drawn) == {"t4_way.0", "child 7 · wttc _ 0.3_ say".replace(" ", "\N{NO-BREAK SPACE}")}
+
+
+def test_the_legend_says_whose_colour_is_which() -> None:
+    drawn = elements(draw_legend(frame_of(MAP, [(0, 0)], [("standard_driver", BLUE), ("risky_driver", RED)])))
+    assert [drawn[f"legend.{n}"].get("color") for n in (0, 1)] == ["54,124,196", "214,64,58"]
+    assert {"standard_driver", "risky_driver"} < set(drawn)
+    for name, square in (("standard_driver", "legend.0"), ("risky_driver", "legend.1")):
+        corners = [float(p.split(",")[0]) for p in drawn[square].get("shape", "").split()]
+        assert float(drawn[name].get("x", "nan")) > max(corners)  # the text is beside its colour
+        assert float(drawn[name].get("y", "nan")) < MAP[1]  # and below the map
+
+
+def test_view_settings_are_well_formed_and_say_what_was_asked(tmp_path: Path) -> None:
+    path = tmp_path / "view.xml"
+    write_view_settings(
+        path, delay_ms=40, viewport=(120.0, 5.0, 6.0), names=False, snapshots=((1.0, "a.png"),), pause_s=4.0
+    )
+    settings = ElementTree.parse(path).getroot()
+    found = {e.tag: e.attrib for e in settings}
+    assert found["delay"] == {"value": "40"}
+    assert found["viewport"] == {"zoom": "120.00", "x": "5.00", "y": "6.00", "angle": "0"}
+    assert found["snapshot"] == {"file": "a.png", "time": "1.00"}
+    assert found["breakpoint"] == {"time": "4.00"}
+    vehicles = settings.find("scheme/vehicles")
+    assert vehicles is not None and vehicles.get("vehicleName_show") == "0"
