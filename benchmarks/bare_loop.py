@@ -31,8 +31,8 @@ from scex_sumo.road import Road
 from scex_sumo.scene import States
 from scex_sumo.world.frame import to_sumo
 from scex_sumo.world.session import VehicleCalls
+from scex_sumo.world.sumo import load_sumo
 from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id
-from scex_sumo.world.world import load_sumo
 
 DEFAULT_MAP = Path(__file__).parents[1] / "scex_sumo" / "scenarios" / "data" / "roundabout.osm"
 OPTIONS = (

@@ -13,14 +13,14 @@ from scex_sumo.scene import SeedScene, States
 from scex_sumo.training.closed_loop import drive_all
 
 
-def drive_scene(seed: SeedScene, model: str, *, steps: int) -> States:
+def drive_scene(scene: SeedScene, model: str, *, steps: int) -> States:
     """All vehicles of a scene by one model in closed loop: (V, steps + 1), the present first."""
     built = build(parse_models(model)[0])
     if isinstance(built, SumoDriver):
         raise UsageError(f"{model}: SUMO's own drivers need SUMO")
-    assert seed.road is not None
-    driven = drive_all(seed, seed.road, built, steps=steps)[0].swapaxes(0, 1)
-    return States.concatenate([seed.now[:, None], driven], axis=1)
+    assert scene.road is not None
+    driven = drive_all(scene, scene.road, built, steps=steps)[0].swapaxes(0, 1)
+    return States.concatenate([scene.now[:, None], driven], axis=1)
 
 
 def overlaps(states: States, length: FloatArray, width: FloatArray) -> BoolArray:

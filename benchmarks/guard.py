@@ -73,10 +73,10 @@ def outcome(scene: SeedScene, model: str) -> Outcome:
 
 def cost() -> None:
     """Print what the guard costs on top of the model."""
-    seed = synthetic_seed(REPOSITORY / "scenarios/data/urban_intersection.osm", vehicles=11, seed=0)
-    assert seed.road is not None
+    scene = synthetic_seed(REPOSITORY / "scenarios/data/urban_intersection.osm", vehicles=11, seed=0)
+    assert scene.road is not None
     children, rng = np.arange(64), np.random.default_rng(0)
-    whole, shape = seed.history.repeat(64), (64, seed.vehicles)
+    whole, shape = scene.history.repeat(64), (64, scene.vehicles)
     window = dataclasses.replace(
         whole,
         x=whole.x + rng.normal(0, 0.3, (*shape, 1)),
@@ -88,10 +88,10 @@ def cost() -> None:
     spent = []
     for _ in range(20):
         # A new history each time, for what others are expected to do is remembered for one.
-        history = history_at(seed, window, children, np.full(shape, 0.5), step=5)
-        plan = model.plan(history, seed.road, who, [])
+        history = history_at(scene, window, children, np.full(shape, 0.5), step=5)
+        plan = model.plan(history, scene.road, who, [])
         begin = time.process_time()
-        slowed(plan, history, seed.road, who, GuardProfile())
+        slowed(plan, history, scene.road, who, GuardProfile())
         spent.append(time.process_time() - begin)
     print(f"guard: {1e6 * min(spent) / len(who):.1f} us per vehicle and plan")
 

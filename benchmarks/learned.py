@@ -27,7 +27,7 @@ from scex_sumo.behaviors.learned.weights import KINDS, save_weights
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.extrapolation.rollout import Cast, history_at, roll_out
 from scex_sumo.scene import SeedScene, States, Who
-from scex_sumo.training.closed_loop import PlainWorld
+from scex_sumo.world.plain import PlainWorld
 
 MODELS = {"graph_predictor": "graph", "graph_image_predictor": "hybrid"}
 PARTS = ("scene_graph", "path_inputs", "network", "plan_along", "the rest")

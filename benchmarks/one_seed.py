@@ -32,7 +32,7 @@ from scex_sumo.converters.moments.writer import write_tracks
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios.seeds import synthetic_seed
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.world.world import load_sumo
+from scex_sumo.world.sumo import load_sumo
 
 SIX = f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor"
 # Where each stage is called; what a stage calls of another one counts for that other.
@@ -41,7 +41,7 @@ STAGES = {
     "draw the design": ("scex_sumo.extrapolation.assignments.designed_assignments",),
     "convert": ("scex_sumo.extrapolation.extrapolate.convert",),
     "world": tuple(
-        f"scex_sumo.world.world.World.{name}"
+        f"scex_sumo.world.sumo.World.{name}"
         for name in ("__init__", "begin", "move", "step", "read", "close")
     ),
     "loop": ("scex_sumo.extrapolation.job.roll_out",),

@@ -62,11 +62,11 @@ def test_scenes(recordings: Sequence[Recording], every_s: float) -> list[TestSce
     return found
 
 
-def straight_on(seed: SeedScene, vehicle: IntArray) -> FloatArray:
+def straight_on(scene: SeedScene, vehicle: IntArray) -> FloatArray:
     """(k, H) distances of vehicles that keep velocity and heading to what they did, m."""
-    now, way = seed.now[vehicle], STEP_S * np.arange(1, PLAN_STEPS + 1)
+    now, way = scene.now[vehicle], STEP_S * np.arange(1, PLAN_STEPS + 1)
     return _distances(
-        seed,
+        scene,
         vehicle,
         now.x[:, None] + (now.speed * np.cos(now.heading))[:, None] * way,
         now.y[:, None] + (now.speed * np.sin(now.heading))[:, None] * way,
@@ -76,7 +76,7 @@ def straight_on(seed: SeedScene, vehicle: IntArray) -> FloatArray:
 def planned(test: TestScene, model: Behavior, vehicle: IntArray) -> FloatArray:
     """(k, H) distances of a model's plans to what the vehicles did, m."""
     who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
-    plan = model.plan(SceneHistory.of_seed(test.scene), test.road, who, [np.random.default_rng(0)])
+    plan = model.plan(SceneHistory.of_scene(test.scene), test.road, who, [np.random.default_rng(0)])
     return _distances(test.scene, vehicle, plan.x[:, :PLAN_STEPS], plan.y[:, :PLAN_STEPS])
 
 
@@ -87,7 +87,7 @@ def best_of_six(test: TestScene, driver: LearnedDriver, vehicle: IntArray) -> Fl
     probabilities), each driven as the driver would drive it.
     """
     seed, road = test.scene, test.road
-    history = SceneHistory.of_seed(seed)
+    history = SceneHistory.of_scene(seed)
     everyone = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
     paths, _ = chosen_paths(history, road, everyone, "straight")
     count = paths.count[vehicle]
@@ -116,10 +116,10 @@ def best_of_six(test: TestScene, driver: LearnedDriver, vehicle: IntArray) -> Fl
     return best
 
 
-def _distances(seed: SeedScene, vehicle: IntArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    assert seed.future is not None
+def _distances(scene: SeedScene, vehicle: IntArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    assert scene.future is not None
     steps = slice(0, PLAN_STEPS)
-    distance: FloatArray = np.hypot(x - seed.future.x[vehicle, steps], y - seed.future.y[vehicle, steps])
+    distance: FloatArray = np.hypot(x - scene.future.x[vehicle, steps], y - scene.future.y[vehicle, steps])
     return distance
 
 
@@ -153,36 +153,36 @@ def closed_loop(test: TestScene, model: Behavior) -> Loop:
     return judged(start, test.road, states)
 
 
-def judged(seed: SeedScene, road: Road, states: States) -> Loop:
+def judged(scene: SeedScene, road: Road, states: States) -> Loop:
     """What (V, T) states are, from the seed scene on.
 
     A vehicle counts as long as its box is on the mapped stretch of one of its paths: no road is drawn beyond.
     """
-    on_map = _on_map(seed, road, states)
+    on_map = _on_map(scene, road, states)
     outside = np.stack(
-        [_outside(surface_of(road), seed, states[:, k]) for k in range(0, states.shape[1], LOOK_STEPS)], 1
+        [_outside(surface_of(road), scene, states[:, k]) for k in range(0, states.shape[1], LOOK_STEPS)], 1
     )
     looked = on_map[:, ::LOOK_STEPS]
     been = np.maximum.accumulate((outside <= OUTSIDE) & looked, axis=1)
-    speed = np.concatenate([seed.now.speed[:, None], states.speed], 1)
+    speed = np.concatenate([scene.now.speed[:, None], states.speed], 1)
     hard = (np.abs(np.diff(speed, axis=1)) > HARD_MPS2 * STEP_S) & on_map
     return Loop(
-        driven=seed_paths(seed, road).on_road,
+        driven=seed_paths(scene, road).on_road,
         left=((outside > OUTSIDE) & been & looked).any(1),
-        collided=_collided(seed, states, on_map),
+        collided=_collided(scene, states, on_map),
         hard=hard.any(1),
     )
 
 
-def _on_map(seed: SeedScene, road: Road, states: States) -> BoolArray:
+def _on_map(scene: SeedScene, road: Road, states: States) -> BoolArray:
     """(V, T) whether the whole box is before the end of the mapped road, on the nearest of its paths."""
-    paths = seed_paths(seed, road, None, 18.0)
+    paths = seed_paths(scene, road, None, 18.0)
     end = path_room(road, paths).end
     vehicles, steps = states.shape
     nearest = np.full((vehicles, steps), np.inf)
     before = np.zeros((vehicles, steps), dtype=np.bool_)
-    moved = np.hypot(np.diff(states.x, axis=1, prepend=seed.now.x[:, None]),
-                     np.diff(states.y, axis=1, prepend=seed.now.y[:, None]))  # fmt: skip
+    moved = np.hypot(np.diff(states.x, axis=1, prepend=scene.now.x[:, None]),
+                     np.diff(states.y, axis=1, prepend=scene.now.y[:, None]))  # fmt: skip
     expected = BEHIND_M + np.cumsum(moved, axis=1)
     for k in range(int(paths.count.max())):
         some = np.flatnonzero(paths.count > k)
@@ -190,41 +190,41 @@ def _on_map(seed: SeedScene, road: Road, states: States) -> BoolArray:
         s, d, _ = project(paths, row, states.x[some].ravel(), states.y[some].ravel(), expected[some].ravel())
         s, d = s.reshape(len(some), steps), np.abs(d).reshape(len(some), steps)
         closer = d < nearest[some]
-        inside = s + seed.length[some, None] / 2 < end[(paths.first + k)[some], None]
+        inside = s + scene.length[some, None] / 2 < end[(paths.first + k)[some], None]
         before[some] = np.where(closer, inside, before[some])
         nearest[some] = np.where(closer, d, nearest[some])
     left: BoolArray = np.logical_and.accumulate(before, axis=1) & paths.on_road[:, None]
     return left
 
 
-def _outside(surface: Surface, seed: SeedScene, states: States) -> FloatArray:
+def _outside(surface: Surface, scene: SeedScene, states: States) -> FloatArray:
     """(V,) share of each box that is off the drivable surface, from 5 x 20 points of it."""
     along, across = np.meshgrid((np.arange(5) - 2) / 5, (np.arange(20) - 9.5) / 20, indexing="ij")
-    u, v = along.ravel() * seed.length[:, None], across.ravel() * seed.width[:, None]
+    u, v = along.ravel() * scene.length[:, None], across.ravel() * scene.width[:, None]
     cos, sin = np.cos(states.heading)[:, None], np.sin(states.heading)[:, None]
     depth = surface.at(states.x[:, None] + cos * u - sin * v, states.y[:, None] + sin * u + cos * v)
     share: FloatArray = (depth < 0).mean(axis=1)
     return share
 
 
-def _collided(seed: SeedScene, states: States, counts: BoolArray) -> BoolArray:
+def _collided(scene: SeedScene, states: States, counts: BoolArray) -> BoolArray:
     """(V,) vehicles whose box comes to overlap another's at a step at which both count."""
-    first, second = np.triu_indices(seed.vehicles, 1)
-    fresh = ~_overlap(seed, seed.now, first, second)
+    first, second = np.triu_indices(scene.vehicles, 1)
+    fresh = ~_overlap(scene, scene.now, first, second)
     first, second = first[fresh], second[fresh]
-    hit = np.zeros(seed.vehicles, dtype=np.bool_)
-    reach = (np.hypot(seed.length, seed.width) / 2)[:, None]
+    hit = np.zeros(scene.vehicles, dtype=np.bool_)
+    reach = (np.hypot(scene.length, scene.width) / 2)[:, None]
     for step in range(states.shape[1]):
         now = states[:, step]
         near = np.hypot(now.x[first] - now.x[second], now.y[first] - now.y[second])
         near = (near < (reach[first] + reach[second])[:, 0]) & counts[first, step] & counts[second, step]
         i, j = first[near], second[near]
-        both = _overlap(seed, now, i, j)
+        both = _overlap(scene, now, i, j)
         hit[i[both]] = hit[j[both]] = True
     return hit
 
 
-def _overlap(seed: SeedScene, now: States, i: IntArray, j: IntArray) -> BoolArray:
+def _overlap(scene: SeedScene, now: States, i: IntArray, j: IntArray) -> BoolArray:
     distance = rectangle_distance(
         dx=now.x[j] - now.x[i],
         dy=now.y[j] - now.y[i],
@@ -232,14 +232,14 @@ def _overlap(seed: SeedScene, now: States, i: IntArray, j: IntArray) -> BoolArra
         sin_1=np.sin(now.heading[i]),
         cos_2=np.cos(now.heading[j]),
         sin_2=np.sin(now.heading[j]),
-        length_1=seed.length[i],
-        width_1=seed.width[i],
-        length_2=seed.length[j],
-        width_2=seed.width[j],
+        length_1=scene.length[i],
+        width_1=scene.width[i],
+        length_2=scene.length[j],
+        width_2=scene.width[j],
     )
     return np.asarray(distance <= 0)
 
 
-def moving(seed: SeedScene, vehicle: IntArray) -> BoolArray:
+def moving(scene: SeedScene, vehicle: IntArray) -> BoolArray:
     """(k,) whether vehicles move at the moment."""
-    return np.asarray(seed.now.speed[vehicle] > MOVING_MPS)
+    return np.asarray(scene.now.speed[vehicle] > MOVING_MPS)

@@ -106,7 +106,7 @@ def measure(map_path: Path, vehicles: int, children: int, steps: int, copies: in
 
     import scex_sumo
     from scex_sumo.scenarios.seeds import synthetic_seed
-    from scex_sumo.world.world import load_sumo
+    from scex_sumo.world.sumo import load_sumo
 
     load_sumo()
     small = synthetic_seed(map_path, vehicles=PER_COPY)

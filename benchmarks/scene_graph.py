@@ -32,10 +32,10 @@ def maps() -> list[Path]:
     return own + real + [sorted(site.glob("*.xml.gz"))[0] for site in sites]
 
 
-def batch(seed: SeedScene, children: int, draw: int) -> SceneHistory:
+def batch(scene: SeedScene, children: int, draw: int) -> SceneHistory:
     rng = np.random.default_rng(draw)
-    states = seed.history.repeat(children)
-    shape = (children, seed.vehicles, 1)
+    states = scene.history.repeat(children)
+    shape = (children, scene.vehicles, 1)
     states = replace(
         states,
         x=states.x + rng.normal(0.0, 0.5, shape),
@@ -43,7 +43,7 @@ def batch(seed: SeedScene, children: int, draw: int) -> SceneHistory:
         heading=states.heading + rng.normal(0.0, 0.02, shape),
     )
     return SceneHistory(
-        seed=seed,
+        scene=scene,
         states=states,
         children=np.arange(children),
         step=0,
@@ -51,20 +51,20 @@ def batch(seed: SeedScene, children: int, draw: int) -> SceneHistory:
     )
 
 
-def timed_index(seed: SeedScene) -> tuple[RoadIndex, float]:
+def timed_index(scene: SeedScene) -> tuple[RoadIndex, float]:
     road_index.cache_clear()
     begin = time.process_time()
-    assert seed.road is not None
-    return road_index(seed.road), time.process_time() - begin
+    assert scene.road is not None
+    return road_index(scene.road), time.process_time() - begin
 
 
-def seconds(seed: SeedScene, children: int, repeats: int) -> tuple[float, float]:
+def seconds(scene: SeedScene, children: int, repeats: int) -> tuple[float, float]:
     """Per scene: processor time, and the mean number of edges."""
     best, edges = np.inf, 0
     for draw in range(repeats):
-        history = batch(seed, children, draw)
+        history = batch(scene, children, draw)
         begin = time.process_time()
-        graph = scex.scene_graph(history, seed.road)
+        graph = scex.scene_graph(history, scene.road)
         best = min(best, time.process_time() - begin)
         edges += len(graph.edge_kind)
     return best / children, edges / repeats / children
@@ -83,16 +83,16 @@ def main() -> None:
     print(f"{'map':32} lanes index kB build ms vehicles {heads} edges/scene")
     for path in maps():
         try:
-            seed = scex.synthetic_seed(path, vehicles=options.vehicles)
+            scene = scex.synthetic_seed(path, vehicles=options.vehicles)
         except ScexError as error:
             print(error)
             continue
-        index, built = timed_index(seed)
-        results = [seconds(seed, count, options.repeats) for count in counts]
+        index, built = timed_index(scene)
+        results = [seconds(scene, count, options.repeats) for count in counts]
         times = " ".join(f"{1e3 * took:13.3f}" for took, _ in results)
         print(
             f"{path.name.split('.')[0][:31]:32} {len(index.lane_id):5d} {index.nbytes / 1000:8.0f} "
-            f"{1e3 * built:8.1f} {seed.vehicles:8d} {times} {results[-1][1]:11.1f}"
+            f"{1e3 * built:8.1f} {scene.vehicles:8d} {times} {results[-1][1]:11.1f}"
         )
 
 

@@ -15,8 +15,8 @@ IMAGES = Path(__file__).resolve().parent / "images"
 def main() -> None:
     """Read the example and draw it."""
     IMAGES.mkdir(exist_ok=True)
-    seed = scex.read_seed(scex.example_path("roundabout"))
-    scex.plot_attention(seed, IMAGES / "attention.png", around_m=32.0)
+    scene = scex.read_seed(scex.example_path("roundabout"))
+    scex.plot_attention(scene, IMAGES / "attention.png", around_m=32.0)
 
 
 if __name__ == "__main__":

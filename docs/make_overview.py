@@ -18,14 +18,14 @@ IMAGES = Path(__file__).resolve().parent / "images"
 
 def main() -> None:
     """Run the example roundabout and put its pictures together."""
-    seed = scex.read_seed(scex.example_path("roundabout"))
-    run = scex.extrapolate(seed, models=[f"{m}:path=random" for m in MODELS])
-    assert seed.road is not None
+    scene = scex.read_seed(scex.example_path("roundabout"))
+    run = scex.extrapolate(scene, models=[f"{m}:path=random" for m in MODELS])
+    assert scene.road is not None
     IMAGES.mkdir(exist_ok=True)
     figure, axes = plt.subplot_mosaic(
         [["scene", "a"], ["scene", "b"]], figsize=(11, 6), layout="constrained", width_ratios=[1.25, 1]
     )
-    scene_panel(axes["scene"], seed.road, seed, futures_of(run, seed))
+    scene_panel(axes["scene"], scene.road, scene, futures_of(run, scene))
     axes["scene"].set(xlim=(940, 1080), ylim=(925, 1060), xlabel="x [m]", ylabel="y [m]")
     density_panel(run, "distance_mean", axes["a"])
     cumulative_panel(run, "ttc", axes["b"])

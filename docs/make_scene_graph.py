@@ -14,10 +14,10 @@ IMAGES = Path(__file__).resolve().parent / "images"
 
 def main() -> None:
     """Read the example and draw it."""
-    seed = scex.read_seed(scex.example_path("roundabout"))
+    scene = scex.read_seed(scex.example_path("roundabout"))
     IMAGES.mkdir(exist_ok=True)
     title = "One moment on the example roundabout, and its scene graph"
-    scex.plot_scene_graph(seed, IMAGES / "scene_graph.png", title=title)
+    scex.plot_scene_graph(scene, IMAGES / "scene_graph.png", title=title)
 
 
 if __name__ == "__main__":

@@ -82,7 +82,7 @@ _HOMES = {
     "parse_models": "scex_sumo.behaviors.registry",
     "plot_attention": "scex_sumo.reports.attention_picture",
     "plot_scene_graph": "scex_sumo.reports.scene_graph_picture",
-    "predictor": "scex_sumo.behaviors.plug_in.predictor",
+    "predictor": "scex_sumo.behaviors.registry",
     "rank": "scex_sumo.ranking.rank",
     "read_map": "scex_sumo.converters.maps",
     "read_road": "scex_sumo.converters.lanelet.reader",

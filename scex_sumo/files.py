@@ -16,18 +16,18 @@ def write_atomic(path: Path, content: bytes) -> None:
     temporary.replace(path)
 
 
-_held: dict[Path, int] = {}  # open descriptors; the system lets go of them when the process ends, however
+_locked: dict[Path, int] = {}  # open descriptors; the system lets go of them when the process ends, however
 
 
-def hold(folder: Path) -> None:
-    """Keep other processes out of a folder until `let_go`, or until this one ends.
+def lock(folder: Path) -> None:
+    """Keep other processes out of a folder until `unlock`, or until this one ends.
 
     A folder that this process holds already stays held, so that a run that failed can be repeated.
 
     Raises:
         ResultError: another process holds it.
     """
-    let_go(folder)
+    unlock(folder)
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -39,11 +39,11 @@ def hold(folder: Path) -> None:
     except OSError:  # a file system without locks
         os.close(descriptor)
     else:
-        _held[folder.resolve()] = descriptor
+        _locked[folder.resolve()] = descriptor
 
 
-def let_go(folder: Path) -> None:
+def unlock(folder: Path) -> None:
     """Let other processes in."""
-    descriptor = _held.pop(folder.resolve(), None)
+    descriptor = _locked.pop(folder.resolve(), None)
     if descriptor is not None:
         os.close(descriptor)

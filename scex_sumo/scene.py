@@ -189,7 +189,7 @@ class SceneHistory:
     """What behaviour models see: all vehicles of a batch of children, now and 10 steps back.
 
     Attributes:
-        seed: the seed scene; sizes, types and everything that does not depend on the child.
+        scene: the seed scene; sizes, types and everything that does not depend on the child.
         states: (C, V, 11) read back from SUMO, oldest first, newest last.
         children: (C,) numbers of the children in this batch.
         step: steps since the seed scene (0 = first plan).
@@ -198,7 +198,7 @@ class SceneHistory:
         obstacle_present: (O,) now; None without obstacles.
     """
 
-    seed: SeedScene
+    scene: SeedScene
     states: States
     children: IntArray
     step: int
@@ -207,15 +207,15 @@ class SceneHistory:
     obstacle_present: BoolArray | None = None
 
     @classmethod
-    def of_seed(cls, seed: SeedScene) -> SceneHistory:
+    def of_scene(cls, scene: SeedScene) -> SceneHistory:
         """A seed scene as the only child of a batch; its ``route_draw`` is zero."""
-        others = seed.obstacles
+        others = scene.obstacles
         return cls(
-            seed=seed,
-            states=seed.history.repeat(1),
+            scene=scene,
+            states=scene.history.repeat(1),
             children=np.zeros(1, dtype=np.int64),
             step=0,
-            route_draw=np.zeros((1, seed.vehicles)),
+            route_draw=np.zeros((1, scene.vehicles)),
             obstacle_states=None if others is None else others.states[:, HISTORY_STEPS],
             obstacle_present=None if others is None else others.present[:, HISTORY_STEPS],
         )

@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.errors import ResultError
-from scex_sumo.files import hold, let_go
+from scex_sumo.files import lock, unlock
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.results.folder import ResultFolder
 
 HOLDING = """
 import sys
 from pathlib import Path
-from scex_sumo.files import hold
-hold(Path(sys.argv[1]))
+from scex_sumo.files import lock
+lock(Path(sys.argv[1]))
 print("held", flush=True)
 sys.stdin.read()
 """
@@ -67,8 +67,8 @@ def test_a_finished_run_lets_others_in(tmp_path: Path) -> None:
         other.kill()
 
 
-def test_letting_go_of_what_is_not_held_does_nothing(tmp_path: Path) -> None:
-    let_go(tmp_path)
-    hold(tmp_path)
-    let_go(tmp_path)
-    let_go(tmp_path)
+def test_letting_go_of_what_is_not_locked_does_nothing(tmp_path: Path) -> None:
+    unlock(tmp_path)
+    lock(tmp_path)
+    unlock(tmp_path)
+    unlock(tmp_path)

@@ -20,11 +20,11 @@ from scex_sumo.scene import SeedScene
 PLANS = "plans.parquet"
 
 
-def plans_table(seed: SeedScene, part: Part, replan: int) -> pa.Table | None:
+def plans_table(scene: SeedScene, part: Part, replan: int) -> pa.Table | None:
     """Plans as rows ordered by child, vehicle, step; None where the part carries none.
 
     Args:
-        seed: the seed scene.
+        scene: the seed scene.
         part: the children.
         replan: steps between plans.
 
@@ -44,7 +44,7 @@ def plans_table(seed: SeedScene, part: Part, replan: int) -> pa.Table | None:
     return pa.table(
         {
             "child": np.repeat(part.children, vehicles * rounds),
-            "track_id": np.tile(np.repeat(np.asarray(seed.track_ids), rounds), count),
+            "track_id": np.tile(np.repeat(np.asarray(scene.track_ids), rounds), count),
             "step": np.tile(np.arange(rounds, dtype=np.int64) * replan, count * vehicles),
             "x": column(part.plan_x),
             "y": column(part.plan_y),

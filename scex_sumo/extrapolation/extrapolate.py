@@ -22,7 +22,7 @@ from scex_sumo.extrapolation.writing import handover_notes, write_tables
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part
-from scex_sumo.results.provenance import describe, fingerprint, versions
+from scex_sumo.results.provenance import describe, digest, versions
 from scex_sumo.results.run import Run
 from scex_sumo.results.under_test import BASELINE
 from scex_sumo.scene import SeedScene
@@ -136,7 +136,7 @@ def _carry_out(request: Request) -> Run:
         try_drivers(prepared.casting, prepared.drivers, scene, seed=request.seed)
         temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if request.out is None else None
         settings = prepared.settings(assignment)
-        identity = {"version": __version__, "scene": fingerprint(scene), **settings}
+        identity = {"version": __version__, "scene": digest(scene), **settings}
         path = Path(temporary.name if temporary else str(request.out))
         folder = ResultFolder(path, identity, overwrite=request.overwrite)
         net = convert(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml")

@@ -21,7 +21,7 @@ from scex_sumo.extrapolation.rollout import Cast, Rollout, roll_out
 from scex_sumo.results.folder import Part, save_part
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
-from scex_sumo.world.world import TILE_SLOTS, SumoDriven, World
+from scex_sumo.world.sumo import TILE_SLOTS, SumoDriven, SumoWorld
 
 VEHICLES_AT_ONCE = 2400  # in a batch, over all its children
 BATCHES_EACH = 2  # of each of several processes, at least: whoever starts later does less
@@ -124,7 +124,7 @@ def run_batches(
         Each batch when it is finished; the next is not asked for before.
     """
     legend = tuple(zip(job.names, job.colors, strict=True))
-    with World(job.net, job.scene, slots=slots, gui=job.gui, legend=legend) as world:
+    with SumoWorld(job.net, job.scene, slots=slots, gui=job.gui, legend=legend) as world:
         for batch in batches:
             part = run_batch(job, world, batch, on_step=on_step)
             save_part(job.folder, part)
@@ -132,7 +132,7 @@ def run_batches(
 
 
 def run_batch(
-    job: Job, world: World, children: IntArray, *, on_step: Callable[[int], None] | None = None
+    job: Job, world: SumoWorld, children: IntArray, *, on_step: Callable[[int], None] | None = None
 ) -> Part:
     """Run some children side by side and measure them."""
     cast = _cast(job, children)
@@ -204,7 +204,7 @@ def _driven_by_sumo(job: Job, cast: Cast) -> list[SumoDriven]:
     return driven
 
 
-def _paint(job: Job, world: World, cast: Cast) -> None:
+def _paint(job: Job, world: SumoWorld, cast: Cast) -> None:
     if not job.gui:
         return
     for child, models in enumerate(cast.assignment):

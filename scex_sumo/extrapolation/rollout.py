@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -13,22 +12,7 @@ from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
 from scex_sumo.errors import ScexError
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, Who
-
-
-class Advances(Protocol):
-    """What the loop needs of a world that has been set to the seed scene."""
-
-    def move(self, states: States, mask: BoolArray) -> None:
-        """Override the masked vehicles' next states, (C, V)."""
-
-    def move_obstacles(self, states: States, present: BoolArray) -> None:
-        """Set the replayed participants' next states, (O,)."""
-
-    def step(self) -> None:
-        """Advance by 0.1 s."""
-
-    def read(self) -> States:
-        """What the world holds after the step, (C, V)."""
+from scex_sumo.world.base import World
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,9 +77,9 @@ class Cast:
 
 
 def roll_out(
-    world: Advances,
+    world: World,
     road: Road,
-    seed: SeedScene,
+    scene: SeedScene,
     cast: Cast,
     *,
     steps: int,
@@ -109,7 +93,7 @@ def roll_out(
     Args:
         world: holds the seed scene in each of its C tiles.
         road: the map.
-        seed: the seed scene.
+        scene: the seed scene.
         cast: who drives whom.
         steps: number of steps of 0.1 s.
         replan: steps that a plan is followed before the next.
@@ -119,7 +103,7 @@ def roll_out(
         ScexError: a model returned a plan that is too short or not finite. A `Fallible` model never does.
     """
     count, vehicles = cast.assignment.shape
-    window = seed.history.repeat(count)
+    window = scene.history.repeat(count)
     override = cast.overridden[cast.assignment]
     groups = [
         Who(child=c, vehicle=v)
@@ -133,7 +117,7 @@ def roll_out(
     replaced: list[Replaced] = []
     for step in range(steps):
         if step % replan == 0:
-            history = history_at(seed, window, cast.children, cast.route_draw, step=step)
+            history = history_at(scene, window, cast.children, cast.route_draw, step=step)
             for index, who in enumerate(groups):
                 if len(who):
                     made = cast.models[index].plan(history, road, who, cast.generators)
@@ -142,8 +126,8 @@ def roll_out(
             plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]
             plan_y[:, step // replan] = plan.y[:, :, :PLAN_STEPS]
         world.move(plan[:, :, step % replan], override)
-        if seed.obstacles is not None:
-            obstacles, present = obstacles_at(seed, step + 1)
+        if scene.obstacles is not None:
+            obstacles, present = obstacles_at(scene, step + 1)
             world.move_obstacles(obstacles, present)
         world.step()
         read = world.read()
@@ -161,31 +145,31 @@ def roll_out(
     )
 
 
-def obstacles_at(seed: SeedScene, step: int) -> tuple[States, BoolArray]:
+def obstacles_at(scene: SeedScene, step: int) -> tuple[States, BoolArray]:
     """Replayed participants ``step`` steps after the seed scene: (O,) states and presence.
 
     After the last step that the seed scene holds they keep its state.
     """
-    assert seed.obstacles is not None
-    column = min(HISTORY_STEPS + step, seed.obstacles.states.shape[1] - 1)
-    return seed.obstacles.states[:, column], seed.obstacles.present[:, column]
+    assert scene.obstacles is not None
+    column = min(HISTORY_STEPS + step, scene.obstacles.states.shape[1] - 1)
+    return scene.obstacles.states[:, column], scene.obstacles.present[:, column]
 
 
 def history_at(
-    seed: SeedScene, window: States, children: IntArray, route_draw: FloatArray, *, step: int
+    scene: SeedScene, window: States, children: IntArray, route_draw: FloatArray, *, step: int
 ) -> SceneHistory:
     """What models see ``step`` steps after the seed scene.
 
     Args:
-        seed: the seed scene.
+        scene: the seed scene.
         window: (C, V, 11) the last states.
         children: (C,) numbers of the children.
         route_draw: (C, V) in [0, 1).
         step: steps since the seed scene.
     """
-    obstacles, present = obstacles_at(seed, step) if seed.obstacles is not None else (None, None)
+    obstacles, present = obstacles_at(scene, step) if scene.obstacles is not None else (None, None)
     return SceneHistory(
-        seed=seed,
+        scene=scene,
         states=window.map(_read_only),
         children=children,
         step=step,

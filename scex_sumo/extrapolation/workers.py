@@ -217,7 +217,7 @@ def serve() -> None:
     """What a helper does: run the batches that come in on standard input until it closes."""
     orders, reports = served_streams()
     from scex_sumo.extrapolation.job import run_batches
-    from scex_sumo.world.world import load_sumo
+    from scex_sumo.world.sumo import load_sumo
 
     load_sumo()  # there is time before the first order
     order: tuple[str, Any] = ("", None)

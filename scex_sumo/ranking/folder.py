@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.errors import ResultError
-from scex_sumo.files import hold, let_go, write_atomic
+from scex_sumo.files import lock, unlock, write_atomic
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.ranking.seeds import Failure, Listing, SeedRef, plain
 from scex_sumo.ranking.task import SeedPart
@@ -44,7 +44,7 @@ class RankFolder:
         """
         self.path = path
         self.identity = hashlib.sha256(_json(configuration).encode()).hexdigest()
-        self._held = False
+        self._locked = False
         try:
             self._claim(overwrite)
             self._parts = dict(self._scan())
@@ -68,8 +68,8 @@ class RankFolder:
                     f"{self.path}: not empty, and no ranking of scex-sumo; give another folder with -o"
                 )
         self.path.mkdir(parents=True, exist_ok=True)
-        hold(self.path)
-        self._held = True
+        lock(self.path)
+        self._locked = True
         if found != self.identity:
             self._clear()
         write_atomic(self.path / _PENDING, _json({"identity": self.identity}).encode())
@@ -102,9 +102,9 @@ class RankFolder:
 
     def close(self) -> None:
         """Let go of the folder."""
-        if self._held:
-            let_go(self.path)
-            self._held = False
+        if self._locked:
+            unlock(self.path)
+            self._locked = False
 
     def __enter__(self) -> RankFolder:
         return self

@@ -44,7 +44,7 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.density import side_of
 from scex_sumo.version import __version__
 from scex_sumo.world.colors import model_colors
-from scex_sumo.world.world import World
+from scex_sumo.world.sumo import SumoWorld
 
 KEEP = ("none", "critical", "all")
 KEEP_MOST = 5
@@ -225,7 +225,7 @@ def _run(task: SeedTask, road: Road, net: SumoNet) -> SeedPart:
     )
     batches = batches_of(range(task.first, task.stop), batch_size(job), apart=job.apart)
     slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
-    with World(net, scene, slots=slots) as world:
+    with SumoWorld(net, scene, slots=slots) as world:
         parts = [run_batch(job, world, batch) for batch in batches]
     return _collected(task, job, parts)
 

@@ -21,7 +21,7 @@ SHOWN = 3  # vehicles whose speeds are drawn
 
 
 def plot_attention(
-    seed: SeedScene,
+    scene: SeedScene,
     path: str | Path,
     *,
     weights: str | Path = "",
@@ -35,7 +35,7 @@ def plot_attention(
     three in the picture that differ most. Each plan ends in the outline of the vehicle after 3 s.
 
     Args:
-        seed: the seed scene, with its road.
+        scene: the seed scene, with its road.
         path: PNG or SVG file.
         weights: file of weights of the Graph Image Predictor; empty takes the shipped ones.
         values: attention weights w in [0, 1]; 1 looks at the scene graph alone.
@@ -49,25 +49,25 @@ def plot_attention(
         UsageError: the scene has no road, or no values are given.
         InputError: the weights cannot be used.
     """
-    if seed.road is None:
-        raise UsageError(f"{seed.name}: the scene has no road; read it with its map")
+    if scene.road is None:
+        raise UsageError(f"{scene.name}: the scene has no road; read it with its map")
     if not len(values):
         raise UsageError("values: got none; give at least one attention weight")
-    plans = [_plan(seed, f"graph_image_predictor:attention={w:g}:head={head}", weights) for w in values]
+    plans = [_plan(scene, f"graph_image_predictor:attention={w:g}:head={head}", weights) for w in values]
     order = _most_different(plans)
-    centre = _middle(seed, plans, order[0])
-    order = [v for v in order if np.abs(_middle(seed, plans, v) - centre).max() < around_m][:SHOWN]
+    centre = _middle(scene, plans, order[0])
+    order = [v for v in order if np.abs(_middle(scene, plans, v) - centre).max() < around_m][:SHOWN]
     palette = plt.get_cmap("plasma")
     with plt.rc_context(STYLE):
         figure = plt.figure(figsize=(9, 5.4), layout="constrained")
         grid = figure.add_gridspec(len(order), 2, width_ratios=[1.7, 1])
         whole = figure.add_subplot(grid[:, 0])
-        _scene(whole, seed, plans, values, order, palette)
+        _scene(whole, scene, plans, values, order, palette)
         low, high = centre - around_m, centre + around_m
         whole.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         for place, vehicle in enumerate(order):
             axes = figure.add_subplot(grid[place, 1])
-            _speeds(axes, seed, plans, values, vehicle, palette)
+            _speeds(axes, scene, plans, values, vehicle, palette)
             axes.set_title("ABC"[place], loc="left", fontweight="bold")
         figure.axes[-1].set_xlabel("time [s]")
         figure.savefig(path, dpi=130)
@@ -75,12 +75,12 @@ def plot_attention(
     return Path(path)
 
 
-def _plan(seed: SeedScene, model: str, weights: str | Path) -> Plan:
-    assert seed.road is not None
+def _plan(scene: SeedScene, model: str, weights: str | Path) -> Plan:
+    assert scene.road is not None
     built = build(parse_models(f"{model}:weights={weights}" if str(weights) else model)[0])
-    history = SceneHistory.of_seed(seed)
-    who = Who(child=np.zeros(seed.vehicles, dtype=np.int64), vehicle=np.arange(seed.vehicles))
-    return built.plan(history, seed.road, who, [np.random.default_rng(0)])
+    history = SceneHistory.of_scene(scene)
+    who = Who(child=np.zeros(scene.vehicles, dtype=np.int64), vehicle=np.arange(scene.vehicles))
+    return built.plan(history, scene.road, who, [np.random.default_rng(0)])
 
 
 def _most_different(plans: Sequence[Plan]) -> list[int]:
@@ -92,26 +92,26 @@ def _most_different(plans: Sequence[Plan]) -> list[int]:
 
 def _scene(
     axes: Axes,
-    seed: SeedScene,
+    scene: SeedScene,
     plans: Sequence[Plan],
     values: Sequence[float],
     order: Sequence[int],
     palette: Colormap,
 ) -> None:
-    assert seed.road is not None
-    draw_road(axes, seed.road)
-    for box in vehicle_boxes(seed):
+    assert scene.road is not None
+    draw_road(axes, scene.road)
+    for box in vehicle_boxes(scene):
         axes.fill(*box.T, facecolor="#222222", edgecolor="white", linewidth=0.6, zorder=5)
     for number, (plan, w) in enumerate(zip(plans, values, strict=True)):
-        x, y = (np.column_stack([a, b]) for a, b in ((seed.now.x, plan.x), (seed.now.y, plan.y)))
+        x, y = (np.column_stack([a, b]) for a, b in ((scene.now.x, plan.x), (scene.now.y, plan.y)))
         color = _color(palette, w)
         lines = axes.plot(x.T, y.T, color=color, linewidth=1.4, zorder=4 - 0.1 * number)
         lines[0].set_label(f"w = {w:g}")
         ends = States(x=plan.x, y=plan.y, heading=plan.heading, speed=plan.speed)[:, -1]
-        for box in vehicle_boxes(seed, ends):
+        for box in vehicle_boxes(scene, ends):
             axes.fill(*box.T, facecolor="none", edgecolor=color, linewidth=1.2, zorder=6)
     for name, vehicle in zip("ABC", order, strict=False):
-        at = (float(seed.now.x[vehicle]), float(seed.now.y[vehicle]))
+        at = (float(scene.now.x[vehicle]), float(scene.now.y[vehicle]))
         axes.annotate(name, at, xytext=(9, 9), textcoords="offset points", fontweight="bold", zorder=7)
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.set_title("plans of 3 s; w = 1 looks at the scene graph alone, w = 0 at the road alone", loc="left")
@@ -120,13 +120,13 @@ def _scene(
 
 def _speeds(
     axes: Axes,
-    seed: SeedScene,
+    scene: SeedScene,
     plans: Sequence[Plan],
     values: Sequence[float],
     vehicle: int,
     palette: Colormap,
 ) -> None:
-    past = seed.history.speed[vehicle]
+    past = scene.history.speed[vehicle]
     before = STEP_S * np.arange(1 - len(past), 1)
     axes.plot(before, past, color="#222222", linewidth=1.4)
     for plan, w in zip(plans, values, strict=True):
@@ -140,9 +140,9 @@ def _color(palette: Colormap, w: float) -> tuple[float, float, float, float]:
     return palette(0.9 * w)
 
 
-def _middle(seed: SeedScene, plans: Sequence[Plan], vehicle: int) -> FloatArray:
+def _middle(scene: SeedScene, plans: Sequence[Plan], vehicle: int) -> FloatArray:
     """(2,) halfway from a vehicle to where its longest plan ends, m."""
-    here = np.array([seed.now.x[vehicle], seed.now.y[vehicle]])
+    here = np.array([scene.now.x[vehicle], scene.now.y[vehicle]])
     ends = np.array([(plan.x[vehicle, -1], plan.y[vehicle, -1]) for plan in plans])
     middle: FloatArray = (here + ends[np.argmax(np.hypot(*(ends - here).T))]) / 2
     return middle

@@ -185,23 +185,23 @@ def _view(run: Run, column: str, x: FloatArray) -> tuple[float, float]:
 
 
 def draw_scene(
-    road: Road, seed: SeedScene, futures: Sequence[FloatArray], path: Path, *, title: str = ""
+    road: Road, scene: SeedScene, futures: Sequence[FloatArray], path: Path, *, title: str = ""
 ) -> Path:
     """Draw a seed scene with the paths of its children.
 
     Args:
         road: the map.
-        seed: the vehicles.
+        scene: the vehicles.
         futures: (C, T, 2) centres of each vehicle in all children, one array per vehicle.
         path: PNG or SVG file.
         title: above the picture.
     """
-    low, high = _extent(seed, futures)
+    low, high = _extent(scene, futures)
     wide, tall = (high - low) * 9 / max(high - low)
     size = (max(wide, 3.5) + 0.8, max(tall, 1.5) + 0.8)
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=size, layout="constrained")
-        scene_panel(axes, road, seed, futures)
+        scene_panel(axes, road, scene, futures)
         axes.set(xlabel="x [m]", ylabel="y [m]")
         axes.set_title(title, loc="left")
         figure.savefig(path, dpi=150)
@@ -209,7 +209,7 @@ def draw_scene(
     return path
 
 
-def scene_panel(axes: Axes, road: Road, seed: SeedScene, futures: Sequence[FloatArray]) -> None:
+def scene_panel(axes: Axes, road: Road, scene: SeedScene, futures: Sequence[FloatArray]) -> None:
     """Draw the road, the vehicles of a seed scene, and the paths of its children, as `draw_scene` does.
 
     Pedestrians and cyclists are dots.
@@ -217,25 +217,25 @@ def scene_panel(axes: Axes, road: Road, seed: SeedScene, futures: Sequence[Float
     draw_road(axes, road)
     palette = plt.get_cmap("turbo")
     for vehicle, lines in enumerate(futures):
-        color = palette((vehicle + 0.5) / max(seed.vehicles, 1))
+        color = palette((vehicle + 0.5) / max(scene.vehicles, 1))
         paths = LineCollection(list(lines), colors=[color], linewidths=0.8, alpha=0.12, zorder=3)
         axes.add_collection(paths)
-    boxes = list(vehicle_boxes(seed))
+    boxes = list(vehicle_boxes(scene))
     axes.add_collection(
         PolyCollection(boxes, facecolors="#222222", edgecolors="white", linewidths=0.6, zorder=5)
     )
-    others = seed.obstacles
+    others = scene.obstacles
     if others is not None:
         here = others.present[:, HISTORY_STEPS]
         at = others.states[here, HISTORY_STEPS]
         axes.scatter(at.x, at.y, s=14, color="#d6189c", edgecolors="white", linewidths=0.5, zorder=6)
-    low, high = _extent(seed, futures)
+    low, high = _extent(scene, futures)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
 
 
-def _extent(seed: SeedScene, futures: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+def _extent(scene: SeedScene, futures: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
     """Lower left and upper right corner of what there is to see, m."""
-    centres = np.array([seed.now.x, seed.now.y]).T
+    centres = np.array([scene.now.x, scene.now.y]).T
     reach = np.concatenate([centres, *[lines.reshape(-1, 2) for lines in futures]])
     return reach.min(axis=0) - 10, reach.max(axis=0) + 10
 
@@ -250,11 +250,11 @@ def draw_road(axes: Axes, road: Road) -> None:
     axes.add_collection(LineCollection(bounds, colors="white", linewidths=0.6, zorder=2))
 
 
-def vehicle_boxes(seed: SeedScene, states: States | None = None) -> FloatArray:
+def vehicle_boxes(scene: SeedScene, states: States | None = None) -> FloatArray:
     """(V, 4, 2) corners of the vehicles in (V,) states, at the moment of the seed scene by default, m."""
-    now = seed.now if states is None else states
-    along = np.stack([np.cos(now.heading), np.sin(now.heading)], axis=-1) * seed.length[:, None] / 2
-    across = np.stack([-np.sin(now.heading), np.cos(now.heading)], axis=-1) * seed.width[:, None] / 2
+    now = scene.now if states is None else states
+    along = np.stack([np.cos(now.heading), np.sin(now.heading)], axis=-1) * scene.length[:, None] / 2
+    across = np.stack([-np.sin(now.heading), np.cos(now.heading)], axis=-1) * scene.width[:, None] / 2
     centre = np.stack([now.x, now.y], axis=-1)
     return np.stack(
         [centre + along + across, centre + along - across, centre - along - across, centre - along + across],

@@ -30,7 +30,7 @@ _BEND = 0.16  # of the straight distance: edges over a common lane do not hide o
 
 
 def plot_scene_graph(
-    seed: SeedScene, path: str | Path, *, road: Road | None = None, radius: float = RADIUS_M, title: str = ""
+    scene: SeedScene, path: str | Path, *, road: Road | None = None, radius: float = RADIUS_M, title: str = ""
 ) -> Path:
     """Draw a seed scene from above with the edges of its semantic scene graph, coloured by kind.
 
@@ -39,7 +39,7 @@ def plot_scene_graph(
     Numbers are track ids.
 
     Args:
-        seed: the vehicles.
+        scene: the vehicles.
         path: PNG or SVG file.
         road: the map; None takes that of the seed scene.
         radius: of the graph, m.
@@ -48,48 +48,48 @@ def plot_scene_graph(
     Raises:
         UsageError: there is no road.
     """
-    graph = scene_graph(seed, road, radius=radius)
-    road = seed.road if road is None else road
+    graph = scene_graph(scene, road, radius=radius)
+    road = scene.road if road is None else road
     assert road is not None  # or there would be no graph
-    low, high = _extent(seed)
+    low, high = _extent(scene)
     wide, tall = (high - low) * 9 / max(high - low)
     with plt.rc_context({"font.size": 8, "svg.fonttype": "none"}):
         figure, axes = plt.subplots(figsize=(max(wide, 5.0), max(tall, 2.0) + 0.9), layout="constrained")
-        scene_graph_panel(axes, road, seed, graph)
+        scene_graph_panel(axes, road, scene, graph)
         axes.set(
             xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]"
         )
-        axes.set_title(title or _title(seed, graph), loc="left")
+        axes.set_title(title or _title(scene, graph), loc="left")
         figure.savefig(path, dpi=150, bbox_inches="tight")
         plt.close(figure)
     return Path(path)
 
 
-def scene_graph_panel(axes: Axes, road: Road, seed: SeedScene, graph: SceneGraph) -> None:
+def scene_graph_panel(axes: Axes, road: Road, scene: SeedScene, graph: SceneGraph) -> None:
     """Draw road, vehicles and edges of the first child of a graph, with a legend."""
     draw_road(axes, road)
-    draw_edges(axes, seed, graph)
+    draw_edges(axes, scene, graph)
     mine = graph.child == 0
     related = np.zeros(mine.sum(), dtype=np.bool_)
     related[graph.edge_index[graph.edge_index < len(related)]] = True
     colors = [_BOX if some else _ALONE for some in related]
-    boxes = list(vehicle_boxes(seed))
+    boxes = list(vehicle_boxes(scene))
     axes.add_collection(
         PolyCollection(boxes, facecolors=colors, edgecolors="#3a3a3a", linewidths=0.6, zorder=3)
     )
-    _noses(axes, seed)
-    axes.scatter(seed.now.x, seed.now.y, s=9, color="#222222", zorder=6)
-    for v in range(seed.vehicles):
+    _noses(axes, scene)
+    axes.scatter(scene.now.x, scene.now.y, s=9, color="#222222", zorder=6)
+    for v in range(scene.vehicles):
         axes.annotate(
-            str(seed.track_ids[v]),
-            (seed.now.x[v], seed.now.y[v]),
+            str(scene.track_ids[v]),
+            (scene.now.x[v], scene.now.y[v]),
             xytext=(5, 5),
             textcoords="offset points",
             fontsize=7,
             zorder=7,
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75},
         )
-    others = seed.obstacles
+    others = scene.obstacles
     if others is not None:
         here = others.present[:, HISTORY_STEPS]
         at = others.states[here, HISTORY_STEPS]
@@ -97,19 +97,19 @@ def scene_graph_panel(axes: Axes, road: Road, seed: SeedScene, graph: SceneGraph
     axes.legend(handles=_legend(graph), loc="upper left", framealpha=0.9, fontsize=7)
 
 
-def draw_edges(axes: Axes, seed: SeedScene, graph: SceneGraph) -> None:
+def draw_edges(axes: Axes, scene: SeedScene, graph: SceneGraph) -> None:
     """Draw each relation of the first child once, longitudinal ones on top."""
     source, target = graph.edge_index
     for kind, (_, color, line) in reversed(_STYLES.items()):
-        chosen = (graph.edge_kind == kind) & (target < seed.vehicles)
+        chosen = (graph.edge_kind == kind) & (target < scene.vehicles)
         if kind != 0:
             chosen &= source < target
         tails, heads = (target, source) if kind == 0 else (source, target)
         for a, b in zip(tails[chosen], heads[chosen], strict=True):
             axes.add_patch(
                 FancyArrowPatch(
-                    (seed.now.x[a], seed.now.y[a]),
-                    (seed.now.x[b], seed.now.y[b]),
+                    (scene.now.x[a], scene.now.y[a]),
+                    (scene.now.x[b], scene.now.y[b]),
                     arrowstyle="-|>" if kind == 0 else "-",
                     connectionstyle=f"arc3,rad={_BEND}",
                     mutation_scale=8,
@@ -124,9 +124,9 @@ def draw_edges(axes: Axes, seed: SeedScene, graph: SceneGraph) -> None:
             )
 
 
-def _noses(axes: Axes, seed: SeedScene) -> None:
+def _noses(axes: Axes, scene: SeedScene) -> None:
     """A light line across each vehicle's front: which way it faces."""
-    corners = vehicle_boxes(seed)
+    corners = vehicle_boxes(scene)
     inward = 0.25 * (corners[:, [2, 3]].mean(axis=1) - corners[:, :2].mean(axis=1))[:, None]
     axes.add_collection(
         LineCollection(list(corners[:, :2] + inward), colors="#3a3a3a", linewidths=0.8, zorder=3)
@@ -150,12 +150,12 @@ def _legend(graph: SceneGraph) -> list[Line2D]:
     ]
 
 
-def _title(seed: SeedScene, graph: SceneGraph) -> str:
+def _title(scene: SeedScene, graph: SceneGraph) -> str:
     off = int((~graph.on_road).sum())
-    return f"{seed.name}: {seed.vehicles} vehicles{f', {off} off the mapped lanes' if off else ''}"
+    return f"{scene.name}: {scene.vehicles} vehicles{f', {off} off the mapped lanes' if off else ''}"
 
 
-def _extent(seed: SeedScene) -> tuple[FloatArray, FloatArray]:
+def _extent(scene: SeedScene) -> tuple[FloatArray, FloatArray]:
     """Lower left and upper right corner of what there is to see, m."""
-    centres = np.column_stack([seed.now.x, seed.now.y])
+    centres = np.column_stack([scene.now.x, scene.now.y])
     return centres.min(axis=0) - _MARGIN_M, centres.max(axis=0) + _MARGIN_M

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import ResultError
-from scex_sumo.files import hold, let_go, write_atomic
+from scex_sumo.files import lock, unlock, write_atomic
 from scex_sumo.results.parts import PARTS, Part, Parts, save_part
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 
@@ -40,7 +40,7 @@ class ResultFolder:
     def _claim(self, overwrite: bool) -> None:
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            hold(self.path)
+            lock(self.path)
             found = self._found_identity()
             if found != self.identity:
                 if found is not None and not overwrite:
@@ -58,10 +58,10 @@ class ResultFolder:
             write_atomic(self.path / _PENDING, _json({"identity": self.identity}).encode())
             (self.path / "run.json").unlink(missing_ok=True)
         except OSError as error:
-            let_go(self.path)
+            unlock(self.path)
             raise ResultError(f"{self.path}: cannot write the result: {error.strerror or error}") from None
         except ResultError:
-            let_go(self.path)
+            unlock(self.path)
             raise
 
     def _found_identity(self) -> str | None:
@@ -160,7 +160,7 @@ class ResultFolder:
         write_atomic(self.path / "run.json", _json({**info, "identity": self.identity}, indent=2).encode())
         (self.path / _PENDING).unlink(missing_ok=True)
         shutil.rmtree(self.path / PARTS, ignore_errors=True)
-        let_go(self.path)
+        unlock(self.path)
 
 
 def _parquet(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
@@ -190,13 +190,13 @@ _TABLES = tuple(
 )
 
 
-def tracks_table(seed: SeedScene, part: Part) -> pa.Table:
+def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
     """Children as INTERACTION cases: frames 1-10 are the seed's history, 10 the seed scene itself.
 
     Rows are ordered by child, vehicle, frame.
     """
     count, steps, vehicles = part.states.shape
-    past = seed.history[:, -LOGGED_HISTORY:]
+    past = scene.history[:, -LOGGED_HISTORY:]
     frames = LOGGED_HISTORY + steps
 
     def column(history: FloatArray, simulated: FloatArray) -> FloatArray:
@@ -209,11 +209,11 @@ def tracks_table(seed: SeedScene, part: Part) -> pa.Table:
     speed = column(past.speed, part.states.speed)
     frame = np.tile(np.arange(1, frames + 1, dtype=np.int64), count * vehicles)
     per_vehicle = np.tile(np.repeat(np.arange(vehicles, dtype=np.int32), frames), count)
-    types = pa.DictionaryArray.from_arrays(pa.array(per_vehicle), pa.array(list(seed.types), pa.string()))
+    types = pa.DictionaryArray.from_arrays(pa.array(per_vehicle), pa.array(list(scene.types), pa.string()))
     return pa.table(
         {
             "case_id": np.repeat(part.children, vehicles * frames),
-            "track_id": np.asarray(seed.track_ids)[per_vehicle],
+            "track_id": np.asarray(scene.track_ids)[per_vehicle],
             "frame_id": frame,
             "timestamp_ms": frame * 100,
             "agent_type": types.cast(pa.string()),
@@ -222,8 +222,8 @@ def tracks_table(seed: SeedScene, part: Part) -> pa.Table:
             "vx": speed * np.cos(heading),
             "vy": speed * np.sin(heading),
             "psi_rad": heading,
-            "length": seed.length[per_vehicle],
-            "width": seed.width[per_vehicle],
+            "length": scene.length[per_vehicle],
+            "width": scene.width[per_vehicle],
         }
     )
 
@@ -245,11 +245,11 @@ def values_table(
     return pa.table(data)
 
 
-def assignments_table(seed: SeedScene, assignment: IntArray, names: Sequence[str]) -> pa.Table:
+def assignments_table(scene: SeedScene, assignment: IntArray, names: Sequence[str]) -> pa.Table:
     """Which model drove which vehicle: child, track_id, model.
 
     Args:
-        seed: the seed scene.
+        scene: the seed scene.
         assignment: (C, V) index into ``names``.
         names: the models as given, with their parameters.
     """
@@ -260,7 +260,7 @@ def assignments_table(seed: SeedScene, assignment: IntArray, names: Sequence[str
     return pa.table(
         {
             "child": np.repeat(np.arange(count, dtype=np.int64), vehicles),
-            "track_id": np.tile(np.asarray(seed.track_ids), count),
+            "track_id": np.tile(np.asarray(scene.track_ids), count),
             "model": models.cast(pa.string()),
         }
     )

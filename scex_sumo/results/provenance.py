@@ -12,7 +12,7 @@ import numpy as np
 from scex_sumo.scene import SeedScene
 
 
-def fingerprint(scene: SeedScene) -> str:
+def digest(scene: SeedScene) -> str:
     """SHA-256 over everything of a seed scene that its children depend on."""
     digest = hashlib.sha256()
     for array in (scene.track_ids, scene.length, scene.width):
@@ -41,7 +41,7 @@ def describe(scene: SeedScene) -> dict[str, Any]:
         "notes": list(scene.notes),
         "source": scene.source,
         "origin": list(scene.road.origin) if scene.road is not None else None,
-        "fingerprint": fingerprint(scene),
+        "fingerprint": digest(scene),
     }
 
 

@@ -146,8 +146,8 @@ def _match_some(
     return hit + first, segments.owner[index], s, offset[hit, index], error[hit, index], score
 
 
-def off_road(road: Road, seed: SeedScene) -> list[int]:
+def off_road(road: Road, scene: SeedScene) -> list[int]:
     """Indices of the vehicles of a seed scene that no mapped lane fits; they go straight on."""
-    now = seed.now
+    now = scene.now
     matched = set(match(road, now.x, now.y, now.heading).vehicle.tolist())
-    return [v for v in range(seed.vehicles) if v not in matched]
+    return [v for v in range(scene.vehicles) if v not in matched]

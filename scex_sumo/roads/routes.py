@@ -129,7 +129,7 @@ def _turn(road: Road, lane: int, other: int) -> float:
 
 
 def candidate_paths(
-    road: Road, seed: SeedScene, *, horizon_m: float = 80.0, horizon_s: float = 6.0
+    road: Road, scene: SeedScene, *, horizon_m: float = 80.0, horizon_s: float = 6.0
 ) -> tuple[tuple[CandidatePath, ...], ...]:
     """Paths that each vehicle of a seed scene can take, from its pose at that moment.
 
@@ -138,21 +138,21 @@ def candidate_paths(
 
     Args:
         road: the map.
-        seed: the seed scene.
+        scene: the seed scene.
         horizon_m: least length of a path, m.
         horizon_s: least duration of a path at constant speed, s.
 
     Returns:
         (V,) paths of each vehicle; none for a vehicle off the mapped lanes.
     """
-    now = seed.now
+    now = scene.now
     found = match(road, now.x, now.y, now.heading)
     result: list[tuple[CandidatePath, ...]] = []
-    for v in range(seed.vehicles):
+    for v in range(scene.vehicles):
         mine = np.flatnonzero(found.vehicle == v)
         pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
         horizon = max(horizon_m, horizon_s * float(now.speed[v]))
-        starts = _starts(road, found, mine, _past(seed, v))
+        starts = _starts(road, found, mine, _past(scene, v))
         total = sum(p for _, _, p in starts)
         paths = [
             path for lane, s, p in starts for path in _paths_from(road, lane, s, p / total, horizon, pose)
@@ -161,10 +161,10 @@ def candidate_paths(
     return tuple(result)
 
 
-def _past(seed: SeedScene, vehicle: int) -> FloatArray:
+def _past(scene: SeedScene, vehicle: int) -> FloatArray:
     """(P, 2) where the vehicle was half a second and a second before, as far as that was recorded."""
-    back = [steps for steps in (5, 10) if seed.recorded_steps[vehicle] >= steps]
-    track = seed.history[vehicle]
+    back = [steps for steps in (5, 10) if scene.recorded_steps[vehicle] >= steps]
+    track = scene.history[vehicle]
     return np.array([[track.x[-1 - steps], track.y[-1 - steps]] for steps in back]).reshape(-1, 2)
 
 

@@ -69,7 +69,7 @@ def truth(
     """
     from scex_sumo.behaviors.registry import parse_models
     from scex_sumo.extrapolation.extrapolate import extrapolate
-    from scex_sumo.results.provenance import fingerprint
+    from scex_sumo.results.provenance import digest
     from scex_sumo.results.run import open_run
     from scex_sumo.version import __version__
 
@@ -82,7 +82,7 @@ def truth(
             "assign": {},
             "seed": seed,
         }
-        same_scene = found.info["seed_scene"]["fingerprint"] == fingerprint(scene)
+        same_scene = found.info["seed_scene"]["fingerprint"] == digest(scene)
         if same_scene and all(found.info.get(k) == v for k, v in wanted.items()):
             return found
     return extrapolate(

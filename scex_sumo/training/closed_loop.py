@@ -7,41 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.extrapolation.rollout import Cast, roll_out
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from scex_sumo.training.data.perturb import Perturbation, perturbed
 from scex_sumo.training.data.samples import Samples, scene_samples
+from scex_sumo.world.plain import PlainWorld
 
 REPLAN = 5
 DRIFT_STEPS = (5, 10, 20)  # after so much driving by itself a driver is asked what it should have done
 
 
-class PlainWorld:
-    """A world that does as it is told: what libsumo holds after a step too, where all are overridden."""
-
-    def __init__(self, children: int, vehicles: int) -> None:
-        self._states = States.empty((children, vehicles))
-
-    def move(self, states: States, mask: BoolArray) -> None:
-        """Override the masked vehicles' next states, (C, V)."""
-        self._states = states.map(lambda values: np.where(mask, values, np.nan))
-
-    def move_obstacles(self, states: States, present: BoolArray) -> None:
-        """Obstacles are read from the seed scene."""
-
-    def step(self) -> None:
-        """Nothing is left to do."""
-
-    def read(self) -> States:
-        """(C, V) what was told."""
-        return self._states
-
-
 def drive_all(
-    seed: SeedScene, road: Road, model: Behavior, *, steps: int, children: int = 1, replan: int = REPLAN
+    scene: SeedScene, road: Road, model: Behavior, *, steps: int, children: int = 1, replan: int = REPLAN
 ) -> States:
     """Let one model drive all vehicles of a seed scene.
 
@@ -51,15 +30,15 @@ def drive_all(
     rng = np.random.default_rng(0)
     cast = Cast(
         children=np.arange(children),
-        assignment=np.zeros((children, seed.vehicles), dtype=np.int64),
+        assignment=np.zeros((children, scene.vehicles), dtype=np.int64),
         models=(model,),
         names=("driver",),
         overridden=np.array([True]),
-        route_draw=rng.random((children, seed.vehicles)),
+        route_draw=rng.random((children, scene.vehicles)),
         generators=[np.random.default_rng([0, child]) for child in range(children)],
     )
-    world = PlainWorld(children, seed.vehicles)
-    return roll_out(world, road, seed, cast, steps=steps, replan=replan).states
+    world = PlainWorld(children, scene.vehicles)
+    return roll_out(world, road, scene, cast, steps=steps, replan=replan).states
 
 
 def drifted_samples(

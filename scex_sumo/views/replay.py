@@ -40,7 +40,7 @@ _GRID_MARGIN_M = 15.0
 def write_child_view(
     folder: Path,
     net: SumoNet,
-    seed: SeedScene,
+    scene: SeedScene,
     child: ChildView,
     colors: Mapping[str, Rgb],
     *,
@@ -52,7 +52,7 @@ def write_child_view(
     Args:
         folder: where to write; the net is referred to by a relative path.
         net: the converted map.
-        seed: the seed scene.
+        scene: the seed scene.
         child: the child.
         colors: RGB of each behaviour model, 0 to 255.
         delay_ms: pause of sumo-gui after each step.
@@ -61,13 +61,13 @@ def write_child_view(
     Returns:
         The file to open, ``child_NUMBER.sumocfg``.
     """
-    return _write(folder, f"child_{child.number:04d}", net, seed, [child], colors, delay_ms, snapshots)
+    return _write(folder, f"child_{child.number:04d}", net, scene, [child], colors, delay_ms, snapshots)
 
 
 def write_grid_view(
     folder: Path,
     net: SumoNet,
-    seed: SeedScene,
+    scene: SeedScene,
     children: Sequence[ChildView],
     colors: Mapping[str, Rgb],
     *,
@@ -79,7 +79,7 @@ def write_grid_view(
     Args:
         folder: where to write.
         net: the converted map.
-        seed: the seed scene.
+        scene: the seed scene.
         children: the children, with the same number of steps.
         colors: RGB of each behaviour model, 0 to 255.
         delay_ms: pause of sumo-gui after each step.
@@ -88,14 +88,14 @@ def write_grid_view(
     Returns:
         The file to open, ``grid_N.sumocfg``.
     """
-    return _write(folder, f"grid_{len(children)}", net, seed, children, colors, delay_ms, snapshots)
+    return _write(folder, f"grid_{len(children)}", net, scene, children, colors, delay_ms, snapshots)
 
 
 def _write(
     folder: Path,
     name: str,
     net: SumoNet,
-    seed: SeedScene,
+    scene: SeedScene,
     children: Sequence[ChildView],
     colors: Mapping[str, Rgb],
     delay_ms: int,
@@ -115,14 +115,14 @@ def _write(
         Shown(child=child, slot=slot if grid else None, offset=layout.offset(slot))
         for slot, child in enumerate(children)
     ]
-    write_fcd(folder / f"{name}.fcd.xml", [g for s in shown for g in _groups(seed, s)], LaneFinder(net.path))
-    entries = legend_entries(seed, [model for child in children for model in child.models], colors)
+    write_fcd(folder / f"{name}.fcd.xml", [g for s in shown for g in _groups(scene, s)], LaneFinder(net.path))
+    entries = legend_entries(scene, [model for child in children for model in child.models], colors)
     frame = frame_of(template.bounds, [s.offset for s in shown], entries)
     if not grid:
         frame = frame.closer(children[0].states)
     drawn = draw_children(shown, colors, frame) + draw_legend(frame)
     additional.append(folder / f"{name}.add.xml")
-    types = _types(seed, children, colors)
+    types = _types(scene, children, colors)
     additional[-1].write_text(f"<additional>\n{types}{drawn}</additional>\n", encoding="utf-8")
     write_view_settings(
         folder / f"{name}.view.xml",
@@ -138,18 +138,18 @@ def _write(
     return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1])
 
 
-def _groups(seed: SeedScene, shown: Shown) -> list[FcdTracks]:
+def _groups(scene: SeedScene, shown: Shown) -> list[FcdTracks]:
     steps = shown.child.states.shape[1]
     vehicles = FcdTracks(
-        ids=[shown.id(str(track)) for track in seed.track_ids],
+        ids=[shown.id(str(track)) for track in scene.track_ids],
         types=[_type_id(model, v) for v, model in enumerate(shown.child.models)],
-        length=seed.length,
+        length=scene.length,
         states=shown.child.states,
         present=np.ones(shown.child.states.shape, dtype=bool),
         tile=shown.slot,
         offset=shown.offset,
     )
-    others = seed.obstacles
+    others = scene.obstacles
     if others is None:
         return [vehicles]
     # Frame 1 of a child is the second of the eleven states that a seed scene holds of the past.
@@ -178,14 +178,14 @@ def _type_id(model: str, vehicle: int) -> str:
     return f"{re.sub('[^A-Za-z0-9_.=-]', '_', model)}.{vehicle}"
 
 
-def _types(seed: SeedScene, children: Sequence[ChildView], colors: Mapping[str, Rgb]) -> str:
+def _types(scene: SeedScene, children: Sequence[ChildView], colors: Mapping[str, Rgb]) -> str:
     """A type for each vehicle and model: it has the vehicle's size and the model's colour."""
     lines = []
-    for v in range(seed.vehicles):
-        size = seed.types[v], float(seed.length[v]), float(seed.width[v])
+    for v in range(scene.vehicles):
+        size = scene.types[v], float(scene.length[v]), float(scene.width[v])
         for model in sorted({child.models[v] for child in children}):
             lines.append(replayed_type(_type_id(model, v), *size, colors[model]))
-    if (others := seed.obstacles) is not None:
+    if (others := scene.obstacles) is not None:
         for o, kind in enumerate(others.types):
             size = kind, float(others.length[o]), float(others.width[o])
             lines.append(replayed_type(f"other.{o}", *size, OTHER_RGB))

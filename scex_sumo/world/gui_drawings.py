@@ -144,11 +144,11 @@ def frame_of(
 
 
 def legend_entries(
-    seed: SeedScene, models: Sequence[str], colors: Mapping[str, Rgb]
+    scene: SeedScene, models: Sequence[str], colors: Mapping[str, Rgb]
 ) -> list[tuple[str, Rgb]]:
     """Models in alphabetical order, and pedestrians and cyclists where there are any."""
     entries = [(model, colors[model]) for model in sorted(set(models))]
-    if seed.obstacles is not None and seed.obstacles.present.any():
+    if scene.obstacles is not None and scene.obstacles.present.any():
         entries.append(("pedestrians and cyclists", OTHER_RGB))
     return entries
 

@@ -135,10 +135,10 @@ def _element(name: str, length: float, width: float, attributes: Mapping[str, st
 class TypeBook:
     """The vehicle types of a seed scene: one for each type and size, and each SUMO driver in them."""
 
-    def __init__(self, seed: SeedScene) -> None:
+    def __init__(self, scene: SeedScene) -> None:
         """Collect the types and sizes of the seed scene's vehicles, pedestrians and cyclists."""
-        self._vehicles = list(zip(seed.types, seed.length.tolist(), seed.width.tolist(), strict=True))
-        others = seed.obstacles
+        self._vehicles = list(zip(scene.types, scene.length.tolist(), scene.width.tolist(), strict=True))
+        others = scene.obstacles
         self._obstacles = (
             []
             if others is None

@@ -79,7 +79,7 @@ def fork() -> Road:
 Vehicle = tuple[float, float, float, float]  # x, y, heading, speed
 
 
-def seed(
+def scene_of(
     *vehicles: Vehicle, length: float = 4.5, width: float = 1.8, obstacles: Obstacles | None = None
 ) -> SeedScene:
     """A seed scene of vehicles that have driven straight at constant speed for a second."""
@@ -110,7 +110,7 @@ def present(scene: SeedScene, children: int = 1, draw: np.ndarray | None = None)
     """The history of several children at the moment of the seed scene."""
     obstacles = scene.obstacles
     return SceneHistory(
-        seed=scene,
+        scene=scene,
         states=States.stack([scene.history] * children, axis=0),
         children=np.arange(children),
         step=0,

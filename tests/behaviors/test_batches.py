@@ -25,7 +25,7 @@ def crowd() -> SeedScene:
     x = np.array([5.0, 14.0, 23.0, 31.0, 44.0, 56.0, 70.0, 90.0, 30.0])
     y = rng.normal(0, 0.4, 9)
     y[8] = 60.0
-    scene = roads.seed(*zip(x, y, rng.normal(0, 0.05, 9), rng.uniform(0, 15, 9), strict=True))
+    scene = roads.scene_of(*zip(x, y, rng.normal(0, 0.05, 9), rng.uniform(0, 15, 9), strict=True))
     ahead = 0.1 * np.arange(1, 31) * scene.now.speed[:, None]
     future = States(
         x=scene.now.x[:, None] + ahead,

@@ -256,7 +256,7 @@ def test_a_model_for_one_vehicle_plans_for_each_in_turn_and_sees_its_own_surroun
     behavior("drift")(Drift)
     built = build(parse_models("drift")[0])
     assert isinstance(built, SingleVehicle)
-    scene = roads.seed((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0))
+    scene = roads.scene_of((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0))
     made = roads.plan(built, roads.fork(), roads.present(scene, 2))
     assert made.y == pytest.approx(np.repeat(np.arange(1.0, 31.0)[None], 4, axis=0))
     assert built.model.seen == [(0, 0, 1), (0, 1, 4), (0, 0, 1), (0, 1, 4)]  # type: ignore[attr-defined]
@@ -267,7 +267,7 @@ def test_a_plan_for_one_vehicle_that_is_too_short_is_refused() -> None:
         def plan_one(self, *args: object) -> States:  # type: ignore[override]
             return States.empty((29,))
 
-    scene = roads.seed((10.0, 0.0, 0.0, 5.0))
+    scene = roads.scene_of((10.0, 0.0, 0.0, 5.0))
     with pytest.raises(ScexError, match=r"Short: plan_one returned shapes .*needs four of at least"):
         roads.plan(SingleVehicle(Short()), roads.fork(), roads.present(scene))
 

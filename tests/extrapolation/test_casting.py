@@ -95,7 +95,7 @@ def test_only_models_that_may_fail_are_stood_in_for() -> None:
 
 
 SCENE = replace(
-    roads.seed((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0), (90.0, 0.0, 0.0, 5.0)),
+    roads.scene_of((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0), (90.0, 0.0, 0.0, 5.0)),
     track_ids=TRACKS,
     road=roads.straight(),
 )

@@ -61,34 +61,34 @@ class Forward:
         return plan if self.change is None else self.change(plan)
 
 
-def cast_of(model: Forward, seed: SeedScene, children: int, *, overridden: bool = True) -> Cast:
+def cast_of(model: Forward, scene: SeedScene, children: int, *, overridden: bool = True) -> Cast:
     return Cast(
         children=np.arange(children),
-        assignment=np.zeros((children, seed.vehicles), dtype=np.int64),
+        assignment=np.zeros((children, scene.vehicles), dtype=np.int64),
         models=[model],
         names=["forward"],
         overridden=np.array([overridden]),
-        route_draw=np.zeros((children, seed.vehicles)),
+        route_draw=np.zeros((children, scene.vehicles)),
         generators=[np.random.default_rng(c) for c in range(children)],
     )
 
 
 def test_states_are_what_the_world_holds_not_what_was_planned() -> None:
-    seed = straight_seed()
-    world = PlainWorld(seed.now.repeat(3), drift=0.5)
-    rollout = roll_out(world, ROAD, seed, cast_of(Forward(), seed, 3), steps=10, replan=5)
+    scene = straight_seed()
+    world = PlainWorld(scene.now.repeat(3), drift=0.5)
+    rollout = roll_out(world, ROAD, scene, cast_of(Forward(), scene, 3), steps=10, replan=5)
     # Each plan goes 1 m a step from where it was made; the world adds 0.5 m, which the next plan sees.
     assert rollout.states.x[:, :5, 0] == pytest.approx(np.arange(1, 6) + 0.5 + np.zeros((3, 1)))
     assert rollout.states.x[0, 5:, 0] == pytest.approx(5.5 + np.arange(1, 6) + 0.5)
 
 
 def test_models_see_eleven_states_ending_in_the_present() -> None:
-    seed = straight_seed()
+    scene = straight_seed()
     model = Forward()
-    roll_out(PlainWorld(seed.now.repeat(2)), ROAD, seed, cast_of(model, seed, 2), steps=10, replan=5)
+    roll_out(PlainWorld(scene.now.repeat(2)), ROAD, scene, cast_of(model, scene, 2), steps=10, replan=5)
     first, second = model.seen
     assert first.step == 0
-    assert np.array_equal(first.states.x[1], seed.history.x)
+    assert np.array_equal(first.states.x[1], scene.history.x)
     assert second.step == 5
     assert second.states.x[1, 0] == pytest.approx(np.arange(-5, 6) * 1.0)
 
@@ -97,10 +97,10 @@ def test_models_see_eleven_states_ending_in_the_present() -> None:
     ("steps", "replan", "plans"), [(30, 5, 6), (30, 10, 3), (12, 5, 3), (1, 5, 1), (4, 1, 4)]
 )
 def test_plans_are_renewed_every_replan_steps(steps: int, replan: int, plans: int) -> None:
-    seed = straight_seed()
+    scene = straight_seed()
     model = Forward()
     rollout = roll_out(
-        PlainWorld(seed.now.repeat(1)), ROAD, seed, cast_of(model, seed, 1), steps=steps, replan=replan
+        PlainWorld(scene.now.repeat(1)), ROAD, scene, cast_of(model, scene, 1), steps=steps, replan=replan
     )
     assert len(model.seen) == plans
     assert rollout.plan_x.shape == (1, plans, 2, 30)
@@ -108,23 +108,23 @@ def test_plans_are_renewed_every_replan_steps(steps: int, replan: int, plans: in
 
 
 def test_vehicles_that_the_world_drives_are_not_moved() -> None:
-    seed = straight_seed()
-    world = PlainWorld(seed.now.repeat(1))
-    roll_out(world, ROAD, seed, cast_of(Forward(), seed, 1, overridden=False), steps=3, replan=5)
+    scene = straight_seed()
+    world = PlainWorld(scene.now.repeat(1))
+    roll_out(world, ROAD, scene, cast_of(Forward(), scene, 1, overridden=False), steps=3, replan=5)
     assert not np.any(world.masks)
 
 
 def test_a_short_plan_is_an_error_that_names_the_model() -> None:
-    seed = straight_seed()
+    scene = straight_seed()
     short = Forward(lambda plan: Plan(x=plan.x[:, :9], y=plan.y, heading=plan.heading, speed=plan.speed))
     with pytest.raises(
         ScexError, match=r"behaviour model forward: plan.x has shape \(2, 9\), needs \(2, 30\)"
     ):
-        roll_out(PlainWorld(seed.now.repeat(1)), ROAD, seed, cast_of(short, seed, 1), steps=3, replan=5)
+        roll_out(PlainWorld(scene.now.repeat(1)), ROAD, scene, cast_of(short, scene, 1), steps=3, replan=5)
 
 
 def test_a_plan_that_is_not_finite_is_an_error_with_the_count() -> None:
-    seed = straight_seed()
+    scene = straight_seed()
 
     def spoil(plan: Plan) -> Plan:
         plan.speed[1, 7] = np.nan
@@ -132,12 +132,12 @@ def test_a_plan_that_is_not_finite_is_an_error_with_the_count() -> None:
 
     with pytest.raises(ScexError, match=r"plan\.speed is not finite for 1 of 2 vehicles"):
         roll_out(
-            PlainWorld(seed.now.repeat(1)), ROAD, seed, cast_of(Forward(spoil), seed, 1), steps=3, replan=5
+            PlainWorld(scene.now.repeat(1)), ROAD, scene, cast_of(Forward(spoil), scene, 1), steps=3, replan=5
         )
 
 
 def test_plans_that_are_not_the_models_own_are_counted_with_child_vehicle_step_and_reason() -> None:
-    seed = straight_seed()
+    scene = straight_seed()
 
     def fall_back(plan: Plan) -> Plan:
         late = plan.x[:, 0] > 3.0  # the second plan, made at x = 5 m
@@ -145,13 +145,13 @@ def test_plans_that_are_not_the_models_own_are_counted_with_child_vehicle_step_a
             plan, fallback=late & (np.arange(len(late)) == 0), reasons=("lost",) * len(late)
         )
 
-    cast = dataclasses.replace(cast_of(Forward(fall_back), seed, 1), children=np.array([7]))
-    rollout = roll_out(PlainWorld(seed.now.repeat(1)), ROAD, seed, cast, steps=10, replan=5)
+    cast = dataclasses.replace(cast_of(Forward(fall_back), scene, 1), children=np.array([7]))
+    rollout = roll_out(PlainWorld(scene.now.repeat(1)), ROAD, scene, cast, steps=10, replan=5)
     assert rollout.replaced == (Replaced(child=7, vehicle=0, step=5, reason="lost"),)
 
 
 def test_no_model_can_change_what_the_others_see() -> None:
-    seed = straight_seed()
+    scene = straight_seed()
 
     class Careless(Forward):
         def plan(
@@ -161,4 +161,5 @@ def test_no_model_can_change_what_the_others_see() -> None:
             return super().plan(history, road, who, rng)
 
     with pytest.raises(ValueError, match="read-only"):
-        roll_out(PlainWorld(seed.now.repeat(1)), ROAD, seed, cast_of(Careless(), seed, 1), steps=1, replan=5)
+        world, cast = PlainWorld(scene.now.repeat(1)), cast_of(Careless(), scene, 1)
+        roll_out(world, ROAD, scene, cast, steps=1, replan=5)

@@ -17,7 +17,7 @@ from matplotlib.image import imread
 from scex_sumo.errors import SimulationError
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.views.replay import ChildView, write_child_view
-from scex_sumo.world.world import World
+from scex_sumo.world.sumo import SumoWorld
 
 BLUE = (54, 124, 196)
 
@@ -27,12 +27,13 @@ from pathlib import Path
 from types import SimpleNamespace
 import numpy as np
 from scex_sumo.scene import States
-from scex_sumo.world.world import SumoDriven, World
+from scex_sumo.world.sumo import SumoDriven, SumoWorld
 
 sys.path.insert(0, sys.argv[1])
-from test_gui import seed, states
+from test_gui import scene, states
 
-with World(SimpleNamespace(path=Path(sys.argv[2]), extras=None), seed(), slots=[0, 1], gui=True, delay_ms=0,
+net = SimpleNamespace(path=Path(sys.argv[2]), extras=None)
+with SumoWorld(net, scene(), slots=[0, 1], gui=True, delay_ms=0,
            legend=[("standard_driver", (54, 124, 196))]) as world:
     drivers = [SumoDriven(child=1, vehicle=0, model="IDM", parameters={}, edges=("w_in", "e_out"))]
     for driven in ([], drivers):
@@ -59,7 +60,7 @@ def states(step: int) -> States:
     return States(x=x, y=np.full_like(x, 998.4), heading=np.zeros_like(x), speed=np.full_like(x, 10.0))
 
 
-def seed() -> SeedScene:
+def scene() -> SeedScene:
     """The two cars, without a past worth mentioning."""
     now = states(0)[0]
     past = States(
@@ -113,7 +114,7 @@ def test_a_child_in_sumo_gui_shows_vehicles_in_the_colour_of_their_model(
     def blue_pixels(blue: str, other: str) -> int:
         child = ChildView(number=1, states=track, models=(blue, other), past=20)
         colors = {"standard_driver": BLUE, "risky_driver": (214, 64, 58)}
-        write_child_view(tmp_path, crossing, seed(), child, colors, snapshots=((1.0, "view.png"),))
+        write_child_view(tmp_path, crossing, scene(), child, colors, snapshots=((1.0, "view.png"),))
         program = str(Path(sumo.SUMO_HOME) / "bin" / "sumo-gui")
         run([*display, program, "-c", "child_0001.sumocfg", "--quit-on-end"], tmp_path)
         picture = 255 * imread(tmp_path / "view.png")[..., :3]
@@ -134,7 +135,7 @@ def test_without_a_display_the_error_says_so(
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with (
-        World(crossing, seed(), slots=[0], gui=True) as world,
+        SumoWorld(crossing, scene(), slots=[0], gui=True) as world,
         pytest.raises(SimulationError, match="needs a display"),
     ):
         world.begin(states(0)[:1], np.array([0]))

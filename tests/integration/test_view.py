@@ -33,7 +33,7 @@ def tracks(shift: float) -> States:
     return s
 
 
-def seed() -> SeedScene:
+def scene() -> SeedScene:
     """Four vehicles, and somebody who walks from frame 3 to frame 20."""
     states, walk = tracks(0.0), States.empty((1, 11 + 30))
     walk.x[0], walk.y[0] = 1010 + 0.13 * np.arange(41), 1012.0
@@ -103,18 +103,18 @@ def agree(seen: dict[int, tuple[float, ...]], states: States, length: float) -> 
 
 
 def test_a_child_is_replayed_as_logged(crossing: SimpleNamespace, tmp_path: Path) -> None:
-    configuration = write_child_view(tmp_path / "sumo", crossing, seed(), child(7), COLORS)
+    configuration = write_child_view(tmp_path / "sumo", crossing, scene(), child(7), COLORS)
     assert configuration.name == "child_0007.sumocfg"
     seen = replay(configuration)
     assert set(seen) == {"3", "12", "7", "1", "PP1"}
     for v, key in enumerate(("3", "12", "7", "1")):
-        agree(seen[key], tracks(0.0)[v], float(seed().length[v]))
+        agree(seen[key], tracks(0.0)[v], float(scene().length[v]))
     assert sorted(seen["PP1"]) == list(range(3, 21))
 
 
 def test_children_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path: Path) -> None:
     children = [child(n, shift) for n, shift in ((4, 0.0), (8, 1.0), (15, 2.0))]
-    configuration = write_grid_view(tmp_path, crossing, seed(), children, COLORS)
+    configuration = write_grid_view(tmp_path, crossing, scene(), children, COLORS)
     assert configuration.name == "grid_3.sumocfg"
     seen = replay(configuration)
     assert len(seen) == 3 * 5
@@ -123,11 +123,11 @@ def test_children_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path:
         for v, key in enumerate(("3", "12", "7", "1")):
             states = children[slot].states[v]
             moved = States(x=states.x + dx, y=states.y + dy, heading=states.heading, speed=states.speed)
-            agree(seen[f"t{slot}_{key}"], moved, float(seed().length[v]))
+            agree(seen[f"t{slot}_{key}"], moved, float(scene().length[v]))
 
 
 def test_vehicles_have_the_colour_of_their_model(crossing: SimpleNamespace, tmp_path: Path) -> None:
-    write_child_view(tmp_path, crossing, seed(), child(2), COLORS)
+    write_child_view(tmp_path, crossing, scene(), child(2), COLORS)
     types = {
         t.get("id"): t.get("color")
         for t in ElementTree.parse(tmp_path / "child_0002.add.xml").getroot().iter("vType")
@@ -141,7 +141,7 @@ def test_the_files_may_move_with_their_net(crossing: SimpleNamespace, tmp_path: 
     net = tmp_path / "before" / "sumo" / "map.net.xml"
     net.parent.mkdir(parents=True)
     net.write_bytes(crossing.path.read_bytes())
-    write_child_view(net.parent, SimpleNamespace(path=net, extras=None), seed(), child(0), COLORS)
+    write_child_view(net.parent, SimpleNamespace(path=net, extras=None), scene(), child(0), COLORS)
     (tmp_path / "before").rename(tmp_path / "after")
     seen = replay(tmp_path / "after" / "sumo" / "child_0000.sumocfg")
     assert len(seen) == 5
@@ -149,7 +149,7 @@ def test_the_files_may_move_with_their_net(crossing: SimpleNamespace, tmp_path: 
 
 @pytest.mark.parametrize("kind", ["td", "ds", "xy"])
 def test_sumos_own_tool_plots_a_child(crossing: SimpleNamespace, tmp_path: Path, kind: str) -> None:
-    write_child_view(tmp_path, crossing, seed(), child(0), COLORS)
+    write_child_view(tmp_path, crossing, scene(), child(0), COLORS)
     tool = Path(sumo.SUMO_HOME) / "tools" / "plot_trajectories.py"
     picture = tmp_path / f"{kind}.png"
     command = [sys.executable, str(tool), "-t", kind, "-o", str(picture), "--blind"]

@@ -10,10 +10,10 @@ import pytest
 from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import SimulationError
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.world.world import TILE_SLOTS, SumoDriven, World
+from scex_sumo.world.sumo import TILE_SLOTS, SumoDriven, SumoWorld
 
 
-def scene(x: FloatArray, y: FloatArray, heading: FloatArray, speed: FloatArray) -> SeedScene:
+def scene_of(x: FloatArray, y: FloatArray, heading: FloatArray, speed: FloatArray) -> SeedScene:
     """Cars 4.5 m x 1.8 m, and a lorry first, that have stood still until now."""
     n = len(x)
 
@@ -62,14 +62,14 @@ def difference(a: States, b: States) -> float:
 
 
 @pytest.fixture
-def seed() -> SeedScene:
+def scene() -> SeedScene:
     first = trips(0.0, np.zeros(1))[0]
-    return scene(first.x, first.y, first.heading, first.speed)
+    return scene_of(first.x, first.y, first.heading, first.speed)
 
 
 @pytest.mark.parametrize("with_a_driver_of_sumo", [False, True])
 def test_what_is_read_is_what_was_planned_for_1e5_vehicle_steps_and_nobody_is_lost(
-    crossing: SimpleNamespace, seed: SeedScene, with_a_driver_of_sumo: bool
+    crossing: SimpleNamespace, scene: SeedScene, with_a_driver_of_sumo: bool
 ) -> None:
     phase, slots = np.linspace(0.0, 6.0, TILE_SLOTS), np.arange(TILE_SLOTS)
     moved, drivers = np.ones((TILE_SLOTS, 11), dtype=bool), []
@@ -79,7 +79,7 @@ def test_what_is_read_is_what_was_planned_for_1e5_vehicle_steps_and_nobody_is_lo
             SumoDriven(child=c, vehicle=5, model="IDM", parameters={}, edges=("w_in", "e_out"))
             for c in range(TILE_SLOTS)
         ]
-    with World(crossing, seed, slots=slots) as world:
+    with SumoWorld(crossing, scene, slots=slots) as world:
         world.begin(trips(0.0, phase), slots, drivers)
         worst = difference(world.read(), trips(0.0, phase))
         for step in range(1, 159):  # 64 children x (10 or 11) vehicles x 158 steps > 1e5
@@ -91,16 +91,16 @@ def test_what_is_read_is_what_was_planned_for_1e5_vehicle_steps_and_nobody_is_lo
     assert worst < 1e-9
 
 
-def test_headings_are_read_in_the_half_open_circle(crossing: SimpleNamespace, seed: SeedScene) -> None:
+def test_headings_are_read_in_the_half_open_circle(crossing: SimpleNamespace, scene: SeedScene) -> None:
     start = trips(0.0, np.zeros(1))
     start.heading[:] = np.linspace(-9.0, 9.0, 11)
-    with World(crossing, seed, slots=[0]) as world:
+    with SumoWorld(crossing, scene, slots=[0]) as world:
         world.begin(start, np.array([0]))
         read = world.read().heading
     assert np.all(read > -np.pi) and np.all(read <= np.pi)
 
 
-def roll(world: World, slots: list[int], phase: FloatArray) -> States:
+def roll(world: SumoWorld, slots: list[int], phase: FloatArray) -> States:
     """Ten steps of some children."""
     world.begin(trips(0.0, phase), np.array(slots))
     everybody, read = np.ones((len(slots), 11), dtype=bool), []
@@ -112,22 +112,22 @@ def roll(world: World, slots: list[int], phase: FloatArray) -> States:
 
 
 def test_a_child_reads_the_same_bytes_in_its_slot_whatever_runs_beside_or_before_it(
-    crossing: SimpleNamespace, seed: SeedScene
+    crossing: SimpleNamespace, scene: SeedScene
 ) -> None:
-    with World(crossing, seed, slots=range(TILE_SLOTS)) as world:
+    with SumoWorld(crossing, scene, slots=range(TILE_SLOTS)) as world:
         roll(world, [0, 1, 2], np.array([4.0, 5.0, 6.0]))
         among = roll(world, [62, 37, 5], np.array([1.0, 2.0, 3.0]))[:, 1]
-    with World(crossing, seed, slots=[37]) as world:
+    with SumoWorld(crossing, scene, slots=[37]) as world:
         alone = roll(world, [37], np.array([2.0]))[:, 0]
     for key in ("x", "y", "heading", "speed"):
         assert getattr(among, key).tobytes() == getattr(alone, key).tobytes()
 
 
 def test_children_without_drivers_of_sumo_share_a_tile_and_take_no_notice_of_each_other(
-    crossing: SimpleNamespace, seed: SeedScene
+    crossing: SimpleNamespace, scene: SeedScene
 ) -> None:
     phase = np.array([2.0, 2.0, 5.0])  # the first two on top of each other all the way
-    with World(crossing, seed, slots=[0]) as world:
+    with SumoWorld(crossing, scene, slots=[0]) as world:
         together = roll(world, [0, 0, 0], phase)
         alone = [roll(world, [0], phase[[child]]) for child in range(3)]
     for key in ("x", "y", "heading", "speed"):
@@ -135,20 +135,23 @@ def test_children_without_drivers_of_sumo_share_a_tile_and_take_no_notice_of_eac
             assert getattr(together, key)[:, child].tobytes() == getattr(alone[child], key)[:, 0].tobytes()
 
 
-def test_a_tile_with_a_driver_of_sumo_is_not_shared(crossing: SimpleNamespace, seed: SeedScene) -> None:
+def test_a_tile_with_a_driver_of_sumo_is_not_shared(crossing: SimpleNamespace, scene: SeedScene) -> None:
     driver = SumoDriven(child=2, vehicle=5, model="Krauss", parameters={}, edges=("w_in", "e_out"))
-    with World(crossing, seed, slots=[0, 4]) as world, pytest.raises(SimulationError, match=r"slots \[4\]"):
+    with (
+        SumoWorld(crossing, scene, slots=[0, 4]) as world,
+        pytest.raises(SimulationError, match=r"slots \[4\]"),
+    ):
         world.begin(trips(0.0, np.zeros(3)), np.array([0, 4, 4]), [driver])
 
 
 def test_a_driver_of_sumo_in_its_tile_changes_nothing_about_vehicles_that_are_moved(
-    crossing: SimpleNamespace, seed: SeedScene
+    crossing: SimpleNamespace, scene: SeedScene
 ) -> None:
     # With a driver of SUMO's to see them, SUMO looks for the lanes that vehicles are on; else it does not.
     phase, moved = np.array([2.0]), np.ones((1, 11), dtype=bool)
     driver = SumoDriven(child=0, vehicle=5, model="Krauss", parameters={}, edges=("w_in", "e_out"))
     moved[0, 5] = False
-    with World(crossing, seed, slots=[37]) as world:
+    with SumoWorld(crossing, scene, slots=[37]) as world:
         alone = roll(world, [37], phase)
         world.begin(trips(0.0, phase), np.array([37]), [driver])
         for step in range(1, 11):
@@ -162,20 +165,20 @@ def test_a_driver_of_sumo_in_its_tile_changes_nothing_about_vehicles_that_are_mo
 
 
 def test_a_vehicle_that_nobody_moves_is_an_error_with_counts(
-    crossing: SimpleNamespace, seed: SeedScene
+    crossing: SimpleNamespace, scene: SeedScene
 ) -> None:
     start = trips(0.0, np.zeros(2))
     mask = np.ones((2, 11), dtype=bool)
     mask[0, 3:5] = False
-    with World(crossing, seed, slots=[0, 1]) as world:
+    with SumoWorld(crossing, scene, slots=[0, 1]) as world:
         world.begin(start, np.array([0, 1]))
         with pytest.raises(SimulationError, match="2 not moved"):
             world.move(start, mask)
 
 
-def test_a_vehicle_that_vanishes_is_named(crossing: SimpleNamespace, seed: SeedScene) -> None:
+def test_a_vehicle_that_vanishes_is_named(crossing: SimpleNamespace, scene: SeedScene) -> None:
     start = trips(0.0, np.zeros(2))
-    with World(crossing, seed, slots=[0, 1]) as world:
+    with SumoWorld(crossing, scene, slots=[0, 1]) as world:
         world.begin(start, np.array([0, 1]))
         world.move(start, np.ones((2, 11), dtype=bool))
         import libsumo
@@ -185,25 +188,34 @@ def test_a_vehicle_that_vanishes_is_named(crossing: SimpleNamespace, seed: SeedS
             world.step()
 
 
-def test_a_slot_without_a_tile_is_an_error(crossing: SimpleNamespace, seed: SeedScene) -> None:
-    with World(crossing, seed, slots=[0, 3]) as world, pytest.raises(SimulationError, match=r"slots \[2\]"):
+def test_a_slot_without_a_tile_is_an_error(crossing: SimpleNamespace, scene: SeedScene) -> None:
+    with (
+        SumoWorld(crossing, scene, slots=[0, 3]) as world,
+        pytest.raises(SimulationError, match=r"slots \[2\]"),
+    ):
         world.begin(trips(0.0, np.zeros(2)), np.array([2, 3]))
 
 
 def test_a_second_world_in_the_process_is_refused_until_the_first_is_closed(
-    crossing: SimpleNamespace, seed: SeedScene
+    crossing: SimpleNamespace, scene: SeedScene
 ) -> None:
     start = trips(0.0, np.zeros(1))
-    with World(crossing, seed, slots=[0]) as first:
+    with SumoWorld(crossing, scene, slots=[0]) as first:
         first.begin(start, np.array([0]))
-        with World(crossing, seed, slots=[0]) as second, pytest.raises(SimulationError, match="one is open"):
+        with (
+            SumoWorld(crossing, scene, slots=[0]) as second,
+            pytest.raises(SimulationError, match="one is open"),
+        ):
             second.begin(start, np.array([0]))
         assert difference(first.read(), start) < 1e-9
-    with World(crossing, seed, slots=[0]) as third:
+    with SumoWorld(crossing, scene, slots=[0]) as third:
         third.begin(start, np.array([0]))
         assert difference(third.read(), start) < 1e-9
 
 
-def test_nothing_can_be_read_before_a_batch_begins(crossing: SimpleNamespace, seed: SeedScene) -> None:
-    with World(crossing, seed, slots=[0]) as world, pytest.raises(SimulationError, match="begin one first"):
+def test_nothing_can_be_read_before_a_batch_begins(crossing: SimpleNamespace, scene: SeedScene) -> None:
+    with (
+        SumoWorld(crossing, scene, slots=[0]) as world,
+        pytest.raises(SimulationError, match="begin one first"),
+    ):
         world.read()

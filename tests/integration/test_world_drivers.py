@@ -14,8 +14,8 @@ import pytest
 
 from scex_sumo.errors import SimulationError, UsageError
 from scex_sumo.scene import Obstacles, SeedScene, States
+from scex_sumo.world.sumo import SumoDriven, SumoWorld
 from scex_sumo.world.vehicle_types import SUMO_MODELS
-from scex_sumo.world.world import SumoDriven, World
 
 STRAIGHT = ("w_in", "e_out")
 
@@ -52,10 +52,10 @@ def driven(
 
 
 def drive(
-    world: World, seed: SeedScene, slots: Sequence[int], drivers: Sequence[SumoDriven], steps: int
+    world: SumoWorld, scene: SeedScene, slots: Sequence[int], drivers: Sequence[SumoDriven], steps: int
 ) -> States:
     """(C, V, steps + 1) states, the seed scene first; vehicles that are moved keep heading and speed."""
-    states = repeat(seed.now, len(slots))
+    states = repeat(scene.now, len(slots))
     mask = np.ones(states.shape, dtype=bool)
     for d in drivers:
         mask[d.child, d.vehicle] = False
@@ -69,8 +69,8 @@ def drive(
             speed=states.speed,
         )
         world.move(states, mask)
-        if seed.obstacles is not None:
-            world.move_obstacles(seed.obstacles.states[:, 10], seed.obstacles.present[:, 10])
+        if scene.obstacles is not None:
+            world.move_obstacles(scene.obstacles.states[:, 10], scene.obstacles.present[:, 10])
         world.step()
         read.append(world.read())
     return States.stack(read, axis=2)
@@ -78,7 +78,7 @@ def drive(
 
 def test_a_driver_of_sumo_starts_at_the_seed_scenes_pose_and_speed(crossing: SimpleNamespace) -> None:
     seed = scene((940.0, 992.0, 0.25, 9.3), (1000.0, 1060.0, -1.6, 5.0))
-    with World(crossing, seed, slots=[9]) as world:
+    with SumoWorld(crossing, seed, slots=[9]) as world:
         read = drive(world, seed, [9], [driven(0, "EIDM"), driven(1, "Krauss", ("n_in", "s_out"))], 1)
     for key in ("x", "y", "heading", "speed"):
         np.testing.assert_allclose(getattr(read, key)[0, :, 0], getattr(seed.now, key), rtol=0, atol=1e-9)
@@ -98,7 +98,7 @@ def test_a_driver_of_sumo_stops_behind_a_standing_vehicle_that_is_moved(
     crossing: SimpleNamespace, model: str
 ) -> None:
     seed = scene(in_north(20.0, 0.0), in_north(60.0, 8.0))
-    with World(crossing, seed, slots=[0]) as world:
+    with SumoWorld(crossing, seed, slots=[0]) as world:
         read = drive(world, seed, [0], [driven(1, model, ("n_in", "s_out"))], 200)
     gap = np.hypot(read.x[0, 1] - read.x[0, 0], read.y[0, 1] - read.y[0, 0]) - 4.5
     assert gap[0] == pytest.approx(35.5)
@@ -108,7 +108,7 @@ def test_a_driver_of_sumo_stops_behind_a_standing_vehicle_that_is_moved(
 
 def test_a_driver_of_sumo_keeps_its_speed_where_the_road_is_free(crossing: SimpleNamespace) -> None:
     seed = scene((900.0, 1100.0, 0.0, 0.0), in_north(60.0, 8.0))
-    with World(crossing, seed, slots=[0]) as world:
+    with SumoWorld(crossing, seed, slots=[0]) as world:
         read = drive(world, seed, [0], [driven(1, "EIDM", ("n_in", "s_out"))], 20)
     np.testing.assert_allclose(read.speed[0, 1], 8.0, atol=0.4)  # the limit is 8.3 m/s
 
@@ -120,7 +120,7 @@ def test_a_driver_of_sumo_follows_its_route_through_the_junction(crossing: Simpl
         driven(1, "Krauss", ("w_in", "e_out")),
         driven(2, "Krauss", ("w_in", "n_out")),
     ]
-    with World(crossing, seed, slots=[0]) as world:
+    with SumoWorld(crossing, seed, slots=[0]) as world:
         read = drive(world, seed, [0], drivers, 150)
     x, y = read.x[0, :, -1], read.y[0, :, -1]
     assert y[0] < 960.0 and abs(x[0] - 1003.0) < 10.0  # right, southwards
@@ -133,7 +133,7 @@ def test_a_driver_of_sumo_gives_way_to_a_vehicle_that_is_moved(crossing: SimpleN
     # From the minor road it is 3 s to the junction.
     queue = [(962.0 + 10.0 * k, 998.4, 0.0, 4.0) for k in range(4)]
     seed = scene(in_north(25.0, 8.0), *queue)
-    with World(crossing, seed, slots=[0]) as world:
+    with SumoWorld(crossing, seed, slots=[0]) as world:
         read = drive(world, seed, [0], [driven(0, "Krauss", ("n_in", "s_out"))], 200)
     # Its front, 2.25 m ahead of its centre, stays out of their lane, which begins at y = 1000; then it goes.
     assert np.all(read.y[0, 0, :110] - 2.25 > 1000.0)
@@ -162,7 +162,7 @@ def obstacle(x: float, y: float, heading: float = np.pi / 2) -> Obstacles:
 def test_a_driver_of_sumo_stops_for_somebody_on_the_lane(crossing: SimpleNamespace, heading: float) -> None:
     x, y, _, _ = in_north(20.0, 0.0)
     seed = scene(in_north(60.0, 8.0), obstacles=obstacle(x, y, heading))
-    with World(crossing, seed, slots=[3]) as world:
+    with SumoWorld(crossing, seed, slots=[3]) as world:
         read = drive(world, seed, [3], [driven(0, "EIDM", ("n_in", "s_out"))], 100)
     gap = np.hypot(read.x[0, 0] - x, read.y[0, 0] - y) - 2.25
     assert read.speed[0, 0, -1] < 0.2 and 0.3 < gap[-1] < 6.0
@@ -173,7 +173,7 @@ def test_a_driver_of_sumo_passes_where_somebody_was_who_has_left(crossing: Simpl
     stands = obstacle(x, y)
     stands.present[:] = False
     seed = scene(in_north(60.0, 8.0), obstacles=stands)
-    with World(crossing, seed, slots=[3]) as world:
+    with SumoWorld(crossing, seed, slots=[3]) as world:
         read = drive(world, seed, [3], [driven(0, "EIDM", ("n_in", "s_out"))], 60)
     assert read.y[0, 0, -1] < y - 5.0
 
@@ -181,7 +181,7 @@ def test_a_driver_of_sumo_passes_where_somebody_was_who_has_left(crossing: Simpl
 def test_beyond_the_end_of_its_route_a_vehicle_goes_straight_on(crossing: SimpleNamespace) -> None:
     # e_out ends at x = 1120; its inner lane is straight, along y = 1018.4, from x = 1080.3 on.
     seed = scene((1100.0, 1018.4, 0.0, 13.0), (1110.0, 1015.2, 0.0, 13.9))
-    with World(crossing, seed, slots=[0]) as world:
+    with SumoWorld(crossing, seed, slots=[0]) as world:
         read = drive(world, seed, [0], [driven(0, "IDM", ("e_out",)), driven(1, "ACC", ("e_out",))], 60)
     assert np.all(read.x[0, :, -1] > 1170.0)
     np.testing.assert_allclose(read.y[0, 0], 1018.4, atol=0.01)
@@ -192,7 +192,7 @@ def test_beyond_the_end_of_its_route_a_vehicle_goes_straight_on(crossing: Simple
 
 def test_a_vehicle_beside_the_road_goes_straight_on(crossing: SimpleNamespace) -> None:
     seed = scene((900.0, 940.0, 0.3, 10.0))
-    with World(crossing, seed, slots=[0]) as world:
+    with SumoWorld(crossing, seed, slots=[0]) as world:
         read = drive(world, seed, [0], [driven(0, "Krauss")], 10)
     assert read.x[0, 0, -1] == pytest.approx(900.0 + 10.0 * np.cos(0.3), abs=1e-9)
     assert read.y[0, 0, -1] == pytest.approx(940.0 + 10.0 * np.sin(0.3), abs=1e-9)
@@ -217,7 +217,7 @@ def mixed_drivers(model: str, child: int) -> list[SumoDriven]:
 @pytest.mark.parametrize("model", [m for m in SUMO_MODELS if m != "W99"])
 def test_a_driver_of_sumo_does_the_same_in_every_tile(crossing: SimpleNamespace, model: str) -> None:
     slots, seed = [0, 1, 17, 63], mixed()
-    with World(crossing, seed, slots=slots) as world:
+    with SumoWorld(crossing, seed, slots=slots) as world:
         drivers = [d for child in range(4) for d in mixed_drivers(model, child)]
         read = drive(world, seed, slots, drivers, 60)
     for values in (read.x, read.y, read.heading, read.speed):
@@ -231,15 +231,15 @@ def test_a_driver_of_sumo_does_the_same_to_the_byte_in_its_tile(
 ) -> None:
     seed = mixed()
 
-    def run(world: World, slots: list[int]) -> States:
+    def run(world: SumoWorld, slots: list[int]) -> States:
         drivers = [d for child in range(len(slots)) for d in mixed_drivers(model, child)]
         return drive(world, seed, slots, drivers, 60)
 
-    with World(crossing, seed, slots=range(64)) as world:
+    with SumoWorld(crossing, seed, slots=range(64)) as world:
         drive(world, seed, [2, 5, 40], [], 7)
         run(world, [40, 0, 2, 1])
         among = run(world, [33, 2, 40])[2]
-    with World(crossing, seed, slots=[40]) as world:
+    with SumoWorld(crossing, seed, slots=[40]) as world:
         alone = run(world, [40])[0]
     for key in ("x", "y", "heading", "speed"):
         assert getattr(among, key).tobytes() == getattr(alone, key).tobytes()
@@ -248,7 +248,7 @@ def test_a_driver_of_sumo_does_the_same_to_the_byte_in_its_tile(
 def test_traffic_lights_begin_anew_with_every_batch(signals: SimpleNamespace) -> None:
     seed = scene(in_north(40.0, 8.0), (950.0, 995.0, 0.32, 10.0))
     drivers = [driven(0, "Krauss", ("n_in", "s_out")), driven(1, "Krauss", STRAIGHT)]
-    with World(signals, seed, slots=[0]) as world:
+    with SumoWorld(signals, seed, slots=[0]) as world:
         first = drive(world, seed, [0], drivers, 600)
         again = drive(world, seed, [0], drivers, 600)
     assert first.speed[0, 0].min() == 0.0  # waits at the red light
@@ -258,7 +258,7 @@ def test_traffic_lights_begin_anew_with_every_batch(signals: SimpleNamespace) ->
 
 def test_parameters_reach_sumo(crossing: SimpleNamespace) -> None:
     seed = scene((997.0, 1100.0, 0.0, 0.0), (905.0, 975.2 + 1.4, 0.32, 5.0))
-    with World(crossing, seed, slots=[0, 1]) as world:
+    with SumoWorld(crossing, seed, slots=[0, 1]) as world:
         drivers = [driven(1, "Krauss", accel="1.0"), driven(1, "Krauss", child=1, accel="3.0")]
         read = drive(world, seed, [0, 1], drivers, 10)
     np.testing.assert_allclose(read.speed[:, 1, -1] - 5.0, [1.0, 3.0], atol=0.01)
@@ -277,7 +277,7 @@ def test_a_driver_that_sumo_does_not_have_is_an_error(
     crossing: SimpleNamespace, model: str, parameters: dict[str, str], words: str
 ) -> None:
     seed = mixed()
-    with World(crossing, seed, slots=[0]) as world, pytest.raises(UsageError, match=words):
+    with SumoWorld(crossing, seed, slots=[0]) as world, pytest.raises(UsageError, match=words):
         drive(world, seed, [0], [driven(1, model, **parameters)], 1)
 
 
@@ -286,7 +286,7 @@ def test_a_parameter_that_sumo_refuses_is_an_error_in_its_words_and_in_one_line(
 ) -> None:
     seed = mixed()
     with (
-        World(crossing, seed, slots=[0]) as world,
+        SumoWorld(crossing, seed, slots=[0]) as world,
         pytest.raises(SimulationError, match=r"SUMO does not start: .*tau\. Must be greater than 0"),
     ):
         drive(world, seed, [0], [driven(1, "EIDM", tau="-1")], 1)
@@ -295,5 +295,5 @@ def test_a_parameter_that_sumo_refuses_is_an_error_in_its_words_and_in_one_line(
 
 def test_a_route_that_the_net_does_not_hold_is_an_error(crossing: SimpleNamespace) -> None:
     seed = mixed()
-    with World(crossing, seed, slots=[0]) as world, pytest.raises(SimulationError, match="nowhere"):
+    with SumoWorld(crossing, seed, slots=[0]) as world, pytest.raises(SimulationError, match="nowhere"):
         drive(world, seed, [0], [driven(1, "IDM", ("w_in", "nowhere"))], 1)

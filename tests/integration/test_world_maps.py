@@ -11,7 +11,7 @@ from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.road import Lane
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.world.world import SumoDriven, World
+from scex_sumo.world.sumo import SumoDriven, SumoWorld
 
 MAPS = (
     "interaction/maps/DR_DEU_Merging_MT.osm",
@@ -70,7 +70,7 @@ def test_vehicles_on_all_lanes_are_where_they_were_planned_and_none_is_lost(
         ahead = [lanes[v].lane_id, *lanes[v].successors[:1]]
         edges = tuple(net.lanes.edges(ahead))
         drivers.append(SumoDriven(child=1, vehicle=v, model="EIDM", parameters={}, edges=edges))
-    with World(net, seed, slots=[0, 63]) as world:
+    with SumoWorld(net, seed, slots=[0, 63]) as world:
         world.begin(repeat(start, 2), np.array([0, 63]), drivers)
         before = world.read()
         assert max(np.abs(before.x - start.x).max(), np.abs(before.y - start.y).max()) < 1e-9

@@ -19,7 +19,7 @@ ROAD = roads.fork()
 
 @pytest.fixture
 def scene() -> SeedScene:
-    return replace(roads.seed((8.0, 0.3, 0.02, 6.0), (30.0, -0.2, 0.0, 5.0)), road=ROAD)
+    return replace(roads.scene_of((8.0, 0.3, 0.02, 6.0), (30.0, -0.2, 0.0, 5.0)), road=ROAD)
 
 
 @pytest.mark.parametrize("head", ["bounded", "free"])

@@ -11,10 +11,10 @@ from matplotlib.patches import FancyArrowPatch
 import scex_sumo as scex
 from scex_sumo.errors import UsageError
 from scex_sumo.reports.scene_graph_picture import scene_graph_panel
-from tests.behaviors.roads import lane, road, seed
+from tests.behaviors.roads import lane, road, scene_of
 
 PARALLEL = road(lane(1, [(0.0, 0.0), (200.0, 0.0)], left=2), lane(2, [(0.0, 3.5), (200.0, 3.5)], right=1))
-SCENE = seed((50.0, 0.0, 0.0, 9.0), (70.0, 0.0, 0.0, 7.0), (55.0, 3.5, 0.0, 9.0), (90.0, 30.0, 0.0, 9.0))
+SCENE = scene_of((50.0, 0.0, 0.0, 9.0), (70.0, 0.0, 0.0, 7.0), (55.0, 3.5, 0.0, 9.0), (90.0, 30.0, 0.0, 9.0))
 
 
 def test_each_relation_is_one_line_and_arrows_point_ahead() -> None:

@@ -143,22 +143,22 @@ def test_opening_what_is_no_result_says_so(tmp_path: Path, content: str | None, 
 
 
 def test_tracks_are_interaction_cases_with_the_seed_scene_at_frame_ten() -> None:
-    seed = straight_seed()
-    table = tracks_table(seed, part_of([0, 1])).to_pydict()
+    scene = straight_seed()
+    table = tracks_table(scene, part_of([0, 1])).to_pydict()
     rows = [i for i in range(len(table["x"])) if table["case_id"][i] == 1 and table["track_id"][i] == 1]
     assert [table["frame_id"][i] for i in rows] == list(range(1, 14))
     assert [table["timestamp_ms"][i] for i in rows][:2] == [100, 200]
     x = [table["x"][i] for i in rows]
-    assert x[:10] == pytest.approx(seed.history.x[1, 1:])
+    assert x[:10] == pytest.approx(scene.history.x[1, 1:])
     assert x[10:] == [100.0] * 3
 
 
 def test_velocity_lies_along_the_heading() -> None:
-    seed = straight_seed(1, speed=4.0)
+    scene = straight_seed(1, speed=4.0)
     turned = States(
-        x=seed.history.x, y=seed.history.y, heading=np.full((1, 11), np.pi / 2), speed=seed.history.speed
+        x=scene.history.x, y=scene.history.y, heading=np.full((1, 11), np.pi / 2), speed=scene.history.speed
     )
-    table = tracks_table(dataclasses.replace(seed, history=turned), part_of([0], vehicles=1)).to_pydict()
+    table = tracks_table(dataclasses.replace(scene, history=turned), part_of([0], vehicles=1)).to_pydict()
     assert table["vx"][0] == pytest.approx(0, abs=1e-12)
     assert table["vy"][0] == pytest.approx(4.0)
 

@@ -87,5 +87,5 @@ def test_many_vehicles_at_once_match_as_each_alone() -> None:
 
 
 def test_off_road_names_the_vehicles_without_a_lane() -> None:
-    scene = roads.seed((10.0, 0.0, 0.0, 5.0), (10.0, 30.0, 0.0, 5.0), (60.0, 0.0, 2.0, 5.0))
+    scene = roads.scene_of((10.0, 0.0, 0.0, 5.0), (10.0, 30.0, 0.0, 5.0), (60.0, 0.0, 2.0, 5.0))
     assert off_road(roads.straight(), scene) == [1, 2]

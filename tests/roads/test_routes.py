@@ -47,7 +47,7 @@ def test_where_a_lane_ends_the_route_goes_on_beside_it_if_changing_is_allowed() 
 
 
 def test_paths_at_a_fork_are_ordered_from_left_to_right_in_the_vehicles_frame() -> None:
-    (paths,) = candidate_paths(roads.fork(), roads.seed((20.0, 0.0, 0.0, 10.0)))
+    (paths,) = candidate_paths(roads.fork(), roads.scene_of((20.0, 0.0, 0.0, 10.0)))
     assert [path.lanes for path in paths] == [(1, 11), (1, 12), (1, 13)]
     assert paths[0].angle > 0.5
     assert paths[1].angle == pytest.approx(0.0)
@@ -69,7 +69,7 @@ def test_the_order_does_not_depend_on_where_the_map_points() -> None:
             for one in fork.lanes.values()
         )
     )
-    (paths,) = candidate_paths(turned, roads.seed((-20.0, 0.0, np.pi, 10.0)))
+    (paths,) = candidate_paths(turned, roads.scene_of((-20.0, 0.0, np.pi, 10.0)))
     assert [path.lanes for path in paths] == [(1, 11), (1, 12), (1, 13)]
 
 
@@ -80,7 +80,7 @@ def test_equal_angles_are_ordered_by_lane_ids() -> None:
         roads.lane(9, same, predecessors=(1,)),
         roads.lane(4, same, predecessors=(1,)),
     )
-    (paths,) = candidate_paths(doubled, roads.seed((20.0, 0.0, 0.0, 10.0)))
+    (paths,) = candidate_paths(doubled, roads.scene_of((20.0, 0.0, 0.0, 10.0)))
     assert [path.lanes for path in paths] == [(1, 4), (1, 9)]
 
 
@@ -92,19 +92,19 @@ def test_probability_is_shared_at_each_fork_not_among_all_ends() -> None:
         roads.lane(4, [(50.0, 8.0), (120.0, 70.0)], predecessors=(2,)),
         roads.lane(5, [(50.0, 8.0), (120.0, 8.0)], predecessors=(2,)),
     )
-    (paths,) = candidate_paths(tree, roads.seed((10.0, 0.0, 0.0, 10.0)))
+    (paths,) = candidate_paths(tree, roads.scene_of((10.0, 0.0, 0.0, 10.0)))
     assert {path.lanes: path.probability for path in paths} == pytest.approx(
         {(1, 2, 4): 0.25, (1, 2, 5): 0.25, (1, 3): 0.5}
     )
 
 
 def test_a_vehicle_at_the_start_of_overlapping_lanes_can_take_any_of_them() -> None:
-    (paths,) = candidate_paths(roads.fork(), roads.seed((52.0, 0.0, 0.0, 10.0)))
+    (paths,) = candidate_paths(roads.fork(), roads.scene_of((52.0, 0.0, 0.0, 10.0)))
     assert [path.lanes for path in paths] == [(11,), (12,), (13,)]
 
 
 def test_a_vehicle_off_the_road_has_no_path_and_the_others_keep_theirs() -> None:
-    scene = roads.seed((20.0, 40.0, 0.0, 10.0), (20.0, 0.0, 0.0, 10.0))
+    scene = roads.scene_of((20.0, 40.0, 0.0, 10.0), (20.0, 0.0, 0.0, 10.0))
     nothing, three = candidate_paths(roads.fork(), scene)
     assert nothing == () and len(three) == 3
 
@@ -135,7 +135,7 @@ def test_where_two_lanes_fit_the_one_counts_that_the_vehicle_came_along() -> Non
         roads.lane(2, [(0.0, 15.0), (45.0, 1.0), (60.0, 0.0)], successors=(3,)),
         roads.lane(3, [(60.0, 0.0), (200.0, 0.0)], predecessors=(1, 2)),
     )
-    straight = roads.seed((55.0, 0.2, -0.02, 15.0))
+    straight = roads.scene_of((55.0, 0.2, -0.02, 15.0))
     (paths,) = candidate_paths(merge, straight)
     assert [path.lanes for path in paths] == [(1, 3)]
     # Without a recorded past both are possible.

@@ -70,9 +70,9 @@ def test_designed_draws_are_numbered_as_all_assignments() -> None:
 
 def row_of_vehicles(*lateral_m: float) -> SeedScene:
     """Vehicles side by side at these places, driving in parallel."""
-    seed = straight_seed(len(lateral_m))
+    scene = straight_seed(len(lateral_m))
     y = np.repeat(np.array(lateral_m)[:, None], 11, axis=1)
-    return dataclasses.replace(seed, history=dataclasses.replace(seed.history, y=y))
+    return dataclasses.replace(scene, history=dataclasses.replace(scene.history, y=y))
 
 
 def test_the_closest_group_takes_part() -> None:

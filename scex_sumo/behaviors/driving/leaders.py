@@ -103,7 +103,7 @@ def _leaders_of(
 ) -> Leaders:
     """Leaders of a part of the drivers; the clearance is that of each of the others, (M,)."""
     own = history.now[who.child, who.vehicle]
-    length, width = history.seed.length[who.vehicle], history.seed.width[who.vehicle]
+    length, width = history.scene.length[who.vehicle], history.scene.width[who.vehicle]
     ox, oy = others.states.x[who.child], others.states.y[who.child]  # (n, M)
     near = (ox - own.x[:, None]) ** 2 + (oy - own.y[:, None]) ** 2 <= radius**2
     near &= others.present[who.child]

@@ -61,7 +61,7 @@ def _present_bend(
     since recorded headings are noisy.
     """
     steps = 1 if history.step > 0 else 5
-    length = history.seed.length[who.vehicle]
+    length = history.scene.length[who.vehicle]
     now = history.states[who.child, who.vehicle, -1]
     before = history.states[who.child, who.vehicle, -1 - steps]
     x, y = rear_axle(now, length)
@@ -105,7 +105,7 @@ def drive(
     Returns:
         (n, H).
     """
-    length = history.seed.length[who.vehicle]
+    length = history.scene.length[who.vehicle]
     now = history.now[who.child, who.vehicle]
     begin = now if start is None else start
     x, y = rear_axle(begin, length)

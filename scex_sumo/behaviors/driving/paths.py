@@ -120,13 +120,13 @@ def chosen_paths(history: SceneHistory, road: Road, who: Who, path: PathChoice) 
     # By the step alone, so that it does not matter who shares the batch.
     further = max(0, ceil((history.step * STEP_S - 3.0) / HORIZON_STEP_S))
     horizon = FIRST_HORIZON_S + HORIZON_STEP_S * further
-    paths = seed_paths(history.seed, road, given_path(path), horizon)
+    paths = seed_paths(history.scene, road, given_path(path), horizon)
     return paths, paths.choose(path, who.vehicle, history.route_draw[who.child, who.vehicle])
 
 
 @lru_cache(maxsize=16)
 def seed_paths(
-    seed: SeedScene,
+    scene: SeedScene,
     road: Road,
     given: tuple[int, ...] | tuple[tuple[float, float], ...] | None = None,
     horizon_s: float = FIRST_HORIZON_S,
@@ -134,17 +134,17 @@ def seed_paths(
     """Candidate paths of a seed scene, smoothed and tabulated; remembered for the last seeds.
 
     Args:
-        seed: the seed scene.
+        scene: the seed scene.
         road: the map.
         given: lane ids or points of the one path that all vehicles shall take, instead of their own.
         horizon_s: for how long the fastest vehicle shall find road on its table, s.
     """
-    now = seed.now
+    now = scene.now
     ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
-    candidates = candidate_paths(road, seed) if given is None else None
+    candidates = candidate_paths(road, scene) if given is None else None
     lines: list[_Line] = []
-    count = np.ones(seed.vehicles, dtype=np.int64)
-    for v in range(seed.vehicles):
+    count = np.ones(scene.vehicles, dtype=np.int64)
+    for v in range(scene.vehicles):
         pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
         if candidates is None:
             assert given is not None
@@ -283,20 +283,20 @@ def _sample_headings(points: FloatArray) -> FloatArray:
 
 
 def planned_lanes(
-    seed: SeedScene, road: Road, path: PathChoice, vehicle: IntArray, draw: FloatArray
+    scene: SeedScene, road: Road, path: PathChoice, vehicle: IntArray, draw: FloatArray
 ) -> list[tuple[int, ...]]:
     """(n) lane ids of the path that each vehicle takes and what follows it for half a kilometre.
 
     Empty for a vehicle off the mapped lanes.
 
     Args:
-        seed: the seed scene.
+        scene: the seed scene.
         road: the map.
         path: the choice, as in `SeedPaths.choose`.
         vehicle: (n,) index into the seed scene.
         draw: (n,) in [0, 1).
     """
-    paths = seed_paths(seed, road, given_path(path))
+    paths = seed_paths(scene, road, given_path(path))
     rows = paths.choose(path, vehicle, draw).tolist()
     whole = {row: extended(road, paths.lanes[row], ROUTE_M) if paths.lanes[row] else () for row in {*rows}}
     return [whole[row] for row in rows]

@@ -62,10 +62,10 @@ class LocalView:
 
 def everyone(history: SceneHistory) -> Everyone:
     """Vehicles and obstacles in one set of arrays."""
-    seed, now = history.seed, history.now
+    scene, now = history.scene, history.now
     present = np.ones(now.shape, dtype=np.bool_)
-    length, width = seed.length, seed.width
-    obstacles = seed.obstacles
+    length, width = scene.length, scene.width
+    obstacles = scene.obstacles
     if obstacles is not None and history.obstacle_states is not None and history.obstacle_present is not None:
         shape = (now.shape[0], len(obstacles.ids))
         o = history.obstacle_states
@@ -80,7 +80,7 @@ def everyone(history: SceneHistory) -> Everyone:
         length = np.concatenate([length, obstacles.length])
         width = np.concatenate([width, obstacles.width])
     longest = float(np.sqrt(length**2 + width**2).max(initial=0.0))
-    obstacle = np.arange(len(length)) >= seed.vehicles
+    obstacle = np.arange(len(length)) >= scene.vehicles
     return Everyone(
         states=now, present=present, length=length, width=width, obstacle=obstacle, longest=longest
     )

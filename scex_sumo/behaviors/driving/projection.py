@@ -69,7 +69,7 @@ def expected_way(history: SceneHistory, who: Who) -> FloatArray:
 
     Tells the laps of a roundabout apart, nothing more.
     """
-    first = history.seed.now.speed[who.vehicle]
+    first = history.scene.now.speed[who.vehicle]
     now = history.now.speed[who.child, who.vehicle]
     return BEHIND_M + history.step * STEP_S * (first + now) / 2
 

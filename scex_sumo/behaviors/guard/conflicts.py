@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.guard.ways import SAMPLE_S, SAMPLES, Expected, PlannedPaths, expected
+from scex_sumo.behaviors.guard.ways import SAMPLE_S, SAMPLES, Expected, PlannedWays, expected
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, Who
 
@@ -64,7 +64,7 @@ class Holds:
 
 
 def find_holds(
-    paths: PlannedPaths, history: SceneHistory, road: Road, who: Who, profile: GuardProfile
+    paths: PlannedWays, history: SceneHistory, road: Road, who: Who, profile: GuardProfile
 ) -> Holds:
     """Everything that the n vehicles have to stay behind.
 
@@ -86,11 +86,11 @@ def find_holds(
 
 
 def _near_pairs(
-    paths: PlannedPaths, around: Expected, history: SceneHistory, who: Who, profile: GuardProfile
+    paths: PlannedWays, around: Expected, history: SceneHistory, who: Who, profile: GuardProfile
 ) -> tuple[IntArray, IntArray]:
     """Who moves and can meet whom, by boxes around what both will cover."""
     others = around.others
-    own_reach = np.sqrt(history.seed.length**2 + history.seed.width**2)[who.vehicle] / 2 + profile.margin
+    own_reach = np.sqrt(history.scene.length**2 + history.scene.width**2)[who.vehicle] / 2 + profile.margin
     reach = own_reach[:, None] + (np.sqrt(others.length**2 + others.width**2) / 2)[None]
     near = others.present[who.child] & (paths.arc[:, -1] > 0.0)[:, None]
     for mine, theirs in ((paths.corner_x, around.x), (paths.corner_y, around.y)):
@@ -124,7 +124,7 @@ class _Blocked:
 
 
 def _holds_of(
-    paths: PlannedPaths,
+    paths: PlannedWays,
     around: Expected,
     history: SceneHistory,
     who: Who,
@@ -251,7 +251,7 @@ def _yields(
 
 
 def _blocked(
-    paths: PlannedPaths,
+    paths: PlannedWays,
     around: Expected,
     history: SceneHistory,
     who: Who,
@@ -266,7 +266,7 @@ def _blocked(
     ahead, left = np.cos(heading), np.sin(heading)
     cos, sin = ahead * line_cos + left * line_sin, left * line_cos - ahead * line_sin
     half_length, half_width = around.others.length[j][:, None] / 2, around.others.width[j][:, None] / 2
-    own_length, own_width = history.seed.length[vehicle], history.seed.width[vehicle]
+    own_length, own_width = history.scene.length[vehicle], history.scene.width[vehicle]
     extent = np.abs(cos) * half_length + np.abs(sin) * half_width + own_length[:, None] / 2
     body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width - own_width[:, None] / 2
     low, high = s - extent, s + extent
@@ -285,13 +285,13 @@ def _blocked(
 
 
 def _onto(
-    paths: PlannedPaths, i: IntArray, x: FloatArray, y: FloatArray
+    paths: PlannedWays, i: IntArray, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Foot points of places (P, K) on the middle lines of corridors i (P,).
 
     Returns:
         (P, K) arc length (straight on past both ends), offset (left positive), cosine and sine of the line's
-        direction, and `PlannedPaths.swing` on that side.
+        direction, and `PlannedWays.swing` on that side.
     """
     cos, sin, begin = paths.corner_cos[i], paths.corner_sin[i], paths.corner_arc[i]
     px = x[:, :, None] - paths.corner_x[i][:, None, :-1]  # (P, K, G - 1)

@@ -11,7 +11,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.conflicts import Holds, find_holds
 from scex_sumo.behaviors.guard.profile import GuardProfile
-from scex_sumo.behaviors.guard.ways import PlannedPaths, planned_paths
+from scex_sumo.behaviors.guard.ways import PlannedWays, planned_paths
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, Who
 
@@ -95,7 +95,7 @@ def slowed(plan: Plan, history: SceneHistory, road: Road, who: Who, profile: Gua
     return replace(plan, x=slow.x, y=slow.y, heading=slow.heading, speed=slow.speed)
 
 
-def _leaping(paths: PlannedPaths) -> IntArray:
+def _leaping(paths: PlannedWays) -> IntArray:
     """Vehicles whose plan does not start from where they are: a model that takes no account of being slowed.
 
     Such as one that keeps the speed it had, or repeats a recording.
@@ -107,7 +107,7 @@ def _leaping(paths: PlannedPaths) -> IntArray:
 
 
 def _timed(
-    paths: PlannedPaths, holds: Holds, profile: GuardProfile
+    paths: PlannedWays, holds: Holds, profile: GuardProfile
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """(n, H) speeds and arc lengths under all bounds, and (n,) which vehicles are held back at all."""
     n, steps = paths.speed.shape

@@ -32,7 +32,7 @@ HEADING_SIGMA_RAD = 0.15
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PlannedPaths:
+class PlannedWays:
     """Plans of n vehicles by arc length; the present is arc length 0.
 
     Attributes:
@@ -84,7 +84,7 @@ class PlannedPaths:
         )
 
 
-def planned_paths(plan: Plan, history: SceneHistory, who: Who, profile: GuardProfile) -> PlannedPaths:
+def planned_paths(plan: Plan, history: SceneHistory, who: Who, profile: GuardProfile) -> PlannedWays:
     """Lay plans out along their arc lengths."""
     now = history.now[who.child, who.vehicle]
     x = np.concatenate([now.x[:, None], plan.x], axis=1)
@@ -100,7 +100,7 @@ def planned_paths(plan: Plan, history: SceneHistory, who: Who, profile: GuardPro
     corner_x = np.column_stack([x[:, corners], x[:, -1] + ahead * np.cos(end)])
     corner_y = np.column_stack([y[:, corners], y[:, -1] + ahead * np.sin(end)])
     cos, sin, length = _directions(corner_x, corner_y)
-    return PlannedPaths(
+    return PlannedWays(
         x=x,
         y=y,
         heading=heading,
@@ -112,7 +112,7 @@ def planned_paths(plan: Plan, history: SceneHistory, who: Who, profile: GuardPro
         corner_arc=np.column_stack([arc[:, corners], arc[:, -1] + ahead]),
         corner_cos=cos,
         corner_sin=sin,
-        swing=_swing(cos, sin, length, heading[:, corners], history.seed.length[who.vehicle]),
+        swing=_swing(cos, sin, length, heading[:, corners], history.scene.length[who.vehicle]),
     )
 
 
@@ -131,7 +131,7 @@ def _directions(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, F
 def _swing(
     cos: FloatArray, sin: FloatArray, way: FloatArray, heading: FloatArray, length: FloatArray
 ) -> FloatArray:
-    """(2, n, G - 1) `PlannedPaths.swing`, by the body's angle to its way and the way's curvature."""
+    """(2, n, G - 1) `PlannedWays.swing`, by the body's angle to its way and the way's curvature."""
     half = length[:, None] / 2
     # At each vertex but the last one: the body points from the mean direction of both segments by `crab`.
     c, s = cos.copy(), sin.copy()
@@ -187,7 +187,7 @@ def expected(history: SceneHistory, road: Road) -> Expected:
     x = now.x[..., None] + way * np.cos(now.heading)[..., None]
     y = now.y[..., None] + way * np.sin(now.heading)[..., None]
     heading = np.repeat(now.heading[..., None], SAMPLES, axis=2)
-    vehicles = history.seed.vehicles
+    vehicles = history.scene.vehicles
     along = _along_paths(history, road, t)
     for straight, bent in zip((x, y, heading), along, strict=True):
         straight[:, :vehicles] = bent
@@ -209,7 +209,7 @@ def _along_paths(
     now = history.now.map(np.ravel)
     way = expected_way(history, who)
     # As vehicles are driven: the rear axle is what follows the path.
-    length = history.seed.length[vehicle]
+    length = history.scene.length[vehicle]
     axle_x, axle_y = rear_axle(now, length)
     row, (s, offset, path_heading) = _nearest_path(paths, straight, vehicle, way, axle_x, axle_y, now.heading)
     error = wrap(now.heading - path_heading)

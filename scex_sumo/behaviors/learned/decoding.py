@@ -59,13 +59,13 @@ def plan_along(
     if road is None:
         wanted = _smoothed(wanted)
     else:
-        half = history.seed.width[who.vehicle] / 2 + EDGE_MARGIN_M
+        half = history.scene.width[who.vehicle] / 2 + EDGE_MARGIN_M
         least, most = bounds_along(road, paths, row, s, way, half)
         # Smoothed once it is bounded, so that the vehicle is not still on its way out at the edge; and not
         # bounded again, for bounds jump by centimetres, and what is steered is their second derivative.
         wanted = _smoothed(np.clip(wanted, least, most))
     # What follows the path is the rear axle.
-    wanted = wanted - (REAR_AXLE_SHARE * history.seed.length[who.vehicle])[:, None] * _slope(wanted, way)
+    wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(wanted, way)
 
     def accelerate(step: int, v: FloatArray, travelled: FloatArray, at: FloatArray) -> FloatArray:
         return acceleration[:, step]

@@ -195,27 +195,27 @@ class LearnedDriver:
     def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
         paths, row = chosen_paths(history, road, who, _plain(self.profile.path))
         if self.profile.path == "likeliest":
-            row = self._choice(history.seed, road).likeliest[who.vehicle]
+            row = self._choice(history.scene, road).likeliest[who.vehicle]
         return paths, row
 
     def _modes(self, history: SceneHistory, road: Road, who: Who, row: IntArray, modes: Modes) -> IntArray:
         """(n,) mode that each vehicle drives."""
         if self.profile.mode == "draw":
-            upper = self._choice(history.seed, road).modes[row]
+            upper = self._choice(history.scene, road).modes[row]
             draw = history.route_draw[who.child, who.vehicle] * DRAW_DIGITS % 1.0
             return np.asarray((draw[:, None] >= upper[:, :-1]).sum(1))
         if self.meta.get("best", "expected") == "likeliest":
             return np.asarray(_rounded(modes.logits).argmax(1))
         return np.zeros(len(who), dtype=np.int64)
 
-    def _choice(self, seed: SeedScene, road: Road) -> _Choice:
+    def _choice(self, scene: SeedScene, road: Road) -> _Choice:
         """Paths and modes as the network sees them in the seed scene."""
-        key = seed, road
+        key = scene, road
         if key not in self._choices:
-            history = SceneHistory.of_seed(seed)
-            everyone = Who(child=np.zeros(seed.vehicles, np.int64), vehicle=np.arange(seed.vehicles))
+            history = SceneHistory.of_scene(scene)
+            everyone = Who(child=np.zeros(scene.vehicles, np.int64), vehicle=np.arange(scene.vehicles))
             paths, _ = chosen_paths(history, road, everyone, _plain(self.profile.path))
-            vehicle = np.repeat(np.arange(seed.vehicles), paths.count)
+            vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
             pairs = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
             _, modes = self.predict(history, road, pairs, paths, np.arange(len(vehicle)))
             logit = np.nan_to_num(_rounded(modes.path_logit), nan=-np.inf)

@@ -38,7 +38,7 @@ class ConstantVelocity:
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
         paths, row = chosen_paths(history, road, who, self.profile.path)
-        target = np.maximum(history.seed.now.speed[who.vehicle], 0.0)
+        target = np.maximum(history.scene.now.speed[who.vehicle], 0.0)
 
         def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
             # Zero but for rounding, unless something else moved the vehicle before.

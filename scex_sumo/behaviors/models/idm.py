@@ -177,7 +177,7 @@ class IdmDriver:
         habit = seed_motion(history, who)
         base = row * paths.samples
         ahead = (
-            REAR_AXLE_SHARE * history.seed.length[who.vehicle]
+            REAR_AXLE_SHARE * history.scene.length[who.vehicle]
         )  # of the rear axle, which follows the table
 
         def at(s: FloatArray) -> IntArray:
@@ -199,7 +199,7 @@ class IdmDriver:
 
 def seed_motion(history: SceneHistory, who: Who) -> tuple[FloatArray, FloatArray]:
     """(n,) speed in the seed scene, m/s, and mean acceleration over the half second before it, m/s²."""
-    speed = history.seed.history.speed[who.vehicle]
+    speed = history.scene.history.speed[who.vehicle]
     acceleration = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
     return np.maximum(speed[:, -1], 0.0), acceleration
 

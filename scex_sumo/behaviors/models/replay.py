@@ -43,16 +43,16 @@ class Replay:
         Raises:
             UsageError: the seed scene has no recorded future.
         """
-        seed = history.seed
-        if seed.future is None or seed.future_valid is None:
+        scene = history.scene
+        if scene.future is None or scene.future_valid is None:
             raise UsageError(
-                f"replay: seed scene {seed.name} has no recorded future; "
+                f"replay: seed scene {scene.name} has no recorded future; "
                 "choose other models or a recorded seed"
             )
         # Valid up to the first gap.
-        known = np.cumprod(seed.future_valid, axis=1).sum(axis=1)[who.vehicle]
+        known = np.cumprod(scene.future_valid, axis=1).sum(axis=1)[who.vehicle]
         left = np.clip(known - history.step, 0, PLAN_STEPS)  # (n,) recorded steps from now on
-        recorded = seed.future[who.vehicle]
+        recorded = scene.future[who.vehicle]
         last = history.step + left - 1
         end = _pick(recorded, np.maximum(last, 0), left > 0, history.now[who.child, who.vehicle])
         paths, row = chosen_paths(history, road, who, self.profile.path)

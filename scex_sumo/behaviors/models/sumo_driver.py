@@ -39,17 +39,17 @@ class SumoDriver:
         check_path(path)
 
     def routes(
-        self, seed: SeedScene, road: Road, vehicle: IntArray, draw: FloatArray
+        self, scene: SeedScene, road: Road, vehicle: IntArray, draw: FloatArray
     ) -> list[tuple[int, ...]]:
         """Lane ids of the routes of vehicles; empty for one off the mapped lanes.
 
         Args:
-            seed: the seed scene.
+            scene: the seed scene.
             road: the map.
             vehicle: (n,) index into the seed scene.
             draw: (n,) `SceneHistory.route_draw` of these vehicles.
         """
-        return planned_lanes(seed, road, self.path, vehicle, draw)
+        return planned_lanes(scene, road, self.path, vehicle, draw)
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """The path that the vehicle is expected to take, at its present speed: for metrics only."""

@@ -93,13 +93,13 @@ def predictor_inputs(
         surroundings: how much they see.
         names: the inputs wanted; the others are not computed.
     """
-    seed = history.seed
+    scene = history.scene
     own = history.states[who.child, who.vehicle]
     now = own[:, -1]
-    kinds = np.array([kind_of(word) for word in seed.types], dtype=np.int64)
+    kinds = np.array([kind_of(word) for word in scene.types], dtype=np.int64)
     made: dict[str, NDArray[Any]] = {
         "history": seen_from(now, own),
-        "size": np.stack([seed.length, seed.width], axis=-1)[who.vehicle],
+        "size": np.stack([scene.length, scene.width], axis=-1)[who.vehicle],
         "kind": kinds[who.vehicle],
     }
     if any(name.startswith("neighbour") for name in names):
@@ -118,21 +118,21 @@ def _others(
     history: SceneHistory, who: Who, now: States, surroundings: Surroundings, kinds: IntArray
 ) -> dict[str, NDArray[Any]]:
     """The nearest others, obstacles included."""
-    seed, states = history.seed, history.states
-    size = np.stack([seed.length, seed.width], axis=-1)
+    scene, states = history.scene, history.states
+    size = np.stack([scene.length, scene.width], axis=-1)
     present = np.ones(states.shape[:2], dtype=np.bool_)
-    if seed.obstacles is not None:
+    if scene.obstacles is not None:
         # Replayed, so what they did is what was recorded.
         steps = np.arange(history.step, history.step + HISTORY_STEPS + 1)
-        steps = np.minimum(steps, seed.obstacles.states.shape[1] - 1)
-        shape = (len(states.x), len(seed.obstacles.ids), HISTORY_STEPS + 1)
-        past = seed.obstacles.states[:, steps].map(lambda values: np.broadcast_to(values, shape))
+        steps = np.minimum(steps, scene.obstacles.states.shape[1] - 1)
+        shape = (len(states.x), len(scene.obstacles.ids), HISTORY_STEPS + 1)
+        past = scene.obstacles.states[:, steps].map(lambda values: np.broadcast_to(values, shape))
         states = States.concatenate([states, past], axis=1)
-        there = np.broadcast_to(seed.obstacles.present[:, steps[-1]], shape[:2])
+        there = np.broadcast_to(scene.obstacles.present[:, steps[-1]], shape[:2])
         present = np.concatenate([present, there], axis=1)
-        more = np.stack([seed.obstacles.length, seed.obstacles.width], axis=-1)
+        more = np.stack([scene.obstacles.length, scene.obstacles.width], axis=-1)
         size = np.concatenate([size, more])
-        kinds = np.concatenate([kinds, [kind_of(word) for word in seed.obstacles.types]])
+        kinds = np.concatenate([kinds, [kind_of(word) for word in scene.obstacles.types]])
     x, y = states.x[:, :, -1], states.y[:, :, -1]
     distance = np.hypot(x[who.child] - now.x[:, None], y[who.child] - now.y[:, None])
     distance[~present[who.child]] = np.inf

@@ -82,10 +82,10 @@ def scene_graph(
     """
     if isinstance(history, SeedScene):
         history = _alone(history)
-    road = history.seed.road if road is None else road
+    road = history.scene.road if road is None else road
     if road is None:
         raise UsageError(
-            f"scene graph of {history.seed.name}: the scene has no road; give road=read_map(...)"
+            f"scene graph of {history.scene.name}: the scene has no road; give road=read_map(...)"
         )
     if not radius > 0:
         raise UsageError(f"scene graph: radius is {radius}; needs a length above 0 m")
@@ -96,9 +96,9 @@ def scene_graph(
 
 
 @lru_cache(maxsize=4)
-def _alone(seed: SeedScene) -> SceneHistory:
+def _alone(scene: SeedScene) -> SceneHistory:
     """Kept, as graphs are kept by history."""
-    return SceneHistory.of_seed(seed)
+    return SceneHistory.of_scene(scene)
 
 
 def _build(history: SceneHistory, road: Road, radius: float) -> SceneGraph:
@@ -154,5 +154,5 @@ def _edges(history: SceneHistory, now: States, place: Located, index: RoadIndex,
     flat = np.flatnonzero(near)
     target = flat // vehicles
     source = target // vehicles * vehicles + flat % vehicles
-    length = np.tile(history.seed.length, children)
+    length = np.tile(history.scene.length, children)
     return scene_edges(target, source, now, length, place, index.relations)

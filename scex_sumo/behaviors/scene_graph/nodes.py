@@ -50,9 +50,9 @@ def node_features(history: SceneHistory, place: Located, index: RoadIndex) -> Fl
     """
     children, vehicles = history.now.shape
     features = np.zeros((children, vehicles, len(NODE_COLUMNS)))
-    seed = history.seed
-    features[..., 0], features[..., 1] = seed.length, seed.width
-    kind = np.array([_type_of(name) for name in seed.types], dtype=np.int64)
+    scene = history.scene
+    features[..., 0], features[..., 1] = scene.length, scene.width
+    kind = np.array([_type_of(name) for name in scene.types], dtype=np.int64)
     features[..., 2:6] = kind[:, None] == np.arange(len(TYPES))
     recent = slice(-SLOPE_STEPS - 1, None)
     features[..., 6] = history.now.speed
@@ -90,7 +90,7 @@ def _obstacle_ahead(history: SceneHistory) -> FloatArray:
         return found
     dx, dy = obstacles.x[present] - now.x[..., None], obstacles.y[present] - now.y[..., None]
     cos, sin = np.cos(now.heading)[..., None], np.sin(now.heading)[..., None]
-    distance = cos * dx + sin * dy - history.seed.length[:, None] / 2
+    distance = cos * dx + sin * dy - history.scene.length[:, None] / 2
     offset = cos * dy - sin * dx
     inside = (distance >= 0) & (distance <= CORRIDOR_M) & (np.abs(offset) <= CORRIDOR_HALF_WIDTH_M)
     child, vehicle = np.nonzero(inside.any(axis=-1))

@@ -12,7 +12,7 @@ from scex_sumo.errors import ResultError
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
 
-def write_tracks(path: str | Path, seed: SeedScene, *, case_id: str = "1.0") -> Path:
+def write_tracks(path: str | Path, scene: SeedScene, *, case_id: str = "1.0") -> Path:
     """Write a seed scene and its recorded future as one INTERACTION v1.2 case.
 
     Frame 10 (1000 ms) is the moment; frame 0 to 9 the ten previous steps where they were recorded, so that
@@ -20,7 +20,7 @@ def write_tracks(path: str | Path, seed: SeedScene, *, case_id: str = "1.0") -> 
 
     Args:
         path: CSV file; replaced whole, never left half written.
-        seed: the seed scene.
+        scene: the seed scene.
         case_id: value of the ``case_id`` column.
 
     Raises:
@@ -30,16 +30,16 @@ def write_tracks(path: str | Path, seed: SeedScene, *, case_id: str = "1.0") -> 
     from pyarrow import csv
 
     path = Path(path)
-    states = seed.history
-    known = np.arange(HISTORY_STEPS + 1) >= HISTORY_STEPS - seed.recorded_steps[:, None]
-    if seed.future is not None:
-        states = States.concatenate([states, seed.future], axis=1)
-        valid = np.ones(seed.future.shape, bool) if seed.future_valid is None else seed.future_valid
+    states = scene.history
+    known = np.arange(HISTORY_STEPS + 1) >= HISTORY_STEPS - scene.recorded_steps[:, None]
+    if scene.future is not None:
+        states = States.concatenate([states, scene.future], axis=1)
+        valid = np.ones(scene.future.shape, bool) if scene.future_valid is None else scene.future_valid
         known = np.concatenate((known, valid), axis=1)
-    labels = [str(label) for label in seed.track_ids]
-    parts = [_columns(labels, seed.types, seed.length, seed.width, states, known)]
-    if seed.obstacles is not None:
-        o = seed.obstacles
+    labels = [str(label) for label in scene.track_ids]
+    parts = [_columns(labels, scene.types, scene.length, scene.width, states, known)]
+    if scene.obstacles is not None:
+        o = scene.obstacles
         parts.append(_columns(list(o.ids), o.types, o.length, o.width, o.states, o.present))
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     table = pa.table({"case_id": [case_id] * len(columns["x"]), **columns})

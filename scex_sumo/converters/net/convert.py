@@ -23,7 +23,7 @@ from scex_sumo.converters.net.pieces.borders import add_entries
 from scex_sumo.converters.net.pieces.gaps import fill_gaps, open_knots, split_loops
 from scex_sumo.converters.net.pieces.rows import build_rows, lay_zones
 from scex_sumo.converters.net.pieces.topology import Topology
-from scex_sumo.converters.net.plan import NetPlan
+from scex_sumo.converters.net.plan import NetLayout
 from scex_sumo.converters.net.signals import recorded_programme
 from scex_sumo.converters.net.text import net_text
 from scex_sumo.errors import MapError
@@ -78,7 +78,7 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     open_knots(rows, lanes)
     fill_gaps(rows, lanes, Topology(rows, lanes, found).node)
     split_loops(rows, Topology(rows, lanes, found).node)
-    plan = NetPlan(road, Topology(rows, lanes, found), found)
+    plan = NetLayout(road, Topology(rows, lanes, found), found)
     plan.add(_side_lanes(road))
     programmes, notes = _programmes(plan, road, found, signals)
     net_path.write_text(net_text(plan, programmes), encoding="utf-8")
@@ -103,7 +103,7 @@ def open_net(net_path: Path) -> SumoNet:
     return SumoNet(path=net_path, extras=extras if extras.is_file() else None, lanes=LaneTable.read(table))
 
 
-def _side_lanes(road: Road) -> NetPlan:
+def _side_lanes(road: Road) -> NetLayout:
     """Lanes for buses and bicycles alone; where people walk is drawn, not driven."""
     own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}
     ends = {i: (lane.centreline[0], lane.centreline[-1]) for i, lane in own.items()}
@@ -127,11 +127,11 @@ def _side_lanes(road: Road) -> NetPlan:
         for i, lane in own.items()
     }
     rows, _ = build_rows(lanes)
-    return NetPlan(road, Topology(rows, lanes, []), [])
+    return NetLayout(road, Topology(rows, lanes, []), [])
 
 
 def _programmes(
-    plan: NetPlan, road: Road, found: list[Conflict], signals: Path | None
+    plan: NetLayout, road: Road, found: list[Conflict], signals: Path | None
 ) -> tuple[list[Programme], list[str]]:
     """The recorded lights, and fixed programmes for the elements that these leave out."""
     recorded, notes = (None, []) if signals is None else recorded_programme(plan, road, signals)

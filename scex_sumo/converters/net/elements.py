@@ -12,7 +12,7 @@ from scex_sumo.geometry.shapes import mean_line
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SumoLane:
+class NetLane:
     """One lane of an edge or of an internal edge.
 
     Attributes:
@@ -45,7 +45,7 @@ class Edge:
     name: str
     start: str
     end: str
-    lanes: tuple[SumoLane, ...]
+    lanes: tuple[NetLane, ...]
 
     @property
     def shape(self) -> FloatArray:
@@ -58,7 +58,7 @@ class Connection:
     """A link, its internal lane and its end points (edge names and lane indices)."""
 
     link: Link
-    internal: SumoLane
+    internal: NetLane
     from_edge: str
     from_lane: int
     to_edge: str

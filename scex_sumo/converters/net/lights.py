@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from scex_sumo.converters.net.elements import Connection
-from scex_sumo.converters.net.plan import NetPlan
+from scex_sumo.converters.net.plan import NetLayout
 from scex_sumo.geometry.shapes import turn
 from scex_sumo.road import Regulation, Road
 from scex_sumo.roads.conflicts import Conflict
@@ -34,7 +34,7 @@ class Programme:
     programme: str = "0"
 
 
-def fixed_programmes(plan: NetPlan, road: Road, found: Sequence[Conflict]) -> list[Programme]:
+def fixed_programmes(plan: NetLayout, road: Road, found: Sequence[Conflict]) -> list[Programme]:
     """A programme for each group of traffic_light elements whose traffic conflicts.
 
     Each element's links are green together; oncoming elements share a phase, in which left turns give way.
@@ -58,7 +58,7 @@ def fixed_programmes(plan: NetPlan, road: Road, found: Sequence[Conflict]) -> li
     return programmes
 
 
-def controlled(plan: NetPlan, rule: Regulation, clashing: set[tuple[int, int]]) -> list[Connection]:
+def controlled(plan: NetLayout, rule: Regulation, clashing: set[tuple[int, int]]) -> list[Connection]:
     """Links that a light controls: those that leave its lanes, or enter those in conflict.
 
     Maps differ in whether the approach or the lanelet across the intersection refers to the light.
@@ -79,7 +79,7 @@ def controlled(plan: NetPlan, rule: Regulation, clashing: set[tuple[int, int]]) 
     return found
 
 
-def _ahead(plan: NetPlan, lanes: Iterable[int]) -> set[int]:
+def _ahead(plan: NetLayout, lanes: Iterable[int]) -> set[int]:
     """Lanes and what follows them within 60 m."""
     reached: dict[int, float] = {}
     stack = [(lane, 0.0) for lane in lanes]

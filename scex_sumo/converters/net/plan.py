@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.net.elements import Connection, Edge, Node, SumoLane
+from scex_sumo.converters.net.elements import Connection, Edge, NetLane, Node
 from scex_sumo.converters.net.outlines import border, lane_area, union_outline
 from scex_sumo.converters.net.pieces.rings import ring_lanes
 from scex_sumo.converters.net.pieces.rows import Piece
@@ -27,7 +27,7 @@ from scex_sumo.roads.conflicts import Conflict
 JOINT_M = 0.05  # where road follows road, the connection takes this much of both: SUMO wants lengths > 0
 
 
-class NetPlan:
+class NetLayout:
     """Names and shapes for a topology.
 
     Attributes:
@@ -77,7 +77,7 @@ class NetPlan:
                     starts.append((topology.lane_id(piece), end if joint else start - 1e-6))
                 yield c.internal.name, list(dict(starts).items())
 
-    def add(self, other: NetPlan) -> None:
+    def add(self, other: NetLayout) -> None:
         """Take in another part of the net, of other lanes, connected with nothing here."""
         self._parts.append(other)
         self.edges += other.edges
@@ -153,12 +153,12 @@ class NetPlan:
                 self.nodes.setdefault(start, Node(name=start))
                 self.nodes.setdefault(end, Node(name=end)).incoming += [lane.name for lane in lanes]
 
-    def _road_lane(self, name: str, piece: Piece, shape: FloatArray, nominal: float) -> SumoLane:
+    def _road_lane(self, name: str, piece: Piece, shape: FloatArray, nominal: float) -> NetLane:
         row = self._topology.rows[piece[0]]
         lane = self._lanes[row.lanes[piece[2]]]
         left = row.lanes[piece[2] + 1] if piece[2] + 1 < len(row.lanes) else None
         right = row.lanes[piece[2] - 1] if piece[2] else None
-        return SumoLane(
+        return NetLane(
             name=name,
             shape=shape,
             length=nominal,
@@ -245,7 +245,7 @@ class NetPlan:
         path = link.path
         over = path.inside or (path.start, path.end)
         ids = [self._topology.lane_id(piece) for piece in over]
-        internal = SumoLane(
+        internal = NetLane(
             name=f":{node}_{index}_0",
             shape=shape,
             length=length(shape),

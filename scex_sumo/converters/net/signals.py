@@ -19,7 +19,7 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.net.elements import Connection
 from scex_sumo.converters.net.lights import Programme, state
-from scex_sumo.converters.net.plan import NetPlan
+from scex_sumo.converters.net.plan import NetLayout
 from scex_sumo.errors import MapError
 from scex_sumo.geometry.shapes import at, heading, length, project, turn
 from scex_sumo.road import Road
@@ -59,7 +59,7 @@ class Movement:
     group: int
 
 
-def recorded_programme(plan: NetPlan, road: Road, signals: Path) -> tuple[Programme | None, list[str]]:
+def recorded_programme(plan: NetLayout, road: Road, signals: Path) -> tuple[Programme | None, list[str]]:
     """The light that replays a recording of signal phases.
 
     Simulation time 0 is the recording's time 0, and the recording repeats when it is over.
@@ -155,7 +155,7 @@ def read_movements(kml: Path, origin: tuple[float, float]) -> list[Movement]:
     ]
 
 
-def _belongs(plan: NetPlan, c: Connection, move: Movement) -> bool:
+def _belongs(plan: NetLayout, c: Connection, move: Movement) -> bool:
     """Whether a connection leaves the movement's stop line and leads to its exit lane."""
     stop, leaving = move.source[0], turn(math.pi, heading(move.source, end=False, reach=10.0))
     before = plan.lane_shape(c.from_edge, c.from_lane)

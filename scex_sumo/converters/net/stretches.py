@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from scex_sumo.converters.net.elements import Connection, Node, SumoLane
+from scex_sumo.converters.net.elements import Connection, NetLane, Node
 from scex_sumo.geometry.shapes import distances, samples
 from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, intersect, opposed
 
@@ -34,7 +34,7 @@ def stretches(node: Node) -> Iterator[tuple[Connection, Connection, tuple[float,
                 yield a, b, span
 
 
-def _close(a: SumoLane, b: SumoLane) -> tuple[float, float] | None:
+def _close(a: NetLane, b: NetLane) -> tuple[float, float] | None:
     """First and last position on a lane within the clearance of another."""
     s, points = samples(a.shape, STEP_M)
     near = np.flatnonzero(distances(points, b.shape) < min(CLEARANCE_M, 0.45 * (a.width + b.width)))

@@ -7,10 +7,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from scex_sumo.converters.net.elements import Connection, Edge, Node, SumoLane
+from scex_sumo.converters.net.elements import Connection, Edge, NetLane, Node
 from scex_sumo.converters.net.lights import Programme
 from scex_sumo.converters.net.pieces.rules import bits, direction
-from scex_sumo.converters.net.plan import NetPlan
+from scex_sumo.converters.net.plan import NetLayout
 from scex_sumo.converters.net.stretches import stretches
 from scex_sumo.geometry.shapes import DECIMALS, text
 
@@ -22,13 +22,13 @@ ROOT = '<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1.00">'
 NOBODY = "custom2"
 
 
-def net_text(plan: NetPlan, programmes: Sequence[Programme] = (), projection: str = "!") -> str:
+def net_text(plan: NetLayout, programmes: Sequence[Programme] = (), projection: str = "!") -> str:
     """The whole file."""
     lights = {c.internal.name: (p.name, k) for p in programmes for k, c in enumerate(p.connections)}
     return "\n".join([HEADER, "", ROOT, *_body(plan, programmes, lights, projection), "</net>", ""])
 
 
-def _body(plan: NetPlan, programmes: Sequence[Programme], lights: Lights, projection: str) -> Iterator[str]:
+def _body(plan: NetLayout, programmes: Sequence[Programme], lights: Lights, projection: str) -> Iterator[str]:
     points = np.vstack([lane.shape for edge in plan.edges for lane in edge.lanes])
     corners = ",".join(f"{v:.2f}" for v in (*points.min(axis=0), *points.max(axis=0)))
     yield (
@@ -61,7 +61,7 @@ def _body(plan: NetPlan, programmes: Sequence[Programme], lights: Lights, projec
             yield _exit(connection)
 
 
-def _lane(lane: SumoLane, index: int, *, bans: bool) -> str:
+def _lane(lane: NetLane, index: int, *, bans: bool) -> str:
     allow = f' allow="{lane.allow}"' if lane.allow else ""
     change = ""
     if bans:
@@ -74,7 +74,7 @@ def _lane(lane: SumoLane, index: int, *, bans: bool) -> str:
     )
 
 
-def _internal(lane: SumoLane) -> Iterator[str]:
+def _internal(lane: NetLane) -> Iterator[str]:
     yield f'    <edge id="{lane.name.rsplit("_", 1)[0]}" function="internal">'
     yield _lane(lane, 0, bans=False)
     yield "    </edge>"

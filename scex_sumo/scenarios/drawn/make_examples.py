@@ -24,7 +24,7 @@ from scex_sumo.scenarios import EXAMPLES, example_path
 from scex_sumo.scenarios.drawn import motorway_merge, roundabout, urban_intersection
 from scex_sumo.scenarios.drawn.drawing import MapDrawing
 from scex_sumo.scenarios.traffic.demand import Network, Trip
-from scex_sumo.scenarios.traffic.recording import Recording, record
+from scex_sumo.scenarios.traffic.drive import Drive, record
 from scex_sumo.scene import STEP_S, States
 
 COLUMNS = [
@@ -130,7 +130,7 @@ def _record(road: Road, recipe: Example) -> list[_Track]:
     return tracks
 
 
-def _track(recording: Recording, vehicle: int, step: int) -> _Track:
+def _track(recording: Drive, vehicle: int, step: int) -> _Track:
     trip = recording.trips[vehicle]
     begin, states = recording.drive(vehicle, step)
     if trip.kind == CYCLIST:

@@ -23,7 +23,7 @@ TRUCK_TOP_MPS = 24.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class SumoLane:
+class RoutableLane:
     """One lane of a SUMO net that cars may use.
 
     Attributes:
@@ -74,7 +74,7 @@ class Network:
             start, end = link.get("from", ""), link.get("to", "")
             if not start.startswith(":"):
                 onward[start, int(link.get("fromLane", 0))].append((end, int(link.get("toLane", 0))))
-        self._lanes: dict[tuple[str, int], SumoLane] = {}
+        self._lanes: dict[tuple[str, int], RoutableLane] = {}
         for edge in root.iter("edge"):
             if edge.get("function") in (None, "normal"):
                 for lane in _car_lanes(edge, onward):
@@ -178,7 +178,7 @@ def write_curve_limits(net_path: Path, target: Path) -> None:
 
 def _car_lanes(
     edge: ElementTree.Element, onward: dict[tuple[str, int], list[tuple[str, int]]]
-) -> list[SumoLane]:
+) -> list[RoutableLane]:
     name = edge.get("id", "")
     lanes = {int(lane.get("index", 0)): lane for lane in edge.iter("lane") if _for_cars(lane)}
     found = []
@@ -190,7 +190,7 @@ def _car_lanes(
                 at += step
                 reachable.append(at)
         found.append(
-            SumoLane(
+            RoutableLane(
                 edge=name,
                 index=index,
                 length_m=float(lane.get("length", 0)),

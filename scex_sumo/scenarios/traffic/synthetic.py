@@ -12,7 +12,7 @@ from scex_sumo.arrays import BoolArray, IntArray
 from scex_sumo.errors import SimulationError, UsageError
 from scex_sumo.geometry.rectangles import rectangle_distance
 from scex_sumo.road import Road
-from scex_sumo.scenarios.traffic.recording import Recording, record
+from scex_sumo.scenarios.traffic.drive import Drive, record
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
 WARM_UP_S = 30.0
@@ -80,7 +80,7 @@ def synthetic_seed(road: Road, net: Net, *, vehicles: int, seed: int = 0, name: 
     )
 
 
-def _scene(recording: Recording, step: int, chosen: IntArray, *, name: str, location: str) -> SeedScene:
+def _scene(recording: Drive, step: int, chosen: IntArray, *, name: str, location: str) -> SeedScene:
     """The seed scene of some of the vehicles at one moment.
 
     Args:
@@ -110,7 +110,7 @@ def _scene(recording: Recording, step: int, chosen: IntArray, *, name: str, loca
 
 
 def _moments(
-    recording: Recording, ready: BoolArray, vehicles: int, rng: np.random.Generator
+    recording: Drive, ready: BoolArray, vehicles: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, IntArray]]:
     """Moments with enough vehicles, and which of these: first those without surplus, in random order.
 
@@ -129,7 +129,7 @@ def _moments(
             yield int(step), np.sort(rng.choice(np.flatnonzero(ready[step]), vehicles, replace=False))
 
 
-def _track(recording: Recording, vehicle: int, step: int) -> tuple[States, BoolArray]:
+def _track(recording: Drive, vehicle: int, step: int) -> tuple[States, BoolArray]:
     """States of a vehicle from 10 steps before a moment, and which of those after it were driven."""
     first, states = recording.drive(vehicle, step)
     kept = states[step - HISTORY_STEPS - first : step + FUTURE_STEPS + 1 - first]

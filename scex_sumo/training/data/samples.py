@@ -84,7 +84,7 @@ class Samples:
 
 
 def scene_samples(
-    seed: SeedScene, road: Road, states: States, *, site: int = 0, step: int = 0
+    scene: SeedScene, road: Road, states: States, *, site: int = 0, step: int = 0
 ) -> Samples | None:
     """Samples of a scene, one graph for each child.
 
@@ -93,7 +93,7 @@ def scene_samples(
     second and 3 s of recorded future are learned from.
 
     Args:
-        seed: the seed scene, with its future.
+        scene: the seed scene, with its future.
         road: the map.
         states: (C, V, 11) what the drivers see, oldest first.
         site: number of the site.
@@ -102,24 +102,24 @@ def scene_samples(
     Returns:
         C graphs, or None where no vehicle can be learned from.
     """
-    usable = learnable(seed, step)
+    usable = learnable(scene, step)
     children = states.shape[0]
     if not len(usable):
         return None
-    paths = seed_paths(seed, road)
-    recorded, future, valid = recorded_from(seed, step)
+    paths = seed_paths(scene, road)
+    recorded, future, valid = recorded_from(scene, step)
     row, owner, right = right_paths(paths, usable, recorded[usable], future[usable], valid[usable])
     child = np.repeat(np.arange(children), len(row))
     vehicle = np.tile(usable[owner], children)
     who = Who(child=child, vehicle=vehicle)
     rows, takes = np.tile(row, children), np.tile(right, children)
-    history = _history(seed, states, step)
+    history = _history(scene, states, step)
     goal = _goals(paths, rows, who, history, recorded[vehicle], future[vehicle][:, :PLAN_STEPS])
     keep = goal.near
     who = Who(child=child[keep], vehicle=vehicle[keep])
     inputs = path_inputs(history, road, who, paths, rows[keep])
     graph = scene_graph(history, road)
-    count = seed.vehicles
+    count = scene.vehicles
     now = history.now
     graph_of_edge = graph.edge_index[1] // count
     order = np.argsort(graph_of_edge, kind="stable")
@@ -145,19 +145,19 @@ def scene_samples(
     )
 
 
-def learnable(seed: SeedScene, step: int = 0) -> IntArray:
+def learnable(scene: SeedScene, step: int = 0) -> IntArray:
     """Vehicles with a whole recorded past second and 3 s of recorded future from a step on."""
-    if seed.future_valid is None or seed.future_valid.shape[1] < step + PLAN_STEPS:
+    if scene.future_valid is None or scene.future_valid.shape[1] < step + PLAN_STEPS:
         return np.zeros(0, dtype=np.int64)
-    whole = seed.future_valid[:, : step + PLAN_STEPS].all(axis=1)
-    return np.flatnonzero(whole & (seed.recorded_steps >= HISTORY_STEPS))
+    whole = scene.future_valid[:, : step + PLAN_STEPS].all(axis=1)
+    return np.flatnonzero(whole & (scene.recorded_steps >= HISTORY_STEPS))
 
 
-def recorded_from(seed: SeedScene, step: int) -> tuple[States, States, BoolArray]:
+def recorded_from(scene: SeedScene, step: int) -> tuple[States, States, BoolArray]:
     """(V,) recorded states after some steps, (V, F) what came after, (V, F) whether that was recorded."""
-    assert seed.future is not None and seed.future_valid is not None
-    now = seed.now if step == 0 else seed.future[:, step - 1]
-    return now, seed.future[:, step:], seed.future_valid[:, step:]
+    assert scene.future is not None and scene.future_valid is not None
+    now = scene.now if step == 0 else scene.future[:, step - 1]
+    return now, scene.future[:, step:], scene.future_valid[:, step:]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -174,7 +174,7 @@ def _goals(
 ) -> _Goals:
     """What each vehicle should do along each of its paths, from where it is in its child."""
     present = history.now[who.child, who.vehicle]
-    way = BEHIND_M + history.step * STEP_S * history.seed.now.speed[who.vehicle]
+    way = BEHIND_M + history.step * STEP_S * history.scene.now.speed[who.vehicle]
     s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, start_way=way)
     s_now, d_now, _, _ = along_paths(paths, row, present, present[:, None], start_way=way)
     heading = sample(paths, row, s_now)[4]
@@ -210,6 +210,6 @@ def _sampled(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
     return sample(paths, np.repeat(row, steps), s.ravel()).reshape(6, n, steps)
 
 
-def _history(seed: SeedScene, states: States, step: int) -> SceneHistory:
+def _history(scene: SeedScene, states: States, step: int) -> SceneHistory:
     children, vehicles, _ = states.shape
-    return history_at(seed, states, np.arange(children), np.zeros((children, vehicles)), step=step)
+    return history_at(scene, states, np.arange(children), np.zeros((children, vehicles)), step=step)

@@ -24,7 +24,7 @@ def leaders(
     radius: float = 100.0,
     obstacles: Obstacles | None = None,
 ) -> Leaders:
-    scene = roads.seed(own, *others, obstacles=obstacles)
+    scene = roads.scene_of(own, *others, obstacles=obstacles)
     history = roads.present(scene)
     who = Who(child=np.array([0]), vehicle=np.array([0]))
     paths = seed_paths(scene, roads.straight() if where is None else where)
@@ -112,7 +112,7 @@ def test_distance_is_measured_along_a_curved_path() -> None:
 
 def test_a_vehicle_on_another_branch_of_a_fork_leads_only_who_goes_there() -> None:
     other = (65.0, 50.0, np.pi / 2, 5.0)  # up the left branch
-    scene = roads.seed((40.0, 0.0, 0.0, 8.0), other)
+    scene = roads.scene_of((40.0, 0.0, 0.0, 8.0), other)
     history, who = roads.present(scene), Who(child=np.zeros(3, dtype=int), vehicle=np.zeros(3, dtype=int))
     paths = seed_paths(scene, roads.fork())
     row = np.array([0, 1, 2])

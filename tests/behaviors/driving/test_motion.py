@@ -50,7 +50,7 @@ STARTS = [(v, d, a) for v in (2, 5, 10, 20, 30) for d in (-2.0, 0.3, 2.0) for a 
 
 @pytest.mark.parametrize(("speed", "offset", "degrees"), STARTS)
 def test_every_plan_obeys_a_kinematic_bicycle(speed: float, offset: float, degrees: float) -> None:
-    scene = roads.seed((50.0, offset, np.deg2rad(degrees), speed))
+    scene = roads.scene_of((50.0, offset, np.deg2rad(degrees), speed))
     assert_bicycle(driven(roads.straight(), scene, 3.0, replan=30))
 
 
@@ -58,7 +58,7 @@ def test_every_plan_obeys_a_kinematic_bicycle(speed: float, offset: float, degre
 @pytest.mark.parametrize("path", [0, 1, 2])
 def test_so_do_plans_through_a_junction(speed: float, path: int) -> None:
     model = ConstantVelocity(ConstantVelocityProfile(path=path))
-    scene = roads.seed((30.0, 0.6, 0.05, speed))
+    scene = roads.scene_of((30.0, 0.6, 0.05, speed))
     track = roads.closed_loop(model, roads.fork(), scene, steps=60, replan=5)
     assert_bicycle(States.concatenate([scene.now[0:1], track[0, 0]], axis=0))
 
@@ -66,7 +66,7 @@ def test_so_do_plans_through_a_junction(speed: float, path: int) -> None:
 @pytest.mark.parametrize("offset", [0.5, -1.0, 2.0])
 @pytest.mark.parametrize("degrees", [-10, -3, 0, 3, 10])
 def test_joining_a_straight_lane_at_20_mps_costs_at_most_4_mps2(offset: float, degrees: float) -> None:
-    scene = roads.seed((50.0, offset, np.deg2rad(degrees), 20.0))
+    scene = roads.scene_of((50.0, offset, np.deg2rad(degrees), 20.0))
     track = driven(roads.straight(), scene, 8.0)
     before = scene.history[0, 9:10]  # the acceleration at the first step counts too
     whole = States.concatenate([before, track], axis=0)
@@ -81,7 +81,7 @@ def test_joining_a_straight_lane_at_20_mps_costs_at_most_4_mps2(offset: float, d
 def test_a_vehicle_beside_the_centreline_joins_it_and_stays_without_swinging(
     speed: float, offset: float
 ) -> None:
-    scene = roads.seed((50.0, offset, 0.0, speed))
+    scene = roads.scene_of((50.0, offset, 0.0, speed))
     y = driven(roads.straight(2000.0), scene, 15.0).y * np.sign(offset)
     # It neither moves away first nor goes further past the line than a millimetre in a hundred.
     assert y.max() <= abs(offset) + 1e-9
@@ -95,7 +95,7 @@ def test_a_vehicle_beside_the_centreline_joins_it_and_stays_without_swinging(
 def test_replanning_more_often_changes_nothing_for_a_lone_vehicle(
     offset: float, degrees: float, speed: float
 ) -> None:
-    scene = roads.seed((30.0, offset, np.deg2rad(degrees), speed))
+    scene = roads.scene_of((30.0, offset, np.deg2rad(degrees), speed))
     for where in (roads.straight(), roads.fork()):
         often, seldom = driven(where, scene, 6.0, replan=5), driven(where, scene, 6.0, replan=10)
         # On a curve the curvature of the last step is known to the sample only.
@@ -106,7 +106,7 @@ def test_replanning_more_often_changes_nothing_for_a_lone_vehicle(
 def test_the_path_is_kept_to_in_a_curve() -> None:
     where = roads.road(roads.lane(1, roads.arc(15.0, 3.0, (50.0, 0.0), step=0.5), predecessors=(2,)),
                        roads.lane(2, [(0.0, 0.0), (50.0, 0.0)], successors=(1,)))  # fmt: skip
-    track = driven(where, roads.seed((35.0, 0.0, 0.0, 6.0)), 9.0)
+    track = driven(where, roads.scene_of((35.0, 0.0, 0.0, 6.0)), 9.0)
     x, y = rear_axle(track)
     inside = x > 50.0
     radius = np.hypot(x[inside] - 50.0, y[inside] - 15.0)
@@ -121,13 +121,13 @@ def test_a_long_child_still_finds_its_road() -> None:
         roads.lane(1, ring[0], successors=(2,), predecessors=(2,)),
         roads.lane(2, ring[1], successors=(1,), predecessors=(1,)),
     )
-    track = driven(where, roads.seed((0.0, 0.0, 0.0, 10.0)), 25.0)
+    track = driven(where, roads.scene_of((0.0, 0.0, 0.0, 10.0)), 25.0)
     x, y = rear_axle(track)
     assert np.hypot(x, y - 40.0)[30:] == pytest.approx(40.0, abs=0.1)
 
 
 def test_steering_has_no_jumps_between_steps_or_plans() -> None:
-    scene = roads.seed((20.0, 1.0, 0.1, 8.0))
+    scene = roads.scene_of((20.0, 1.0, 0.1, 8.0))
     track = driven(roads.fork(), scene, 8.0)
     x, y = rear_axle(track)
     curvature = wrap(np.diff(track.heading)) / np.hypot(np.diff(x), np.diff(y))
@@ -137,7 +137,7 @@ def test_steering_has_no_jumps_between_steps_or_plans() -> None:
 
 
 def test_a_standing_vehicle_stays_where_it_is_and_how_it_stands() -> None:
-    track = driven(roads.straight(), roads.seed((30.0, 1.0, 0.3, 0.0)), 3.0)
+    track = driven(roads.straight(), roads.scene_of((30.0, 1.0, 0.3, 0.0)), 3.0)
     for key, value in (("x", 30.0), ("y", 1.0), ("heading", 0.3), ("speed", 0.0)):
         assert getattr(track, key) == pytest.approx(value)
 
@@ -145,7 +145,7 @@ def test_a_standing_vehicle_stays_where_it_is_and_how_it_stands() -> None:
 def test_a_vehicle_facing_half_backwards_turns_round_and_comes_back() -> None:
     # Matching ends at 60 degrees; a given path has no such limit.
     model = ConstantVelocity(ConstantVelocityProfile(path=((0.0, 0.0), (900.0, 0.0))))
-    scene = roads.seed((300.0, 0.0, np.deg2rad(150), 5.0))
+    scene = roads.scene_of((300.0, 0.0, np.deg2rad(150), 5.0))
     track = roads.closed_loop(model, roads.straight(), scene, steps=200, replan=5)[0, 0]
     assert track.y[-1] == pytest.approx(0.0, abs=0.05)
     assert track.heading[-1] == pytest.approx(0.0, abs=0.01)
@@ -154,7 +154,7 @@ def test_a_vehicle_facing_half_backwards_turns_round_and_comes_back() -> None:
 
 def test_the_rear_axle_of_a_truck_keeps_to_its_share_of_the_length() -> None:
     where = roads.road(roads.lane(1, roads.arc(20.0, 3.0, step=0.5)))
-    scene = roads.seed((0.0, 0.0, 0.0, 6.0), length=12.0)
+    scene = roads.scene_of((0.0, 0.0, 0.0, 6.0), length=12.0)
     track = roads.closed_loop(MODEL, where, scene, steps=60, replan=5)[0, 0]
     x = track.x - REAR_AXLE_SHARE * 12.0 * np.cos(track.heading)
     y = track.y - REAR_AXLE_SHARE * 12.0 * np.sin(track.heading)

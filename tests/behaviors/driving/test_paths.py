@@ -36,7 +36,7 @@ def corner(degrees: float) -> np.ndarray:
 @pytest.mark.parametrize("degrees", [20, 45, 70])
 def test_a_corner_becomes_a_curve_a_car_can_drive_inside_the_lane(degrees: float) -> None:
     bent = corner(degrees)
-    paths = seed_paths(roads.seed((30.0, 0.0, 0.0, 8.0)), roads.road(roads.lane(1, bent)))
+    paths = seed_paths(roads.scene_of((30.0, 0.0, 0.0, 8.0)), roads.road(roads.lane(1, bent)))
     near = line(paths)[: int((BEHIND_M + 90) / DS_M)]
     assert np.abs(near[:, 5]).max() <= 0.2
     assert furthest_from(near[:, :2], bent) <= 1.75
@@ -48,7 +48,7 @@ def test_a_right_angle_is_cut_as_far_as_the_lane_allows() -> None:
     bent = corner(89)
     for width, curvature in ((3.5, 0.34), (5.0, 0.2)):
         where = roads.road(roads.lane(1, bent, width=width))
-        near = line(seed_paths(roads.seed((30.0, 0.0, 0.0, 8.0)), where))[: int((BEHIND_M + 90) / DS_M)]
+        near = line(seed_paths(roads.scene_of((30.0, 0.0, 0.0, 8.0)), where))[: int((BEHIND_M + 90) / DS_M)]
         assert np.abs(near[:, 5]).max() <= curvature
         assert furthest_from(near[:, :2], bent) <= width / 2
 
@@ -56,7 +56,7 @@ def test_a_right_angle_is_cut_as_far_as_the_lane_allows() -> None:
 def test_a_sideways_step_of_the_centreline_is_smoothed_away() -> None:
     stepped = np.array([[0.0, 0.0], [60.0, 0.0], [60.01, 0.8], [160.0, 0.8]])  # a kink of 89 degrees, twice
     where = roads.road(roads.lane(1, stepped))
-    near = line(seed_paths(roads.seed((30.0, 0.0, 0.0, 8.0)), where))[: int((BEHIND_M + 90) / DS_M)]
+    near = line(seed_paths(roads.scene_of((30.0, 0.0, 0.0, 8.0)), where))[: int((BEHIND_M + 90) / DS_M)]
     assert np.abs(near[:, 5]).max() <= 0.2
     assert furthest_from(near[:, :2], stepped) <= 1.75
     assert near[:, 1] == pytest.approx(np.clip(near[:, 1], -0.01, 0.81))
@@ -64,7 +64,7 @@ def test_a_sideways_step_of_the_centreline_is_smoothed_away() -> None:
 
 def test_a_curve_of_ten_metres_keeps_its_place_and_curvature() -> None:
     where = roads.road(roads.lane(1, roads.arc(10.0, 5.0, step=0.5)))
-    paths = seed_paths(roads.seed((0.0, 0.0, 0.0, 5.0)), where)
+    paths = seed_paths(roads.scene_of((0.0, 0.0, 0.0, 5.0)), where)
     inner = line(paths)[int((BEHIND_M + 6) / DS_M) : int((BEHIND_M + 40) / DS_M)]
     # A Gaussian of sigma moves an arc inwards by sigma²/(2R) = 0.11 m.
     assert np.hypot(inner[:, 0], inner[:, 1] - 10.0) == pytest.approx(9.89, abs=0.03)
@@ -72,7 +72,7 @@ def test_a_curve_of_ten_metres_keeps_its_place_and_curvature() -> None:
 
 
 def test_headings_and_curvature_belong_to_the_positions() -> None:
-    near = line(seed_paths(roads.seed((20.0, 0.0, 0.0, 10.0)), roads.fork()))
+    near = line(seed_paths(roads.scene_of((20.0, 0.0, 0.0, 10.0)), roads.fork()))
     step = np.diff(near[:, :2], axis=0)
     assert np.hypot(*step.T) == pytest.approx(DS_M, abs=0.01)
     middle = (near[1:, 4] + near[:-1, 4]) / 2
@@ -81,13 +81,13 @@ def test_headings_and_curvature_belong_to_the_positions() -> None:
 
 
 def test_paths_go_straight_on_past_the_end_of_the_road() -> None:
-    paths = seed_paths(roads.seed((30.0, 0.0, 0.0, 8.0)), roads.straight(50.0))
+    paths = seed_paths(roads.scene_of((30.0, 0.0, 0.0, 8.0)), roads.straight(50.0))
     far = sample(paths, np.array([0]), np.array([BEHIND_M + 1000.0]))[:, 0]
     assert far == pytest.approx([1030.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
 def test_a_projection_gives_arc_length_offset_and_heading() -> None:
-    paths = seed_paths(roads.seed((30.0, 0.0, 0.0, 8.0)), roads.straight())
+    paths = seed_paths(roads.scene_of((30.0, 0.0, 0.0, 8.0)), roads.straight())
     s, offset, heading = project(
         paths, np.array([0, 0]), np.array([31.3, 60.2]), np.array([0.7, -4.0]), np.full(2, BEHIND_M)
     )
@@ -98,7 +98,7 @@ def test_a_projection_gives_arc_length_offset_and_heading() -> None:
 
 def test_projection_onto_a_curve_is_radial() -> None:
     paths = seed_paths(
-        roads.seed((0.0, 0.0, 0.0, 8.0)), roads.road(roads.lane(1, roads.arc(50.0, 3.0, step=0.5)))
+        roads.scene_of((0.0, 0.0, 0.0, 8.0)), roads.road(roads.lane(1, roads.arc(50.0, 3.0, step=0.5)))
     )
     angle = np.array([0.5, 1.0])
     x, y = 47.0 * np.sin(angle), 50 - 47.0 * np.cos(angle)
@@ -110,7 +110,7 @@ def test_projection_onto_a_curve_is_radial() -> None:
 
 
 def chosen(path: object, draw: float) -> tuple[int, ...]:
-    scene = roads.seed((20.0, 0.0, 0.0, 10.0))
+    scene = roads.scene_of((20.0, 0.0, 0.0, 10.0))
     (lanes,) = planned_lanes(scene, roads.fork(), path, np.array([0]), np.array([draw]))  # type: ignore[arg-type]
     return lanes[:2]
 
@@ -127,7 +127,7 @@ def test_random_divides_the_draw_among_the_paths() -> None:
 
 
 def test_random_picks_each_path_as_often_as_it_is_probable() -> None:
-    scene = roads.seed((20.0, 0.0, 0.0, 10.0), (80.0, 0.0, 0.0, 10.0))
+    scene = roads.scene_of((20.0, 0.0, 0.0, 10.0), (80.0, 0.0, 0.0, 10.0))
     paths = seed_paths(scene, roads.fork())
     draw = np.random.default_rng(3).random(3000)
     rows = paths.choose("random", np.zeros(3000, dtype=np.int64), draw)
@@ -138,7 +138,7 @@ def test_random_picks_each_path_as_often_as_it_is_probable() -> None:
 
 def test_lane_ids_or_points_can_be_given() -> None:
     assert chosen((1, 13), 0.0) == (1, 13)
-    scene = roads.seed((20.0, 0.0, 0.0, 10.0))
+    scene = roads.scene_of((20.0, 0.0, 0.0, 10.0))
     points = ((0.0, 1.0), (500.0, 1.0))
     given = seed_paths(scene, roads.fork(), points)
     assert line(given)[:, 1] == pytest.approx(1.0)
@@ -148,9 +148,9 @@ def test_lane_ids_or_points_can_be_given() -> None:
 
 
 def test_paths_are_made_once_per_seed() -> None:
-    scene, where = roads.seed((20.0, 0.0, 0.0, 10.0)), roads.fork()
+    scene, where = roads.scene_of((20.0, 0.0, 0.0, 10.0)), roads.fork()
     assert seed_paths(scene, where) is seed_paths(scene, where)
-    assert seed_paths(scene, where) is not seed_paths(roads.seed((20.0, 0.0, 0.0, 10.0)), where)
+    assert seed_paths(scene, where) is not seed_paths(roads.scene_of((20.0, 0.0, 0.0, 10.0)), where)
 
 
 def test_the_speed_limit_follows_the_lanes() -> None:
@@ -158,13 +158,13 @@ def test_the_speed_limit_follows_the_lanes() -> None:
         roads.lane(1, [(0.0, 0.0), (50.0, 0.0)], limit=20.0, successors=(2,)),
         roads.lane(2, [(50.0, 0.0), (300.0, 0.0)], limit=10.0, predecessors=(1,)),
     )
-    limit = seed_paths(roads.seed((20.0, 0.0, 0.0, 10.0)), zones).speed_limit[0]
+    limit = seed_paths(roads.scene_of((20.0, 0.0, 0.0, 10.0)), zones).speed_limit[0]
     x = DS_M * np.arange(len(limit))  # from 20 m behind x = 20
     assert np.all(limit[x < 50.0] == 20.0) and np.all(limit[x > 50.0] == 10.0)
 
 
 def test_a_vehicle_off_the_road_gets_a_straight_line_at_its_own_speed() -> None:
-    scene = roads.seed((20.0, 30.0, 0.5, 7.0))
+    scene = roads.scene_of((20.0, 30.0, 0.5, 7.0))
     paths = seed_paths(scene, roads.fork())
     assert not paths.on_road[0] and paths.lanes == ((),)
     assert line(paths)[:, 4] == pytest.approx(0.5)
@@ -177,7 +177,7 @@ def test_a_place_that_a_path_passes_twice_belongs_to_the_expected_lap() -> None:
         roads.lane(1, half[0], successors=(2,), predecessors=(2,)),
         roads.lane(2, half[1], successors=(1,), predecessors=(1,)),
     )
-    paths = seed_paths(roads.seed((0.0, 0.0, 0.0, 8.0)), ring)
+    paths = seed_paths(roads.scene_of((0.0, 0.0, 0.0, 8.0)), ring)
     x, y = np.full(2, 12 * np.sin(1.0)), np.full(2, 12 - 12 * np.cos(1.0))
     s, _, heading = project(paths, np.array([0, 0]), x, y, BEHIND_M + np.array([20.0, 70.0]))
     lap = 2 * np.pi * (12.0 - 0.09)

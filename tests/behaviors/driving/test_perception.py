@@ -12,7 +12,7 @@ from tests.behaviors import roads
 
 def test_others_appear_ahead_and_to_the_left_in_own_coordinates() -> None:
     # Facing +y at (10, 20): one 30 m ahead on the same course, one 5 m to the left coming across from it.
-    scene = roads.seed((10.0, 20.0, np.pi / 2, 8.0), (10.0, 50.0, np.pi / 2, 6.0), (5.0, 20.0, 0.0, 4.0))
+    scene = roads.scene_of((10.0, 20.0, np.pi / 2, 8.0), (10.0, 50.0, np.pi / 2, 6.0), (5.0, 20.0, 0.0, 4.0))
     view = local_view(roads.present(scene, 2), Who(child=np.array([1]), vehicle=np.array([0])), radius=29.0)
     assert view.x[0, 1:] == pytest.approx([30.0, 0.0])
     assert view.y[0, 1:] == pytest.approx([0.0, 5.0])
@@ -35,7 +35,7 @@ def test_obstacles_are_further_columns_seen_while_present() -> None:
         ),
         present=np.array([[True] * 11, [False] * 11]),
     )
-    scene = roads.seed((10.0, 0.0, 0.0, 8.0), obstacles=walkers)
+    scene = roads.scene_of((10.0, 0.0, 0.0, 8.0), obstacles=walkers)
     view = local_view(roads.present(scene), Who(child=np.array([0]), vehicle=np.array([0])))
     assert view.x[0, 1] == pytest.approx(2.0) and view.y[0, 1] == pytest.approx(1.0)
     assert view.seen.tolist() == [[False, True, False]]

@@ -42,7 +42,7 @@ def run(
     obstacles: Obstacles | None = None,
 ) -> States:
     """Closed loop: (V, 1 + steps), the start first."""
-    scene = roads.seed(*vehicles, obstacles=obstacles)
+    scene = roads.scene_of(*vehicles, obstacles=obstacles)
     driven = roads.closed_loop(model, where or roads.straight(), scene, steps=steps, replan=5)[0]
     return States.concatenate([scene.now[:, None], driven], axis=1)
 
@@ -110,7 +110,7 @@ def test_behind_a_slower_car_it_ends_at_that_speed_with_the_way_of_its_reaction(
 def test_a_car_in_the_next_lane_and_one_behind_hold_nobody_back() -> None:
     two = roads.road(roads.lane(1, [(0.0, 0.0), (600.0, 0.0)]), roads.lane(2, [(0.0, 3.0), (600.0, 3.0)]))
     vehicles = [(60.0, 0.0, 0.0, 12.0), (63.0, 3.0, 0.0, 11.0), (80.0, 3.0, 0.0, 4.0), (50.0, 0.0, 0.0, 11.0)]
-    scene = roads.seed(*vehicles)
+    scene = roads.scene_of(*vehicles)
     history = roads.present(scene)
     first = Who(child=np.array([0]), vehicle=np.array([0]))
     made, raw = roads.plan(GUARDED, two, history, first), roads.plan(STEADY, two, history, first)
@@ -200,7 +200,7 @@ def test_a_pedestrian_on_the_way_is_stopped_for() -> None:
         states=walk,
         present=np.ones((1, 120), dtype=bool),
     )
-    scene = roads.seed((50.0, 0.0, 0.0, 9.0), obstacles=walker)
+    scene = roads.scene_of((50.0, 0.0, 0.0, 9.0), obstacles=walker)
     history = roads.present(scene)
     nearest = []
     for step in range(100):
@@ -223,7 +223,7 @@ def bend() -> tuple[Road, SeedScene]:
     where = roads.road(
         roads.lane(1, [(0.0, 0.0), (60.0, 0.0)], successors=(2,)), roads.lane(2, line, predecessors=(1,))
     )
-    return where, roads.seed((45.0, 0.3, 0.0, 9.0), (76.0, 8.0, 0.9, 0.0))
+    return where, roads.scene_of((45.0, 0.3, 0.0, 9.0), (76.0, 8.0, 0.9, 0.0))
 
 
 def test_the_way_stays_and_only_the_speed_comes_down() -> None:
@@ -259,7 +259,7 @@ def test_a_long_body_swings_out_of_a_bend_by_half_its_length_times_its_angle_and
         heading=(turn - 0.2)[None],
         speed=np.full((1, 30), 3.0),
     )
-    scene = roads.seed((0.0, 0.0, -0.2, 3.0), length=10.0)
+    scene = roads.scene_of((0.0, 0.0, -0.2, 3.0), length=10.0)
     who = Who(child=np.array([0]), vehicle=np.array([0]))
     left, right = planned_paths(raw, roads.present(scene), who, PROFILE).swing[:, 0]
     assert right[2:-2] == pytest.approx(5 * np.sin(0.2) + 25 / 30, abs=0.1)
@@ -267,7 +267,7 @@ def test_a_long_body_swings_out_of_a_bend_by_half_its_length_times_its_angle_and
 
 
 def test_who_was_slowed_down_regains_its_speed_instead_of_leaping() -> None:
-    scene = roads.seed((30.0, 0.0, 0.0, 10.0))
+    scene = roads.scene_of((30.0, 0.0, 0.0, 10.0))
     history = roads.present(scene)
     speed = history.states.speed.copy()
     speed[..., -1] = 2.0
@@ -321,7 +321,7 @@ def test_who_stands_in_for_a_model_that_fails_is_guarded_too(monkeypatch: pytest
     behavior("broken")(Broken)
     (driver,) = drivers(cast_models("broken:guard=true", {}))
     assert isinstance(driver, Guarded) and isinstance(driver.model, Fallible)
-    scene = roads.seed((30.0, 0.0, 0.0, 10.0), (45.0, 0.0, 0.0, 0.0))
+    scene = roads.scene_of((30.0, 0.0, 0.0, 10.0), (45.0, 0.0, 0.0, 0.0))
     made = roads.plan(driver, roads.straight(), roads.present(scene))
     assert made.fallback is not None and made.fallback.all()
     # The front bumper stays behind the rear bumper of the standing car.

@@ -32,7 +32,7 @@ def along(
 
 @pytest.mark.parametrize("acceleration", [-3.0, 0.0, 2.0])
 def test_the_way_is_that_of_the_acceleration_and_nobody_reverses(acceleration: float) -> None:
-    made = along(WIDE, roads.seed((50.0, 0.0, 0.0, 6.0)), np.full(30, acceleration), np.zeros(30))
+    made = along(WIDE, roads.scene_of((50.0, 0.0, 0.0, 6.0)), np.full(30, acceleration), np.zeros(30))
     time = np.minimum(TIMES, 2.0) if acceleration < 0 else TIMES  # 6 m/s at -3 m/s² last 2 s
     assert made.x[0] == pytest.approx(50 + 6 * time + acceleration * time**2 / 2)
     assert made.speed[0] == pytest.approx(6 + acceleration * time)
@@ -45,7 +45,7 @@ def test_the_way_is_that_of_the_acceleration_and_nobody_reverses(acceleration: f
 def test_a_smooth_change_of_the_offset_is_followed(speed: float, aim: float) -> None:
     u = TIMES / 3
     wanted = aim * u**3 * (10 - 15 * u + 6 * u**2)
-    made = along(WIDE, roads.seed((50.0, 0.0, 0.0, speed)), np.zeros(30), wanted)
+    made = along(WIDE, roads.scene_of((50.0, 0.0, 0.0, speed)), np.zeros(30), wanted)
     # The third derivative is not fed forward: at 8 m/s, 0.15 m of 1.75 m.
     assert np.abs(made.y[0] - wanted).max() < 0.2
     lateral = np.diff(made.y[0], 2) / 0.01
@@ -54,14 +54,14 @@ def test_a_smooth_change_of_the_offset_is_followed(speed: float, aim: float) -> 
 
 def test_an_even_drift_goes_on_evenly() -> None:
     angle = 0.05
-    scene = roads.seed((50.0, 0.0, angle, 10.0))
+    scene = roads.scene_of((50.0, 0.0, angle, 10.0))
     made = along(WIDE, scene, np.zeros(30), 10 * np.tan(angle) * np.cos(angle) * TIMES)
     assert made.y[0] == pytest.approx(10 * np.sin(angle) * TIMES, abs=0.02)
     assert made.heading[0] == pytest.approx(np.full(30, angle), abs=0.01)
 
 
 def test_without_a_wanted_offset_the_vehicle_comes_back_to_its_path_slowly() -> None:
-    made = along(WIDE, roads.seed((50.0, 1.0, 0.0, 10.0)), np.zeros(30), None)
+    made = along(WIDE, roads.scene_of((50.0, 1.0, 0.0, 10.0)), np.zeros(30), None)
     # It starts straight ahead, so that it is a little late.
     assert made.y[0, 29] == pytest.approx(np.exp(-1.0), abs=0.07)
     assert np.all(np.diff(made.y[0]) < 1e-9)
@@ -69,7 +69,7 @@ def test_without_a_wanted_offset_the_vehicle_comes_back_to_its_path_slowly() -> 
 
 @pytest.mark.parametrize("aim", [8.0, -8.0])
 def test_the_box_stays_on_the_road_whatever_the_network_wants(aim: float) -> None:
-    made = along(WIDE, roads.seed((50.0, 0.0, 0.0, 10.0)), np.zeros(30), aim * TIMES / 3)
+    made = along(WIDE, roads.scene_of((50.0, 0.0, 0.0, 10.0)), np.zeros(30), aim * TIMES / 3)
     assert np.abs(made.y).max() + 0.9 < 6.0
     assert np.abs(made.y).max() > 6.0 - 0.9 - EDGE_MARGIN_M - 1.5 * CELL_M - 0.3  # but uses what there is
 
@@ -79,7 +79,7 @@ def test_a_driver_makes_way_before_the_road_narrows() -> None:
         roads.lane(1, [(0.0, 0.0), (100.0, 0.0)], width=10.0, successors=(2,)),
         roads.lane(2, [(100.0, 0.0), (300.0, 0.0)], width=3.5, predecessors=(1,)),
     )
-    made = along(narrowing, roads.seed((80.0, 2.5, 0.0, 10.0)), np.zeros(30), np.full(30, 2.5))
+    made = along(narrowing, roads.scene_of((80.0, 2.5, 0.0, 10.0)), np.zeros(30), np.full(30, 2.5))
     inside = made.x[0] > 101.0
     assert inside.sum() > 5
     assert np.abs(made.y[0, inside]).max() + 0.9 < 1.75 + CELL_M
@@ -87,12 +87,12 @@ def test_a_driver_makes_way_before_the_road_narrows() -> None:
 
 def test_where_the_road_is_narrower_than_the_box_its_middle_is_aimed_at() -> None:
     alley = roads.road(roads.lane(1, [(0.0, 0.0), (300.0, 0.0)], width=1.5))
-    made = along(alley, roads.seed((50.0, 0.3, 0.0, 10.0)), np.zeros(30), np.full(30, 0.3))
+    made = along(alley, roads.scene_of((50.0, 0.3, 0.0, 10.0)), np.zeros(30), np.full(30, 0.3))
     assert made.y[0, 29] == pytest.approx(0.0, abs=0.1)
 
 
 def test_without_a_road_offsets_are_not_bounded() -> None:
-    history = roads.present(roads.seed((50.0, 0.0, 0.0, 10.0)))
+    history = roads.present(roads.scene_of((50.0, 0.0, 0.0, 10.0)))
     who = roads.every(history)
     paths, row = chosen_paths(history, roads.straight(), who, "straight")
     made = plan_along(history, who, paths, row, np.zeros((1, 30)), 3.0 * TIMES[None] / 3)
@@ -100,7 +100,7 @@ def test_without_a_road_offsets_are_not_bounded() -> None:
 
 
 def test_a_free_trajectory_is_taken_as_it_is_in_the_vehicles_own_frame() -> None:
-    history = roads.present(roads.seed((50.0, 7.0, np.pi / 2, 4.0)))
+    history = roads.present(roads.scene_of((50.0, 7.0, np.pi / 2, 4.0)))
     free = np.stack([4 * TIMES, TIMES**2], -1)[None]
     made = plan_freely(history, roads.every(history), free)
     assert made.x[0] == pytest.approx(50 - TIMES**2)
@@ -111,7 +111,7 @@ def test_a_free_trajectory_is_taken_as_it_is_in_the_vehicles_own_frame() -> None
 
 
 def test_a_free_trajectory_that_stands_keeps_its_heading() -> None:
-    history = roads.present(roads.seed((0.0, 0.0, 0.5, 1.0), (0.0, 9.0, -0.5, 0.0)))
+    history = roads.present(roads.scene_of((0.0, 0.0, 0.5, 1.0), (0.0, 9.0, -0.5, 0.0)))
     free = np.zeros((2, 30, 2))
     free[0, :, 0] = free[0, :, 1] = np.minimum(TIMES, 0.5)  # left ahead for half a second, then nothing
     free[1] = np.random.default_rng(0).normal(0, 1e-4, (30, 2))
@@ -122,7 +122,7 @@ def test_a_free_trajectory_that_stands_keeps_its_heading() -> None:
 
 
 def test_a_replan_continues_the_plan() -> None:
-    scene = roads.seed((50.0, 1.0, 0.0, 10.0))
+    scene = roads.scene_of((50.0, 1.0, 0.0, 10.0))
     whole = along(WIDE, scene, np.full(30, -1.0), None)
     history = roads.present(scene)
     states = history.states.map(np.copy)

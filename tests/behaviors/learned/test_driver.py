@@ -31,7 +31,7 @@ def crowd() -> SeedScene:
     """Eleven vehicles on the fork's lanes."""
     rng = np.random.default_rng(3)
     x = np.linspace(2.0, 105.0, 11)
-    return roads.seed(*zip(x, rng.normal(0, 0.3, 11), rng.normal(0, 0.03, 11), rng.uniform(0, 14, 11)))  # noqa: B905
+    return roads.scene_of(*zip(x, rng.normal(0, 0.3, 11), rng.normal(0, 0.03, 11), rng.uniform(0, 14, 11)))  # noqa: B905
 
 
 SCENE = crowd()
@@ -59,7 +59,7 @@ def same(one: Plan, other: Plan, rows: slice | np.ndarray = slice(None)) -> bool
 @pytest.mark.parametrize("text", [*NAMES, "graph_image_predictor:attention=0", "graph_predictor:mode=draw"])
 def test_nobody_reverses_and_every_box_stays_on_the_road(tmp_path: Path, text: str) -> None:
     straight = roads.straight()
-    scene = roads.seed(*[(20.0 + 15 * k, 0.1 * (k % 5 - 2), 0.0, float(k)) for k in range(12)])
+    scene = roads.scene_of(*[(20.0 + 15 * k, 0.1 * (k % 5 - 2), 0.0, float(k)) for k in range(12)])
     made = roads.plan(driver(tmp_path, text, scene), straight, roads.present(scene))
     assert made.speed.min() >= 0
     assert made.x.shape == (12, 30)
@@ -107,7 +107,7 @@ def test_who_else_is_asked_for_does_not_matter(tmp_path: Path, name: str) -> Non
 def test_vehicles_off_the_map_are_left_to_the_path_following_driver_and_counted(
     tmp_path: Path, name: str
 ) -> None:
-    scene = roads.seed((8.0, 0.0, 0.0, 6.0), (20.0, 60.0, 1.0, 5.0), (35.0, 0.0, 0.0, 4.0))
+    scene = roads.scene_of((8.0, 0.0, 0.0, 6.0), (20.0, 60.0, 1.0, 5.0), (35.0, 0.0, 0.0, 4.0))
     history = roads.present(scene, 2)
     made = roads.plan(driver(tmp_path, name, scene), ROAD, history)
     assert made.fallback is not None
@@ -120,7 +120,7 @@ def test_vehicles_off_the_map_are_left_to_the_path_following_driver_and_counted(
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_scene_off_the_map_altogether_still_drives(tmp_path: Path, name: str) -> None:
-    scene = roads.seed((20.0, 60.0, 1.0, 5.0))
+    scene = roads.scene_of((20.0, 60.0, 1.0, 5.0))
     made = roads.plan(driver(tmp_path, name), ROAD, roads.present(scene))
     assert made.fallback is not None
     assert made.fallback.all()
@@ -208,7 +208,7 @@ def test_weights_that_change_while_a_run_goes_on_are_not_mixed(tmp_path: Path) -
 def test_the_shipped_drivers_with_the_guard_stop_behind_a_standing_vehicle(
     name: str, speed: float, gap: float
 ) -> None:
-    scene = roads.seed((50.0, 0.0, 0.0, speed), (50.0 + gap + 4.5, 0.0, 0.0, 0.0))
+    scene = roads.scene_of((50.0, 0.0, 0.0, speed), (50.0 + gap + 4.5, 0.0, 0.0, 0.0))
     model = build(parse_models(f"{name}:guard=true")[0])
     history = roads.present(scene)
     first = Who(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))

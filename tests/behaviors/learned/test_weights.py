@@ -18,7 +18,7 @@ from scex_sumo.errors import InputError
 from tests.behaviors import roads
 from tests.behaviors.learned import nets
 
-ROAD, SCENE = roads.straight(), roads.seed((50.0, 0.0, 0.0, 10.0), (70.0, 0.3, 0.0, 8.0))
+ROAD, SCENE = roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 10.0), (70.0, 0.3, 0.0, 8.0))
 
 
 @pytest.fixture

@@ -60,7 +60,7 @@ def test_a_leader_that_runs_away_does_not_pull() -> None:
 
 def follow(*vehicles: roads.Vehicle, seconds: float = 3.0, profile: IdmProfile = PROFILE) -> States:
     """First vehicle an IDM driver, the others standing still or driving on at constant speed."""
-    scene = roads.seed(*vehicles)
+    scene = roads.scene_of(*vehicles)
     made = roads.plan(IdmDriver(profile), roads.straight(), roads.present(scene))
     steps = round(seconds * 10)
     return States(
@@ -105,7 +105,7 @@ def one_against_standing(driver: IdmDriver, speed: float, gap: float, seconds: f
         states=stands,
         present=np.ones(shape, dtype=bool),
     )
-    scene = roads.seed((30.0, 0.0, 0.0, speed), obstacles=wall)
+    scene = roads.scene_of((30.0, 0.0, 0.0, speed), obstacles=wall)
     return roads.closed_loop(driver, roads.straight(), scene, steps=round(seconds * 10), replan=5)[0, 0]
 
 
@@ -117,7 +117,7 @@ def test_emergency_a_short_gap_is_braked_for_at_the_limit() -> None:
 
 
 def test_the_speed_limit_of_the_lane_is_the_desired_speed_and_can_be_replaced() -> None:
-    scene = roads.seed((30.0, 0.0, 0.0, 5.0))
+    scene = roads.scene_of((30.0, 0.0, 0.0, 5.0))
 
     def end(limit: float, **parameters: float) -> float:
         driver = IdmDriver(replace(PROFILE, max_acceleration=3.0, **parameters))  # type: ignore[arg-type]
@@ -159,7 +159,7 @@ def test_a_habit_of_braking_is_never_harder_than_comfortable() -> None:
 
 
 def test_the_calibrated_driver_goes_on_as_the_seed_scene_shows() -> None:
-    scene = roads.seed((30.0, 0.0, 0.0, 8.0))
+    scene = roads.scene_of((30.0, 0.0, 0.0, 8.0))
     speed = 8.0 + 0.1 * 1.0 * np.arange(-10, 1)[None]
     speeding = replace(scene, history=replace(scene.history, speed=speed))
     driver = IdmDriver(DEFAULTS["calibrated_driver"])
@@ -175,7 +175,7 @@ def test_with_a_curve_limit_a_driver_is_slow_enough_when_it_gets_there_without_o
     where = roads.road(
         roads.lane(1, [(0.0, 0.0), (150.0, 0.0)], successors=(2,)), roads.lane(2, bend, predecessors=(1,))
     )
-    scene = roads.seed((40.0, 0.0, 0.0, 15.0))
+    scene = roads.scene_of((40.0, 0.0, 0.0, 15.0))
 
     def fastest_in_curve(curve_acceleration: float) -> tuple[float, float]:
         driver = IdmDriver(replace(PROFILE, curve_acceleration=curve_acceleration))
@@ -191,7 +191,7 @@ def test_with_a_curve_limit_a_driver_is_slow_enough_when_it_gets_there_without_o
 
 
 def test_a_vehicle_off_the_road_keeps_its_speed_and_a_parked_one_stays() -> None:
-    scene = roads.seed((20.0, 50.0, 0.4, 7.0), (90.0, -50.0, 1.0, 0.0))
+    scene = roads.scene_of((20.0, 50.0, 0.4, 7.0), (90.0, -50.0, 1.0, 0.0))
     made = roads.plan(DRIVER, roads.straight(), roads.present(scene))
     assert made.speed[0] == pytest.approx(7.0)
     assert made.heading[0] == pytest.approx(0.4)

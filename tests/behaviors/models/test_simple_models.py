@@ -19,7 +19,7 @@ CONSTANT = ConstantVelocity(ConstantVelocityProfile(path=0))
 
 
 def test_constant_velocity_covers_its_speed_times_time_on_a_straight() -> None:
-    made = roads.plan(CONSTANT, roads.straight(), roads.present(roads.seed((30.0, 0.0, 0.0, 13.0))))
+    made = roads.plan(CONSTANT, roads.straight(), roads.present(roads.scene_of((30.0, 0.0, 0.0, 13.0))))
     assert made.x.shape == (1, 30)
     assert made.x[0] == pytest.approx(30.0 + 1.3 * np.arange(1, 31))
     assert made.y[0] == pytest.approx(0.0) and made.speed[0] == pytest.approx(13.0)
@@ -27,7 +27,7 @@ def test_constant_velocity_covers_its_speed_times_time_on_a_straight() -> None:
 
 def test_constant_velocity_covers_the_same_arc_length_in_a_curve() -> None:
     where = roads.road(roads.lane(1, roads.arc(30.0, 3.0, step=0.5)))
-    scene = roads.seed((30 * np.sin(0.5), 30 - 30 * np.cos(0.5), 0.5, 10.0))
+    scene = roads.scene_of((30 * np.sin(0.5), 30 - 30 * np.cos(0.5), 0.5, 10.0))
     made = roads.plan(CONSTANT, where, roads.present(scene))
     # Speed and path are the rear axle's.
     back = REAR_AXLE_SHARE * 4.5
@@ -40,7 +40,7 @@ def test_constant_velocity_covers_the_same_arc_length_in_a_curve() -> None:
 
 
 def test_constant_velocity_ignores_what_stands_in_the_way() -> None:
-    scene = roads.seed((30.0, 0.0, 0.0, 13.0), (45.0, 0.0, 0.0, 0.0))
+    scene = roads.scene_of((30.0, 0.0, 0.0, 13.0), (45.0, 0.0, 0.0, 0.0))
     made = roads.plan(CONSTANT, roads.straight(), roads.present(scene))
     assert made.speed[0] == pytest.approx(13.0)
 
@@ -50,7 +50,7 @@ def test_the_emergency_brake_stops_after_v_squared_over_twice_the_deceleration(s
     made = roads.plan(
         EmergencyBrake(EmergencyBrakeProfile(path=0)),
         roads.straight(),
-        roads.present(roads.seed((30.0, 0.0, 0.0, speed))),
+        roads.present(roads.scene_of((30.0, 0.0, 0.0, speed))),
     )
     assert made.x[0, -1] - 30.0 == pytest.approx(speed**2 / (2 * 5.0), abs=1e-9)
     assert made.speed[0] == pytest.approx(np.maximum(0.0, speed - 0.5 * np.arange(1, 31)))
@@ -58,7 +58,7 @@ def test_the_emergency_brake_stops_after_v_squared_over_twice_the_deceleration(s
 
 
 def test_the_emergency_brake_keeps_its_deceleration_from_plan_to_plan() -> None:
-    scene = roads.seed((30.0, 0.0, 0.0, 20.0))
+    scene = roads.scene_of((30.0, 0.0, 0.0, 20.0))
     model = EmergencyBrake(EmergencyBrakeProfile(path=0, deceleration=8.0))
     track = roads.closed_loop(model, roads.straight(), scene, steps=40, replan=5)[0, 0]
     assert track.x[-1] - 30.0 == pytest.approx(20.0**2 / (2 * 8.0))
@@ -79,7 +79,7 @@ def with_future(scene: SeedScene, steps: int, speed: float) -> SeedScene:
 
 
 def test_replay_repeats_the_recording_and_goes_on_with_its_last_speed() -> None:
-    scene = with_future(roads.seed((30.0, 50.0, np.pi / 2, 4.0)), 12, 4.0)
+    scene = with_future(roads.scene_of((30.0, 50.0, np.pi / 2, 4.0)), 12, 4.0)
     made = roads.plan(Replay(ReplayProfile()), roads.straight(), roads.present(scene))
     # Off the road, so straight on along the heading it had in the seed scene.
     assert made.x[0] == pytest.approx(30.0)
@@ -88,14 +88,14 @@ def test_replay_repeats_the_recording_and_goes_on_with_its_last_speed() -> None:
 
 
 def test_replay_later_in_a_child_goes_on_in_the_recording() -> None:
-    scene = with_future(roads.seed((30.0, 50.0, np.pi / 2, 4.0)), 40, 4.0)
+    scene = with_future(roads.scene_of((30.0, 50.0, np.pi / 2, 4.0)), 40, 4.0)
     track = roads.closed_loop(Replay(ReplayProfile()), roads.straight(), scene, steps=40, replan=5)
     assert scene.future is not None
     assert track.y[0, 0] == pytest.approx(scene.future.y[0])
 
 
 def test_replay_of_a_vehicle_that_left_the_recording_follows_its_path() -> None:
-    scene = with_future(roads.seed((30.0, 0.0, 0.0, 6.0)), 20, 4.0)
+    scene = with_future(roads.scene_of((30.0, 0.0, 0.0, 6.0)), 20, 4.0)
     assert scene.future_valid is not None
     gone = replace(scene, future_valid=np.zeros_like(scene.future_valid))
     made = roads.plan(Replay(ReplayProfile()), roads.straight(), roads.present(gone))
@@ -106,5 +106,5 @@ def test_replay_of_a_vehicle_that_left_the_recording_follows_its_path() -> None:
 def test_replay_needs_a_recording() -> None:
     with pytest.raises(UsageError, match="replay: seed scene drawn has no recorded future"):
         roads.plan(
-            Replay(ReplayProfile()), roads.straight(), roads.present(roads.seed((30.0, 0.0, 0.0, 6.0)))
+            Replay(ReplayProfile()), roads.straight(), roads.present(roads.scene_of((30.0, 0.0, 0.0, 6.0)))
         )

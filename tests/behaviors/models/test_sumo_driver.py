@@ -11,13 +11,13 @@ from tests.behaviors import roads
 
 
 def test_without_a_choice_the_route_goes_straight_on_whatever_the_draw() -> None:
-    scene = roads.seed((20.0, 0.0, 0.0, 10.0))
+    scene = roads.scene_of((20.0, 0.0, 0.0, 10.0))
     routes = SumoDriver("EIDM").routes(scene, roads.fork(), np.array([0, 0]), np.array([0.1, 0.9]))
     assert routes == [(1, 12), (1, 12)]
 
 
 def test_each_vehicle_gets_the_route_of_its_draw() -> None:
-    scene = roads.seed((20.0, 0.0, 0.0, 10.0), (20.0, 60.0, 0.0, 10.0))
+    scene = roads.scene_of((20.0, 0.0, 0.0, 10.0), (20.0, 60.0, 0.0, 10.0))
     vehicle, draw = np.array([0, 0, 0, 1]), np.array([0.1, 0.5, 0.9, 0.5])
     routes = SumoDriver("EIDM", path="random").routes(scene, roads.fork(), vehicle, draw)
     assert routes == [(1, 11), (1, 12), (1, 13), ()]
@@ -37,13 +37,13 @@ def test_a_route_goes_on_beyond_the_fork_for_half_a_kilometre() -> None:
             for i in range(last + 1)
         )
     )
-    scene = roads.seed((20.0, 0.0, 0.0, 10.0))
+    scene = roads.scene_of((20.0, 0.0, 0.0, 10.0))
     (route,) = SumoDriver("EIDM").routes(scene, chain, np.array([0]), np.array([0.5]))
     assert route == (0, 1, 2, 3, 4)
 
 
 def test_the_planned_path_follows_that_route_at_the_present_speed() -> None:
-    scene = roads.seed((40.0, 0.0, 0.0, 10.0))
+    scene = roads.scene_of((40.0, 0.0, 0.0, 10.0))
     left, right = (
         roads.plan(SumoDriver("Krauss", path=i), roads.fork(), roads.present(scene)) for i in (0, 2)
     )

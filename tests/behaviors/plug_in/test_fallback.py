@@ -18,7 +18,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, Who
 from tests.behaviors import roads
 
-TWO = roads.seed((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0))
+TWO = roads.scene_of((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0))
 ROAD = roads.straight()
 
 
@@ -199,7 +199,7 @@ def test_a_model_that_fails_for_some_may_run() -> None:
 
 
 def test_the_path_following_driver_is_the_calibrated_driver_on_the_straight_path() -> None:
-    scene = roads.seed((30.0, 0.4, 0.0, 8.0))
+    scene = roads.scene_of((30.0, 0.4, 0.0, 8.0))
     history = roads.present(scene)
     expected = roads.plan(IdmDriver(DEFAULTS["calibrated_driver"]), roads.fork(), history)
     made = follow_path(history, roads.fork(), roads.every(history))
@@ -215,14 +215,14 @@ def moved(history: SceneHistory, x: float, y: float, heading: float) -> SceneHis
 
 def test_a_vehicle_that_a_model_has_turned_left_goes_on_to_the_left() -> None:
     # On lane 11 of the fork, which turns left into +y at x = 65; the straight path is along y = 0.
-    history = moved(roads.present(roads.seed((45.0, 0.0, 0.0, 8.0))), 65.0, 20.0, np.pi / 2)
+    history = moved(roads.present(roads.scene_of((45.0, 0.0, 0.0, 8.0))), 65.0, 20.0, np.pi / 2)
     made = follow_path(history, roads.fork(), roads.every(history))
     assert made.x[0] == pytest.approx(65.0, abs=0.1)
     assert made.y[0, -1] > 35.0
 
 
 def test_a_vehicle_that_a_model_has_driven_off_the_road_goes_straight_on() -> None:
-    history = moved(roads.present(roads.seed((45.0, 0.0, 0.0, 8.0))), 80.0, -30.0, 0.5)
+    history = moved(roads.present(roads.scene_of((45.0, 0.0, 0.0, 8.0))), 80.0, -30.0, 0.5)
     made = follow_path(history, ROAD, roads.every(history))
     way = 0.8 * np.arange(1, 31)
     assert made.x[0] == pytest.approx(80.0 + way * np.cos(0.5))

@@ -15,7 +15,7 @@ from scex_sumo.scene import Plan
 from tests.behaviors import roads
 from tests.behaviors.plug_in.onnx_file import write_onnx
 
-SCENE = roads.seed((10.0, 0.0, np.pi / 2, 4.0), (60.0, 0.0, np.pi, 8.0))
+SCENE = roads.scene_of((10.0, 0.0, np.pi / 2, 4.0), (60.0, 0.0, np.pi, 8.0))
 
 MODULE = """
 import torch

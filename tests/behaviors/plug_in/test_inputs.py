@@ -13,7 +13,7 @@ from scex_sumo.scene import Obstacles, States
 from tests.behaviors import roads
 
 # One looks along +y at (10, 20); a second is 6 m ahead of it and crosses to the right; a third is 80 m off.
-SCENE = roads.seed((10.0, 20.0, np.pi / 2, 4.0), (10.0, 26.0, 0.0, 3.0), (90.0, 20.0, 0.0, 3.0))
+SCENE = roads.scene_of((10.0, 20.0, np.pi / 2, 4.0), (10.0, 26.0, 0.0, 3.0), (90.0, 20.0, 0.0, 3.0))
 
 
 def given(*names: str, **how: float) -> dict[str, np.ndarray]:

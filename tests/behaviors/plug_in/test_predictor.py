@@ -24,7 +24,7 @@ from scex_sumo.geometry.polylines import wrap
 from tests.behaviors import roads
 
 # One along +y, one along -x.
-SCENE = roads.seed((10.0, 0.0, np.pi / 2, 4.0), (60.0, 0.0, np.pi, 8.0))
+SCENE = roads.scene_of((10.0, 0.0, np.pi / 2, 4.0), (60.0, 0.0, np.pi, 8.0))
 STEPS = 0.1 * np.arange(1, 31)
 
 
@@ -127,7 +127,7 @@ def test_a_function_that_promises_it_is_called_once_for_all_children() -> None:
 
 
 def test_a_childs_part_of_the_graph_is_the_graph_of_that_child_alone() -> None:
-    follow = roads.seed((100.0, 0.0, 0.0, 8.0), (120.0, 0.0, 0.0, 8.0), (150.0, 0.0, 0.0, 8.0))
+    follow = roads.scene_of((100.0, 0.0, 0.0, 8.0), (120.0, 0.0, 0.0, 8.0), (150.0, 0.0, 0.0, 8.0))
     three, one = roads.present(follow, 3), roads.present(follow, 1)
     part = graph_of_child(scene_graph(three, roads.straight()), 2, 3)
     alone = scene_graph(one, roads.straight())

@@ -11,10 +11,10 @@ import pytest
 import scex_sumo as scex
 from scex_sumo.behaviors.scene_graph.graph import KINDS
 from scex_sumo.errors import MissingExtraError, UsageError
-from tests.behaviors.roads import lane, present, road, seed
+from tests.behaviors.roads import lane, present, road, scene_of
 
 PARALLEL = road(lane(1, [(0.0, 0.0), (200.0, 0.0)], left=2), lane(2, [(0.0, 3.5), (200.0, 3.5)], right=1))
-SCENE = seed((50.0, 0.0, 0.0, 9.0), (70.0, 0.0, 0.0, 7.0), (55.0, 3.5, 0.0, 9.0), (90.0, 30.0, 0.0, 9.0))
+SCENE = scene_of((50.0, 0.0, 0.0, 9.0), (70.0, 0.0, 0.0, 7.0), (55.0, 3.5, 0.0, 9.0), (90.0, 30.0, 0.0, 9.0))
 
 
 def two_children() -> scex.SceneGraph:

@@ -15,9 +15,9 @@ from scex_sumo.behaviors.scene_graph.nodes import slope
 from scex_sumo.errors import UsageError
 from scex_sumo.road import Road
 from scex_sumo.scene import Obstacles, SceneHistory, SeedScene, States
-from tests.behaviors.roads import fork, lane, present, road, seed, straight
+from tests.behaviors.roads import fork, lane, present, road, scene_of, straight
 
-LENGTH = 4.5  # of the vehicles that `seed` makes
+LENGTH = 4.5  # of the vehicles that `scene_of` makes
 
 
 def edges(graph: SceneGraph) -> dict[tuple[int, int], str]:
@@ -42,7 +42,7 @@ CHAIN = road(
 
 
 def test_the_vehicle_in_front_is_ahead_and_the_one_behind_is_behind() -> None:
-    graph = scene_graph(seed((40.0, 0.0, 0.0, 10.0), (70.0, 0.0, 0.0, 8.0)), CHAIN)
+    graph = scene_graph(scene_of((40.0, 0.0, 0.0, 10.0), (70.0, 0.0, 0.0, 8.0)), CHAIN)
     assert edges(graph) == {(1, 0): "ahead", (0, 1): "behind"}
     assert feature(graph, 1, 0, "path_distance") == pytest.approx(30.0)
     assert feature(graph, 0, 1, "path_distance") == pytest.approx(-30.0)
@@ -52,8 +52,8 @@ def test_the_vehicle_in_front_is_ahead_and_the_one_behind_is_behind() -> None:
 
 def test_vehicles_on_one_way_relate_up_to_100_m_along_it() -> None:
     near, far = (
-        seed((40.0, 0.0, 0.0, 9.0), (139.9, 0.0, 0.0, 9.0)),
-        seed((40.0, 0.0, 0.0, 9.0), (140.1, 0.0, 0.0, 9.0)),
+        scene_of((40.0, 0.0, 0.0, 9.0), (139.9, 0.0, 0.0, 9.0)),
+        scene_of((40.0, 0.0, 0.0, 9.0), (140.1, 0.0, 0.0, 9.0)),
     )
     assert len(edges(scene_graph(near, CHAIN, radius=500.0))) == 2
     assert edges(scene_graph(far, CHAIN, radius=500.0)) == {}
@@ -61,15 +61,15 @@ def test_vehicles_on_one_way_relate_up_to_100_m_along_it() -> None:
 
 def test_the_way_and_not_the_straight_distance_counts() -> None:
     bend = [(0.0, 0.0), (60.0, 0.0), (60.0, 20.0), (0.0, 20.0)]
-    scene = seed((10.0, 0.0, 0.0, 9.0), (20.0, 20.0, np.pi, 9.0))
+    scene = scene_of((10.0, 0.0, 0.0, 9.0), (20.0, 20.0, np.pi, 9.0))
     graph = scene_graph(scene, road(lane(1, bend)))
     assert edges(graph) == {}  # 110 m along the lane, 22 m as the crow flies
-    nearer = seed((20.0, 0.0, 0.0, 9.0), (40.0, 20.0, np.pi, 9.0))
+    nearer = scene_of((20.0, 0.0, 0.0, 9.0), (40.0, 20.0, np.pi, 9.0))
     assert feature(scene_graph(nearer, road(lane(1, bend))), 1, 0, "path_distance") == pytest.approx(80.0)
 
 
 def test_edges_reach_as_far_as_the_radius() -> None:
-    scene = seed((40.0, 0.0, 0.0, 9.0), (90.0, 0.0, 0.0, 9.0))
+    scene = scene_of((40.0, 0.0, 0.0, 9.0), (90.0, 0.0, 0.0, 9.0))
     assert len(edges(scene_graph(scene, CHAIN, radius=50.0))) == 2
     assert edges(scene_graph(scene, CHAIN, radius=49.9)) == {}
 
@@ -78,11 +78,11 @@ def test_on_a_ring_the_shorter_way_round_decides_who_is_ahead() -> None:
     corners = [(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0), (0.0, 0.0)]
     ring = road(*(lane(i, corners[i : i + 2], successors=((i + 1) % 4,)) for i in range(4)))
     # From (30, 0) on: 10 m to the corner and 30 m up to (40, 30); 120 m the other way round.
-    graph = scene_graph(seed((30.0, 0.0, 0.0, 5.0), (40.0, 30.0, np.pi / 2, 5.0)), ring)
+    graph = scene_graph(scene_of((30.0, 0.0, 0.0, 5.0), (40.0, 30.0, np.pi / 2, 5.0)), ring)
     assert edges(graph) == {(1, 0): "ahead", (0, 1): "behind"}
     assert feature(graph, 1, 0, "path_distance") == pytest.approx(40.0)
     loop = road(lane(1, [*corners[:-1], (0.0, 2.0)], successors=(1,)))  # 158 m round
-    graph = scene_graph(seed((5.0, 0.0, 0.0, 5.0), (0.0, 12.0, -np.pi / 2, 5.0)), loop)
+    graph = scene_graph(scene_of((5.0, 0.0, 0.0, 5.0), (0.0, 12.0, -np.pi / 2, 5.0)), loop)
     assert edges(graph) == {(1, 0): "behind", (0, 1): "ahead"}
     assert feature(graph, 0, 1, "path_distance") == pytest.approx(15.0)  # 10 m down, and 5 m on
 
@@ -95,7 +95,7 @@ PARALLEL = road(
 
 
 def test_a_vehicle_on_the_next_lane_is_lateral_with_the_offsets_of_both() -> None:
-    graph = scene_graph(seed((50.0, 0.2, 0.0, 10.0), (62.0, 3.2, 0.1, 10.0)), PARALLEL)
+    graph = scene_graph(scene_of((50.0, 0.2, 0.0, 10.0), (62.0, 3.2, 0.1, 10.0)), PARALLEL)
     assert edges(graph) == {(1, 0): "lateral", (0, 1): "lateral"}
     assert feature(graph, 1, 0, "path_distance") == pytest.approx(12.0)
     assert feature(graph, 0, 1, "path_distance") == pytest.approx(-12.0)
@@ -109,7 +109,7 @@ def test_a_vehicle_on_the_next_lane_is_lateral_with_the_offsets_of_both() -> Non
 
 def test_lateral_reaches_two_lanes_and_30_m_from_bumper_to_bumper() -> None:
     def kinds(x: float, y: float) -> list[str]:
-        return [*edges(scene_graph(seed((50.0, 0.0, 0.0, 9.0), (x, y, 0.0, 9.0)), PARALLEL)).values()]
+        return [*edges(scene_graph(scene_of((50.0, 0.0, 0.0, 9.0), (x, y, 0.0, 9.0)), PARALLEL)).values()]
 
     assert kinds(50.0, 7.0) == ["lateral", "lateral"]
     assert kinds(79.9 + LENGTH, 3.5) == ["lateral", "lateral"]
@@ -118,7 +118,7 @@ def test_lateral_reaches_two_lanes_and_30_m_from_bumper_to_bumper() -> None:
 
 def test_lanes_side_by_side_that_are_no_neighbours_do_not_relate() -> None:
     strangers = road(lane(1, [(0.0, 0.0), (200.0, 0.0)]), lane(2, [(0.0, 3.5), (200.0, 3.5)]))
-    assert edges(scene_graph(seed((50.0, 0.0, 0.0, 9.0), (50.0, 3.5, 0.0, 9.0)), strangers)) == {}
+    assert edges(scene_graph(scene_of((50.0, 0.0, 0.0, 9.0), (50.0, 3.5, 0.0, 9.0)), strangers)) == {}
 
 
 def crossing() -> Road:
@@ -128,7 +128,7 @@ def crossing() -> Road:
 
 
 def test_vehicles_that_approach_a_crossing_know_how_far_each_has_to_go() -> None:
-    graph = scene_graph(seed((-20.0, 0.0, 0.0, 10.0), (0.0, -30.0, np.pi / 2, 10.0)), crossing())
+    graph = scene_graph(scene_of((-20.0, 0.0, 0.0, 10.0), (0.0, -30.0, np.pi / 2, 10.0)), crossing())
     assert edges(graph) == {(1, 0): "intersecting", (0, 1): "intersecting"}
     assert feature(graph, 1, 0, "target_to_crossing") == pytest.approx(20.0)
     assert feature(graph, 1, 0, "source_to_crossing") == pytest.approx(30.0)
@@ -140,7 +140,7 @@ def test_vehicles_that_approach_a_crossing_know_how_far_each_has_to_go() -> None
 
 def test_who_has_left_the_crossing_with_the_rear_is_past_it() -> None:
     def kinds(x: float) -> list[str]:
-        scene = seed((x, 0.0, 0.0, 10.0), (0.0, -30.0, np.pi / 2, 10.0))
+        scene = scene_of((x, 0.0, 0.0, 10.0), (0.0, -30.0, np.pi / 2, 10.0))
         return [*edges(scene_graph(scene, crossing())).values()]
 
     assert kinds(LENGTH / 2 - 0.1) == ["intersecting", "intersecting"]
@@ -152,7 +152,7 @@ def test_vehicles_on_the_two_branches_of_a_fork_do_not_relate() -> None:
     lanes = dict(branches.lanes)
     for own, others in ((11, (12, 13)), (12, (11, 13)), (13, (11, 12))):
         lanes[own] = replace(lanes[own], conflicts=others)
-    scene = seed(
+    scene = scene_of(
         (53.0, 0.3, 0.1, 9.0), (70.0, 0.0, 0.0, 9.0), (65.0, 30.0, np.pi / 2, 9.0), (40.0, 0.0, 0.0, 9.0)
     )
     found = edges(scene_graph(scene, replace(branches, lanes=lanes)))
@@ -162,12 +162,12 @@ def test_vehicles_on_the_two_branches_of_a_fork_do_not_relate() -> None:
 
 def test_the_relation_of_the_more_probable_lanes_wins() -> None:
     # Vehicle 0 is 1.4 m left of lane 1's centreline and 2.1 m right of lane 2's; the other is on lane 2.
-    scene = seed((50.0, 1.4, 0.0, 9.0), (62.0, 3.5, 0.0, 9.0))
+    scene = scene_of((50.0, 1.4, 0.0, 9.0), (62.0, 3.5, 0.0, 9.0))
     graph = scene_graph(scene, PARALLEL)
     assert edges(graph)[1, 0] == "lateral"
     share = 1 / (1 + np.exp((1.4**2 - 2.1**2) / (2 * 0.8**2)))
     assert feature(graph, 1, 0, "target_probability") == pytest.approx(share)
-    nearer = scene_graph(seed((50.0, 2.1, 0.0, 9.0), (62.0, 3.5, 0.0, 9.0)), PARALLEL)
+    nearer = scene_graph(scene_of((50.0, 2.1, 0.0, 9.0), (62.0, 3.5, 0.0, 9.0)), PARALLEL)
     assert edges(nearer)[1, 0] == "ahead"
     assert feature(nearer, 1, 0, "target_probability") == pytest.approx(share)
 
@@ -175,17 +175,17 @@ def test_the_relation_of_the_more_probable_lanes_wins() -> None:
 def test_a_second_lane_counts_from_a_probability_of_a_fifth_on() -> None:
     strangers = road(lane(1, [(0.0, 0.0), (200.0, 0.0)]), lane(2, [(0.0, 3.5), (200.0, 3.5)]))
     # exp((d1² - d2²) / (2·0.8²)) with d1 + d2 = 3.5 m: the share of lane 2 is 0.26 at 1.56 m, 0.14 at 1.42 m.
-    likely = scene_graph(seed((50.0, 1.56, 0.0, 9.0), (62.0, 3.5, 0.0, 9.0)), strangers)
+    likely = scene_graph(scene_of((50.0, 1.56, 0.0, 9.0), (62.0, 3.5, 0.0, 9.0)), strangers)
     assert edges(likely)[1, 0] == "ahead"
     share = 1 / (1 + np.exp(-(1.56**2 - 1.94**2) / (2 * 0.8**2)))
     assert 0.2 < share < 0.3
     assert feature(likely, 1, 0, "target_probability") == pytest.approx(share)
     assert feature(likely, 1, 0, "target_offset") == pytest.approx(-1.94)
-    assert edges(scene_graph(seed((50.0, 1.42, 0.0, 9.0), (62.0, 3.5, 0.0, 9.0)), strangers)) == {}
+    assert edges(scene_graph(scene_of((50.0, 1.42, 0.0, 9.0), (62.0, 3.5, 0.0, 9.0)), strangers)) == {}
 
 
 def test_a_vehicle_off_the_map_is_a_node_without_edges() -> None:
-    graph = scene_graph(seed((50.0, 0.0, 0.0, 9.0), (60.0, 20.0, 0.0, 9.0)), straight())
+    graph = scene_graph(scene_of((50.0, 0.0, 0.0, 9.0), (60.0, 20.0, 0.0, 9.0)), straight())
     assert edges(graph) == {}
     assert graph.on_road.tolist() == [True, False]
     for name in ("match_probability", "lane_offset", "lane_heading_error", "speed_limit"):
@@ -194,13 +194,13 @@ def test_a_vehicle_off_the_map_is_a_node_without_edges() -> None:
 
 
 def test_a_scene_without_lanes_has_nodes_only() -> None:
-    graph = scene_graph(seed((50.0, 0.0, 0.0, 9.0), (60.0, 0.0, 0.0, 9.0)), road())
+    graph = scene_graph(scene_of((50.0, 0.0, 0.0, 9.0), (60.0, 0.0, 0.0, 9.0)), road())
     assert edges(graph) == {} and not graph.on_road.any()
 
 
 def test_nodes_tell_size_type_and_place_on_the_lane() -> None:
     scene = replace(
-        seed(*[(20.0 * i, 0.5, 0.1, 9.0) for i in range(1, 5)]),
+        scene_of(*[(20.0 * i, 0.5, 0.1, 9.0) for i in range(1, 5)]),
         types=("car", "truck_bus", "motorcycle", "tram"),
         length=np.array([4.0, 12.0, 2.0, 30.0]),
     )
@@ -217,7 +217,7 @@ def test_nodes_tell_size_type_and_place_on_the_lane() -> None:
 
 def turning(rate: float, braking: float) -> SeedScene:
     """A vehicle that turns and slows down, its present heading just past pi."""
-    scene = seed((50.0, 0.0, 0.0, 9.0))
+    scene = scene_of((50.0, 0.0, 0.0, 9.0))
     since = 0.1 * np.arange(-10, 1)
     heading = np.pi - 0.01 + rate * since
     states = replace(
@@ -243,7 +243,7 @@ def test_one_state_that_is_far_out_does_not_bend_the_slope() -> None:
 
 
 def test_the_history_is_seen_from_the_present_pose() -> None:
-    graph = scene_graph(seed((50.0, 20.0, 1.0, 10.0)), straight())
+    graph = scene_graph(scene_of((50.0, 20.0, 1.0, 10.0)), straight())
     ago = 0.1 * np.arange(10, -1, -1)
     assert graph.history[0, :, 0] == pytest.approx(-10.0 * ago)
     assert graph.history[0, :, 1] == pytest.approx(0.0, abs=1e-12)
@@ -264,7 +264,7 @@ def walkers(*places: tuple[float, float], here: bool = True) -> Obstacles:
 
 def test_the_nearest_walker_in_the_corridor_ahead_is_a_feature_of_the_driver() -> None:
     others = walkers((80.0, 2.0), (70.0, -1.0), (65.0, 4.0))  # the last one stands too far beside
-    graph = scene_graph(seed((50.0, 0.0, 0.0, 9.0), (75.0, 0.0, 0.0, 9.0), obstacles=others), straight())
+    graph = scene_graph(scene_of((50.0, 0.0, 0.0, 9.0), (75.0, 0.0, 0.0, 9.0), obstacles=others), straight())
     assert node(graph, "obstacle_ahead") == [1.0, 1.0]
     assert node(graph, "obstacle_distance") == pytest.approx([20.0 - LENGTH / 2, 5.0 - LENGTH / 2])
     assert node(graph, "obstacle_offset") == pytest.approx([-1.0, 2.0])
@@ -274,7 +274,7 @@ def test_the_nearest_walker_in_the_corridor_ahead_is_a_feature_of_the_driver() -
     "others", [walkers((40.0, 0.0)), walkers((90.0, 0.0)), walkers((60.0, 0.0), here=False)]
 )
 def test_walkers_behind_far_ahead_or_gone_are_none(others: Obstacles) -> None:
-    graph = scene_graph(seed((50.0, 0.0, 0.0, 9.0), obstacles=others), straight())
+    graph = scene_graph(scene_of((50.0, 0.0, 0.0, 9.0), obstacles=others), straight())
     assert node(graph, "obstacle_ahead") == node(graph, "obstacle_distance") == [0.0]
 
 
@@ -346,7 +346,7 @@ def test_every_relation_has_its_counterpart(example: SeedScene) -> None:
 
 
 def test_models_that_share_a_history_share_its_graph() -> None:
-    where, history = straight(), present(seed((50.0, 0.0, 0.0, 9.0)))
+    where, history = straight(), present(scene_of((50.0, 0.0, 0.0, 9.0)))
     graph = scene_graph(history, where)
     assert scene_graph(history, where) is graph
     assert scene_graph(history, where, radius=20.0) is not graph
@@ -354,7 +354,7 @@ def test_models_that_share_a_history_share_its_graph() -> None:
 
 
 def test_a_graph_is_forgotten_with_its_history() -> None:
-    history = present(seed((50.0, 0.0, 0.0, 9.0)))
+    history = present(scene_of((50.0, 0.0, 0.0, 9.0)))
     graph = weakref.ref(scene_graph(history, straight()))
     assert graph() is not None
     del history
@@ -364,10 +364,10 @@ def test_a_graph_is_forgotten_with_its_history() -> None:
 
 def test_a_seed_scene_needs_a_road() -> None:
     with pytest.raises(UsageError, match=r"scene graph of drawn: the scene has no road"):
-        scene_graph(seed((50.0, 0.0, 0.0, 9.0)))
+        scene_graph(scene_of((50.0, 0.0, 0.0, 9.0)))
 
 
 @pytest.mark.parametrize("radius", [0.0, -1.0, np.nan])
 def test_a_radius_is_a_length(radius: float) -> None:
     with pytest.raises(UsageError, match="radius is"):
-        scene_graph(seed((50.0, 0.0, 0.0, 9.0)), straight(), radius=radius)
+        scene_graph(scene_of((50.0, 0.0, 0.0, 9.0)), straight(), radius=radius)

@@ -20,38 +20,38 @@ def _seed(tmp_path: Path, rows: list[Row], **options: object) -> SeedScene:
 
 
 def test_a_moment_has_its_last_second_and_its_recorded_future(tmp_path: Path) -> None:
-    seed = _seed(tmp_path, straight(5, range(60), start=100.0, y=2.0), time_s=2.0)
-    assert seed.track_ids.tolist() == [5]
-    assert seed.types == ("car",)
-    assert seed.time_s == 2.0
-    np.testing.assert_allclose(seed.history.x[0], 110.0 + np.arange(11))
-    np.testing.assert_allclose(seed.history.y, 2.0)
-    np.testing.assert_allclose(seed.history.speed, 10.0)
-    np.testing.assert_allclose(seed.history.heading, 0.0)
-    assert seed.recorded_steps.tolist() == [10]
-    assert seed.future is not None
-    assert seed.future_valid is not None
-    assert seed.future_valid.sum() == 39  # frames 21 to 59
-    np.testing.assert_allclose(seed.future.x[0], 121.0 + np.arange(50))  # goes on after the recording's end
-    assert seed.notes == ()
-    assert (seed.length[0], seed.width[0]) == (4.5, 1.8)
+    scene = _seed(tmp_path, straight(5, range(60), start=100.0, y=2.0), time_s=2.0)
+    assert scene.track_ids.tolist() == [5]
+    assert scene.types == ("car",)
+    assert scene.time_s == 2.0
+    np.testing.assert_allclose(scene.history.x[0], 110.0 + np.arange(11))
+    np.testing.assert_allclose(scene.history.y, 2.0)
+    np.testing.assert_allclose(scene.history.speed, 10.0)
+    np.testing.assert_allclose(scene.history.heading, 0.0)
+    assert scene.recorded_steps.tolist() == [10]
+    assert scene.future is not None
+    assert scene.future_valid is not None
+    assert scene.future_valid.sum() == 39  # frames 21 to 59
+    np.testing.assert_allclose(scene.future.x[0], 121.0 + np.arange(50))  # goes on after the recording's end
+    assert scene.notes == ()
+    assert (scene.length[0], scene.width[0]) == (4.5, 1.8)
 
 
 def test_a_vehicle_without_a_past_gets_one_at_constant_velocity_and_it_is_said(tmp_path: Path) -> None:
     late = moving(lambda t: (0.0, 6.0 * t), 2, range(17, 60))
-    seed = _seed(tmp_path, straight(1, range(60), y=-9.0) + late, time_s=2.0)
-    assert seed.recorded_steps.tolist() == [10, 3]
-    np.testing.assert_allclose(seed.history.y[1], 0.6 * np.arange(10, 21), atol=1e-9)
-    np.testing.assert_allclose(seed.history.x[1], 0.0, atol=1e-9)
-    np.testing.assert_allclose(seed.history.heading[1], np.pi / 2)
-    assert seed.notes == ("1 of 2 vehicles came within the last second: constant velocity before",)
+    scene = _seed(tmp_path, straight(1, range(60), y=-9.0) + late, time_s=2.0)
+    assert scene.recorded_steps.tolist() == [10, 3]
+    np.testing.assert_allclose(scene.history.y[1], 0.6 * np.arange(10, 21), atol=1e-9)
+    np.testing.assert_allclose(scene.history.x[1], 0.0, atol=1e-9)
+    np.testing.assert_allclose(scene.history.heading[1], np.pi / 2)
+    assert scene.notes == ("1 of 2 vehicles came within the last second: constant velocity before",)
 
 
 def test_vehicles_with_too_short_a_past_can_be_left_out(tmp_path: Path) -> None:
     rows = straight(1, range(60)) + straight(2, range(17, 60), y=4.0)
-    seed = _seed(tmp_path, rows, time_s=2.0, min_history=5)
-    assert seed.track_ids.tolist() == [1]
-    assert "1 vehicles with less than 5 previous steps left out" in seed.notes
+    scene = _seed(tmp_path, rows, time_s=2.0, min_history=5)
+    assert scene.track_ids.tolist() == [1]
+    assert "1 vehicles with less than 5 previous steps left out" in scene.notes
     with pytest.raises(TrackError, match="none of 2 vehicles at 0 s has 5 recorded previous steps"):
         _seed(tmp_path, straight(1) + straight(2, y=4.0), time_s=0.0, min_history=5)
 
@@ -87,14 +87,14 @@ def _cases() -> list[Row]:
 
 
 def test_the_moment_of_a_case_is_frame_10(tmp_path: Path) -> None:
-    seed = _seed(tmp_path, _cases(), case="1.0")
-    assert seed.time_s == 1.0
-    assert seed.history.x[0, -1] == 10.0
-    assert seed.recorded_steps.tolist() == [9]
-    np.testing.assert_allclose(seed.history.x[0], np.arange(11), atol=1e-9)
-    assert seed.future_valid is not None
-    assert seed.future_valid.sum() == 30
-    assert seed.notes == ("9 of 10 previous steps recorded, constant velocity before",)
+    scene = _seed(tmp_path, _cases(), case="1.0")
+    assert scene.time_s == 1.0
+    assert scene.history.x[0, -1] == 10.0
+    assert scene.recorded_steps.tolist() == [9]
+    np.testing.assert_allclose(scene.history.x[0], np.arange(11), atol=1e-9)
+    assert scene.future_valid is not None
+    assert scene.future_valid.sum() == 30
+    assert scene.notes == ("9 of 10 previous steps recorded, constant velocity before",)
 
 
 def test_a_case_is_known_by_its_number(tmp_path: Path) -> None:
@@ -156,55 +156,55 @@ def _turn(t: float) -> tuple[float, float]:
 @pytest.mark.parametrize("step_ms", [40.0, 1000.0 / 30.0, 200.0])
 def test_other_rates_are_interpolated_to_ten_hertz(tmp_path: Path, step_ms: float) -> None:
     rows = moving(_turn, 1, range(int(6000 / step_ms)), step_ms=step_ms)
-    seed = _seed(tmp_path, rows, time_s=2.0)
-    t = seed.time_s + 0.1 * np.arange(-10, 1)
+    scene = _seed(tmp_path, rows, time_s=2.0)
+    t = scene.time_s + 0.1 * np.arange(-10, 1)
     expected = np.array([_turn(value) for value in t]).T
     # The cubic is off by p'''' dt⁴ / 384 < 1e-5 m; stamps are rounded: 8 m/s * 0.5 ms.
-    np.testing.assert_allclose(seed.history.x[0], expected[0], atol=0.006)
-    np.testing.assert_allclose(seed.history.y[0], expected[1], atol=0.006)
-    turned = np.angle(np.exp(1j * (seed.history.heading[0] - 0.4 * (t - 2.0) - np.pi)))
+    np.testing.assert_allclose(scene.history.x[0], expected[0], atol=0.006)
+    np.testing.assert_allclose(scene.history.y[0], expected[1], atol=0.006)
+    turned = np.angle(np.exp(1j * (scene.history.heading[0] - 0.4 * (t - 2.0) - np.pi)))
     np.testing.assert_allclose(turned, 0.0, atol=0.002)  # through the step from pi to -pi
-    np.testing.assert_allclose(seed.history.speed, 8.0, atol=0.01)  # chord of 0.08 rad: 1 - cos(0.04)
-    assert f"recorded at {1000 / step_ms:.3g} Hz: interpolated to 10 Hz" in seed.notes
+    np.testing.assert_allclose(scene.history.speed, 8.0, atol=0.01)  # chord of 0.08 rad: 1 - cos(0.04)
+    assert f"recorded at {1000 / step_ms:.3g} Hz: interpolated to 10 Hz" in scene.notes
 
 
 def test_short_gaps_are_interpolated_and_counted(tmp_path: Path) -> None:
     frames = [frame for frame in range(60) if frame not in (15, 16, 17, 30)]
-    seed = _seed(tmp_path, straight(1, frames), time_s=2.0)
-    np.testing.assert_allclose(seed.history.x[0], 10.0 + np.arange(11), atol=1e-9)
-    assert seed.recorded_steps.tolist() == [10]
-    assert seed.notes == ("4 missing samples interpolated",)
+    scene = _seed(tmp_path, straight(1, frames), time_s=2.0)
+    np.testing.assert_allclose(scene.history.x[0], 10.0 + np.arange(11), atol=1e-9)
+    assert scene.recorded_steps.tolist() == [10]
+    assert scene.notes == ("4 missing samples interpolated",)
 
 
 def test_a_vehicle_that_is_just_being_missed_is_there(tmp_path: Path) -> None:
     frames = [frame for frame in range(60) if frame not in (19, 20, 21)]
-    seed = _seed(tmp_path, straight(1, frames) + straight(2, range(60), y=4.0), time_s=2.0)
-    assert seed.track_ids.tolist() == [1, 2]
-    assert seed.now.x[0] == pytest.approx(20.0)
+    scene = _seed(tmp_path, straight(1, frames) + straight(2, range(60), y=4.0), time_s=2.0)
+    assert scene.track_ids.tolist() == [1, 2]
+    assert scene.now.x[0] == pytest.approx(20.0)
 
 
 def test_a_long_gap_ends_history_and_future(tmp_path: Path) -> None:
     frames = [*range(0, 10), *range(17, 24), *range(35, 60)]
     rows = straight(1, frames) + straight(2, range(60), y=4.0)
-    seed = _seed(tmp_path, rows, time_s=2.0)
-    assert seed.recorded_steps.tolist() == [3, 10]
-    assert seed.future_valid is not None
-    assert seed.future_valid.sum(axis=1).tolist() == [3, 39]
+    scene = _seed(tmp_path, rows, time_s=2.0)
+    assert scene.recorded_steps.tolist() == [3, 10]
+    assert scene.future_valid is not None
+    assert scene.future_valid.sum(axis=1).tolist() == [3, 39]
 
 
 def test_the_last_frame_has_no_future(tmp_path: Path) -> None:
-    seed = _seed(tmp_path, straight(1), time_s=4.0)
-    assert seed.future is None
-    assert seed.future_valid is None
+    scene = _seed(tmp_path, straight(1), time_s=4.0)
+    assert scene.future is None
+    assert scene.future_valid is None
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3, 4, 5])
 def test_a_recording_of_a_few_samples_is_a_recording(tmp_path: Path, samples: int) -> None:
     for kind in ("pedestrian", "car"):
         rows = straight(1, range(samples)) + straight(2, range(1), y=5.0, kind=kind)
-        seed = _seed(tmp_path, rows, time_s=0.0)
-        np.testing.assert_allclose(seed.history.x[0], np.arange(-10, 1))
-        assert (seed.future is None) == (samples == 1)
+        scene = _seed(tmp_path, rows, time_s=0.0)
+        np.testing.assert_allclose(scene.history.x[0], np.arange(-10, 1))
+        assert (scene.future is None) == (samples == 1)
 
 
 def test_pedestrians_present_at_the_moment_are_obstacles(tmp_path: Path) -> None:
@@ -237,40 +237,40 @@ def test_names_are_short_and_fit_for_files(tmp_path: Path) -> None:
     assert _seed(tmp_path, _cases(), case=2).name == "town_007_case2.0"
     assert _seed(tmp_path, _cases(), case=2, time_s=2.0).name == "town_007_case2.0_t2.0"
     own = write_rows(tmp_path / "town_train.csv", in_case("a/b c", straight(1)), CASE_COLUMNS)
-    seed = read_seed(tmp_path / "town.osm", tracks=own)
-    assert seed.name == "town_train_casea-b-c"
-    assert seed.location == "town"
-    assert seed.source["case"] == "a/b c"
-    assert seed.source["tracks"] == str(own)
+    scene = read_seed(tmp_path / "town.osm", tracks=own)
+    assert scene.name == "town_train_casea-b-c"
+    assert scene.location == "town"
+    assert scene.source["case"] == "a/b c"
+    assert scene.source["tracks"] == str(own)
 
 
 def test_k733_at_one_minute(data: Path) -> None:
-    seed = read_seed(data / "taf_bw/maps/k733_2020-09-15.osm", time_s=60.0)
-    assert seed.name == "k733_2020-09-15_000_t60.0"
-    assert seed.vehicles == 9
-    assert seed.obstacles is not None
-    assert sum("1.74 x too small" in note for note in seed.notes) == 1
+    scene = read_seed(data / "taf_bw/maps/k733_2020-09-15.osm", time_s=60.0)
+    assert scene.name == "k733_2020-09-15_000_t60.0"
+    assert scene.vehicles == 9
+    assert scene.obstacles is not None
+    assert sum("1.74 x too small" in note for note in scene.notes) == 1
     # What a history says and what it shows agree: the positions move as fast as the speeds.
-    step = np.hypot(np.diff(seed.history.x), np.diff(seed.history.y)) / 0.1
-    mean = (seed.history.speed[:, 1:] + seed.history.speed[:, :-1]) / 2.0
-    recorded = np.arange(10) >= 10 - seed.recorded_steps[:, None]
+    step = np.hypot(np.diff(scene.history.x), np.diff(scene.history.y)) / 0.1
+    mean = (scene.history.speed[:, 1:] + scene.history.speed[:, :-1]) / 2.0
+    recorded = np.arange(10) >= 10 - scene.recorded_steps[:, None]
     assert np.abs(step - mean)[recorded].max() < 0.5
 
 
 def test_every_recording_of_k729_gives_a_seed_scene(data: Path) -> None:
     for path in sorted((data / "taf_bw/recorded_trackfiles/k729_2022-03-16").glob("vehicle_tracks_*.csv")):
-        seed = read_seed(data / "taf_bw/maps/k729_2022-03-16.osm", tracks=path)
-        assert seed.vehicles >= 1
-        assert (seed.now.speed < 20.0).all()
-        assert "tracker warm-up" in seed.notes[0]
+        scene = read_seed(data / "taf_bw/maps/k729_2022-03-16.osm", tracks=path)
+        assert scene.vehicles >= 1
+        assert (scene.now.speed < 20.0).all()
+        assert "tracker warm-up" in scene.notes[0]
 
 
 def test_the_cases_of_version_1_2_are_found(data: Path) -> None:
     tracks = data / "interaction/cases/v12_case_format_sample.csv"
-    seed = read_seed(data / "interaction/maps/DR_DEU_Roundabout_OF.osm", tracks=tracks, case=2)
-    assert seed.track_ids.tolist() == [2, 3, 4, 5, 6, 7]
-    assert seed.recorded_steps.tolist() == [9] * 6
-    assert seed.future_valid is not None
-    assert seed.future_valid.sum(axis=1).tolist() == [7] * 6  # 17 frames
-    assert seed.obstacles is not None
-    assert seed.obstacles.ids == ("1",)
+    scene = read_seed(data / "interaction/maps/DR_DEU_Roundabout_OF.osm", tracks=tracks, case=2)
+    assert scene.track_ids.tolist() == [2, 3, 4, 5, 6, 7]
+    assert scene.recorded_steps.tolist() == [9] * 6
+    assert scene.future_valid is not None
+    assert scene.future_valid.sum(axis=1).tolist() == [7] * 6  # 17 frames
+    assert scene.obstacles is not None
+    assert scene.obstacles.ids == ("1",)

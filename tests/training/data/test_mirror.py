@@ -34,7 +34,7 @@ def curve(side: int) -> Batch:
             speed=np.full(turned.shape, 10.0),
         )
 
-    scene = roads.seed(*((0.0, 0.0, 0.0, 10.0),) * 2)
+    scene = roads.scene_of(*((0.0, 0.0, 0.0, 10.0),) * 2)
     future = at(0.1 * np.arange(1, 51))
     scene = replace(
         scene, history=at(0.1 * np.arange(-10, 1)), future=future, future_valid=np.ones((2, 50), dtype=bool)

@@ -9,9 +9,10 @@ import pytest
 
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.training.closed_loop import PlainWorld, drive_all
+from scex_sumo.training.closed_loop import drive_all
 from scex_sumo.training.data.perturb import moved
 from scex_sumo.training.data.samples import Samples, learnable, scene_samples
+from scex_sumo.world.plain import PlainWorld
 from tests.behaviors import roads
 
 TIMES = 0.1 * np.arange(1, 51)
@@ -26,7 +27,7 @@ def with_future(scene: SeedScene, x: np.ndarray, y: np.ndarray, heading: np.ndar
 
 
 def going_straight(y: float = 0.5, speed: float = 10.0) -> SeedScene:
-    scene = roads.seed((50.0, y, 0.0, speed))
+    scene = roads.scene_of((50.0, y, 0.0, speed))
     return with_future(scene, 50.0 + speed * TIMES, np.full(50, y), np.zeros(50))
 
 
@@ -49,7 +50,7 @@ def test_in_a_curve_the_way_is_that_along_the_curve() -> None:
     radius = 60.0
     where = roads.road(roads.lane(1, roads.arc(radius, np.pi, step=0.5)))
     angle = 0.3 + 10.0 * TIMES / radius
-    scene = roads.seed((radius * np.sin(0.3), radius * (1 - np.cos(0.3)), 0.3, 10.0))
+    scene = roads.scene_of((radius * np.sin(0.3), radius * (1 - np.cos(0.3)), 0.3, 10.0))
     scene = with_future(scene, radius * np.sin(angle), radius * (1 - np.cos(angle)), angle)
     found = samples_of(scene, where)
     # The table has the chords of 0.5 m of the circle, smoothed: centimetres off over 30 m.
@@ -63,12 +64,12 @@ def test_who_turned_left_was_on_the_left_path() -> None:
     where = roads.fork()
     x = np.minimum(40.0 + 10.0 * TIMES, 65.0)
     y = np.where(TIMES < 2.5, 0.0, 10.0 * (TIMES - 2.5))
-    scene = with_future(roads.seed((40.0, 0.0, 0.0, 10.0)), x, y, np.where(TIMES < 2.5, 0.0, np.pi / 2))
+    scene = with_future(roads.scene_of((40.0, 0.0, 0.0, 10.0)), x, y, np.where(TIMES < 2.5, 0.0, np.pi / 2))
     assert samples_of(scene, where).right.tolist() == [True, False, False]  # left to right
 
 
 def test_before_the_fork_all_paths_are_right() -> None:
-    scene = with_future(roads.seed((5.0, 0.0, 0.0, 2.0)), 5.0 + 2.0 * TIMES, 0.0 * TIMES, 0.0 * TIMES)
+    scene = with_future(roads.scene_of((5.0, 0.0, 0.0, 2.0)), 5.0 + 2.0 * TIMES, 0.0 * TIMES, 0.0 * TIMES)
     assert samples_of(scene, roads.fork()).right.tolist() == [True, True, True]
 
 
@@ -101,7 +102,7 @@ def test_who_is_nowhere_near_teaches_nothing() -> None:
 
 
 def test_who_leaves_the_recording_is_seen_but_not_learned_from() -> None:
-    scene = roads.seed((50.0, 0.0, 0.0, 10.0), (80.0, 0.0, 0.0, 10.0))
+    scene = roads.scene_of((50.0, 0.0, 0.0, 10.0), (80.0, 0.0, 0.0, 10.0))
     there = np.ones((2, 50), dtype=np.bool_)
     there[1, 29] = False
     way = np.array([[50.0], [80.0]]) + 10.0 * TIMES
@@ -138,7 +139,7 @@ def test_the_plain_world_holds_what_it_was_told() -> None:
 def test_all_vehicles_are_driven() -> None:
     from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity, ConstantVelocityProfile
 
-    scene = roads.seed((50.0, 0.0, 0.0, 10.0), (80.0, 0.0, 0.0, 5.0))
+    scene = roads.scene_of((50.0, 0.0, 0.0, 10.0), (80.0, 0.0, 0.0, 5.0))
     driven = drive_all(scene, roads.straight(), ConstantVelocity(ConstantVelocityProfile()), steps=20)
     assert driven.shape == (1, 20, 2)
     np.testing.assert_allclose(driven.x[0, -1], [70.0, 90.0], atol=1e-6)

@@ -101,7 +101,7 @@ def path_inputs(
     s, offset, path_heading = project(paths, row, own.x, own.y, expected_way(history, who))
     room = path_room(road, paths)
     left, right = room.at(row, s)
-    half = history.seed.width[who.vehicle] / 2
+    half = history.scene.width[who.vehicle] / 2
     sides = np.maximum(np.column_stack([left, right]) - half[:, None], 0.0)
     acceleration, yaw_rate = rates(history, who)
     here = sample(paths, row, s)
@@ -126,7 +126,7 @@ def path_inputs(
         ],
         axis=1,
     )
-    node = who.child * history.seed.vehicles + who.vehicle
+    node = who.child * history.scene.vehicles + who.vehicle
     return PathInputs(node=node, row=row, features=features, s=s, room=sides)
 
 

@@ -30,7 +30,7 @@ from tests.behaviors import roads
 from tests.behaviors.learned import nets
 
 ROAD = roads.fork()
-SCENE = roads.seed((8.0, 0.3, 0.02, 6.0), (20.0, -0.2, 0.0, 5.0), (35.0, 0.0, 0.0, 4.0))
+SCENE = roads.scene_of((8.0, 0.3, 0.02, 6.0), (20.0, -0.2, 0.0, 5.0), (35.0, 0.0, 0.0, 4.0))
 CLOSE = 1e-9  # float64, a dozen layers
 
 

@@ -30,14 +30,14 @@ def column(inputs: PathInputs, name: str, vehicle: int = 0) -> float:
 
 
 def test_there_is_a_column_for_every_name_and_those_of_others_come_last() -> None:
-    inputs = seen(roads.straight(), roads.seed((50.0, 0.0, 0.0, 10.0)))
+    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 10.0)))
     assert inputs.features.shape == (1, len(PATH_COLUMNS))
     assert PATH_COLUMNS[-len(LEADER_COLUMNS) :] == LEADER_COLUMNS
 
 
 def test_a_vehicle_beside_a_straight_path_and_askew_sees_it_so() -> None:
     askew = 0.1
-    inputs = seen(roads.straight(), roads.seed((50.0, 0.5, askew, 10.0)))
+    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.5, askew, 10.0)))
     assert column(inputs, "offset") == pytest.approx(0.5)
     assert column(inputs, "heading_error") == pytest.approx(askew)
     for ahead in AHEAD_M:
@@ -50,7 +50,7 @@ def test_a_vehicle_beside_a_straight_path_and_askew_sees_it_so() -> None:
 
 def test_the_path_of_a_curve_turns_as_it_does() -> None:
     curve = roads.road(roads.lane(1, roads.arc(50.0, np.pi)))
-    inputs = seen(curve, roads.seed((50 * np.sin(1.0), 50 * (1 - np.cos(1.0)), 1.0, 10.0)))
+    inputs = seen(curve, roads.scene_of((50 * np.sin(1.0), 50 * (1 - np.cos(1.0)), 1.0, 10.0)))
     assert column(inputs, "curvature_20") == pytest.approx(1 / 50, rel=0.02)
     assert column(inputs, "heading_20") == pytest.approx(20 / 50, rel=0.02)
     assert column(inputs, "y_20") == pytest.approx(50 * (1 - np.cos(20 / 50)), rel=0.02)
@@ -59,7 +59,7 @@ def test_the_path_of_a_curve_turns_as_it_does() -> None:
 
 
 def test_a_leader_is_seen_with_its_gap_and_what_stopping_for_it_takes() -> None:
-    inputs = seen(roads.straight(), roads.seed((50.0, 0.0, 0.0, 12.0), (80.0, 0.0, 0.0, 4.0)))
+    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 12.0), (80.0, 0.0, 0.0, 4.0)))
     gap = 30.0 - 4.5
     wanted = {
         "leader": 1,
@@ -77,17 +77,17 @@ def test_a_leader_is_seen_with_its_gap_and_what_stopping_for_it_takes() -> None:
 
 
 def test_room_is_what_the_box_has_beside_it() -> None:
-    inputs = seen(roads.straight(), roads.seed((50.0, 0.0, 0.0, 10.0), width=1.8))
+    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 10.0), width=1.8))
     assert inputs.room == pytest.approx(np.full((1, 2), 1.75 - 0.9), abs=1.5 * CELL_M)
 
 
 def test_the_end_of_the_mapped_road_comes_nearer() -> None:
-    inputs = seen(roads.straight(100.0), roads.seed((60.0, 0.0, 0.0, 10.0)))
+    inputs = seen(roads.straight(100.0), roads.scene_of((60.0, 0.0, 0.0, 10.0)))
     assert column(inputs, "end") == pytest.approx(40.0, abs=2.0)
 
 
 def test_acceleration_and_yaw_rate_are_those_of_the_last_third_of_a_second() -> None:
-    history = roads.present(roads.seed((50.0, 0.0, 0.0, 10.0)))
+    history = roads.present(roads.scene_of((50.0, 0.0, 0.0, 10.0)))
     history.states.speed[0, 0, -4:] = [10.0, 10.2, 10.4, 10.6]
     history.states.heading[0, 0, -4:] = [3.1, 3.15, -3.08, -3.03]  # over the jump at pi
     inputs = seen(roads.straight(), history)
@@ -103,7 +103,7 @@ def test_features_do_not_depend_on_where_north_is() -> None:
         spin = np.array([[cos, -sin], [sin, cos]])
         line = roads.arc(40.0, 1.2) @ spin.T + where
         start = spin @ np.array([40 * np.sin(0.3), 40 * (1 - np.cos(0.3))]) + where
-        scene = roads.seed((*start, 0.3 + angle, 8.0))
+        scene = roads.scene_of((*start, 0.3 + angle, 8.0))
         return seen(roads.road(roads.lane(1, line)), scene).features
 
     turned, plain = placed(turn, shift), placed(0.0, np.zeros(2))

@@ -27,7 +27,7 @@ JUMP_M = 0.5  # further than driven in one step: SUMO moved the vehicle by other
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Recording:
+class Drive:
     """Everything that drove in one SUMO run.
 
     Attributes:
@@ -81,7 +81,7 @@ def record(
     every_s: tuple[float, float],
     rng: np.random.Generator,
     also: Sequence[Trip] = (),
-) -> Recording:
+) -> Drive:
     """Let SUMO drive random traffic over a net.
 
     Args:
@@ -139,7 +139,7 @@ def _simulate(net: Path, routes: Path, fcd: Path, *, at_most: int, duration_s: f
         raise SimulationError(f"{net.name}: SUMO cannot populate it ({said[0] if said else done.returncode})")
 
 
-def _read(fcd: Path, trips: list[Trip], steps: int) -> Recording:
+def _read(fcd: Path, trips: list[Trip], steps: int) -> Drive:
     front = np.full((steps, len(trips), 2), np.nan)
     angle = np.full((steps, len(trips)), np.nan)
     speed = np.full((steps, len(trips)), np.nan)
@@ -152,4 +152,4 @@ def _read(fcd: Path, trips: list[Trip], steps: int) -> Recording:
             # SUMO angles: 0 = north, clockwise, degrees; ours: 0 = east, counter-clockwise.
             angle[at] = np.pi / 2 - np.radians(float(row["vehicle_angle"]))
             speed[at] = float(row["vehicle_speed"])
-    return Recording(trips=trips, present=~np.isnan(speed), front=front, angle=angle, speed=speed)
+    return Drive(trips=trips, present=~np.isnan(speed), front=front, angle=angle, speed=speed)

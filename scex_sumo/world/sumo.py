@@ -30,7 +30,7 @@ from scex_sumo.world.vehicle_types import TypeBook
 if TYPE_CHECKING:
     from scex_sumo.converters.net.convert import SumoNet
 
-__all__ = ["TILE_SLOTS", "SumoDriven", "World"]
+__all__ = ["TILE_SLOTS", "SumoDriven", "SumoWorld"]
 
 # moveToXY's keepRoute, which decides where SUMO looks for the lane that the vehicle is on; the vehicle is put
 # exactly where it should be in any case (2). 1 = only along the vehicle's route; 4 = lanes of any permission.
@@ -47,7 +47,7 @@ def load_sumo(*, gui: bool = False) -> Any:
     return importlib.import_module("traci" if gui else "libsumo")
 
 
-class World:
+class SumoWorld:
     """SUMO's simulation of a batch of children, each in its tile; a context manager, one per process.
 
     Children in which SUMO drives nobody may share a tile: vehicles that are moved take no notice of others.
@@ -56,7 +56,7 @@ class World:
     def __init__(
         self,
         net: SumoNet,
-        seed: SeedScene,
+        scene: SeedScene,
         *,
         slots: Sequence[int],
         gui: bool = False,
@@ -68,7 +68,7 @@ class World:
 
         Args:
             net: the converted road.
-            seed: the seed scene, for sizes, types and names.
+            scene: the seed scene, for sizes, types and names.
             slots: the tile slots that batches will use, each below ``TILE_SLOTS``.
             gui: show the simulation in sumo-gui. Its tiles stand closer together, so that the last bits of
                 positions may differ from a run without.
@@ -79,9 +79,9 @@ class World:
         Raises:
             SimulationError: the net cannot be read.
         """
-        self._seed = seed
+        self._scene = scene
         self._temporary = tempfile.TemporaryDirectory(prefix="scex-world-")
-        self._types = TypeBook(seed)
+        self._types = TypeBook(scene)
         self._session = SumoSession(
             net,
             slots,
@@ -92,13 +92,13 @@ class World:
             legend=legend,
         )
         self._gui = gui
-        self._length = np.asarray(seed.length, dtype=np.float64)
+        self._length = np.asarray(scene.length, dtype=np.float64)
         self._sumo: Any = None
         self._running: Batch | None = None
         self._speeds: list[tuple[str, float, float]] = []  # to be set after the next step
         self._routes = 0
 
-    def __enter__(self) -> World:
+    def __enter__(self) -> SumoWorld:
         return self
 
     def __exit__(
@@ -143,7 +143,7 @@ class World:
         with self._session.refusals(f"set up a batch of {len(wanted)} children"):
             self._add_vehicles(batch, driven)
             self._place(start, batch.everybody, np.zeros(start.shape))
-        if others := self._seed.obstacles:
+        if others := self._scene.obstacles:
             self.move_obstacles(others.states[:, HISTORY_STEPS], others.present[:, HISTORY_STEPS])
         self._advance(batch)
         with self._session.refusals("hand vehicles over to its drivers"):
@@ -159,7 +159,7 @@ class World:
         offsets = np.array([self._session.layout.offset(slot) for slot in slots], dtype=np.float64)
         return Batch(
             slots=slots,
-            ids=vehicle_ids(slots, self._seed.track_ids),
+            ids=vehicle_ids(slots, self._scene.track_ids),
             offset=offsets.T[..., None],
             overridden=overridden,
             mixed=mixed,
@@ -200,7 +200,7 @@ class World:
             states: (O,) one for each obstacle of the seed scene.
             present: (O,) False takes an obstacle out of the world.
         """
-        batch, others = self._batch, self._seed.obstacles
+        batch, others = self._batch, self._scene.obstacles
         if others is None:
             return
         front_x, front_y, angle = to_sumo(states, others.length)
@@ -307,7 +307,7 @@ class World:
         batch.held = np.where(batch.speed < 0, 0.0, batch.speed)
 
     def _add_vehicles(self, batch: Batch, driven: Sequence[SumoDriven]) -> None:
-        vehicles = self._seed.vehicles
+        vehicles = self._scene.vehicles
         overridden = [self._types.overridden(v) for v in range(vehicles)]
         by_sumo = {d.child * vehicles + d.vehicle: d for d in driven}
         for index, key in enumerate(batch.ids):
