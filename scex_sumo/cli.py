@@ -10,6 +10,8 @@ from typing import Annotated
 
 import typer
 
+from scex_sumo.commands.plot import plot
+from scex_sumo.commands.report import report
 from scex_sumo.errors import ScexError, UsageError
 
 app = typer.Typer(
@@ -103,7 +105,9 @@ def run(
     workers: Workers = 1,
     batch: Annotated[int | None, typer.Option(help="Children side by side in one SUMO; else chosen.")] = None,
     gui: Annotated[bool, typer.Option("--gui", help="Show the run live in sumo-gui.")] = False,
-    plots: Annotated[bool, typer.Option(help="Draw the densities.")] = True,
+    plots: Annotated[
+        bool, typer.Option("--report/--no-report", "--plots/--no-plots", help="Write report.html.")
+    ] = True,
     keep_plans: Annotated[
         bool, typer.Option(help="Write plans.parquet, to evaluate gap times again.")
     ] = True,
@@ -441,6 +445,10 @@ def models() -> None:
     from scex_sumo.commands.models import models_command
 
     models_command()
+
+
+app.command(epilog="Example: scex-sumo report out/k733")(report)
+app.command(epilog="Example: scex-sumo plot out/k733 --metric ttc -o ttc.svg")(plot)
 
 
 def main() -> None:

@@ -118,20 +118,13 @@ def _tell(request: RunRequest, scene: SeedScene, out: Path, run: Run) -> None:
         from scex_sumo.reports.under_test_table import print_under_test
 
         print_under_test(run.under_test, Console(width=None if sys.stdout.isatty() else 110))
+    print(f"result: {out}")
     if request.plots:
         from scex_sumo.commands.view import write_critical
-        from scex_sumo.reports.run_pictures import draw_run
+        from scex_sumo.reports.page.report import write_report
 
-        drawn = draw_run(run, scene)
-        if tested:
-            from scex_sumo.reports.under_test_picture import draw_under_test
-
-            drawn += draw_under_test(run, run.folder / "under_test")
-        pictures = [file.name for file in drawn if file.suffix == ".png"]
         write_critical(run)
-        print(f"result: {out}; pictures in it: {', '.join(pictures)}")
-    else:
-        print(f"result: {out}")
+        print(f"report: {write_report(run, scene)}")
     print(f"look:   scex-sumo view {shlex.quote(str(out))} {_which_child(run)}")
 
 

@@ -23,7 +23,7 @@ from scex_sumo.reports.page.tables import (
 from scex_sumo.reports.page.tracks import HEADING_RAD, POSITION_M, unique_tracks, whole_tracks
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, SeedScene
-from scex_sumo.statistics.density import BANDWIDTH, SIDES
+from scex_sumo.statistics.density import BANDWIDTH, side_of
 
 _NAMES = {
     "distance": ("distance", "m"),
@@ -129,7 +129,7 @@ def _metric(run: Run, column: str) -> dict[str, Any]:
         "name": name + base[len(plain) :].replace("_", " "),
         "unit": unit,
         "mean": column.endswith("_mean"),
-        "side": SIDES.get(plain, "left"),
+        "side": side_of(plain),
         "threshold": run.thresholds.get(column),
         "recorded": run.recorded_value(column),
     }

@@ -1,4 +1,4 @@
-"""Shell of a page: our own scripts and styles with packed data in one file that asks the network for nothing."""
+"""Shell of a page: our own scripts and styles with packed data in one file, without any request."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class MapView {
   }
 
   drawRoad(context) {
-    Object.assign(context, { lineCap: "round", lineJoin: "round", fillStyle: theme.road, strokeStyle: theme.road });
+    Object.assign(context, { lineCap: "butt", lineJoin: "round", fillStyle: theme.road, strokeStyle: theme.road });
     for (const { kind, width, path } of this.road) {
       if (kind === 0) { context.lineWidth = width; context.stroke(path); }
       if (kind === 3) context.fill(path);

@@ -59,7 +59,7 @@ function runReport(run) {
         if (lift > 0.15 && all < run.children && (!best || lift > best.lift)) best = { lift, share: with_ / row.children.length, words: `${id(vehicle)} as ${model}` };
       });
     }
-    return best ? `${best.words} in ${percent(best.share)} of them` : "";
+    return best ? `${best.share > 0.995 ? "always" : `in ${percent(best.share)} of them`} with ${best.words}` : "";
   }
 
   function inWords(row) {
