@@ -125,6 +125,10 @@ def _tell(request: RunRequest, scene: SeedScene, out: Path, run: Run) -> None:
 
         write_critical(run)
         print(f"report: {write_report(run, scene)}")
+        if tested:
+            from scex_sumo.reports.under_test_picture import draw_under_test
+
+            print(f"under test: {draw_under_test(run, run.folder / 'under_test')[-1]}")
     print(f"look:   scex-sumo view {shlex.quote(str(out))} {_which_child(run)}")
 
 

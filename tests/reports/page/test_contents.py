@@ -108,3 +108,11 @@ def test_the_file_is_small(run: Run) -> None:
 def test_models_have_colours_of_their_own() -> None:
     colors = model_colors(["standard_driver", "mine", "standard_driver:politeness=0", "replay"])
     assert len(set(colors)) == 4
+
+
+def test_likely_children_and_their_collisions_are_counted(run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    shutil.copytree(run.folder, copy / "reference")
+    pq.write_table(pa.table({"child": [4, 4, 9]}), copy / "reference" / "collisions.parquet")
+    assert report_contents(open_run(copy))[0]["likely_collisions"] == (2, run.children)

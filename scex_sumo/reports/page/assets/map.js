@@ -57,11 +57,8 @@ class MapView {
   draw() {
     const { context, width, height } = sharp(this.canvas), { state, run } = this, { show, child } = state;
     if (!width) return;
-    context.fillStyle = theme.map;
-    context.fillRect(0, 0, width, height);
+    this.drawGround(context, width, height);
     this.world(context);
-    this.drawRoad(context);
-    if (show.paths) this.drawPaths(context);
     if (show.recorded && run.recorded) this.drawRecorded(context);
     if (child < 0 || show.ghosts) this.drawGhosts(context, child < 0 ? GHOST : 0.25);
     this.drawOthers(context);
@@ -71,6 +68,23 @@ class MapView {
     this.drawRings(context);
     if (show.ids) this.drawIds(context);
     this.drawScale(context, height);
+  }
+
+  // Road and paths do not change while it plays: they are drawn once per view.
+  drawGround(context, width, height) {
+    const { show, child, filters } = this.state, { ground } = this;
+    const key = [this.x, this.y, this.scale, this.canvas.width, this.canvas.height, child, show.paths, theme.map, ...[...filters.values()].map((f) => f.words)].join();
+    if (key !== this.groundKey) {
+      Object.assign(ground, { width: this.canvas.width, height: this.canvas.height });
+      const below = ground.getContext("2d");
+      below.fillStyle = theme.map;
+      below.fillRect(0, 0, ground.width, ground.height);
+      this.world(below);
+      this.drawRoad(below);
+      if (show.paths) this.drawPaths(below);
+      this.groundKey = key;
+    }
+    context.drawImage(ground, 0, 0, width, height);
   }
 
   drawRoad(context) {
@@ -204,8 +218,8 @@ class MapView {
     if (state.child >= 0) return poseAt(run.poses, run.frames, run.track(state.child, vehicle), state.step, pose);
     const sum = [0, 0];
     let count = 0;
-    for (let row = 0; row < run.owner.length; row++) {
-      if (run.owner[row] !== vehicle || !this.weights[row]) continue;
+    for (let row = run.owner.indexOf(vehicle); run.owner[row] === vehicle; row++) { // tracks are ordered by vehicle
+      if (!this.weights[row]) continue;
       poseAt(run.poses, run.frames, row, state.step, pose);
       sum[0] += this.weights[row] * pose[0];
       sum[1] += this.weights[row] * pose[1];

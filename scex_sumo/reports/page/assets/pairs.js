@@ -34,7 +34,7 @@ const NEAR_M = 4; // pairs that never come nearer are no encounters
 
 class Pairs {
   constructor(run) {
-    Object.assign(this, { run, memory: new Map() });
+    Object.assign(this, { run, memory: new Map(), bounds: new Float64Array(run.frames) });
     this.radius = Array.from({ length: run.vehicles }, (_, v) => Math.hypot(...run.size(v)) / 2);
     this.boxes = this.vehicleBoxes();
     this.touched = new Int16Array(run.children).fill(-1); // step of a child's first contact
@@ -66,14 +66,21 @@ class Pairs {
   least(a, rowA, b, rowB) {
     const key = rowA * this.run.owner.length + rowB;
     if (this.memory.has(key)) return this.memory.get(key);
-    const { poses, frames } = this.run, reach = this.radius[a] + this.radius[b];
-    const found = { gap: Infinity, step: 0, contact: -1 };
-    for (let t = 0; t < frames && found.contact < 0; t++) {
-      const i = (rowA * frames + t) * 3, j = (rowB * frames + t) * 3;
-      if (Math.hypot(poses[i] - poses[j], poses[i + 1] - poses[j + 1]) - reach >= found.gap) continue;
-      const gap = this.gap(poses, frames, a, rowA, b, rowB, t);
-      if (gap < found.gap) Object.assign(found, { gap, step: t, contact: gap === 0 ? t : -1 });
+    const { poses, frames } = this.run, reach = this.radius[a] + this.radius[b], bounds = this.bounds;
+    let nearest = 0;
+    for (let t = 0, i = rowA * frames * 3, j = rowB * frames * 3; t < frames; t++, i += 3, j += 3) {
+      bounds[t] = Math.hypot(poses[i] - poses[j], poses[i + 1] - poses[j + 1]) - reach;
+      if (bounds[t] < bounds[nearest]) nearest = t;
     }
+    // The step at which the middles are nearest first: few others can then still be nearer.
+    const found = { gap: this.gap(poses, frames, a, rowA, b, rowB, nearest), step: nearest, contact: -1 };
+    for (let t = 0; t < frames; t++) {
+      if (bounds[t] > found.gap || (bounds[t] === found.gap && t > found.step)) continue;
+      const gap = this.gap(poses, frames, a, rowA, b, rowB, t);
+      if (gap < found.gap || (gap === found.gap && t < found.step)) Object.assign(found, { gap, step: t });
+      if (gap === 0) break;
+    }
+    if (found.gap === 0) found.contact = found.step;
     this.memory.set(key, found);
     return found;
   }
