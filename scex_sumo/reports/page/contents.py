@@ -124,6 +124,8 @@ def _metric(run: Run, column: str) -> dict[str, Any]:
     base = column.removesuffix("_mean")
     plain = next((name for name in sorted(_NAMES, key=len, reverse=True) if base.startswith(name)), base)
     name, unit = _NAMES.get(plain, (base, ""))
+    known = run.recorded is not None and column in run.recorded.column_names
+    recorded = run.recorded_value(column) if known else None
     return {
         "column": column,
         "name": name + base[len(plain) :].replace("_", " "),
@@ -131,7 +133,7 @@ def _metric(run: Run, column: str) -> dict[str, Any]:
         "mean": column.endswith("_mean"),
         "side": side_of(plain),
         "threshold": run.thresholds.get(column),
-        "recorded": run.recorded_value(column),
+        "recorded": recorded,
     }
 
 

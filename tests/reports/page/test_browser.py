@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
-from scex_sumo.results.run import Run
+from scex_sumo.reports.page.report import write_report
+from scex_sumo.results.run import Run, open_run
 
 
 def text(page: Any, selector: str) -> str:
@@ -138,3 +142,18 @@ def test_the_map_is_drawn_in_light_and_dark(page: Any) -> None:
     page.emulate_media(color_scheme="dark")
     page.wait_for_timeout(200)
     assert light > 150 > 60 > page.evaluate(pixel)
+
+
+def test_collisions_that_the_run_found_are_those_that_count(browser: Any, run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    ids = run.info["seed_scene"]["track_ids"]
+    found = {"child": [3, 5, 5], "step": [9, 12, 12], "track_id": [ids[4], ids[4], ids[5]]}
+    found |= {"other_id": [ids[5], ids[5], ids[4]]}
+    pq.write_table(pa.table(found), copy / "collisions.parquet")
+    page = browser.new_page()
+    page.goto(write_report(open_run(copy)).resolve().as_uri())
+    page.wait_for_selector("#worst tr.go")
+    assert f"2 of {run.children} child scenarios" in text(page, "#verdict")
+    assert page.locator("#worst tr.go").count() == 2
+    page.close()

@@ -116,3 +116,15 @@ def test_likely_children_and_their_collisions_are_counted(run: Run, tmp_path: Pa
     shutil.copytree(run.folder, copy / "reference")
     pq.write_table(pa.table({"child": [4, 4, 9]}), copy / "reference" / "collisions.parquet")
     assert report_contents(open_run(copy))[0]["likely_collisions"] == (2, run.children)
+
+
+def test_columns_that_were_not_measured_of_the_recording_have_no_recorded_value(
+    run: Run, tmp_path: Path
+) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    more = run.metrics.append_column("distance_path", run.metrics["distance"])
+    pq.write_table(more, copy / "metrics.parquet")
+    last = report_contents(open_run(copy))[0]["metrics"][-1]
+    assert (last["column"], last["side"], last["recorded"]) == ("distance_path", "left", None)
+    assert last["name"] == "distance path"

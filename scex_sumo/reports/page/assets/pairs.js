@@ -88,13 +88,17 @@ class Pairs {
   // All encounters, the gravest first; numbers of the run's own tables take the place of those seen here.
   find() {
     const { vehicles } = this.run, rows = [];
+    if (this.run.arrays.collision_rows) this.readContacts();
     for (let a = 0; a < vehicles; a++) {
       for (let b = a + 1; b < vehicles; b++) if (this.near(a, b)) rows.push(this.encounter(a, b));
     }
     const index = new Map(this.run.info.track_ids.map((id, v) => [id, v]));
     const key = (a, b) => Math.min(a, b) * vehicles + Math.max(a, b);
-    const known = new Map((this.run.info.encounters || []).map((row) => [key(index.get(row.track_id), index.get(row.other_id)), row]));
-    if (this.run.arrays.collision_rows) this.readContacts();
+    const known = new Map(); // the gravest row of each pair
+    for (const row of this.run.info.encounters || []) {
+      const at = key(index.get(row.track_id), index.get(row.other_id)), there = known.get(at);
+      if (!there || row.p_collision > there.p_collision) known.set(at, row);
+    }
     const kept = rows.filter((row) => row.least < NEAR_M || known.has(key(row.a, row.b)));
     for (const row of kept) {
       const said = known.get(key(row.a, row.b));
@@ -111,9 +115,13 @@ class Pairs {
       gaps.push(found.gap);
       const worse = found.gap < soonest.gap || (found.gap === 0 && soonest.gap === 0 && found.step < soonest.step);
       if (worse) Object.assign(soonest, { child: c, step: found.step, gap: found.gap });
-      if (found.contact < 0 || standing) continue;
+      if (found.contact < 0 || standing || run.arrays.collision_rows) continue;
       children.push(c);
-      if (!run.arrays.collision_rows) this.contact(c, found.contact, a, b);
+      this.contact(c, found.contact, a, b);
+    }
+    if (run.arrays.collision_rows) {
+      const own = this.contacts.filter((one) => one.a === a && one.b === b);
+      children.push(...new Set(own.map((one) => one.child)));
     }
     const sorted = Float32Array.from(gaps).sort();
     return { a, b, gaps, children, standing, p: wilson(children.length, run.children), least: sorted[0], median: quantile(sorted, 0.5),
@@ -133,7 +141,7 @@ class Pairs {
     const { collision_rows: rows, collision_places: places } = this.run.arrays;
     for (let i = 0; i < rows.shape[0]; i++) {
       const [child, step, a, b] = rows.values.subarray(4 * i, 4 * i + 4);
-      if (a >= 0 && b >= 0) this.contact(child, step, a, b, places && [places.values[2 * i], places.values[2 * i + 1]]);
+      if (a >= 0 && b >= 0) this.contact(child, step, Math.min(a, b), Math.max(a, b), places && [places.values[2 * i], places.values[2 * i + 1]]);
     }
   }
 

@@ -88,8 +88,7 @@ function runReport(run) {
       shares.append(line);
     });
     const hits = info.metrics.filter((metric, m) => !metric.mean && metric.recorded !== null && state.isCritical(m, metric.recorded)).map((metric) => metric.name);
-    const anyRecorded = info.metrics.some((metric) => metric.recorded !== null);
-    const said = !anyRecorded ? "nothing was recorded" : hits.length ? `critical by ${hits.join(", ")}` : "not critical";
+    const said = !run.recorded ? "nothing was recorded" : hits.length ? `critical by ${hits.join(", ")}` : "not critical";
     shares.append(make("p.soft", { textContent: `blue: possible, line: 95 %${run.likely[0] ? ", violet: likely" : ""}; recorded future: ${said}` }));
     const list = make("ol", {}, ...encounters.slice(0, 3).map((row) => make("li", {}, make("button", { onclick: () => jump([row.a, row.b], row.child, row.step) },
       make("b", { textContent: `${id(row.a)} and ${id(row.b)} ` }), inWords(row)))));
@@ -116,7 +115,7 @@ function runReport(run) {
     const add = (child, step, a, b, value) => {
       const key = `${a} ${b} ${step} ${value.toPrecision(3)}`;
       if (!groups.has(key)) groups.set(key, { a, b, step, value, children: [] });
-      groups.get(key).children.push(child);
+      if (!groups.get(key).children.includes(child)) groups.get(key).children.push(child);
     };
     if (focus < 0) for (const { child, step, a, b } of pairs.contacts) add(child, step, a, b, 0);
     for (let i = 0; i < rows.shape[0]; i++) {
@@ -213,7 +212,10 @@ function runReport(run) {
     if (any(changed, "thresholds", "found")) drawVerdict();
     if (any(changed, "thresholds", "focus", "found")) drawModels();
     if (any(changed, "focus", "found")) worstTable.show(worstEvents());
-    if (any(changed, "found")) encounterTable.show(encounters);
+    if (any(changed, "found")) {
+      encounterTable.show(encounters);
+      byId("encounters").hidden = !encounters.length;
+    }
     else if (any(changed, "pair", "child")) { encounterTable.draw(); worstTable.draw(); }
   });
 
