@@ -13,6 +13,7 @@ import pyarrow as pa
 from scex_sumo.commands.console import warn
 from scex_sumo.commands.metrics import write_table
 from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.metrics.registry import metric_of
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.statistics.grouping import Grouping, group_runs
 from scex_sumo.studies.compare import KINDS, Comparison, comparable, compare
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 MOST_IN_MATRIX = 20  # runs whose matrix fits a terminal of 110 characters
 MOST_PAIRS = 15
 _CODES = {"distance": "D", "tq": "Q", "gap_time": "G", "pttc": "P", "wttc": "W", "ttc": "T"}
-_UNITS = {"distance": " m", "tq": "", "gap_time": " s", "pttc": " s", "wttc": " s", "ttc": " 1/s"}
 
 
 def compare_command(
@@ -165,7 +165,7 @@ def _typical(run: Run, metric: str) -> str:
     share = len(samples) / run.children
     if share == 0:
         return "undefined"
-    text = f"{np.median(samples):.2f}{_UNITS.get(metric.removesuffix('_mean'), '')}"
+    text = f"{np.median(samples):.2f} {metric_of(metric).column_unit}".rstrip()
     return text if share == 1 else f"{text}, defined in {share:.0%}"
 
 
@@ -201,14 +201,14 @@ def distances_table(comparison: Comparison) -> pa.Table:
 
 
 def _write(runs: Sequence[Run], comparison: Comparison, grouping: Grouping, out: Path) -> None:
-    from scex_sumo.reports.compare_pictures import draw_dendrogram, draw_fingerprints
+    from scex_sumo.reports.compare_pictures import draw_compared_densities, draw_dendrogram
 
     table = distances_table(comparison).replace_schema_metadata({"distance": comparison.kind})
     for name in ("distances.parquet", "distances.csv"):
         write_table(table, out / name)
     try:
         draw_dendrogram(comparison, grouping, out / "dendrogram")
-        draw_fingerprints(runs, comparison, grouping, out / "densities")
+        draw_compared_densities(runs, comparison, grouping, out / "densities")
     except OSError as error:
         raise ResultError(f"{out}: cannot write: {error.strerror or error}") from None
     print(f"written: {out}/distances.parquet, distances.csv, dendrogram.svg/png, densities.svg/png")

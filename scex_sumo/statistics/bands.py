@@ -1,4 +1,4 @@
-"""Runs that go on until the distributions are known as surely as asked for."""
+"""Bands around cumulative distributions, and runs that go on until these are as narrow as asked for."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import UsageError
 from scex_sumo.statistics.density import CONFIDENCE, dkw_half_width
-from scex_sumo.statistics.designs import DESIGNS_THAT_GROW
 
 FIRST_LOOK: Final = 100
 MOST_CHILDREN: Final = 10_000
@@ -41,14 +40,10 @@ class Look:
     left_out: tuple[str, ...]
 
 
-def check_band(band: float, design: str) -> None:
-    """Raise a `UsageError` for a band that no run can reach, or a design that cannot grow."""
+def check_band(band: float) -> None:
+    """Raise a `UsageError` for a band that no run can reach."""
     if not 0 < band < 1:
         raise UsageError(f"--until-band: got {band}, needs to be between 0 and 1, e.g. 0.05")
-    if design not in DESIGNS_THAT_GROW:
-        raise UsageError(
-            f"--until-band: a design of {design} cannot grow; use --design {' or '.join(DESIGNS_THAT_GROW)}"
-        )
 
 
 class Bands:
