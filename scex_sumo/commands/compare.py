@@ -13,7 +13,6 @@ import pyarrow as pa
 from scex_sumo.commands.console import warn
 from scex_sumo.commands.metrics import write_table
 from scex_sumo.errors import ResultError, UsageError
-from scex_sumo.metrics.registry import metric_of
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.statistics.grouping import Grouping, group_runs
 from scex_sumo.studies.compare import KINDS, Comparison, comparable, compare
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
 MOST_IN_MATRIX = 20  # runs whose matrix fits a terminal of 110 characters
 MOST_PAIRS = 15
 _CODES = {"distance": "D", "tq": "Q", "gap_time": "G", "pttc": "P", "wttc": "W", "ttc": "T"}
+_UNITS = {"distance": " m", "tq": "", "gap_time": " s", "pttc": " s", "wttc": " s", "ttc": " 1/s"}
 
 
 def compare_command(
@@ -165,7 +165,7 @@ def _typical(run: Run, metric: str) -> str:
     share = len(samples) / run.children
     if share == 0:
         return "undefined"
-    text = f"{np.median(samples):.2f} {metric_of(metric).column_unit}".rstrip()
+    text = f"{np.median(samples):.2f}{_UNITS.get(metric.removesuffix('_mean'), '')}"
     return text if share == 1 else f"{text}, defined in {share:.0%}"
 
 

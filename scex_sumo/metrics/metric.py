@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+import hashlib
+import inspect
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
+from scex_sumo.errors import UsageError
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 
@@ -61,5 +65,22 @@ class Metric:
         return f"{self.words} [{unit}]" if unit else self.words
 
     def description(self) -> dict[str, Any]:
-        """All but the formula, as JSON."""
-        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "evaluate"}
+        """All as JSON, with where the formula stands and the SHA-256 of that file in place of the formula."""
+        told = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "evaluate"}
+        function = inspect.unwrap(self.evaluate)
+        place = f"{getattr(function, '__module__', '')}:{getattr(function, '__qualname__', '')}"
+        try:
+            code = Path(inspect.getfile(function)).read_bytes()
+        except (OSError, TypeError):  # typed into an interpreter, or no function of Python's
+            return {**told, "function": place, "sha256": None}
+        return {**told, "function": place, "sha256": hashlib.sha256(code).hexdigest()}
+
+    @classmethod
+    def described(cls, description: Mapping[str, Any]) -> Metric:
+        """A metric that can be named and judged, but not evaluated, from its description."""
+        known = {f.name: description[f.name] for f in dataclasses.fields(cls) if f.name in description}
+        return cls(evaluate=_elsewhere, **known)
+
+
+def _elsewhere(scenes: Scenes) -> Samples:
+    raise UsageError("metrics: this metric is known from a result only; register its function to evaluate it")

@@ -197,19 +197,16 @@ def side_of(column: str) -> Literal["left", "right"]:
     return metric_of(column).side
 
 
-def describe_metrics(metrics: Iterable[Metric]) -> list[dict[str, Any]]:
-    """What ``run.json`` says of metrics that are not built in, so that the result can be read anywhere."""
-    return [each.description() for each in metrics if each.name not in METRICS]
+def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
+    """What ``run.json`` says of metrics, since they decide on the result; nothing of the paper's six."""
+    if tuple(each.name for each in metrics) == PAPER_METRICS:
+        return []
+    return [each.description() for each in metrics]
 
 
 def learn_metrics(descriptions: Iterable[Mapping[str, Any]]) -> None:
-    """Take in what ``run.json`` says of metrics, for columns whose functions this process does not have."""
-    for each in descriptions:
-        _described[each["name"]] = Metric(evaluate=_elsewhere, **each)
-
-
-def _elsewhere(scenes: Scenes) -> Samples:
-    raise UsageError("metrics: the metric is known from a result only; register it to evaluate it")
+    """Take in what ``run.json`` says of metrics, for columns whose functions this process may not have."""
+    _described.update((each["name"], Metric.described(each)) for each in descriptions)
 
 
 def preset_named(name: str) -> Preset:

@@ -1,4 +1,4 @@
-"""Where criticality comes from: which vehicles' models make the values vary, and what makes them critical."""
+"""Explanation of criticality: which vehicles' models make the values vary, and what makes them critical."""
 
 from __future__ import annotations
 
