@@ -1,8 +1,8 @@
 """Densities of metric values, and their uncertainty. Arrays in, arrays out.
 
 Samples are the values of the children in which a metric is defined: drop undefined children first and report
-the share of those that remain. Infinite samples are values: they count in every
-denominator, so that a density integrates to the share of finite samples and a cumulative curve ends there.
+the share of those that remain. Infinite samples are values: they count in every denominator, so that a
+density integrates to the share of finite samples and a cumulative curve ends there.
 """
 
 from __future__ import annotations
@@ -34,16 +34,12 @@ class Density:
         pdf: (G,) density, 1 / unit.
         cdf: (G,) cumulative distribution with the same kernel.
         band: (G,) lower and (G,) upper limit of the cumulative distribution.
-        count: number of samples, infinite ones included.
-        bandwidth: standard deviation of the kernel, in the metric's unit.
     """
 
     x: FloatArray
     pdf: FloatArray
     cdf: FloatArray
     band: tuple[FloatArray, FloatArray]
-    count: int
-    bandwidth: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,8 +94,6 @@ def density(
         pdf=pdf / (values.size * bandwidth),
         cdf=cdf,
         band=(np.maximum(cdf - half, 0.0), np.minimum(cdf + half, 1.0)),
-        count=int(values.size),
-        bandwidth=bandwidth,
     )
 
 
