@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 
 from scex_sumo.errors import ResultError
 from scex_sumo.files import lock, unlock, write_atomic
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.seeds import Failure, Listing, SeedRef, plain
 from scex_sumo.ranking.task import SeedPart
 

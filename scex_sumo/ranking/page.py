@@ -19,6 +19,7 @@ import pyarrow.compute as pc
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.extrapolation.casting import cast_models
 from scex_sumo.files import write_atomic
+from scex_sumo.metrics.registry import metric_of
 from scex_sumo.ranking.progress import Campaign
 from scex_sumo.ranking.rounds import distinct, nearby
 from scex_sumo.ranking.seeds import SeedRef
@@ -26,21 +27,11 @@ from scex_sumo.ranking.tasks import Plan
 from scex_sumo.ranking.workers import Outcome
 from scex_sumo.reports.run_table import counted
 from scex_sumo.scene import LOGGED_HISTORY
-from scex_sumo.statistics.density import side_of
 
 HTML = "ranking.html"
 _DRAWN_CHILDREN = 32
 _ROWS = 200
 _REASONS = 20
-_UNITS = {"distance": "m", "tq": "", "gap_time": "s", "pttc": "s", "wttc": "s", "ttc": "1/s"}
-_NAMES = {
-    "distance": "distance",
-    "tq": "traffic quality",
-    "gap_time": "gap time",
-    "pttc": "PTTC",
-    "wttc": "WTTC",
-    "ttc": "1/TTC",
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,11 +152,11 @@ Rank {row["rank"]}, 95 % interval {row["rank_low"]} to {row["rank_high"]}, after
 
 def _bar(row: Mapping[str, Any], column: str, limit: float) -> str:
     """The share of critical children as a bar with its interval."""
-    sign = "≤" if side_of(column) == "left" else "≥"
-    base = column.removesuffix("_mean")
-    unit = f" {_UNITS[base]}" if _UNITS[base] else ""
+    metric = metric_of(column)
+    sign = "≤" if metric.side == "left" else "≥"
+    unit = f" {metric.column_unit}" if metric.column_unit else ""
     mean = ", mean" if column.endswith("_mean") else ""
-    label = f"{_NAMES[base]}{mean} {sign} {limit:.3g}{unit}"
+    label = f"{metric.words}{mean} {sign} {limit:.3g}{unit}"
     value, low, high = (row[f"p_{column}{end}"] for end in ("", "_low", "_high"))
     if value is None:
         return f'<tr><td>{label}</td><td class="track"></td><td>defined in no child</td></tr>'
@@ -182,9 +173,7 @@ def _bar(row: Mapping[str, Any], column: str, limit: float) -> str:
 
 def _head(thresholds: Mapping[str, float]) -> str:
     names = ["rank", "interval", "score", "seed", "location", "time [s]", "vehicles", "children"]
-    names += [
-        f"P({_NAMES[c.removesuffix('_mean')]}{' mean' if c.endswith('_mean') else ''})" for c in thresholds
-    ]
+    names += [f"P({metric_of(c).words}{' mean' if c.endswith('_mean') else ''})" for c in thresholds]
     return "".join(f"<th>{escape(name)}</th>" for name in names)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.ranking.read_ahead import read_ahead
 from scex_sumo.ranking.rounds import Tally, round_ends, undecided

@@ -15,7 +15,7 @@ from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.converters.datasets.recordings import find_recordings
 from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.casting import Casting, Models, cast_models, drivers, weights_of
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.ranking.output import count, describe, write
 from scex_sumo.ranking.progress import Campaign, Progress
@@ -24,7 +24,6 @@ from scex_sumo.ranking.task import KEEP, Settings
 from scex_sumo.ranking.tasks import Plan
 from scex_sumo.ranking.workers import Crew, Processes
 from scex_sumo.results.provenance import versions
-from scex_sumo.statistics.density import THRESHOLDS
 from scex_sumo.statistics.designs import DEFAULT_DESIGN
 from scex_sumo.version import __version__
 

@@ -16,10 +16,10 @@ import pyarrow.parquet as pq
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.files import write_atomic
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS, side_of
 from scex_sumo.ranking.scores import place
 from scex_sumo.ranking.seeds import Failure, SeedRef
-from scex_sumo.statistics.density import p_critical, side_of
+from scex_sumo.statistics.density import p_critical
 
 PARQUET, CSV = "ranking.parquet", "ranking.csv"
 _ROWS_AT_ONCE = 500

@@ -35,13 +35,12 @@ from scex_sumo.extrapolation.casting import (
     weights_of,
 )
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, run_batch
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS, side_of
 from scex_sumo.ranking.seeds import reason_of
 from scex_sumo.results.folder import Part, tracks_table
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import off_road
 from scex_sumo.scene import SeedScene
-from scex_sumo.statistics.density import side_of
 from scex_sumo.version import __version__
 from scex_sumo.world.colors import model_colors
 from scex_sumo.world.sumo import SumoWorld

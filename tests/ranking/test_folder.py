@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.errors import ResultError
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.ranking.seeds import Failure, Listing
 from tests.ranking.parts import seed_part, seed_ref

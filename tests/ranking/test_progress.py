@@ -15,7 +15,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.ranking.progress import Campaign
 from scex_sumo.ranking.rounds import distinct

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.folder import children_table
 from scex_sumo.ranking.seeds import Failure
 from scex_sumo.ranking.table import failed_row, placed, seed_row, tabulate, write_ranking

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import scex_sumo
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.seeds import SeedRef
 from scex_sumo.ranking.task import Parcel, SeedPart, SeedTask, Settings
 from scex_sumo.ranking.workers import Order, Processes
