@@ -36,15 +36,10 @@ Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
 
 
 class WorkersDied(SimulationError):
-    """One task of which all workers died that tried it.
-
-    Attributes:
-        where: what they were at.
-        reasons: how each ended.
-    """
+    """One task of which all workers died that tried it; ``reasons`` say how each ended."""
 
     def __init__(self, where: str, reasons: Sequence[str]) -> None:
-        self.where, self.reasons = where, tuple(reasons)
+        self.reasons = reasons
         super().__init__(
             f"a worker died twice {where} ({reasons[-1]}); finished children are kept, "
             "the same command goes on"

@@ -22,7 +22,7 @@ from scex_sumo.files import write_atomic
 from scex_sumo.ranking.moments import MomentRef
 from scex_sumo.ranking.places import distinct, nearby
 from scex_sumo.ranking.ranking_run import RankingRun
-from scex_sumo.ranking.run_moment import MomentPart, MomentTask
+from scex_sumo.ranking.run_moment import MomentPart, MomentTask, unpack_road
 from scex_sumo.ranking.settings import written
 from scex_sumo.reports.run_table import counted
 from scex_sumo.scene import LOGGED_HISTORY
@@ -101,7 +101,7 @@ def draw(task: MomentTask, part: MomentPart) -> bytes:
     assert task.road is not None and part.tracks is not None
     shape = (len(part.children), len(part.track_ids), -1)
     x, y = (np.asarray(part.tracks[name]).reshape(shape)[:, :, LOGGED_HISTORY - 1 :] for name in ("x", "y"))
-    return scene_png(dataclasses.replace(task.scene, road=task.road.road()), futures_of(x, y))
+    return scene_png(dataclasses.replace(task.scene, road=unpack_road(task.road)), futures_of(x, y))
 
 
 def _command(run: RankingRun, ref: MomentRef) -> str:

@@ -46,8 +46,8 @@ class Places:
 def scores(share: FloatArray) -> FloatArray:
     """Composite score of moments: the mean of their shares of critical children over the metrics.
 
-    A mean of ranks would do as well where metrics tell moments apart. But where hundreds of moments have 100 %
-    by one metric, as the distance in queues, it would make much of the last tenths of a percent between them.
+    A mean of ranks would do as well where metrics tell moments apart. But where hundreds have 100 % by one
+    metric, as the distance in queues, it would make much of the last tenths of a percent between them.
 
     Args:
         share: (n, M) of all children, those in which a metric is undefined included.
@@ -94,8 +94,8 @@ def place(
 
     The probability of a critical child given k of n is drawn from its Beta(k + 1/2, n - k + 1/2) posterior,
     whose central 95 % are the Jeffreys interval of the binomial, for all moments, ``draws`` times; the
-    interval of a rank is that of the middle 95 % of the draws. A moment's metrics are drawn at one common level: they
-    come from the same children, and the widest that the rank can vary is when they err together.
+    interval of a rank is that of the middle 95 % of the draws. A moment's metrics are drawn at one common
+    level: they come from the same children, and the widest that the rank can vary is when they err together.
 
     Args:
         critical: (n, M) number of critical children by each metric.

@@ -7,16 +7,16 @@ met, each converted to a SUMO net once.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import pickle
 import tempfile
 import threading
+import weakref
 import zlib
-from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from shutil import rmtree
 
 import numpy as np
 import pyarrow as pa
@@ -41,32 +41,17 @@ from scex_sumo.world.sumo import SumoWorld
 KEEP_MOST = 5
 """Children of a moment whose tracks ``critical`` keeps at most."""
 
-_MAPS_KEPT = 8
+
+def pack_road(road: Road) -> bytes:
+    """Road as it goes to workers, pickled and compressed."""
+    return zlib.compress(pickle.dumps(road, protocol=pickle.HIGHEST_PROTOCOL))
 
 
-@dataclass(frozen=True, kw_only=True)
-class PackedRoad:
-    """A road on its way to workers.
-
-    Attributes:
-        key: its digest.
-        packed: the road, pickled and compressed.
-    """
-
-    key: str
-    packed: bytes
-
-    @classmethod
-    def of(cls, road: Road) -> PackedRoad:
-        """Pack a road."""
-        plain = pickle.dumps(road, protocol=pickle.HIGHEST_PROTOCOL)
-        return cls(key=hashlib.sha256(plain).hexdigest()[:32], packed=zlib.compress(plain))
-
-    def road(self) -> Road:
-        """The road."""
-        road = pickle.loads(zlib.decompress(self.packed))
-        assert isinstance(road, Road)
-        return road
+def unpack_road(packed: bytes) -> Road:
+    """The reverse of `pack_road`."""
+    road = pickle.loads(zlib.decompress(packed))
+    assert isinstance(road, Road)
+    return road
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,7 +61,7 @@ class MomentTask:
     Attributes:
         ref: the moment.
         scene: its seed scene, without the road.
-        road: the road; None where it goes to the workers by another way.
+        road: the road, packed; None where it goes to the workers by another way.
         children: their numbers.
         spare: how many more children may have their tracks kept.
         settings: those of the ranking.
@@ -85,7 +70,7 @@ class MomentTask:
 
     ref: MomentRef
     scene: SeedScene
-    road: PackedRoad | None
+    road: bytes | None
     children: range
     spare: int
     settings: RankSettings
@@ -121,17 +106,16 @@ class MomentPart:
 
 # libsumo runs one simulation per process: tasks that share one, as in a Dask worker of several threads, wait.
 _one_at_a_time = threading.Lock()
-_maps: OrderedDict[str, tuple[Road, SumoNet, Any]] = OrderedDict()
 
 
-def run_moment(task: MomentTask, road: PackedRoad | None = None) -> MomentPart | Failure:
+def run_moment(task: MomentTask, road: bytes | None = None) -> MomentPart | Failure:
     """Children of a task, run on its road or the one given; or what is wrong with the moment."""
     packed = task.road or road
     try:
-        assert packed is not None
+        assert packed is not None, "no road"
         _check_versions(task)
         with _one_at_a_time:
-            return _run(task, *_mapped(packed))
+            return _run(task, *_converted(packed))
     except Exception as error:  # whatever it is, the other moments go on
         return Failure.of(task.ref, reason_of(error))
 
@@ -146,16 +130,12 @@ def _check_versions(task: MomentTask) -> None:
         raise UsageError("the worker has other weights of learned models; install the same everywhere")
 
 
-def _mapped(packed: PackedRoad) -> tuple[Road, SumoNet]:
-    """The road and its net; converted at the first moment of a map."""
-    if packed.key not in _maps:
-        road = packed.road()
-        folder = tempfile.TemporaryDirectory(prefix="scex-rank-", ignore_cleanup_errors=True)
-        _maps[packed.key] = road, convert(road, Path(folder.name) / "map.net.xml"), folder
-        while len(_maps) > _MAPS_KEPT:
-            _maps.popitem(last=False)[1][2].cleanup()
-    _maps.move_to_end(packed.key)
-    road, net, _ = _maps[packed.key]
+@lru_cache(maxsize=8)
+def _converted(packed: bytes) -> tuple[Road, SumoNet]:
+    """The road and its net, whose folder goes with it; made at the first moment of a map."""
+    road, folder = unpack_road(packed), tempfile.mkdtemp(prefix="scex-rank-")
+    net = convert(road, Path(folder) / "map.net.xml")
+    weakref.finalize(net, rmtree, folder, ignore_errors=True)
     return road, net
 
 

@@ -11,7 +11,7 @@ from typing import TypeVar
 from scex_sumo.converters.datasets.recordings import Recording, load_recording, recording_moments, seed_at
 from scex_sumo.errors import reason_of
 from scex_sumo.ranking.moments import Failure, Listing, MomentRef, list_moments, unreadable
-from scex_sumo.ranking.run_moment import MomentTask, PackedRoad
+from scex_sumo.ranking.run_moment import MomentTask, pack_road
 from scex_sumo.ranking.settings import RankSettings
 
 T = TypeVar("T")
@@ -48,7 +48,7 @@ def cut(
             continue
         try:
             loaded = load_recording(recording)
-            road = PackedRoad.of(loaded.road)
+            road = pack_road(loaded.road)
             if listing is None:
                 moments = recording_moments(loaded, every_s=settings.every)
                 listing = list_moments(recording, moments, min_vehicles=settings.min_vehicles)

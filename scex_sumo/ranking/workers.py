@@ -6,6 +6,7 @@ Dask schedules by itself, and gives a dead worker's moments to others.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import logging
 import socket
 import time
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias
 from scex_sumo.errors import MissingExtraError, ScexError, UsageError, one_line, reason_of
 from scex_sumo.extrapolation.workers import Workers, WorkersDied
 from scex_sumo.ranking.moments import Failure
-from scex_sumo.ranking.run_moment import MomentPart, MomentTask, PackedRoad, run_moment
+from scex_sumo.ranking.run_moment import MomentPart, MomentTask, run_moment
 from scex_sumo.version import __version__
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ class DaskWorkers:
             f"{several} Dask workers have several threads, and one SUMO each, which they wait for; "
             "start workers with --nthreads 1"
         ][: several > 0]
-        self._roads: dict[str, Future] = {}
+        self._roads: dict[bytes, Future] = {}
         self._threads, self._asked = 1, -_ASK_S
 
     def notes(self) -> list[str]:
@@ -161,11 +162,11 @@ class DaskWorkers:
     def _submit(self, task: MomentTask) -> Future:
         road = task.road
         assert road is not None
-        if road.key not in self._roads:
-            key = f"scex-road-{road.key}"
-            self._roads[road.key] = self._client.submit(publish_road, road, key=key)
+        if road not in self._roads:
+            key = f"scex-road-{hashlib.sha256(road).hexdigest()[:32]}"
+            self._roads[road] = self._client.submit(publish_road, road, key=key)
         bare = dataclasses.replace(task, road=None)
-        return self._client.submit(run_moment, bare, self._roads[road.key], pure=False)
+        return self._client.submit(run_moment, bare, self._roads[road], pure=False)
 
     def close(self) -> None:
         """See `MomentWorkers`; the cluster goes on without us."""
@@ -194,7 +195,7 @@ def _no_scheduler(address: str, error: Exception) -> UsageError:
     )
 
 
-def publish_road(road: PackedRoad) -> PackedRoad:
+def publish_road(road: bytes) -> bytes:
     """Dask's task that brings a road to the workers."""
     return road
 

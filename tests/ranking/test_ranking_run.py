@@ -24,8 +24,6 @@ from scex_sumo.ranking.run_moment import MomentPart, MomentTask, choose_kept, cr
 from scex_sumo.ranking.settings import RankSettings
 from scex_sumo.ranking.workers import Found
 
-THRESHOLDS = {"wttc": 0.26, "ttc": 1 / 1.5}
-
 
 class Instant:
     """Workers that make up values from the moment's name and the child's number.
@@ -65,7 +63,7 @@ def made_up(task: MomentTask) -> MomentPart:
     values = np.stack([np.random.default_rng([number, c]).random(len(COLUMNS)) for c in children])
     values = values * (number % 7 + 1) / 5
     defined = np.ones(values.shape, dtype=bool)
-    critical = critical_by(values, defined, THRESHOLDS)
+    critical = critical_by(values, defined, task.settings.thresholds)
     return MomentPart(
         children=children,
         values=values,

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.ranking.folder import children_table
 from scex_sumo.ranking.moments import Failure
-from scex_sumo.ranking.table import failed_row, placed, moment_row, tabulate, write_ranking
+from scex_sumo.ranking.table import failed_row, moment_row, placed, tabulate, write_ranking
 from tests.ranking.parts import moment_part, moment_ref
 
 LIMITS = {"distance": 150.0, "ttc_mean": 250.0}

@@ -15,7 +15,7 @@ import pytest
 import scex_sumo
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.ranking.moments import Failure, MomentRef
-from scex_sumo.ranking.run_moment import MomentPart, MomentTask, PackedRoad
+from scex_sumo.ranking.run_moment import MomentPart, MomentTask, pack_road
 from scex_sumo.ranking.settings import RankSettings
 from scex_sumo.ranking.workers import LocalWorkers
 from scex_sumo.scene import SeedScene
@@ -50,7 +50,7 @@ def task(scene: SeedScene, name: str, *, children: int = 4, road: Any = None, **
     return MomentTask(
         ref=ref,
         scene=dataclasses.replace(scene, road=None),
-        road=PackedRoad.of(scene.road) if road is None else road,
+        road=pack_road(scene.road) if road is None else road,
         children=range(children),
         spare=children,
         settings=dataclasses.replace(SETTINGS, **changed),
