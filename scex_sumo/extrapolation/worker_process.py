@@ -116,3 +116,17 @@ def write(stream: IO[bytes], content: Any) -> None:
     """Send a pickle."""
     pickle.dump(content, stream, protocol=pickle.HIGHEST_PROTOCOL)
     stream.flush()
+
+
+def pack(content: Any) -> bytes:
+    """Pickle; classes of the user's own script by value, since a worker does not run the script."""
+    try:
+        packed = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        packed = b"__main__"
+    if b"__main__" not in packed:
+        return packed
+    import cloudpickle
+
+    by_value: bytes = cloudpickle.dumps(content)
+    return by_value

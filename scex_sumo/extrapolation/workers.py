@@ -20,7 +20,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 from scex_sumo.errors import SimulationError
-from scex_sumo.extrapolation.worker_process import DIED, WorkerProcess, served_streams, write
+from scex_sumo.extrapolation.worker_process import DIED, WorkerProcess, pack, served_streams, write
 
 if TYPE_CHECKING:
     from scex_sumo.arrays import IntArray
@@ -35,15 +35,8 @@ Work: TypeAlias = Callable[[], AbstractContextManager[Callable[[Any, OnStep], An
 Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
 
 
-class WorkersDied(SimulationError):
-    """One task of which all workers died that tried it; ``reasons`` say how each ended."""
-
-    def __init__(self, where: str, reasons: Sequence[str]) -> None:
-        self.reasons = reasons
-        super().__init__(
-            f"a worker died twice {where} ({reasons[-1]}); finished children are kept, "
-            "the same command goes on"
-        )
+class WorkersDied(Exception):
+    """All workers died that tried one task: what they were at, and how each ended."""
 
 
 class Workers:
@@ -95,7 +88,7 @@ class Workers:
             The children of each batch when it is finished, in any order.
 
         Raises:
-            WorkersDied: twice over the same batch.
+            SimulationError: a worker died twice over the same batch.
             Exception: whatever a batch raises, wherever it runs.
         """
         from scex_sumo.extrapolation.job import batch_runner
@@ -104,7 +97,7 @@ class Workers:
         slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
         work, tick = partial(batch_runner, job, slots), on_step or (lambda children: None)
         busy = self._workers[: max(len(batches) - 1, 0)]
-        packed = _packed(work) if busy else b""
+        packed = pack(work) if busy else b""
         for worker in busy:
             worker.thread.submit(self._share, worker, packed, left, reports)
         unfinished = len(batches)
@@ -145,6 +138,11 @@ class Workers:
             for batch in _taken(left):
                 where = f"over children {int(batch[0])} to {int(batch[-1])}"
                 reports.put(("done", self._twice(worker, where, partial(worker.do, work, batch, tick))))
+        except WorkersDied as died:
+            where, ends = died.args
+            reason = f"a worker died twice {where} ({ends[-1]})"
+            left_over = "finished children are kept, the same command goes on"
+            reports.put(("failed", SimulationError(f"{reason}; {left_over}")))
         except BaseException as error:  # raised again where the batches are waited for
             reports.put(("failed", error))
 
@@ -162,7 +160,7 @@ class Workers:
             Each with its finished future, in the order in which they finish; that of a task of which two
             workers died raises `WorkersDied`.
         """
-        waiting, idle, packed = iter(tasks), deque(self._workers), _packed(work)
+        waiting, idle, packed = iter(tasks), deque(self._workers), pack(work)
         running: dict[Future[Any], tuple[T, _Worker]] = {}
         while True:
             while idle and (task := next(waiting, None)) is not None:
@@ -176,14 +174,18 @@ class Workers:
                 idle.append(worker)
                 yield task, future
 
-    def _twice(self, worker: _Worker, where: str, order: Callable[[], T]) -> T:
-        """What an order gives, from another process where the first one dies."""
+    def _twice(self, worker: _Worker, where: str, order: Callable[[], Report]) -> Any:
+        """What an order gives, from another process where the first one dies; raises what it raised."""
         reasons: list[str] = []
         while len(reasons) < TRIES:
             try:
-                return order()
+                kind, content = order()
             except DIED:
                 reasons.append(worker.exit_reason())
+            else:
+                if kind == "failed":
+                    raise content[0] from content[1]
+                return content
             worker.start()  # EOFError where the workers have been closed
             if len(reasons) == 1:
                 self.deaths.append(f"a worker died {where} ({reasons[0]}) and was replaced")
@@ -218,29 +220,30 @@ class _Worker(WorkerProcess):
         with suppress(*DIED):
             self.send(("import", modules))
 
-    def open(self, work: bytes) -> None:
-        """Wait until it is ready for the tasks of a work. Raises one of `DIED` where it dies."""
-        if self._work is not work:
-            # As the path is now, with the folder of the user's own models.
-            self.send(("open", (sys.path, work)))
-            self._answer(lambda children: None)
-            self._work = work
+    def open(self, work: bytes) -> Report:
+        """Its report when it is ready for the tasks of a work. Raises one of `DIED` where it dies."""
+        if self._work is work:
+            return "done", None
+        # As the path is now, with the folder of the user's own models.
+        self.send(("open", (sys.path, work)))
+        self._work = work
+        return self._answer(lambda children: None)
 
-    def do(self, work: bytes, task: Any, on_step: OnStep) -> Any:
-        """What a task gives. Raises one of `DIED` where it dies, and whatever the task raises."""
-        self.open(work)
+    def do(self, work: bytes, task: Any, on_step: OnStep) -> Report:
+        """Its report when a task is done, or failed. Raises one of `DIED` where it dies."""
+        report = self.open(work)
+        if report[0] == "failed":
+            return report
         self.send(("task", task))
         return self._answer(on_step)
 
-    def _answer(self, on_step: OnStep) -> Any:
+    def _answer(self, on_step: OnStep) -> Report:
         while True:
-            kind, content = self.receive()
-            if kind == "done":
-                return content
-            if kind == "failed":
-                self._work = None
-                raise content[0] from content[1]
-            on_step(content)
+            report: Report = self.receive()
+            if report[0] != "step":
+                self._work = self._work if report[0] == "done" else None
+                return report
+            on_step(report[1])
 
 
 class _Elsewhere(Exception):
@@ -287,17 +290,3 @@ def _sendable(error: Exception) -> Exception:
     except Exception:  # pickling runs code of the error's own
         return SimulationError(f"a worker failed: {type(error).__name__}: {error}")
     return error
-
-
-def _packed(content: Any) -> bytes:
-    """Pickled; classes of the user's own script by value, since a worker does not run the script."""
-    try:
-        packed = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
-    except (pickle.PicklingError, AttributeError, TypeError):
-        packed = b"__main__"
-    if b"__main__" not in packed:
-        return packed
-    import cloudpickle
-
-    by_value: bytes = cloudpickle.dumps(content)
-    return by_value

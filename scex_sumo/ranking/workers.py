@@ -65,10 +65,9 @@ class LocalWorkers:
             try:
                 yield task, future.result()
             except WorkersDied as error:
-                ends = ", ".join(error.reasons)
-                reason = (
-                    f"its worker died {len(error.reasons)} times ({ends}): out of memory, killed, or a crash"
-                )
+                _, ends = error.args
+                died = f"its worker died {len(ends)} times ({', '.join(ends)})"
+                reason = f"{died}: out of memory, killed, or a crash"
                 yield task, Failure.of(task.ref, reason, died=True)
 
     def close(self) -> None:
