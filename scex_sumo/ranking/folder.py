@@ -121,7 +121,8 @@ class RankFolder:
 
     def save_listing(self, listing: Listing) -> None:
         """Keep the moments of a recording."""
-        content = {"recording": listing.recording, "seeds": [as_row(ref) for ref in listing.moments]}
+        rows = [as_row(ref) for ref in listing.moments]
+        content = {"recording": listing.recording, "seeds": rows, "failure": None}
         write_atomic(self._listing_file(listing.recording), _json(content).encode())
 
     def _listing_file(self, recording: str) -> Path:
