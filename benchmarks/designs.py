@@ -23,8 +23,9 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import ScexError
 from scex_sumo.scenarios.reduction import choose_vehicles, reduced
 from scex_sumo.statistics.bands import Bands, grow, look
-from scex_sumo.statistics.designs import DESIGNS, DESIGNS_THAT_GROW
-from scex_sumo.studies.sample_size import designed, errors
+from scex_sumo.statistics.designs import DESIGNS
+from scex_sumo.statistics.distances import errors
+from scex_sumo.studies.sample_size import designed
 
 VEHICLES = 5
 MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake,calibrated_driver"
@@ -98,11 +99,10 @@ def _run(map_path: Path, seed: int, file: Path) -> None:
 
 def distances(found: list[Truth], design: str, repetitions: int) -> list[FloatArray]:
     """(S, M, R) distance to the truth of every scene, metric and repetition, by size; NaN where undefined."""
-    if design in DESIGNS_THAT_GROW:  # the first runs of a long one are a short one
-        whole = designed(design, LEVELS, VEHICLES, max(SIZES), repetitions, seed=7)
-        by_size = [tuple(d[:size] for d in whole) for size in SIZES]
-    else:
-        by_size = [designed(design, LEVELS, VEHICLES, size, repetitions, seed=7) for size in SIZES]
+    whole = designed(design, LEVELS, VEHICLES, max(SIZES), repetitions, seed=7)
+    by_size = [
+        tuple(d[:size] for d in whole) for size in SIZES
+    ]  # the first runs of a long one are a short one
     return [
         np.stack(
             [np.stack([errors(t.values[:, m], draws, with_jsd=False).ks for m in range(12)]) for t in found]

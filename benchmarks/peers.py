@@ -125,7 +125,7 @@ def ours() -> None:
     from one_seed import measured
 
     import scex_sumo
-    from scex_sumo.metrics.evaluate import COLUMNS
+    from scex_sumo.metrics.registry import COLUMNS
 
     seed = scex_sumo.synthetic_seed(scex_sumo.example_path("roundabout"), vehicles=VEHICLES)
     with tempfile.TemporaryDirectory() as folder:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from scex_sumo.converters.net.convert import convert as convert
     from scex_sumo.errors import ScexError as ScexError
     from scex_sumo.extrapolation.extrapolate import extrapolate as extrapolate
+    from scex_sumo.metrics.registry import metric as metric
     from scex_sumo.ranking.rank import Ranking as Ranking
     from scex_sumo.ranking.rank import rank as rank
     from scex_sumo.reports.attention_picture import plot_attention as plot_attention
@@ -78,6 +79,7 @@ _HOMES = {
     "extrapolate": "scex_sumo.extrapolation.extrapolate",
     "find_recordings": "scex_sumo.converters.datasets.recordings",
     "load_recording": "scex_sumo.converters.datasets.recordings",
+    "metric": "scex_sumo.metrics.registry",
     "open_run": "scex_sumo.results.run",
     "parse_models": "scex_sumo.behaviors.registry",
     "plot_attention": "scex_sumo.reports.attention_picture",

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from scex_sumo.commands.plot import plot
+from scex_sumo.commands.rank import rank
 from scex_sumo.commands.report import report
 from scex_sumo.errors import ScexError, UsageError
 
@@ -297,61 +298,7 @@ def sample_size(
     )
 
 
-@app.command(epilog="Example: scex-sumo rank recordings/ --every 1 --workers 8 -o out/ranking")
-def rank(
-    roots: Annotated[
-        list[Path],
-        typer.Argument(metavar="DATASET...", help="Folders of recordings.", show_default=False),
-    ],
-    every: Annotated[float, typer.Option(metavar="S", help="Least time between two seed scenes.")] = 1.0,
-    children: Annotated[int, typer.Option(help="Children of a seed scene at most.")] = 96,
-    first: Annotated[
-        int, typer.Option(help="Children of every seed scene; more where ranks are close.")
-    ] = 32,
-    min_vehicles: Annotated[int, typer.Option(help="Fewer moving vehicles make no seed scene.")] = 2,
-    models: Annotated[
-        str | None,
-        typer.Option(metavar="MODEL[@WEIGHT],...", help="Models to draw from; see 'scex-sumo models'."),
-    ] = None,
-    threshold: Annotated[
-        list[str] | None,
-        typer.Option(metavar="METRIC=VALUE", help="Where a metric becomes critical; repeatable."),
-    ] = None,
-    keep: Annotated[
-        str, typer.Option(metavar="none|critical|all", help="Children whose tracks are kept.")
-    ] = "none",
-    top: Annotated[int, typer.Option(help="Moments on the page.")] = 10,
-    seed: Seed = 0,
-    workers: Workers = 1,
-    cluster: Annotated[
-        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
-    ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace another ranking.")] = False,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.")
-    ] = None,
-) -> None:
-    """Run all moments of a dataset, and rank them: which are worth testing."""
-    from scex_sumo.commands.rank import RankRequest, rank_command
-
-    rank_command(
-        RankRequest(
-            roots=tuple(roots),
-            every=every,
-            children=children,
-            first=first,
-            min_vehicles=min_vehicles,
-            models=models,
-            thresholds=tuple(threshold or ()),
-            keep=keep,
-            top=top,
-            seed=seed,
-            workers=workers,
-            cluster=cluster,
-            overwrite=overwrite,
-            out=out,
-        )
-    )
+app.command(epilog="Example: scex-sumo rank recordings/ --every 1 --workers 8 -o out/ranking")(rank)
 
 
 @app.command(epilog="Example: scex-sumo compare out/k733 out/k729 out/merge -o out/compared")

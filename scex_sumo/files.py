@@ -1,19 +1,51 @@
-"""Files that are there whole or not at all, and folders that one process at a time writes into."""
+"""File writing that leaves a file whole or not at all, and locks of folders."""
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from scex_sumo.errors import ResultError
 
+_WRITING = ".writing"
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A file beside ``path`` to write to, which takes its place when the block ends well.
+
+    Its content reaches the disk before its name does: after a power loss ``path`` is whole or as it was.
+
+    Raises:
+        ResultError: the file cannot be written; names it.
+    """
+    temporary = path.with_name(f".{path.name}{_WRITING}")
+    try:
+        yield temporary
+        if temporary.exists():
+            with temporary.open("rb") as written:
+                os.fsync(written.fileno())
+            temporary.replace(path)
+    except OSError as error:
+        raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
 
 def write_atomic(path: Path, content: bytes) -> None:
-    """Write a file so that it is there whole or not at all."""
-    temporary = path.with_name(f".{path.name}.writing")
-    temporary.write_bytes(content)
-    temporary.replace(path)
+    """Write a file so that it is there whole or not at all, as `replacing`."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what a process that was killed had begun to write in a folder."""
+    for file in folder.glob(f".*{_WRITING}"):
+        file.unlink(missing_ok=True)
 
 
 _locked: dict[Path, int] = {}  # open descriptors; the system lets go of them when the process ends, however

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.errors import ResultError
-from scex_sumo.files import lock, unlock
+from scex_sumo.files import lock, replacing, unlock, write_atomic
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.results.folder import ResultFolder
 
@@ -72,3 +72,18 @@ def test_letting_go_of_what_is_not_locked_does_nothing(tmp_path: Path) -> None:
     lock(tmp_path)
     unlock(tmp_path)
     unlock(tmp_path)
+
+
+def test_what_fails_on_the_way_leaves_the_file_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "run.json"
+    write_atomic(path, b"before")
+    with pytest.raises(ValueError, match="on the way"), replacing(path) as temporary:
+        temporary.write_bytes(b"half")
+        raise ValueError("on the way")
+    assert path.read_bytes() == b"before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_error_while_writing_names_the_file(tmp_path: Path) -> None:
+    with pytest.raises(ResultError, match=r"missing/run\.json: cannot write: No such file"):
+        write_atomic(tmp_path / "missing" / "run.json", b"{}")

@@ -22,7 +22,7 @@ from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.plug_in.loading import as_constructor, is_import_path, load_model
 from scex_sumo.behaviors.plug_in.predictor import PredictorMaker
 from scex_sumo.behaviors.plug_in.single import SingleVehicle, SingleVehicleBehavior
-from scex_sumo.behaviors.plug_in.usable import reason_of
+from scex_sumo.behaviors.plug_in.usable import reason_in_model
 from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.behaviors.spec import GUARD, LEARNED, converted, keywords, profile_of, shown, user_arguments
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
@@ -258,7 +258,7 @@ def _build(spec: ModelSpec) -> Behavior:
     except ScexError:
         raise
     except Exception as error:  # whatever a user's constructor raises
-        raise UsageError(f"{spec.name}: making it {reason_of(error)}") from error
+        raise UsageError(f"{spec.name}: making it {reason_in_model(error)}") from error
     if isinstance(model, Behavior):
         return model
     if isinstance(model, SingleVehicleBehavior):

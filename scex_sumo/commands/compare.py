@@ -201,14 +201,14 @@ def distances_table(comparison: Comparison) -> pa.Table:
 
 
 def _write(runs: Sequence[Run], comparison: Comparison, grouping: Grouping, out: Path) -> None:
-    from scex_sumo.reports.compare_pictures import draw_dendrogram, draw_fingerprints
+    from scex_sumo.reports.compare_pictures import draw_compared_densities, draw_dendrogram
 
     table = distances_table(comparison).replace_schema_metadata({"distance": comparison.kind})
     for name in ("distances.parquet", "distances.csv"):
         write_table(table, out / name)
     try:
         draw_dendrogram(comparison, grouping, out / "dendrogram")
-        draw_fingerprints(runs, comparison, grouping, out / "densities")
+        draw_compared_densities(runs, comparison, grouping, out / "densities")
     except OSError as error:
         raise ResultError(f"{out}: cannot write: {error.strerror or error}") from None
     print(f"written: {out}/distances.parquet, distances.csv, dendrogram.svg/png, densities.svg/png")

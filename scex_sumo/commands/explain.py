@@ -108,7 +108,7 @@ def _print_conditions(
     every: bool,
 ) -> None:
     """What must happen for this scene to become dangerous, in sentences."""
-    from scex_sumo.statistics.density import side_of
+    from scex_sumo.metrics.registry import side_of
 
     if explanation.defined == 0:
         print(f"{explanation.metric}: defined in no child")

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from scex_sumo.commands.console import progress_bar, warn
 
@@ -15,52 +16,62 @@ if TYPE_CHECKING:
 _SHOWN_FAILURES = 3
 
 
-@dataclass(frozen=True, kw_only=True)
-class RankRequest:
-    """The options of ``scex-sumo rank`` as given; see its help."""
-
-    roots: tuple[Path, ...]
-    every: float
-    children: int
-    first: int
-    min_vehicles: int
-    models: str | None
-    thresholds: tuple[str, ...]
-    keep: str
-    top: int
-    seed: int
-    workers: int
-    cluster: str | None
-    overwrite: bool
-    out: Path | None
-
-
-def rank_command(request: RankRequest) -> None:
-    """Rank, print the top, say where the page is."""
-    from scex_sumo.behaviors.registry import DEFAULT_MODELS
+def rank(
+    roots: Annotated[
+        list[Path],
+        typer.Argument(metavar="DATASET...", help="Folders of recordings.", show_default=False),
+    ],
+    every: Annotated[float, typer.Option(metavar="S", help="Least time between two seed scenes.")] = 1.0,
+    children: Annotated[int, typer.Option(help="Children of a seed scene at most.")] = 96,
+    first: Annotated[
+        int, typer.Option(help="Children of every seed scene; more where ranks are close.")
+    ] = 32,
+    min_vehicles: Annotated[int, typer.Option(help="Fewer moving vehicles make no seed scene.")] = 2,
+    models: Annotated[
+        str | None,
+        typer.Option(metavar="MODEL[@WEIGHT],...", help="Models to draw from; see 'scex-sumo models'."),
+    ] = None,
+    threshold: Annotated[
+        list[str] | None,
+        typer.Option(metavar="METRIC=VALUE", help="Where a metric becomes critical; repeatable."),
+    ] = None,
+    keep: Annotated[
+        str, typer.Option(metavar="none|critical|all", help="Children whose tracks are kept.")
+    ] = "none",
+    top: Annotated[int, typer.Option(help="Moments on the page.")] = 10,
+    seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
+    workers: Annotated[int, typer.Option(help="Processes.")] = 1,
+    cluster: Annotated[
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace another ranking.")] = False,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)
+    ] = Path("out/ranking"),
+) -> None:
+    """Run all moments of a dataset, and rank them: which are worth testing."""
     from scex_sumo.commands.run import parse_thresholds
-    from scex_sumo.ranking.rank import rank
+    from scex_sumo.ranking.rank import rank as rank_dataset
 
-    out = request.out if request.out is not None else Path("out") / "ranking"
     with progress_bar("children") as tick:
         try:
-            ranking = rank(
-                request.roots,
+            ranking = rank_dataset(
+                roots,
                 out=out,
-                every=request.every,
-                children=request.children,
-                first=request.first,
-                min_vehicles=request.min_vehicles,
-                models=request.models if request.models is not None else DEFAULT_MODELS,
-                thresholds=parse_thresholds(request.thresholds),
-                keep=request.keep,
-                top=request.top,
-                seed=request.seed,
-                workers=request.workers,
-                cluster=request.cluster,
-                overwrite=request.overwrite,
+                every=every,
+                children=children,
+                first=first,
+                min_vehicles=min_vehicles,
+                thresholds=parse_thresholds(tuple(threshold or ())),
+                keep=keep,
+                top=top,
+                seed=seed,
+                workers=workers,
+                cluster=cluster,
+                overwrite=overwrite,
                 command=["scex-sumo", *sys.argv[1:]],
                 progress=tick,
+                **({} if models is None else {"models": models}),
             )
         except KeyboardInterrupt:
             print(f"interrupted; finished seeds are kept in {out}, the same command goes on", file=sys.stderr)

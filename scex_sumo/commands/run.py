@@ -189,7 +189,7 @@ def parse_thresholds(entries: tuple[str, ...]) -> dict[str, float]:
     Raises:
         UsageError: an entry is not of that form, or names no metric column.
     """
-    from scex_sumo.metrics.evaluate import COLUMNS
+    from scex_sumo.metrics.registry import COLUMNS
 
     result = {}
     for entry in entries:

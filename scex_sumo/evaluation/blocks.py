@@ -1,4 +1,4 @@
-"""Recordings as scenes: flat rows of tracks to blocks of (case, step, vehicle).
+"""Blocks of scenes: flat rows of tracks as arrays of (case, step, vehicle).
 
 The cases of a file are stacked, short ones with fewer vehicles beside each other; a long recording is cut
 into windows, each with the history that derived values look back on and the track that is still to be driven.

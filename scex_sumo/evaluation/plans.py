@@ -1,4 +1,4 @@
-"""``plans.parquet``: what every vehicle of every child planned, and when; written and read back exactly."""
+"""Stored plans, ``plans.parquet``: what every vehicle of every child planned, and when; exact both ways."""
 
 from __future__ import annotations
 

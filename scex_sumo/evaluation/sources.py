@@ -1,4 +1,4 @@
-"""Where tracks to evaluate come from: recordings, files of cases, result folders."""
+"""Sources of tracks to evaluate: recordings, files of cases, result folders."""
 
 from __future__ import annotations
 

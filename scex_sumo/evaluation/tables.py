@@ -15,6 +15,7 @@ from scex_sumo.evaluation.blocks import Block, blocks
 from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import MetricParameters
 from scex_sumo.metrics.evaluate import PAPER, ScenarioValues, Worst, evaluate, evaluate_pairs
+from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.registry import metrics_named
 
 Level: TypeAlias = Literal["pair", "scene", "scenario", "worst"]
@@ -27,7 +28,7 @@ def recording_table(
     level: str = "scenario",
     preset: str = "paper",
     parameters: MetricParameters = PAPER,
-    metrics: tuple[str, ...] | None = None,
+    metrics: Sequence[str | Metric] | None = None,
     history: int = 0,
     plans: StoredPlans | None = None,
 ) -> pa.Table:
@@ -41,7 +42,7 @@ def recording_table(
             track_id, other_id, value, where each scenario's extremum came from.
         preset: rule for car-following.
         parameters: constants.
-        metrics: names; the paper's six by default.
+        metrics: names, import paths or metrics; the paper's six by default.
         history: steps at the start of each case that are not evaluated.
         plans: what the vehicles planned, the cases being children; None takes the tracks driven.
 
@@ -52,15 +53,16 @@ def recording_table(
     if level not in LEVELS:
         raise UsageError(f"metrics: unknown level {level!r}; known: {', '.join(LEVELS)}")
     names = case_ids(table)
-    order = tuple(metric.name for metric in metrics_named(metrics))
-    options: dict[str, Any] = {"preset": preset, "parameters": parameters, "metrics": order}
+    chosen = metrics_named(metrics)
+    order = tuple(metric.name for metric in chosen)
+    options: dict[str, Any] = {"preset": preset, "parameters": parameters, "metrics": chosen}
     parts = list(blocks(table, history=history, plans=plans))
     if level == "pair":
         return _sorted_pairs([_pair_rows(block, order, options) for block in parts], names, order)
     evaluated = [(block, evaluate(block.tracks, block.planned, **options)) for block in parts]
     if level == "scene":
         return _scene_table(evaluated, names, order)
-    collected = _Cases(len(names), order)
+    collected = _Cases(len(names), chosen)
     for block, values in evaluated:
         collected.add(block, values)
     return collected.scenarios(names) if level == "scenario" else collected.origins(names)
@@ -95,7 +97,8 @@ def worst_table(
         timestamp_ms: (T,) of the steps, history included.
 
     Returns:
-        child, metric, timestamp_ms, track_id, other_id (null for tq), value; no row where undefined.
+        child, metric, timestamp_ms, track_id, other_id (null for single vehicles), value; no row where
+        undefined.
     """
     parts = []
     numbers = np.asarray(child, dtype=np.int64)
@@ -201,10 +204,11 @@ def _scene_table(
 class _Cases:
     """Extrema and means of whole cases, collected block by block."""
 
-    def __init__(self, count: int, order: tuple[str, ...]) -> None:
-        size = len(order)
-        self.order = order
-        self.critical = {metric.name: metric.critical for metric in metrics_named(order)}
+    def __init__(self, count: int, metrics: Sequence[Metric]) -> None:
+        size = len(metrics)
+        self.order = tuple(metric.name for metric in metrics)
+        self.smaller_is_worse = [metric.critical == "min" for metric in metrics]
+        self.of_single_vehicles = np.zeros(size, dtype=bool)
         self.value = np.full((count, size), np.nan)
         self.total, self.scenes = np.zeros((count, size)), np.zeros((count, size))
         self.origin = np.zeros((count, size, 3), dtype=np.int64)
@@ -215,13 +219,14 @@ class _Cases:
             scene, worst = values.scene[name], values.worst[name]
             np.add.at(self.total[:, column], block.case, np.where(scene.defined, scene.value, 0).sum(axis=1))
             np.add.at(self.scenes[:, column], block.case, scene.defined.sum(axis=1))
-            self._keep_worse(column, name, block, worst)
+            self._keep_worse(column, block, worst)
 
-    def _keep_worse(self, column: int, name: str, block: Block, worst: Worst) -> None:
+    def _keep_worse(self, column: int, block: Block, worst: Worst) -> None:
         now = self.value[block.case, column]
-        worse: BoolArray = worst.value < now if self.critical[name] == "min" else worst.value > now
+        worse: BoolArray = worst.value < now if self.smaller_is_worse[column] else worst.value > now
         at = np.flatnonzero(worst.defined & (np.isnan(now) | worse))
         case, ids = block.case[at], block.track_id
+        self.of_single_vehicles[column] = worst.other is None
         other = worst.vehicle if worst.other is None else worst.other
         self.value[case, column] = worst.value[at]
         self.origin[case, column] = np.stack(
@@ -248,14 +253,13 @@ class _Cases:
         case, column = np.nonzero(self.scenes > 0)
         metric = pa.array(list(self.order), pa.string()).take(pa.array(column))
         stamp, track, other = self.origin[case, column].T
-        alone = np.array([name == "tq" for name in self.order], dtype=bool)[column]
         return pa.table(
             {
                 "case_id": names.take(pa.array(case)),
                 "metric": metric,
                 "timestamp_ms": stamp,
                 "track_id": track,
-                "other_id": pa.array(other, mask=alone),
+                "other_id": pa.array(other, mask=self.of_single_vehicles[column]),
                 "value": self.value[case, column],
             }
         )

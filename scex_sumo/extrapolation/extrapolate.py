@@ -19,7 +19,7 @@ from scex_sumo.extrapolation.job import Job, batch_size, batches_of
 from scex_sumo.extrapolation.settings import Prepared, Progress, Request, prepare
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import handover_notes, write_tables
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part
 from scex_sumo.results.provenance import describe, digest, versions
@@ -27,7 +27,6 @@ from scex_sumo.results.run import Run
 from scex_sumo.results.under_test import BASELINE
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.bands import Look, grow, look
-from scex_sumo.statistics.density import THRESHOLDS
 from scex_sumo.statistics.designs import DEFAULT_DESIGN
 from scex_sumo.version import __version__
 

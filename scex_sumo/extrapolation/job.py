@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +23,8 @@ from scex_sumo.results.folder import Part, save_part
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.sumo import TILE_SLOTS, SumoDriven, SumoWorld
+
+OnStep = Callable[[int], None]
 
 VEHICLES_AT_ONCE = 2400  # in a batch, over all its children
 BATCHES_EACH = 2  # of each of several processes, at least: whoever starts later does less
@@ -105,35 +108,29 @@ def batch_size(job: Job, *, processes: int = 1) -> int:
     return math.ceil(children / batches)
 
 
-def run_batches(
-    job: Job,
-    batches: Iterable[IntArray],
-    *,
-    slots: Sequence[int],
-    on_step: Callable[[int], None] | None = None,
-) -> Generator[IntArray, None, None]:
-    """Run batches of children in one world and keep their parts in the result folder.
+@contextmanager
+def batch_runner(job: Job, slots: Sequence[int]) -> Iterator[Callable[[IntArray, OnStep], IntArray]]:
+    """World of a job, with the function that runs a batch in it and keeps its part in the result folder.
 
     Args:
         job: the run.
-        batches: numbers of the children of each batch.
-        slots: the tile slots of all that may come.
-        on_step: called after each step with the number of children that made it.
+        slots: the tile slots of all children that may come.
 
     Yields:
-        Each batch when it is finished; the next is not asked for before.
+        The function, of the children's numbers and of what is called with a number of children when they
+        have made a step; it returns the children.
     """
     legend = tuple(zip(job.names, job.colors, strict=True))
     with SumoWorld(job.net, job.scene, slots=slots, gui=job.gui, legend=legend) as world:
-        for batch in batches:
-            part = run_batch(job, world, batch, on_step=on_step)
-            save_part(job.folder, part)
-            yield batch
+
+        def run(children: IntArray, on_step: OnStep) -> IntArray:
+            save_part(job.folder, run_batch(job, world, children, on_step=on_step))
+            return children
+
+        yield run
 
 
-def run_batch(
-    job: Job, world: SumoWorld, children: IntArray, *, on_step: Callable[[int], None] | None = None
-) -> Part:
+def run_batch(job: Job, world: SumoWorld, children: IntArray, *, on_step: OnStep | None = None) -> Part:
     """Run some children side by side and measure them."""
     cast = _cast(job, children)
     start = job.scene.now.repeat(len(children))

@@ -1,8 +1,8 @@
-"""From what was simulated or recorded to metric values: the metrics layer's view of a run."""
+"""Metric values of what was simulated or recorded: the metrics layer's view of a run."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,24 +13,30 @@ from scex_sumo.evaluation.tables import worst_table
 from scex_sumo.extrapolation.rollout import Rollout
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
+from scex_sumo.metrics.metric import Metric
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 
 
 def measure_rollout(
-    scene: SeedScene, rollout: Rollout, *, vehicles: Collection[int] | None = None
+    scene: SeedScene,
+    rollout: Rollout,
+    *,
+    metrics: Sequence[Metric] | None = None,
+    vehicles: Collection[int] | None = None,
 ) -> ScenarioValues:
-    """Metric values of a batch of child scenarios, (C, 12); paths are those of the current plans.
+    """Metric values of a batch of child scenarios; paths are those of the current plans.
 
     Args:
         scene: the seed scene.
         rollout: the children.
+        metrics: None for the paper's six.
         vehicles: only pairs that involve one of these (indices); None: all.
     """
     count, steps, _ = rollout.states.shape
     tracks = _tracks(scene, scene.history.repeat(count), rollout.states, None)
     made_at = np.arange(0, steps, rollout.replan, dtype=np.int64)
     planned = PlannedPaths.from_replans(rollout.plan_x, rollout.plan_y, made_at, steps)
-    return evaluate(tracks, planned, vehicles=vehicles)
+    return evaluate(tracks, planned, metrics=metrics, vehicles=vehicles)
 
 
 def worst_of(scene: SeedScene, values: ScenarioValues, children: IntArray) -> pa.Table:
@@ -46,8 +52,10 @@ def worst_of(scene: SeedScene, values: ScenarioValues, children: IntArray) -> pa
     return worst_table(values, child=children, track_ids=scene.track_ids, timestamp_ms=frames * 100)
 
 
-def measure_recorded(scene: SeedScene, steps: int) -> ScenarioValues | None:
-    """The same for what really happened, (1, 12); None where no future was recorded.
+def measure_recorded(
+    scene: SeedScene, steps: int, *, metrics: Sequence[Metric] | None = None
+) -> ScenarioValues | None:
+    """The same for what really happened, one row; None where no future was recorded.
 
     Vehicles count as long as they were recorded; paths are those driven from each step on, to the end of
     the recording that the seed scene holds.
@@ -65,7 +73,8 @@ def measure_recorded(scene: SeedScene, steps: int) -> ScenarioValues | None:
         states=whole.states[:, :until],
         present=None if whole.present is None else whole.present[:, :until],
     )
-    return evaluate(tracks, replace(paths, index=paths.index[:known], column=paths.column[:known]))
+    ahead = replace(paths, index=paths.index[:known], column=paths.column[:known])
+    return evaluate(tracks, ahead, metrics=metrics)
 
 
 def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> FloatArray:

@@ -166,7 +166,7 @@ def prepare(request: Request) -> Prepared:
     assign, tested = put_under_test(request.assign, request.under_test, own=request.baseline)
     casting, most = cast_models(request.models, assign, tested), number_of_children(request.children)
     if request.until_band is not None:
-        check_band(request.until_band, request.design)
+        check_band(request.until_band)
         if most is None:
             raise UsageError(
                 "--until-band: all combinations leave nothing to estimate; give no --children all"

@@ -12,7 +12,7 @@ from scex_sumo.evaluation.plans import PLANS, plans_table
 from scex_sumo.extrapolation.fallbacks import FALLBACKS
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.measure import handover_jumps, measure_recorded
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.results.folder import Part, ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import joined
 from scex_sumo.results.run import densities_table

@@ -1,4 +1,4 @@
-"""What criticality metrics measure (tracks, planned paths) and what a nanoscopic metric is.
+"""Tracks and planned paths as criticality metrics take them, and the metrics' constants.
 
 Axes: C (child), T (step), V (vehicle), R (replan), H (planned step), K (ordered or unordered pairs, or
 vehicles).
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,6 @@ from numpy.typing import NDArray
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import InputError
 from scex_sumo.scene import STEP_S, States
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -161,6 +157,16 @@ class PlannedPaths:
             column=np.arange(tracks.first + 1, tracks.first + tracks.steps + 1),
             driven=True,
         )
+
+    def check_fit(self, tracks: SceneTracks) -> None:
+        """Raise an `InputError` where these are not the paths of the vehicles and steps of some tracks."""
+        children, _, vehicles = tracks.states.shape
+        if (self.x.shape[0], self.x.shape[2]) != (children, vehicles) or self.index.shape != (tracks.steps,):
+            raise InputError(
+                f"planned paths are of {self.x.shape[0]} children, {self.x.shape[2]} vehicles and "
+                f"{self.index.size} steps, the tracks of {children}, {vehicles} and {tracks.steps} evaluated "
+                "steps; pass matching ones"
+            )
 
     def children(self, part: slice) -> PlannedPaths:
         """The same for some of the children."""

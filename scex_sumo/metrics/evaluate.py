@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Final
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import InputError
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
-from scex_sumo.metrics.pairs.scenes import Metric, Samples, Scenes
-from scex_sumo.metrics.registry import PAPER_METRICS, metrics_named, preset_named
-
-COLUMNS: Final[tuple[str, ...]] = tuple(column for name in PAPER_METRICS for column in (name, f"{name}_mean"))
-"""The twelve columns of a child scenario; ``ttc`` and ``ttc_mean`` are in 1/s."""
+from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.registry import columns_of, metrics_named, preset_named
 
 BATCH_PAIR_STEPS = 1 << 16  # unordered pair-steps per batch: the working arrays stay in the processor's cache
 
@@ -57,12 +55,12 @@ class Worst:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScenarioValues:
-    """Microscopic values: twelve per child, with what they are made of.
+    """Microscopic values: two per child and metric, with what they are made of.
 
     Attributes:
-        columns: names of the columns.
-        values: (C, 12); NaN where undefined.
-        defined: (C, 12).
+        columns: (M,) names of the columns.
+        values: (C, M); NaN where undefined.
+        defined: (C, M).
         scene: by metric, the extremum of every evaluated step.
         worst: by metric, the step and the vehicles of the extremum.
         preset: rule for car-following that was used.
@@ -100,13 +98,16 @@ class PairValues:
     value: FloatArray
 
 
+D = TypeVar("D", SceneValues, Worst, PairValues)
+
+
 def evaluate(
     tracks: SceneTracks,
     planned: PlannedPaths | None,
     *,
     preset: str = PAPER_PRESET,
     parameters: MetricParameters = PAPER,
-    metrics: tuple[str, ...] | None = None,
+    metrics: Sequence[str | Metric] | None = None,
     vehicles: Collection[int] | None = None,
 ) -> ScenarioValues:
     """Metrics of every child.
@@ -116,7 +117,7 @@ def evaluate(
         planned: their planned paths, for gap time (undefined without).
         preset: rule for car-following.
         parameters: constants.
-        metrics: names; the paper's six by default.
+        metrics: names, or the metrics themselves; the paper's six by default.
         vehicles: values are of pairs that involve one of these (indices), or of these themselves; None: all.
 
     Returns:
@@ -124,25 +125,20 @@ def evaluate(
     """
     chosen = metrics_named(metrics)
     parts: dict[str, list[tuple[SceneValues, Worst]]] = {metric.name: [] for metric in chosen}
-    for _, scenes in _batches(tracks, planned, preset, parameters):
-        for metric in chosen:
-            samples = metric.evaluate(scenes)
-            if vehicles is not None:
-                samples = _of_vehicles(samples, vehicles)
-            parts[metric.name].append(_reduce(metric, samples, tracks.first))
-    children = tracks.states.shape[0]
-    scene = {
-        name: _join_scenes([p[0] for p in part], (children, tracks.steps)) for name, part in parts.items()
-    }
-    worst = {name: _join_worst([p[1] for p in part]) for name, part in parts.items()}
-    values = np.full((children, 2 * len(chosen)), np.nan)
-    for index, metric in enumerate(chosen):
-        values[:, 2 * index] = worst[metric.name].value
-        values[:, 2 * index + 1] = _mean(scene[metric.name])
+    for _, metric, samples in _samples(tracks, planned, preset, parameters, chosen):
+        wanted = samples if vehicles is None else _of_vehicles(samples, vehicles)
+        parts[metric.name].append(_reduce(metric, wanted, tracks.first))
+    scene = {name: _joined([p[0] for p in part]) for name, part in parts.items()}
+    worst = {name: _joined([p[1] for p in part]) for name, part in parts.items()}
+    values = [column for m in chosen for column in (worst[m.name].value, _mean(scene[m.name]))]
     defined = np.repeat(np.stack([worst[m.name].defined for m in chosen], axis=1), 2, axis=1)
-    columns = tuple(column for m in chosen for column in (m.name, f"{m.name}_mean"))
     return ScenarioValues(
-        columns=columns, values=values, defined=defined, scene=scene, worst=worst, preset=preset
+        columns=columns_of(chosen),
+        values=np.stack(values, axis=1),
+        defined=defined,
+        scene=scene,
+        worst=worst,
+        preset=preset,
     )
 
 
@@ -152,15 +148,55 @@ def evaluate_pairs(
     *,
     preset: str = PAPER_PRESET,
     parameters: MetricParameters = PAPER,
-    metrics: tuple[str, ...] | None = None,
+    metrics: Sequence[str | Metric] | None = None,
 ) -> dict[str, PairValues]:
     """Nanoscopic values of every metric, sorted by child, step, vehicle, other; arguments as ``evaluate``."""
     chosen = metrics_named(metrics)
     parts: dict[str, list[PairValues]] = {metric.name: [] for metric in chosen}
-    for offset, scenes in _batches(tracks, planned, preset, parameters):
-        for metric in chosen:
-            parts[metric.name].append(_rows(metric.evaluate(scenes), offset, tracks.first))
-    return {name: _join_pairs(part) for name, part in parts.items()}
+    for offset, metric, samples in _samples(tracks, planned, preset, parameters, chosen):
+        parts[metric.name].append(_rows(samples, offset, tracks.first))
+    return {name: _joined(part) for name, part in parts.items()}
+
+
+def _samples(
+    tracks: SceneTracks,
+    planned: PlannedPaths | None,
+    preset: str,
+    parameters: MetricParameters,
+    metrics: Sequence[Metric],
+) -> Iterator[tuple[int, Metric, Samples]]:
+    """Values of a few children at a time: the number of the first child, the metric, its values."""
+    rules = preset_named(preset)
+    children, _, vehicles = tracks.states.shape
+    if planned is not None:
+        planned.check_fit(tracks)
+    per_child = max(tracks.steps * vehicles * (vehicles - 1) // 2, 1)
+    size = max(BATCH_PAIR_STEPS // per_child, 1)
+    for start in range(0, max(children, 1), size):
+        part = slice(start, start + size)
+        scenes = Scenes(
+            tracks=tracks.children(part),
+            planned=None if planned is None else planned.children(part),
+            parameters=parameters,
+            preset=rules,
+        )
+        for metric in metrics:
+            samples = metric.evaluate(scenes)
+            _check_samples(metric, samples, scenes)
+            yield start, metric, samples
+        scenes.release()
+
+
+def _check_samples(metric: Metric, samples: Samples, scenes: Scenes) -> None:
+    """Raise an `InputError` where a metric's function did not return what it is to return."""
+    if not isinstance(samples, Samples):
+        raise InputError(f"metric {metric.name}: returned {type(samples).__name__}, needs Samples")
+    shape = (len(samples.row), *scenes.shape)
+    if samples.value.shape != shape or samples.defined.shape != shape or samples.defined.dtype != np.bool_:
+        raise InputError(
+            f"metric {metric.name}: values {samples.value.shape} and mask {samples.defined.shape} "
+            f"({samples.defined.dtype}) of {len(samples.row)} rows; both need shape {shape}, the mask bool"
+        )
 
 
 def _of_vehicles(samples: Samples, vehicles: Collection[int]) -> Samples:
@@ -176,39 +212,6 @@ def _of_vehicles(samples: Samples, vehicles: Collection[int]) -> Samples:
         row=samples.row[keep],
         other=None if samples.other is None else samples.other[keep],
     )
-
-
-def _batches(
-    tracks: SceneTracks, planned: PlannedPaths | None, preset: str, parameters: MetricParameters
-) -> Iterator[tuple[int, Scenes]]:
-    """Scenes of a few children at a time, with the number of the first child."""
-    rules = preset_named(preset)
-    children, _, vehicles = tracks.states.shape
-    _check_planned(tracks, planned)
-    per_child = max(tracks.steps * vehicles * (vehicles - 1) // 2, 1)
-    size = max(BATCH_PAIR_STEPS // per_child, 1)
-    for start in range(0, max(children, 1), size):
-        part = slice(start, start + size)
-        scenes = Scenes(
-            tracks=tracks.children(part),
-            planned=None if planned is None else planned.children(part),
-            parameters=parameters,
-            preset=rules,
-        )
-        yield start, scenes
-        scenes.release()
-
-
-def _check_planned(tracks: SceneTracks, planned: PlannedPaths | None) -> None:
-    if planned is None:
-        return
-    children, _, vehicles = tracks.states.shape
-    shape = planned.x.shape
-    if (shape[0], shape[2]) != (children, vehicles) or planned.index.shape != (tracks.steps,):
-        raise InputError(
-            f"planned paths are of {shape[0]} children, {shape[2]} vehicles and {planned.index.size} steps, "
-            f"the tracks of {children}, {vehicles} and {tracks.steps} evaluated steps; pass matching ones"
-        )
 
 
 def _reduce(metric: Metric, samples: Samples, first_step: int) -> tuple[SceneValues, Worst]:
@@ -282,30 +285,11 @@ def _rows(samples: Samples, first_child: int, first_step: int) -> PairValues:
     )
 
 
-def _join_scenes(parts: list[SceneValues], shape: tuple[int, int]) -> SceneValues:
-    return SceneValues(
-        value=np.concatenate([p.value for p in parts]).reshape(shape),
-        defined=np.concatenate([p.defined for p in parts]).reshape(shape),
-    )
+def _joined(parts: Sequence[D]) -> D:
+    """Values of all children from those of a few at a time."""
 
+    def join(name: str) -> Any:
+        arrays = [getattr(part, name) for part in parts]
+        return None if arrays[0] is None else np.concatenate(arrays)
 
-def _join_worst(parts: list[Worst]) -> Worst:
-    others = [p.other for p in parts if p.other is not None]
-    return Worst(
-        value=np.concatenate([p.value for p in parts]),
-        defined=np.concatenate([p.defined for p in parts]),
-        step=np.concatenate([p.step for p in parts]),
-        vehicle=np.concatenate([p.vehicle for p in parts]),
-        other=np.concatenate(others) if others else None,
-    )
-
-
-def _join_pairs(parts: list[PairValues]) -> PairValues:
-    others = [p.other for p in parts if p.other is not None]
-    return PairValues(
-        child=np.concatenate([p.child for p in parts]),
-        step=np.concatenate([p.step for p in parts]),
-        vehicle=np.concatenate([p.vehicle for p in parts]),
-        other=np.concatenate(others) if others else None,
-        value=np.concatenate([p.value for p in parts]),
-    )
+    return replace(parts[0], **{f.name: join(f.name) for f in fields(parts[0])})

@@ -1,17 +1,21 @@
-"""The metrics by name, and the presets."""
+"""Metrics by name: the built-in ones, those that a user registers, and the presets."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Final
+import importlib.metadata
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final, Literal, TypeVar
 
 from scex_sumo.errors import UsageError
+from scex_sumo.importing import import_object
 from scex_sumo.metrics.distance import distance
 from scex_sumo.metrics.drac import drac
 from scex_sumo.metrics.gap_time import gap_time
+from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.pairs.by_heading import following_by_heading
 from scex_sumo.metrics.pairs.on_path import following_on_path
-from scex_sumo.metrics.pairs.scenes import Metric, Preset
+from scex_sumo.metrics.pairs.scenes import Preset, Samples, Scenes
 from scex_sumo.metrics.pet import pet
 from scex_sumo.metrics.pttc import pttc
 from scex_sumo.metrics.thw import thw
@@ -19,25 +23,190 @@ from scex_sumo.metrics.tq import tq
 from scex_sumo.metrics.ttc import ttc
 from scex_sumo.metrics.wttc import wttc
 
+F = TypeVar("F", bound=Callable[[Scenes], Samples])
+
 METRICS: Final[Mapping[str, Metric]] = {
-    "distance": Metric(name="distance", unit="m", critical="min", evaluate=distance),
-    "tq": Metric(name="tq", unit="", critical="max", evaluate=tq),
-    "gap_time": Metric(name="gap_time", unit="s", critical="min", evaluate=gap_time),
-    "pttc": Metric(name="pttc", unit="s", critical="min", evaluate=pttc, finite=True),
-    "wttc": Metric(name="wttc", unit="s", critical="min", evaluate=wttc),
-    "ttc": Metric(name="ttc", unit="s", critical="max", evaluate=ttc, inverse=True),
-    "drac": Metric(name="drac", unit="m/s²", critical="max", evaluate=drac),
-    "thw": Metric(name="thw", unit="s", critical="min", evaluate=thw),
-    "pet": Metric(name="pet", unit="s", critical="min", evaluate=pet),
+    metric.name: metric
+    for metric in (
+        Metric(name="distance", unit="m", critical="min", evaluate=distance, threshold=5.0),
+        Metric(name="tq", critical="max", evaluate=tq, threshold=1.2, label="traffic quality"),
+        Metric(name="gap_time", unit="s", critical="min", evaluate=gap_time, label="gap time"),
+        Metric(name="pttc", unit="s", critical="min", evaluate=pttc, finite=True, label="PTTC"),
+        Metric(name="wttc", unit="s", critical="min", evaluate=wttc, threshold=0.26, label="WTTC"),
+        Metric(
+            name="ttc",
+            unit="s",
+            critical="max",
+            evaluate=ttc,
+            inverse=True,
+            threshold=1 / 1.5,
+            label="1/TTC",
+        ),
+        Metric(name="drac", unit="m/s²", critical="max", evaluate=drac, label="DRAC"),
+        Metric(name="thw", unit="s", critical="min", evaluate=thw, label="THW"),
+        Metric(name="pet", unit="s", critical="min", evaluate=pet, label="PET"),
+    )
 }
-"""Every metric; the first six are the paper's, in the order of the result columns."""
+"""Built-in metrics; the first six are the paper's, in the order of the result columns."""
 
 PAPER_METRICS: Final[tuple[str, ...]] = tuple(METRICS)[:6]
+COLUMNS: Final[tuple[str, ...]] = tuple(c for name in PAPER_METRICS for c in METRICS[name].columns)
+"""The paper's twelve columns of a child scenario; ``ttc`` and ``ttc_mean`` are in 1/s."""
+
+THRESHOLDS: Final[Mapping[str, float]] = {
+    each.name: each.threshold for each in METRICS.values() if each.threshold is not None
+}
+"""Thresholds that the paper suggests, by column."""
+
+ENTRY_POINTS: Final = "scex_sumo.metrics"
+_TAKEN: Final = ("paper", "child", "case_id", "all")  # the set of six, and other columns of the tables
 
 PRESETS: Final[Mapping[str, Preset]] = {
     "paper": Preset(name="paper", leaders=following_by_heading, conflict_area=False),
     "path": Preset(name="path", leaders=following_on_path, conflict_area=True),
 }
+
+_registered: dict[str, Metric] = {}
+_described: dict[str, Metric] = {}  # of results whose metrics are not registered here
+
+
+def metric(
+    name: str,
+    *,
+    critical: Literal["min", "max"],
+    unit: str = "",
+    threshold: float | None = None,
+    label: str | None = None,
+    inverse: bool = False,
+    finite: bool = False,
+) -> Callable[[F], F]:
+    """Register a function of `Scenes` that returns `Samples` as a metric: ``@metric("my_metric", ...)``.
+
+    Args:
+        name: of the column.
+        critical: ``min`` where small values are critical, ``max`` where large ones are.
+        unit: of the function's values.
+        threshold: from which value on a child is critical; None for none.
+        label: name in tables and pictures.
+        inverse: aggregated as 1 / value; ``critical`` and ``threshold`` refer to the inverse.
+        finite: infinite values are left out of the aggregates.
+
+    Raises:
+        UsageError: the name is taken or cannot be written on a command line, or the side is unknown.
+    """
+    if name in METRICS or name in _TAKEN:
+        raise UsageError(f"metric {name!r}: the name is taken; choose another one")
+    if not name or name.endswith("_mean") or any(c in name for c in ",:@=. \t\n"):
+        raise UsageError(f"metric {name!r}: a name has none of , : @ = . and no spaces, nor ends with _mean")
+    if critical not in ("min", "max"):
+        raise UsageError(f"metric {name!r}: critical={critical!r}; choose min or max")
+    if threshold is not None and not math.isfinite(threshold):
+        raise UsageError(f"metric {name!r}: threshold {threshold} is not a finite number")
+
+    def register(function: F) -> F:
+        made = Metric(
+            name=name,
+            unit=unit,
+            critical=critical,
+            evaluate=function,
+            inverse=inverse,
+            finite=finite,
+            threshold=threshold,
+            label=label or "",
+        )
+        _registered[name] = made
+        function.__scex_metric__ = made  # type: ignore[attr-defined]
+        return function
+
+    return register
+
+
+def known_metrics() -> tuple[str, ...]:
+    """Names of the built-in metrics, the registered ones and those of other packages."""
+    return (*METRICS, *sorted({*_registered, *_entry_points()}))
+
+
+def metrics_named(names: Iterable[str | Metric] | None) -> tuple[Metric, ...]:
+    """Metrics by name or import path, each once; ``paper``, and None, stand for the paper's six.
+
+    Raises:
+        UsageError: an unknown metric, or one that cannot be loaded.
+    """
+    wanted: list[str | Metric] = []
+    for name in ("paper",) if names is None else names:
+        wanted += PAPER_METRICS if name == "paper" else [name]
+    found = {m.name: m for m in (n if isinstance(n, Metric) else _metric(n) for n in wanted)}
+    if not found:
+        raise UsageError(f"metrics: none is named; known: {', '.join(known_metrics())}")
+    return tuple(found.values())
+
+
+def _metric(name: str) -> Metric:
+    if name in METRICS or name in _registered:
+        return METRICS[name] if name in METRICS else _registered[name]
+    points = _entry_points()
+    if ":" in name:
+        made = import_object(name)
+    elif name in points:
+        try:
+            made = points[name].load()
+        except Exception as error:  # anything can go wrong in another package's import
+            raise UsageError(f"metrics: {name}: entry point {points[name].value}: {error}") from error
+    else:
+        raise UsageError(f"metrics: unknown metric {name!r}; known: {', '.join(known_metrics())}")
+    known = getattr(made, "__scex_metric__", None)
+    if not isinstance(known, Metric):
+        raise UsageError(f"metrics: {name} is no metric; decorate it with @scex_sumo.metric(...)")
+    return known
+
+
+def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:
+    return {point.name: point for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
+
+
+def columns_of(metrics: Sequence[Metric]) -> tuple[str, ...]:
+    """Columns of a child scenario: per metric its most critical value and its mean over the scenes."""
+    return tuple(column for each in metrics for column in each.columns)
+
+
+def thresholds_of(metrics: Iterable[Metric]) -> dict[str, float]:
+    """Thresholds by column, of the metrics that have one."""
+    return {each.name: each.threshold for each in metrics if each.threshold is not None}
+
+
+def metric_of(column: str) -> Metric:
+    """The metric of a result column, e.g. of ``ttc_mean``.
+
+    Raises:
+        UsageError: no metric of that name is known in this process or was described by a result.
+    """
+    name = column.removesuffix("_mean")
+    for known in (METRICS, _registered, _described):
+        if name in known:
+            return known[name]
+    return _metric(name)
+
+
+def most_critical(columns: Iterable[str]) -> list[str]:
+    """The columns of most critical values, without those of means."""
+    return [column for column in columns if not column.endswith("_mean")]
+
+
+def side_of(column: str) -> Literal["left", "right"]:
+    """On which side of its threshold a metric column is critical."""
+    return metric_of(column).side
+
+
+def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
+    """What ``run.json`` says of metrics, since they decide on the result; nothing of the paper's six."""
+    if tuple(each.name for each in metrics) == PAPER_METRICS:
+        return []
+    return [each.description() for each in metrics]
+
+
+def learn_metrics(descriptions: Iterable[Mapping[str, Any]]) -> None:
+    """Take in what ``run.json`` says of metrics, for columns whose functions this process may not have."""
+    _described.update((each["name"], Metric.described(each)) for each in descriptions)
 
 
 def preset_named(name: str) -> Preset:
@@ -45,11 +214,3 @@ def preset_named(name: str) -> Preset:
     if name not in PRESETS:
         raise UsageError(f"metrics: unknown preset {name!r}; known: {', '.join(PRESETS)}")
     return PRESETS[name]
-
-
-def metrics_named(names: tuple[str, ...] | None) -> list[Metric]:
-    """Metrics by name; the paper's six where none are named."""
-    for name in names or ():
-        if name not in METRICS:
-            raise UsageError(f"metrics: unknown metric {name!r}; known: {', '.join(METRICS)}")
-    return [METRICS[name] for name in (PAPER_METRICS if names is None else names)]

@@ -44,32 +44,24 @@ def worst_time_to_collision(
     time = np.empty(dx.shape)
     for start in range(0, len(dx), CHUNK):
         part = slice(start, start + CHUNK)
-        time[part] = _first_contact(*(values[part] for values in (dx, dy, dvx, dvy, radius, acceleration)))
+        x, y, vx, vy, reach = (values[part] for values in (dx, dy, dvx, dvy, radius))
+        centres = np.sqrt(x * x + y * y)
+        terms = centres - reach, centres, reach, vx * vx + vy * vy, x * vx + y * vy
+        time[part] = _first_contact(*terms, acceleration[part])
     return time
 
 
-def _first_contact(
-    dx: FloatArray,
-    dy: FloatArray,
-    dvx: FloatArray,
-    dvy: FloatArray,
-    radius: FloatArray,
-    acceleration: FloatArray,
-) -> FloatArray:
-    p2, v2, pv = dx * dx + dy * dy, dvx * dvx + dvy * dvy, dx * dvx + dy * dvy
-    centres = np.sqrt(p2)
-    gap = centres - radius
+def _first_contact(gap: FloatArray, *terms: FloatArray) -> FloatArray:
+    """First root for discs that are apart, 0 for others; arguments as `_first_root`, any acceleration."""
     time = np.zeros(gap.shape)
     apart = gap > 0
-    moving = apart & (acceleration == 0)
+    moving = apart & (terms[-1] == 0)
     if moving.any():
-        part = tuple(a[moving] for a in (gap, centres, radius, v2, pv))
-        time[moving] = _without_acceleration(*part)
+        time[moving] = _without_acceleration(gap[moving], *(a[moving] for a in terms[:-1]))
         apart &= ~moving
     if apart.all():
-        return _first_root(gap, centres, radius, v2, pv, acceleration)
-    part = tuple(a[apart] for a in (gap, centres, radius, v2, pv, acceleration))
-    time[apart] = _first_root(*part)
+        return _first_root(gap, *terms)
+    time[apart] = _first_root(gap[apart], *(a[apart] for a in terms))
     return time
 
 

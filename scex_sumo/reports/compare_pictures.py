@@ -16,11 +16,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.reports.run_pictures import LABELS
+from scex_sumo.metrics.registry import metric_of
+from scex_sumo.reports.run_pictures import axis_label
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import BANDWIDTH, density
+from scex_sumo.statistics.distances import Scale
 from scex_sumo.statistics.grouping import Grouping
-from scex_sumo.statistics.pairwise import Scale
 from scex_sumo.studies.compare import Comparison
 
 _COLORS = ("#1f77b4", "#d95f02", "#2a9d5c", "#8e44ad", "#b8860b", "#c2185b", "#00838f", "#6d4c41")
@@ -138,7 +139,7 @@ def _draw_matrix(
     bar.outline.set_visible(False)
 
 
-def draw_fingerprints(
+def draw_compared_densities(
     runs: Sequence[Run],
     comparison: Comparison,
     grouping: Grouping,
@@ -179,7 +180,7 @@ def draw_fingerprints(
 
 
 _READING = (
-    "Fingerprints of seed scenes: how often (height) each metric value (x) occurs among the child scenarios. "
+    "Densities of seed scenes: how often (height) each metric value (x) occurs among the child scenarios. "
     "Rows: seed scenes, alike ones side by side.\n"
     "Tick: median. Red line: threshold, critical to its left (tq, ttc: to its right). Curves are scaled to "
     "one height, or to the share of children in which the metric is defined (printed)."
@@ -223,10 +224,9 @@ def _finish_column(
     axes: Axes, metric: str, span: tuple[float, float], thresholds: Mapping[str, float]
 ) -> None:
     axes.set_xlim(span)
-    base = metric.removesuffix("_mean")
-    axes.set_xlabel(LABELS.get(base, base))
-    worst = "max" if base in ("tq", "ttc") else "min"
-    axes.set_title(f"{base}\n{'mean' if metric.endswith('_mean') else worst}", fontsize=8)
+    known = metric_of(metric)
+    axes.set_xlabel(axis_label(metric))
+    axes.set_title(f"{known.name}\n{'mean' if metric.endswith('_mean') else known.critical}", fontsize=8)
     threshold = thresholds.get(metric)
     if threshold is not None and span[0] <= threshold <= span[1]:
         axes.axvline(threshold, color=_THRESHOLD, linewidth=0.8, zorder=0)

@@ -17,21 +17,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.metrics.registry import metric_of, side_of
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, LOGGED_HISTORY, SeedScene, States
-from scex_sumo.statistics.density import side_of
 
-# Name and unit of each metric, as axis label; the column ttc holds the inverse.
-LABELS = {
-    "distance": "distance [m]",
-    "tq": "traffic quality [–]",
-    "gap_time": "gap time [s]",
-    "pttc": "PTTC [s]",
-    "wttc": "WTTC [s]",
-    "ttc": "1 / TTC [1/s]",
-}
 _CURVE, _CRITICAL, _RECORDED = "#1f4e79", "#c0392b", "#222222"
 STYLE: dict[Any, Any] = {
     "font.size": 8,
@@ -80,17 +71,36 @@ def draw_cumulative(run: Run, stem: Path) -> list[Path]:
     return save(_panels(run, "cumulative density", cumulative_panel), stem)
 
 
+def axis_label(column: str) -> str:
+    """Name and unit of a metric column."""
+    return metric_of(column).titled("–")
+
+
+def panel_title(column: str) -> str:
+    """What a metric column holds of each child."""
+    found = metric_of(column)
+    return f"{found.name}: {'mean of scenes' if column.endswith('_mean') else found.critical}"
+
+
+def panel_grid(
+    panels: int, *, across: int = 4, size: tuple[float, float] = (2.875, 2.4), **options: Any
+) -> tuple[Figure, Any]:
+    """Figure and (rows, across) axes, each of a size in inches; those beyond the panels stay empty."""
+    down = -(-panels // across)
+    options |= {"figsize": (size[0] * across, size[1] * down), "layout": "constrained", "squeeze": False}
+    figure, grid = plt.subplots(down, across, **options)
+    for axes in grid.flat[panels:]:
+        axes.set_axis_off()
+    return figure, grid
+
+
 def _panels(run: Run, what: str, draw: Callable[[Run, str, Axes], None]) -> Figure:
     with plt.rc_context(STYLE):
         columns = run.columns
-        figure, grid = plt.subplots(3, 4, figsize=(11.5, 7.2), layout="constrained")
-        for axes, column in zip(grid.flat, columns, strict=True):
-            base = column.removesuffix("_mean")
-            extremum = "min" if side_of(column) == "left" else "max"
-            axes.set_xlabel(LABELS[base])
-            axes.set_title(
-                f"{base}: {'mean of scenes' if column.endswith('_mean') else extremum}", loc="left"
-            )
+        figure, grid = panel_grid(len(columns))
+        for axes, column in zip(grid.flat, columns, strict=False):
+            axes.set_xlabel(axis_label(column))
+            axes.set_title(panel_title(column), loc="left")
             if not np.isfinite(run.samples(column)).any():
                 axes.text(0.5, 0.5, "defined in no child", ha="center", va="center", transform=axes.transAxes)
                 axes.set_yticks([])

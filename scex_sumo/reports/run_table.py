@@ -11,18 +11,9 @@ from rich.text import Text
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.extrapolation.fallbacks import fallback_lines
+from scex_sumo.metrics.registry import metric_of, most_critical, side_of
 from scex_sumo.results.run import Run
-from scex_sumo.statistics.density import side_of
 
-# Shown per metric: its name and unit; the column ttc holds the inverse.
-METRIC_LABELS = {
-    "distance": "distance [m]",
-    "tq": "traffic quality",
-    "gap_time": "gap time [s]",
-    "pttc": "PTTC [s]",
-    "wttc": "WTTC [s]",
-    "ttc": "1/TTC [1/s]",
-}
 _LEAST = 12  # characters of a column that may take several lines
 
 
@@ -69,12 +60,12 @@ def summary_table(run: Run) -> Table:
     table.add_column("metric")
     for name in ("recorded", "median", "critical if", "P(critical)", "95 % interval", "defined"):
         table.add_column(name, justify="right", no_wrap=True)
-    for column, label in METRIC_LABELS.items():
+    for column in most_critical(run.columns):
         samples = run.samples(column)
         recorded = run.recorded_value(column)
         threshold = run.thresholds.get(column)
         table.add_row(
-            Text(label),  # or rich takes the unit in brackets for markup
+            Text(metric_of(column).titled()),  # or rich takes the unit in brackets for markup
             _number(recorded),
             _number(float(np.median(samples)) if len(samples) else None),
             *_critical(run, column, threshold, samples),

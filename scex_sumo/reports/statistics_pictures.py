@@ -14,9 +14,9 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.reports.run_pictures import LABELS
+from scex_sumo.reports.run_pictures import axis_label, panel_grid, panel_title
 from scex_sumo.results.run import Run
-from scex_sumo.statistics.density import density, dkw_half_width, side_of
+from scex_sumo.statistics.density import density, dkw_half_width
 from scex_sumo.studies.explain import Explanation
 
 _STYLE: dict[Any, Any] = {
@@ -39,10 +39,10 @@ def draw_subsets(run: Run, subsets: Mapping[int, IntArray], stem: Path) -> list[
         stem: path without ending.
     """
     with plt.rc_context(_STYLE):
-        figure, grid = plt.subplots(3, 4, figsize=(11.5, 7.2), layout="constrained")
-        for axes, column in zip(grid.flat, run.columns, strict=True):
-            axes.set_xlabel(LABELS[column.removesuffix("_mean")])
-            axes.set_title(_title(column), loc="left")
+        figure, grid = panel_grid(len(run.columns))
+        for axes, column in zip(grid.flat, run.columns, strict=False):
+            axes.set_xlabel(axis_label(column))
+            axes.set_title(panel_title(column), loc="left")
             values = _values(run, column)
             known = values[np.isfinite(values)]
             if len(known) == 0:
@@ -77,9 +77,9 @@ def draw_errors(rows: Sequence[Mapping[str, Any]], run: Run, stem: Path) -> list
     designs = list(dict.fromkeys(r["design"] for r in rows))
     sizes = sorted({int(r["size"]) for r in rows})
     with plt.rc_context(_STYLE):
-        figure, grid = plt.subplots(3, 4, figsize=(11.5, 7.2), layout="constrained", sharex=True, sharey=True)
-        for axes, column in zip(grid.flat, run.columns, strict=True):
-            axes.set_title(_title(column), loc="left")
+        figure, grid = panel_grid(len(run.columns), sharex=True, sharey=True)
+        for axes, column in zip(grid.flat, run.columns, strict=False):
+            axes.set_title(panel_title(column), loc="left")
             axes.loglog(sizes, [dkw_half_width(n) for n in sizes], color="#999999", linestyle=":")
             for design, color in zip(designs, _DESIGNS, strict=False):
                 found = [
@@ -112,12 +112,6 @@ def _values(run: Run, column: str) -> FloatArray:
     return np.asarray(run.metrics[column].to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
-def _title(column: str) -> str:
-    base = column.removesuffix("_mean")
-    extremum = "min" if side_of(column) == "left" else "max"
-    return f"{base}: {'mean of scenes' if column.endswith('_mean') else extremum}"
-
-
 def _headline(figure: Any, run: Run) -> None:
     scene = run.info["seed_scene"]
     figure.suptitle(f"{scene['name']}   {scene['vehicles']} vehicles", x=0.01, ha="left", fontsize=10)
@@ -144,7 +138,7 @@ def draw_effects(found: Sequence[Explanation], run: Run, stem: Path) -> list[Pat
         figure, grid = plt.subplots(3, 4, figsize=(11.5, 8.8), layout="constrained")
         image = None
         for axes, explanation in zip(grid.flat, found, strict=True):
-            axes.set_title(_title(explanation.metric), loc="left")
+            axes.set_title(panel_title(explanation.metric), loc="left")
             if not explanation.effects:
                 axes.text(0.5, 0.5, "nothing to explain", ha="center", va="center", transform=axes.transAxes)
                 axes.set(xticks=[], yticks=[])

@@ -10,17 +10,17 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.reports.run_pictures import LABELS, STYLE, save
+from scex_sumo.metrics.registry import most_critical
+from scex_sumo.reports.run_pictures import STYLE, axis_label, panel_grid, panel_title, save
 from scex_sumo.results.run import Run
 from scex_sumo.results.under_test import Driven, UnderTest
-from scex_sumo.statistics.density import side_of
 
 _COLORS: dict[Driven, str] = {"under_test": "#c0392b", "baseline": "#1f4e79"}
 _NAMES: dict[Driven, str] = {"under_test": "under test", "baseline": "baseline: the same children without it"}
 
 
 def draw_under_test(run: Run, stem: Path) -> list[Path]:
-    """Write the densities of the six metrics with and without the models under test as SVG and PNG.
+    """Write the densities of the metrics with and without the models under test as SVG and PNG.
 
     Args:
         run: a finished run with vehicles under test and a baseline.
@@ -28,11 +28,11 @@ def draw_under_test(run: Run, stem: Path) -> list[Path]:
     """
     tested = run.under_test
     with plt.rc_context(STYLE):
-        figure, grid = plt.subplots(2, 3, figsize=(9.0, 5.0), layout="constrained")
-        for axes, column in zip(grid.flat, LABELS, strict=True):
-            extremum = "min" if side_of(column) == "left" else "max"
-            axes.set_title(f"{column}: {extremum}", loc="left")
-            axes.set_xlabel(LABELS[column])
+        columns = most_critical(tested.columns)
+        figure, grid = panel_grid(len(columns), across=3, size=(3.0, 2.5))
+        for axes, column in zip(grid.flat, columns, strict=False):
+            axes.set_title(panel_title(column), loc="left")
+            axes.set_xlabel(axis_label(column))
             _panel(axes, tested, column, run.thresholds.get(column))
         for axes in grid[:, 0]:
             axes.set_ylabel("density")

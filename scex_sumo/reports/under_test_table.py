@@ -8,9 +8,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scex_sumo.reports.run_table import METRIC_LABELS, counted, print_table
-from scex_sumo.results.under_test import Difference, UnderTest, holm
+from scex_sumo.metrics.registry import metric_of, most_critical
+from scex_sumo.reports.run_table import counted, print_table
+from scex_sumo.results.under_test import Difference, UnderTest
 from scex_sumo.statistics.density import Interval
+from scex_sumo.statistics.paired import holm
 
 
 def print_under_test(tested: UnderTest, console: Console) -> None:
@@ -33,12 +35,12 @@ def under_test_table(tested: UnderTest) -> Table:
     table.add_column("metric")
     for name in ("median", "baseline", "worse : better", "p", "P(critical)", "baseline", "p"):
         table.add_column(name, justify="right", no_wrap=True)
-    found = [tested.difference(column) for column in METRIC_LABELS]
+    found = [tested.difference(column) for column in most_critical(tested.columns)]
     values = holm([one.p_value for one in found])
     shares = holm([one.critical_p_value for one in found])
     for one, p_value, p_share in zip(found, values, shares, strict=True):
         table.add_row(
-            Text(METRIC_LABELS[one.column]),
+            Text(metric_of(one.column).titled()),
             _number(one.under_test),
             _number(one.baseline),
             _counts(one),

@@ -1,4 +1,4 @@
-"""The result folder: made whole or not at all, resumed after an interruption, read back as Arrow tables."""
+"""Result folder: made whole or not at all, resumed after an interruption, read back as Arrow tables."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import ResultError
-from scex_sumo.files import lock, unlock, write_atomic
-from scex_sumo.results.parts import PARTS, Part, Parts, save_part
+from scex_sumo.files import lock, remove_unfinished, replacing, unlock, write_atomic
+from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken, save_part
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 
 __all__ = ["Part", "ResultFolder", "save_part"]
@@ -54,6 +54,8 @@ class ResultFolder:
                     )
                 self._clear()
             (self.path / PARTS).mkdir(exist_ok=True)
+            remove_unfinished(self.path)
+            remove_broken(self.path)
             (self.path / "sumo").mkdir(exist_ok=True)
             write_atomic(self.path / _PENDING, _json({"identity": self.identity}).encode())
             (self.path / "run.json").unlink(missing_ok=True)
@@ -134,8 +136,6 @@ class ResultFolder:
         Raises:
             ResultError: the file cannot be written.
         """
-        path = self.path / name
-        temporary = path.with_name(f".{name}.writing")
         file: pq.ParquetWriter | None = None
 
         def write(table: pa.Table) -> None:
@@ -144,16 +144,12 @@ class ResultFolder:
                 file = _parquet(temporary, table.schema)
             file.write_table(table)
 
-        try:
+        with replacing(self.path / name) as temporary:
             try:
                 yield write
             finally:
                 if file is not None:
                     file.close()
-            if file is not None:
-                temporary.replace(path)
-        except OSError as error:
-            raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
 
     def finish(self, info: Mapping[str, Any]) -> None:
         """Write ``run.json``: from now on the folder is a result."""

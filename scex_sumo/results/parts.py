@@ -1,7 +1,9 @@
-"""Finished batches of children, kept in a hidden folder of the result until the run is finished."""
+"""Parts of a run: finished batches of children, kept in a hidden folder until the run is finished."""
 
 from __future__ import annotations
 
+import zipfile
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +15,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.files import remove_unfinished, replacing
 from scex_sumo.scene import States
 
 PARTS = ".parts"
@@ -50,11 +53,10 @@ def save_part(folder: Path, part: Part) -> None:
     """Keep a batch of children in a result folder until the run is finished."""
     name = f"{int(part.children[0]):08d}-{int(part.children[-1]):08d}.npz"
     target = folder / PARTS / name
-    temporary = target.with_name(f".{name}.writing")
     fallbacks = None if part.fallbacks is None else _packed(part.fallbacks)
     given = {"plan_x": part.plan_x, "plan_y": part.plan_y, "fallbacks": fallbacks, "tested": part.tested}
     some: dict[str, Any] = {name: values for name, values in given.items() if values is not None}
-    with temporary.open("wb") as file:
+    with replacing(target) as temporary, temporary.open("wb") as file:
         np.savez(
             file,
             children=part.children,
@@ -67,7 +69,19 @@ def save_part(folder: Path, part: Part) -> None:
             worst=_packed(part.worst),
             **some,
         )
-    temporary.replace(target)
+
+
+def remove_broken(folder: Path) -> None:
+    """Remove the parts of an interrupted run that cannot be read whole; their children run again."""
+    remove_unfinished(folder / PARTS)
+    for file in (folder / PARTS).glob("*.npz"):
+        try:
+            with zipfile.ZipFile(file) as archive:
+                whole = archive.testzip() is None and "children.npy" in archive.namelist()
+        except (zipfile.BadZipFile, EOFError, zlib.error):
+            whole = False
+        if not whole:
+            file.unlink()
 
 
 def _unpacked(data: NDArray[np.uint8]) -> pa.Table:

@@ -14,9 +14,10 @@ import pyarrow.parquet as pq
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.metrics.registry import learn_metrics, side_of
 from scex_sumo.results.under_test import UNDER_TEST, UnderTest
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
-from scex_sumo.statistics.density import Density, Interval, density, p_critical, side_of
+from scex_sumo.statistics.density import Density, Interval, density, p_critical
 
 if TYPE_CHECKING:
     from scex_sumo.converters.net.convert import SumoNet
@@ -38,6 +39,7 @@ class Run:
         self.folder = folder
         self._temporary = temporary  # keeps a folder that nobody asked for until the run is forgotten
         self.info = _read_info(folder)
+        learn_metrics(self.info.get("metrics", ()))
 
     def __repr__(self) -> str:
         name = self.info["seed_scene"]["name"]

@@ -7,7 +7,7 @@ children are compared pair by pair.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -16,11 +16,12 @@ import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.errors import UsageError
-from scex_sumo.statistics.density import Density, Interval, density, p_critical, side_of
+from scex_sumo.metrics.registry import side_of
+from scex_sumo.statistics.density import Density, Interval, density, p_critical
+from scex_sumo.statistics.paired import mcnemar, signed_rank, signs
 
 UNDER_TEST: Final = "under_test.parquet"
 BASELINE: Final = "baseline"
-ROUNDING: Final = 1e-9  # in the metric's unit; libraries may round another way among other vehicles
 
 Driven = Literal["under_test", "baseline"]
 
@@ -65,8 +66,8 @@ class UnderTest:
 
     Attributes:
         vehicles: model by track id; None where a vehicle is driven as drawn.
-        metrics: one row per child: ``child`` and the 12 metric columns over the vehicles' own pairs, null
-            where undefined.
+        metrics: one row per child: ``child`` and the metric columns over the vehicles' own pairs, null where
+            undefined.
         baseline: the same for the same children without the models under test.
         columns: the metric columns.
     """
@@ -143,69 +144,6 @@ class UnderTest:
             no_longer_critical=no_longer,
             critical_p_value=mcnemar(newly, no_longer) if limit is not None and both.any() else float("nan"),
         )
-
-
-def signs(one: FloatArray, two: FloatArray) -> FloatArray:
-    """(n,) sign of one - two; 0 for equal infinities, and for what differs by rounding only."""
-    with np.errstate(invalid="ignore"):
-        same = (one == two) | (np.abs(one - two) < ROUNDING)
-    return np.where(same, 0.0, np.where(one > two, 1.0, -1.0))
-
-
-def signed_rank(one: FloatArray, two: FloatArray) -> float:
-    """Two-sided p of Wilcoxon's signed-rank test, ties and zeros as Pratt has them.
-
-    Infinite differences are the largest. Normal approximation with the variance of the ranks that are there.
-
-    Args:
-        one: (n,) values.
-        two: (n,) values of the same children.
-
-    Returns:
-        p; NaN where all pairs are equal.
-
-    Source: Wilcoxon 1945, Pratt 1959.
-    """
-    from scipy.special import ndtr
-    from scipy.stats import rankdata
-
-    direction = signs(one, two)
-    if not direction.any():
-        return float("nan")
-    finite = np.isfinite(one) & np.isfinite(two)
-    size = np.where(finite, np.abs(np.where(finite, one, 0.0) - np.where(finite, two, 0.0)), np.inf)
-    rank = rankdata(np.where(direction == 0, 0.0, size))
-    total = float((direction * rank).sum())
-    return float(2 * ndtr(-abs(total) / np.sqrt(float((rank[direction != 0] ** 2).sum()))))
-
-
-def mcnemar(first_only: int, second_only: int) -> float:
-    """Two-sided p of McNemar's exact test; 1 where no child differs.
-
-    Args:
-        first_only: children that are critical in the first run only.
-        second_only: in the second run only.
-
-    Source: McNemar 1947.
-    """
-    from scipy.special import bdtr
-
-    count = first_only + second_only
-    return 1.0 if count == 0 else min(1.0, 2 * float(bdtr(min(first_only, second_only), count, 0.5)))
-
-
-def holm(p_values: Sequence[float]) -> list[float]:
-    """P-values of several tests, each so that none of the true hypotheses is rejected; NaN stays.
-
-    Source: Holm 1979.
-    """
-    values = np.asarray(p_values, dtype=np.float64)
-    known = np.flatnonzero(~np.isnan(values))
-    order = known[np.argsort(values[known], kind="stable")]
-    factors = np.arange(len(order), 0, -1)
-    adjusted = values.copy()
-    adjusted[order] = np.minimum(np.maximum.accumulate(values[order] * factors), 1.0)
-    return [float(value) for value in adjusted]
 
 
 def _critical(values: FloatArray, limit: float | None, sign: float) -> BoolArray:

@@ -1,4 +1,4 @@
-"""Runs that go on until the distributions are known as surely as asked for."""
+"""Bands around cumulative distributions, and runs that go on until these are as narrow as asked for."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import UsageError
 from scex_sumo.statistics.density import CONFIDENCE, dkw_half_width
-from scex_sumo.statistics.designs import DESIGNS_THAT_GROW
+from scex_sumo.statistics.effects import indicators, pseudo_inverse
 
 FIRST_LOOK: Final = 100
 MOST_CHILDREN: Final = 10_000
@@ -41,14 +41,10 @@ class Look:
     left_out: tuple[str, ...]
 
 
-def check_band(band: float, design: str) -> None:
-    """Raise a `UsageError` for a band that no run can reach, or a design that cannot grow."""
+def check_band(band: float) -> None:
+    """Raise a `UsageError` for a band that no run can reach."""
     if not 0 < band < 1:
         raise UsageError(f"--until-band: got {band}, needs to be between 0 and 1, e.g. 0.05")
-    if design not in DESIGNS_THAT_GROW:
-        raise UsageError(
-            f"--until-band: a design of {design} cannot grow; use --design {' or '.join(DESIGNS_THAT_GROW)}"
-        )
 
 
 class Bands:
@@ -82,18 +78,22 @@ class Bands:
         self._fits: list[tuple[FloatArray, FloatArray, int, float]] = []
         if design == "random":
             return
-        parts = [_indicators(levels[:, v]) for v in range(levels.shape[1])]
+        parts = [indicators(levels[:, v]) for v in range(levels.shape[1])]
         parts = [p for p in parts if p.shape[1] > 1]
         one = np.concatenate([np.ones((self._count, 1)), *parts], axis=1)
         rank = 1 + sum(p.shape[1] - 1 for p in parts)
         if self._count - rank < _SPARE_CHILDREN:
             return
-        self._fits.append((*_solver(one), _imbalance(parts)))
+        self._fit(one, parts)
         rank += sum((p.shape[1] - 1) * (q.shape[1] - 1) for p, q in combinations(parts, 2))
         if len(parts) > 1 and self._count >= _CHILDREN_PER_PARAMETER * rank:
             cells = [(p[:, :, None] * q[:, None, :]).reshape(len(p), -1) for p, q in combinations(parts, 2)]
-            two = np.concatenate([one, *cells], axis=1)
-            self._fits.append((*_solver(two), _imbalance(cells)))
+            self._fit(np.concatenate([one, *cells], axis=1), cells)
+
+    def _fit(self, regressors: FloatArray, balanced: Sequence[FloatArray]) -> None:
+        """Prepare least squares that account for what the design balances."""
+        inverse, rank = pseudo_inverse(regressors.T @ regressors)
+        self._fits.append((regressors, inverse, rank, _imbalance(balanced)))
 
     def half_width(self, values: FloatArray) -> float:
         """Half-width of the band of a metric, 0 to 1; 1 where it is defined nowhere.
@@ -128,17 +128,6 @@ class Bands:
             remaining += min(imbalance, 1.0) * (variance - left)
             variance = left
         return float(np.sqrt((remaining + variance).max()))
-
-
-def _indicators(levels: IntArray) -> FloatArray:
-    return np.asarray(levels[:, None] == np.unique(levels)[None], dtype=np.float64)
-
-
-def _solver(regressors: FloatArray) -> tuple[FloatArray, FloatArray, int]:
-    """Regressors, the pseudo-inverse of their normal equations, and their rank."""
-    size, vectors = np.linalg.eigh(regressors.T @ regressors)
-    some = size > 1e-10 * size[-1]
-    return regressors, (vectors[:, some] / size[some]) @ vectors[:, some].T, int(some.sum())
 
 
 def _imbalance(parts: Sequence[FloatArray]) -> float:

@@ -1,15 +1,14 @@
 """Densities of metric values, and their uncertainty. Arrays in, arrays out.
 
 Samples are the values of the children in which a metric is defined: drop undefined children first and report
-the share of those that remain (``defined_fraction``). Infinite samples are values: they count in every
-denominator, so that a density integrates to the share of finite samples and a cumulative curve ends there.
+the share of those that remain. Infinite samples are values: they count in every denominator, so that a
+density integrates to the share of finite samples and a cumulative curve ends there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,19 +16,6 @@ from scipy.special import ndtr, ndtri
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import InputError
-
-THRESHOLDS: Final[Mapping[str, float]] = {"distance": 5.0, "tq": 1.2, "wttc": 0.26, "ttc": 1 / 1.5}
-"""Critical values that the paper suggests: m, none, s, 1/s."""
-
-SIDES: Final[Mapping[str, Literal["left", "right"]]] = {
-    "distance": "left",
-    "tq": "right",
-    "gap_time": "left",
-    "pttc": "left",
-    "wttc": "left",
-    "ttc": "right",
-}
-"""On which side of its threshold a metric is critical."""
 
 BANDWIDTH: Final = 0.1
 CONFIDENCE: Final = 0.95
@@ -48,16 +34,12 @@ class Density:
         pdf: (G,) density, 1 / unit.
         cdf: (G,) cumulative distribution with the same kernel.
         band: (G,) lower and (G,) upper limit of the cumulative distribution.
-        count: number of samples, infinite ones included.
-        bandwidth: standard deviation of the kernel, in the metric's unit.
     """
 
     x: FloatArray
     pdf: FloatArray
     cdf: FloatArray
     band: tuple[FloatArray, FloatArray]
-    count: int
-    bandwidth: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +64,6 @@ def density(
     bandwidth: float = BANDWIDTH,
     *,
     x: ArrayLike | None = None,
-    reflect: bool = False,
     confidence: float = CONFIDENCE,
 ) -> Density:
     """Gaussian kernel density with an absolute bandwidth.
@@ -95,26 +76,17 @@ def density(
         samples: (n,) values; inf allowed.
         bandwidth: h, in the unit of the samples.
         x: where to evaluate, ascending; by default a grid of h / 4 around the samples.
-        reflect: fold the part of the density below 0 back, for values that cannot be negative.
         confidence: of the band.
     """
-    values = checked(samples, "density")
+    values = _checked(samples, "density")
     if not (np.isfinite(bandwidth) and bandwidth > 0):
         raise InputError(f"density: bandwidth {bandwidth}; choose one above 0, in the metric's unit")
     if values.size == 0:
         raise InputError("density: no samples; the metric is defined in no child")
-    if reflect and values.min() < 0:
-        raise InputError(f"density: reflection at 0 of a negative sample, {values.min()}; turn it off")
     finite = values[np.isfinite(values)]
-    grid = common_grid(finite, bandwidth) if x is None else np.asarray(x, dtype=np.float64)
-    if reflect and x is None:
-        grid = grid[grid >= 0]
+    grid = _common_grid(finite, bandwidth) if x is None else np.asarray(x, dtype=np.float64)
     pdf, below = _kernel_sums(finite, grid, bandwidth)
     below += np.count_nonzero(values == -np.inf)
-    if reflect:
-        mirrored_pdf, mirrored_below = _kernel_sums(-finite, grid, bandwidth)
-        pdf = np.where(grid >= 0, pdf + mirrored_pdf, 0.0)
-        below = np.where(grid >= 0, below + mirrored_below - finite.size, 0.0)
     cdf = below / values.size
     half = dkw_half_width(values.size, confidence)
     return Density(
@@ -122,8 +94,6 @@ def density(
         pdf=pdf / (values.size * bandwidth),
         cdf=cdf,
         band=(np.maximum(cdf - half, 0.0), np.minimum(cdf + half, 1.0)),
-        count=int(values.size),
-        bandwidth=bandwidth,
     )
 
 
@@ -134,44 +104,6 @@ def dkw_half_width(count: int, confidence: float = CONFIDENCE) -> float:
     """
     _check_confidence(confidence)
     return float(np.sqrt(np.log(2 / (1 - confidence)) / (2 * count)))
-
-
-def bootstrap_band(
-    samples: ArrayLike,
-    x: ArrayLike,
-    rng: np.random.Generator,
-    *,
-    bandwidth: float = BANDWIDTH,
-    draws: int = 1000,
-    confidence: float = CONFIDENCE,
-) -> tuple[FloatArray, FloatArray]:
-    """Band of the cumulative distribution from resampled children, narrower than DKW's where it is steep.
-
-    It holds at each x by itself (percentiles of the draws), not for the whole curve at once as DKW's does.
-
-    Args:
-        samples: (n,) values; inf allowed.
-        x: (G,) where to evaluate.
-        rng: draws the samples, with replacement.
-        bandwidth: of the kernel, in the unit of the samples.
-        draws: number of resamples.
-        confidence: of the band at each x.
-
-    Returns:
-        (G,) lower and (G,) upper limit.
-
-    Source: Efron 1979.
-    """
-    values = checked(samples, "bootstrap_band")
-    _check_confidence(confidence)
-    if values.size == 0 or draws < 1:
-        raise InputError(f"bootstrap_band: {values.size} samples and {draws} draws; both must be at least 1")
-    grid = np.asarray(x, dtype=np.float64)
-    below = ndtr((grid - values[:, None]) / bandwidth)
-    share = rng.multinomial(values.size, np.full(values.size, 1 / values.size), size=draws) / values.size
-    tail = (1 - confidence) / 2
-    low, high = np.quantile(share @ below, [tail, 1 - tail], axis=0)
-    return low, high
 
 
 def p_critical(
@@ -196,7 +128,7 @@ def p_critical(
     Returns:
         The share and its interval; NaN in 0 to 1 without samples.
     """
-    values = checked(samples, "p_critical")
+    values = _checked(samples, "p_critical")
     if side not in ("left", "right"):
         raise InputError(f"p_critical: side {side!r}; choose left or right")
     if np.isnan(threshold):
@@ -220,22 +152,8 @@ def wilson(successes: int, count: int, confidence: float = CONFIDENCE) -> Interv
     return Interval(value=share, low=low, high=high, count=count)
 
 
-def defined_fraction(values: ArrayLike) -> float:
-    """Share of children in which a metric is defined, from a column that is NaN elsewhere."""
-    column = np.asarray(values, dtype=np.float64)
-    return float(np.mean(~np.isnan(column))) if column.size else float("nan")
-
-
-def checked(samples: ArrayLike, what: str) -> FloatArray:
-    """(N,) samples.
-
-    Args:
-        samples: of any shape.
-        what: asks, for the message.
-
-    Raises:
-        InputError: some are NaN.
-    """
+def _checked(samples: ArrayLike, what: str) -> FloatArray:
+    """(N,) samples of any shape; an `InputError` that begins with ``what`` where some are NaN."""
     values = np.asarray(samples, dtype=np.float64).reshape(-1)
     missing = int(np.count_nonzero(np.isnan(values)))
     if missing:
@@ -248,7 +166,7 @@ def _check_confidence(confidence: float) -> None:
         raise InputError(f"confidence {confidence}; choose one between 0 and 1, e.g. 0.95")
 
 
-def common_grid(finite: FloatArray, bandwidth: float) -> FloatArray:
+def _common_grid(finite: FloatArray, bandwidth: float) -> FloatArray:
     """(G,) multiples of h / 4 within 5 h of any sample, without the space between clusters far apart."""
     step = bandwidth / _GRID_PER_BANDWIDTH
     reach = _GRID_MARGIN * _GRID_PER_BANDWIDTH
@@ -284,8 +202,3 @@ def _ranges(start: IntArray, stop: IntArray) -> tuple[IntArray, IntArray]:
     row = np.repeat(np.arange(length.size), length)
     offset = np.repeat(np.cumsum(length) - length, length)
     return row, np.arange(row.size) - offset + np.repeat(start, length)
-
-
-def side_of(column: str) -> Literal["left", "right"]:
-    """On which side of its threshold a metric column is critical."""
-    return SIDES[column.removesuffix("_mean")]

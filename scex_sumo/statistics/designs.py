@@ -1,4 +1,4 @@
-"""Assignment designs that need fewer runs than independent draws: every model equally often per vehicle, ...
+"""Designs of assignments: independent draws, and balanced ones, which need fewer runs.
 
 A design says for every run (row) which level each factor has: which of its models each vehicle gets. Rows are
 judged by how far the shares of all level combinations are from what independent draws would give on average,
@@ -111,86 +111,6 @@ def _next_row(
     return np.array([mine[best] for mine in levels], dtype=np.int64)
 
 
-def latin(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
-    """Every level as often as its share says, per factor; factors independent (Latin hypercube).
-
-    Args:
-        shares: per factor, the share of each of its levels.
-        rows: number of rows R.
-        rng: the randomness.
-
-    Returns:
-        (R, F) level of each factor in each row.
-
-    Source: McKay, Beckman, Conover 1979.
-    """
-    strata = np.stack([rng.permutation(rows) for _ in shares], axis=1)
-    return _levels(shares, (strata + rng.random(strata.shape)) / rows)
-
-
-def sobol(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
-    """Levels from a scrambled Sobol' sequence, one dimension per factor.
-
-    Args:
-        shares: per factor, the share of each of its levels.
-        rows: number of rows R; balance is best at powers of two.
-        rng: the randomness.
-
-    Returns:
-        (R, F) level of each factor in each row.
-
-    Source: Owen 1998 (scrambling); scipy's generator.
-    """
-    from scipy.stats import qmc
-
-    exponent = max(int(rows - 1).bit_length(), 0)
-    points = qmc.Sobol(len(shares), scramble=True, seed=rng).random_base2(exponent)[:rows]
-    return _levels(shares, points)
-
-
-def halton(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
-    """Levels from a scrambled Halton sequence, one dimension per factor.
-
-    Args:
-        shares: per factor, the share of each of its levels.
-        rows: number of rows R.
-        rng: the randomness.
-
-    Returns:
-        (R, F) level of each factor in each row.
-
-    Source: Owen 2017 (scrambling); scipy's generator.
-    """
-    from scipy.stats import qmc
-
-    return _levels(shares, qmc.Halton(len(shares), scramble=True, seed=rng).random(rows))
-
-
-def orthogonal(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
-    """Levels from a Latin hypercube on an orthogonal array of strength two.
-
-    The array has p² rows for a prime p and takes p + 1 factors at most; the smallest one with enough rows and
-    factors is drawn and its first rows, in random order, are taken.
-
-    Args:
-        shares: per factor, the share of each of its levels.
-        rows: number of rows R.
-        rng: the randomness.
-
-    Returns:
-        (R, F) level of each factor in each row.
-
-    Source: Tang 1993; scipy's generator.
-    """
-    from scipy.stats import qmc
-
-    prime = max(int(np.ceil(np.sqrt(rows))), len(shares) - 1, 2)
-    while any(prime % k == 0 for k in range(2, int(prime**0.5) + 1)):
-        prime += 1
-    points = qmc.LatinHypercube(len(shares), strength=2, seed=rng).random(prime * prime)
-    return _levels(shares, rng.permutation(points)[:rows])
-
-
 def independent(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
     """Independent draws: the baseline.
 
@@ -202,34 +122,22 @@ def independent(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray
     Returns:
         (R, F) level of each factor in each row.
     """
-    return _levels(shares, rng.random((rows, len(shares))))
+    return _between(_edges(shares), rng.random((rows, len(shares))))
 
 
 DESIGNS: Final[Mapping[str, Callable[[Shares, int, np.random.Generator], IntArray]]] = {
     "random": independent,
     "balanced": balanced,
-    "latin": latin,
-    "orthogonal": orthogonal,
-    "sobol": sobol,
-    "halton": halton,
 }
-"""Designs by name. The rows of a shorter ``random`` or ``balanced`` design begin a longer one."""
+"""Designs by name. The rows of a shorter design begin a longer one."""
 
 DEFAULT_DESIGN: Final = "balanced"
-
-DESIGNS_THAT_GROW: Final = ("random", "balanced")
-"""Designs whose first rows are a shorter design."""
 
 
 def check_design(name: str) -> None:
     """Raise a `UsageError` for an unknown design."""
     if name not in DESIGNS:
         raise UsageError(f"--design: unknown design {name!r}; known: {', '.join(DESIGNS)}")
-
-
-def _levels(shares: Shares, points: FloatArray) -> IntArray:
-    """Numbers in [0, 1) as levels, by their shares."""
-    return _between(_edges(shares), points)
 
 
 def _edges(shares: Shares) -> list[FloatArray]:
@@ -239,6 +147,7 @@ def _edges(shares: Shares) -> list[FloatArray]:
 
 
 def _between(edges: Sequence[FloatArray], points: FloatArray) -> IntArray:
+    """(R, F) levels of (R, F) numbers in [0, 1)."""
     levels = np.empty(points.shape, dtype=np.int64)
     for factor, bounds in enumerate(edges):
         levels[:, factor] = bounds.searchsorted(points[:, factor], side="right")

@@ -1,4 +1,4 @@
-"""How values and critical shares depend on who drives whom. Arrays in, numbers out; knows no run."""
+"""Effects of models: how values and critical shares depend on who drives whom. Arrays in, numbers out."""
 
 from __future__ import annotations
 
@@ -118,19 +118,19 @@ class _Fit:
 
     def __init__(self, levels: IntArray, y: FloatArray) -> None:
         self._y = y
-        self._parts = [_indicators(levels[:, v]) for v in range(levels.shape[1])]
+        self._parts = [indicators(levels[:, v]) for v in range(levels.shape[1])]
         self._all = np.concatenate([np.ones((len(y), 1)), *self._parts], axis=1)
         owner = np.repeat(np.arange(len(self._parts)), [p.shape[1] for p in self._parts])
         self._owner = np.concatenate([[-1], owner])
         self._gram = self._all.T @ self._all
-        self._inverse, self.rank = _pseudo_inverse(self._gram)
+        self._inverse, self.rank = pseudo_inverse(self._gram)
         self._residual = y - self._all @ (self._inverse @ (self._all.T @ y))
         self.squares = float(self._residual @ self._residual)
 
     def of_one(self, vehicle: int) -> tuple[float, int]:
         """Sum of squares and degrees of freedom that the fit loses without a vehicle."""
         kept = self._owner != vehicle
-        inverse, rank = _pseudo_inverse(self._gram[np.ix_(kept, kept)])
+        inverse, rank = pseudo_inverse(self._gram[np.ix_(kept, kept)])
         others = self._all[:, kept]
         residual = self._y - others @ (inverse @ (others.T @ self._y))
         return max(float(residual @ residual) - self.squares, 0.0), self.rank - rank
@@ -140,14 +140,12 @@ class _Fit:
         first, second = self._parts[one], self._parts[two]
         cells = (first[:, :, None] * second[:, None, :]).reshape(len(self._y), -1)
         across = self._all.T @ cells
-        inverse, rank = _pseudo_inverse(
-            cells.T @ cells - across.T @ self._inverse @ across, float(len(cells))
-        )
+        inverse, rank = pseudo_inverse(cells.T @ cells - across.T @ self._inverse @ across, float(len(cells)))
         toward = cells.T @ self._residual
         return max(float(toward @ inverse @ toward), 0.0), rank
 
 
-def _pseudo_inverse(gram: FloatArray, scale: float | None = None) -> tuple[FloatArray, int]:
+def pseudo_inverse(gram: FloatArray, scale: float | None = None) -> tuple[FloatArray, int]:
     """Inverse of a symmetric matrix on its range, and its rank; ``scale`` is what counts as large."""
     size, vectors = np.linalg.eigh(gram)
     some = size > 1e-10 * (float(size[-1]) if scale is None else scale)
@@ -180,7 +178,8 @@ def _effect(
     )
 
 
-def _indicators(levels: IntArray) -> FloatArray:
+def indicators(levels: IntArray) -> FloatArray:
+    """(C, L) 1 where a child has a level, by (C,) levels of one vehicle, else 0."""
     return np.asarray(levels[:, None] == np.unique(levels)[None], dtype=np.float64)
 
 

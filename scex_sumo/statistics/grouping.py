@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from math import comb
 from typing import Final
 
 import numpy as np
@@ -119,48 +118,3 @@ def silhouette(distance: FloatArray, groups: Sequence[Hashable]) -> FloatArray:
     larger = np.maximum(within, between)
     fit = np.divide(between - within, larger, where=larger > 0, out=np.zeros(len(groups)))
     return np.where(sizes[own] > 1, fit, 0.0)
-
-
-def adjusted_rand_index(first: Sequence[Hashable], second: Sequence[Hashable]) -> float:
-    """Agreement of two groupings: 1 the same, 0 what chance gives, below 0 worse (Hubert and Arabie 1985).
-
-    Args:
-        first: (R,) names of the groups in one grouping.
-        second: (R,) in the other.
-    """
-    pairs = _pairs(list(zip(first, second, strict=True)))
-    one, two, all_pairs = _pairs(first), _pairs(second), comb(len(first), 2)
-    if all_pairs == 0:
-        return 1.0
-    expected = one * two / all_pairs
-    largest = (one + two) / 2
-    # Both in one group, or both all apart: the same grouping.
-    return 1.0 if largest == expected else (pairs - expected) / (largest - expected)
-
-
-def _pairs(groups: Sequence[Hashable]) -> int:
-    """Pairs of runs in the same group."""
-    counts: dict[Hashable, int] = {}
-    for name in groups:
-        counts[name] = counts.get(name, 0) + 1
-    return sum(comb(n, 2) for n in counts.values())
-
-
-def neighbour_accuracy(
-    distance: FloatArray, kinds: Sequence[Hashable], *, apart: Sequence[Hashable] | None = None
-) -> float:
-    """Share of runs whose nearest neighbour is of their kind (leave one out).
-
-    Args:
-        distance: (R, R).
-        kinds: (R,) kind of each run.
-        apart: (R,) where given, runs with the same entry are no neighbours: leave a whole map out.
-    """
-    names = list(kinds)
-    out = list(range(len(names))) if apart is None else list(apart)
-    hits = []
-    for run, kind in enumerate(names):
-        others = [r for r in range(len(names)) if out[r] != out[run]]
-        nearest = min(others, key=lambda r: distance[run, r])
-        hits.append(names[nearest] == kind)
-    return float(np.mean(hits))

@@ -1,9 +1,8 @@
-"""How far two seed scenes are apart, judged by the densities of their metrics.
+"""Comparison of runs: how far seed scenes are apart, judged by the densities of their metrics.
 
-The densities of the 12 metric columns are a seed's fingerprint. Per metric, two runs differ by where their
-values lie (``values``) and by how often the metric is defined at all (``undefined``); the distance of two
-runs is the mean over the metrics of the sum of both. Axes are named R (run), M (metric), C (child). Formulas:
-docs/fingerprints.md.
+Per metric, two runs differ by where their values lie (``values``) and by how often the metric is defined at
+all (``undefined``); the distance of two runs is the mean over the metrics of the sum of both. Axes are named
+R (run), M (metric), C (child). Formulas: docs/compare.md.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import InputError, ResultError, UsageError
-from scex_sumo.statistics.pairwise import (
+from scex_sumo.statistics.distances import (
     Columns,
     Scale,
     jensen_shannon_distances,
@@ -89,7 +88,7 @@ class Comparison:
 
 
 def compare(runs: Sequence[Run], *, labels: Sequence[str] | None = None, distance: str = "w1") -> Comparison:
-    """Distances between the fingerprints of runs.
+    """Distances between the densities of runs.
 
     The scales come from the runs compared, so a distance between two runs depends on the company they are in.
 

@@ -1,4 +1,4 @@
-"""Where criticality comes from: which vehicles' models make the values vary, and what makes them critical."""
+"""Explanation of criticality: which vehicles' models make the values vary, and what makes them critical."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def explain(run: Run, metric: str, *, worst: int = 5) -> Explanation:
         metric: one of its columns.
         worst: how many of the most critical children are named.
     """
-    from scex_sumo.statistics.density import side_of
+    from scex_sumo.metrics.registry import side_of
 
     run.samples(metric)  # says which metrics there are
     levels, _ = assignment_of(run)

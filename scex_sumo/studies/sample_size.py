@@ -1,21 +1,20 @@
-"""How many children are enough: all assignments as the truth, and how far fewer children are from it."""
+"""Sample size: all assignments as the truth, and how far fewer children are from it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import IntArray
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.assignments import all_assignments
 from scex_sumo.scene import SeedScene
-from scex_sumo.statistics.density import BANDWIDTH, density
-from scex_sumo.statistics.designs import DESIGNS, DESIGNS_THAT_GROW, check_design
+from scex_sumo.statistics.designs import DESIGNS, check_design
+from scex_sumo.statistics.distances import errors
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
@@ -24,24 +23,6 @@ SIZES: Final = (1000, 385, 100, 10)
 DRAWS: Final = 200
 MODELS: Final = f"{DEFAULT_MODELS},calibrated_driver,sumo:EIDM"
 """Six models as in the paper; two that drive as people do stand in for its learned drivers."""
-
-_DRAWS_AT_ONCE = 20
-_KERNEL_REACH = 8  # bandwidths; beyond, the kernel is below 1e-14 of its height
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Errors:
-    """How far draws are from the truth, in one metric.
-
-    Attributes:
-        ks: (D,) Kolmogorov-Smirnov distance; NaN where the metric is defined in no child of a draw.
-        w1: (D,) Wasserstein-1 distance, in the metric's unit.
-        jsd: (D,) Jensen-Shannon divergence, base 2, of the kernel densities.
-    """
-
-    ks: FloatArray
-    w1: FloatArray
-    jsd: FloatArray
 
 
 def truth(
@@ -136,72 +117,6 @@ def designed(
     return tuple(numbers)
 
 
-def errors(values: FloatArray, draws: Sequence[IntArray] | IntArray, *, with_jsd: bool = True) -> Errors:
-    """Distances between the distribution of a metric over some children and over all of them.
-
-    Args:
-        values: (N,) of all children; NaN where undefined. Undefined children are left out on both sides.
-        draws: D arrays of children; one may be drawn more than once.
-        with_jsd: False leaves the Jensen-Shannon divergence, which takes longest, NaN.
-    """
-    defined = np.flatnonzero(np.isfinite(values))
-    nothing = np.full(len(draws), np.nan)
-    if len(defined) == 0:
-        return Errors(ks=nothing, w1=nothing, jsd=nothing)
-    at, place = np.unique(values[defined], return_inverse=True)
-    rank = np.full(len(values), len(at), dtype=np.int64)  # undefined ones are counted behind the last
-    rank[defined] = place
-    counts = np.stack([np.bincount(rank[d], minlength=len(at) + 1)[: len(at)] for d in draws])
-    number = counts.sum(axis=1)
-    some = number > 0
-    share = counts[some] / number[some, None]
-    whole = np.bincount(place, minlength=len(at)) / len(defined)
-    apart = np.abs(np.cumsum(share, axis=1) - np.cumsum(whole))
-    ks, w1, jsd = nothing, nothing.copy(), nothing.copy()
-    ks[some] = apart.max(axis=1)
-    w1[some] = apart[:, :-1] @ np.diff(at)
-    if with_jsd:
-        jsd[some] = _divergence(at, share, whole)
-    return Errors(ks=ks, w1=w1, jsd=jsd)
-
-
-def _divergence(
-    at: FloatArray, share: FloatArray, whole: FloatArray, bandwidth: float = BANDWIDTH
-) -> FloatArray:
-    """(D,) Jensen-Shannon divergence of the kernel densities of weighted samples from that of all.
-
-    Args:
-        at: (U,) values, ascending.
-        share: (D, U) weights of the values in each draw.
-        whole: (U,) weights of the values in the truth.
-        bandwidth: of the kernel.
-    """
-    from scipy.sparse import csr_matrix
-
-    grid = density(at, bandwidth).x
-    reach = _KERNEL_REACH * bandwidth
-    start, stop = np.searchsorted(grid, at - reach), np.searchsorted(grid, at + reach)
-    ends = np.concatenate([[0], np.cumsum(stop - start)])
-    column = np.arange(ends[-1]) - np.repeat(ends[:-1] - start, stop - start)
-    z = (grid[column] - np.repeat(at, stop - start)) / bandwidth
-    kernel = csr_matrix((np.exp(-0.5 * z * z), column, ends), shape=(len(at), len(grid)))
-    truth_mass = np.asarray(kernel.T @ whole)
-    truth_mass /= truth_mass.sum()
-    result = np.empty(len(share))
-    for first in range(0, len(share), _DRAWS_AT_ONCE):
-        part = slice(first, first + _DRAWS_AT_ONCE)
-        for draw, mass in enumerate((csr_matrix(share[part]) @ kernel).toarray(), first):
-            mass /= mass.sum()
-            middle = (mass + truth_mass) / 2
-            result[draw] = (_entropy_part(mass, middle) + _entropy_part(truth_mass, middle)) / 2
-    return np.clip(result, 0.0, 1.0)
-
-
-def _entropy_part(mass: FloatArray, middle: FloatArray) -> float:
-    some = mass > 0
-    return float(np.sum(mass[some] * np.log2(mass[some] / middle[some])))
-
-
 def study(
     run: Run,
     *,
@@ -217,7 +132,7 @@ def study(
         run: a run of all assignments.
         sizes: numbers of children; those above the number of assignments are left out.
         draws: repetitions of each size.
-        designs: ``random`` takes subsets without replacement, as the paper does; others are designs.
+        designs: ``random`` takes subsets without replacement, as the paper does; ``balanced`` its designs.
         seed: of the draws.
         progress: called with (metrics done, metrics in all).
 
@@ -232,16 +147,12 @@ def study(
     samples: dict[tuple[str, int], Sequence[IntArray] | IntArray] = {}
     for design in designs:
         check_design(design)
-        whole: tuple[IntArray, ...] = ()
-        if design in DESIGNS_THAT_GROW and design != "random" and fitting:
+        if design == "random":
+            samples |= {(design, n): subsets(run.children, n, draws, seed=seed) for n in fitting}
+        elif fitting:
             whole = designed(design, models, vehicles, max(fitting), draws, seed=seed)
-        for size in fitting:
-            if design == "random":
-                samples[design, size] = subsets(run.children, size, draws, seed=seed)
-            elif whole:  # the first runs of a long one are a short one
-                samples[design, size] = [d[:size] for d in whole]
-            else:
-                samples[design, size] = designed(design, models, vehicles, size, draws, seed=seed)
+            # The first runs of a long one are a short one.
+            samples |= {(design, n): [d[:n] for d in whole] for n in fitting}
     rows = []
     for index, column in enumerate(run.columns):
         values = run.metrics[column].to_numpy(zero_copy_only=False)

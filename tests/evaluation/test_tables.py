@@ -18,7 +18,8 @@ from scex_sumo.evaluation.blocks import blocks
 from scex_sumo.evaluation.sources import read_source
 from scex_sumo.evaluation.tables import LEVELS, recording_table, worst_table
 from scex_sumo.metrics.base import PlannedPaths
-from scex_sumo.metrics.evaluate import COLUMNS, evaluate
+from scex_sumo.metrics.evaluate import evaluate
+from scex_sumo.metrics.registry import COLUMNS
 from tests.metrics.scenes import random_run
 
 HEADER = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width"

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS
 
 ROUNDABOUT = scex_sumo.example_path("roundabout")
 MAP_HEAD = '<?xml version="1.0"?>\n<osm version="0.6">\n'

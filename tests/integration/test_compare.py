@@ -15,7 +15,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.commands.compare import short_names
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS
 
 PAIRS = 3
 

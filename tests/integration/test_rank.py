@@ -19,7 +19,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.errors import UsageError
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.rank import rank as rank_dataset
 
 MODELS = "standard_driver,risky_driver,emergency_brake"

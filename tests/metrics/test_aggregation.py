@@ -11,9 +11,10 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import InputError, UsageError
 from scex_sumo.metrics import evaluate as evaluation
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
-from scex_sumo.metrics.evaluate import COLUMNS, evaluate, evaluate_pairs
-from scex_sumo.metrics.pairs.scenes import Metric, Samples, Scenes
-from scex_sumo.metrics.registry import METRICS
+from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
+from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.registry import COLUMNS, METRICS
 from scex_sumo.scene import STEP_S, States
 from tests.metrics.scenes import one_scene, random_run
 

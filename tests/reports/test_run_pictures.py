@@ -9,13 +9,12 @@ import pytest
 from rich.console import Console
 
 from scex_sumo.errors import ResultError, UsageError
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
 from scex_sumo.reports.run_pictures import draw_cumulative, draw_densities, draw_run
 from scex_sumo.reports.run_table import print_summary, summary_table
 from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.road import Lane, Road
-from scex_sumo.statistics.density import THRESHOLDS
 from scex_sumo.world.colors import model_colors
 from tests.results.test_folder import part_of
 from tests.seeds import straight_seed

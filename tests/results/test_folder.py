@@ -12,7 +12,7 @@ import pytest
 
 from scex_sumo.errors import ResultError
 from scex_sumo.results.folder import Part, ResultFolder, assignments_table, tracks_table, values_table
-from scex_sumo.results.parts import joined
+from scex_sumo.results.parts import PARTS, joined
 from scex_sumo.results.run import open_run
 from scex_sumo.scene import States
 from tests.seeds import straight_seed
@@ -101,6 +101,21 @@ def test_the_same_run_goes_on_after_an_interruption(tmp_path: Path) -> None:
         open_run(tmp_path / "out")
     again = ResultFolder(tmp_path / "out", {"seed": 1})
     assert again.done() == {0, 1}
+
+
+@pytest.mark.parametrize("damage", ["empty", "cut", "flipped"])
+def test_a_part_that_a_power_loss_left_broken_is_run_again(tmp_path: Path, damage: str) -> None:
+    folder = ResultFolder(tmp_path / "out", {"seed": 1})
+    folder.save_part(part_of([0, 1]))
+    folder.save_part(part_of([2, 3]))
+    broken = sorted((tmp_path / "out" / PARTS).glob("*.npz"))[1]
+    content = bytearray(broken.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    left = {"empty": b"", "cut": bytes(content[: len(content) // 2]), "flipped": bytes(content)}
+    broken.write_bytes(left[damage])
+    (broken.parent / ".00000004-00000005.npz.writing").write_bytes(b"half")
+    assert ResultFolder(tmp_path / "out", {"seed": 1}).done() == {0, 1}
+    assert len(list(broken.parent.iterdir())) == 1
 
 
 def test_another_runs_result_is_not_overwritten_unasked(tmp_path: Path) -> None:

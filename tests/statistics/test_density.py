@@ -10,10 +10,6 @@ from scipy import stats
 
 from scex_sumo.errors import InputError
 from scex_sumo.statistics.density import (
-    SIDES,
-    THRESHOLDS,
-    bootstrap_band,
-    defined_fraction,
     density,
     dkw_half_width,
     p_critical,
@@ -65,17 +61,6 @@ def test_infinite_samples_keep_their_share() -> None:
     assert density([-INF, 1.0]).cdf[0] == pytest.approx(0.5, abs=1e-6)
 
 
-def test_reflection_folds_the_negative_part_back() -> None:
-    curve = density([0.0, 0.05, 1.0], reflect=True)
-    plain = density([0.0, 0.05, 1.0], x=np.concatenate([-curve.x[::-1], curve.x]))
-    half = curve.x.size
-    np.testing.assert_allclose(curve.pdf, plain.pdf[half:] + plain.pdf[:half][::-1], rtol=1e-12)
-    assert curve.x[0] == 0.0 and curve.cdf[0] == pytest.approx(0.0, abs=1e-15)
-    assert curve.cdf[-1] == pytest.approx(1.0, abs=1e-6)
-    with pytest.raises(InputError, match="negative sample"):
-        density([-0.1], reflect=True)
-
-
 def test_the_band_is_0_069_wide_for_385_children() -> None:
     assert dkw_half_width(385) == pytest.approx(np.sqrt(np.log(40) / 770), rel=1e-12)
     assert round(dkw_half_width(385), 3) == 0.069
@@ -98,27 +83,6 @@ def test_the_band_covers_the_smoothed_truth_19_times_in_20() -> None:
     assert inside / 300 > 0.91
 
 
-def test_the_bootstrap_band_covers_the_truth_at_each_point() -> None:
-    """The median of a normal lies within the band at 0 in about 95 % of 300 sample sets."""
-    rng = np.random.default_rng(2)
-    inside = 0
-    for _ in range(300):
-        low, high = bootstrap_band(rng.normal(size=100), [0.0], rng, draws=300)
-        inside += bool(low[0] <= 0.5 <= high[0])
-    # Four standard deviations of a binomial share of 0.95, plus 0.02 for the percentile method's own bias.
-    assert abs(inside / 300 - 0.95) < 0.07
-
-
-def test_the_bootstrap_band_is_reproducible_and_keeps_infinite_samples() -> None:
-    x = [0.0, 1.0, 100.0]
-    bands = [bootstrap_band([0.5, INF], x, np.random.default_rng(0), draws=500) for _ in range(2)]
-    np.testing.assert_array_equal(bands[0], bands[1])
-    # Two samples, one at infinity: resamples have 0, 1 or 2 of them.
-    assert bands[0][0][-1] == 0.0 and bands[0][1][-1] == 1.0
-    with pytest.raises(InputError, match="0 samples"):
-        bootstrap_band([], x, np.random.default_rng(0))
-
-
 @pytest.mark.parametrize(("successes", "count"), [(0, 385), (1, 10), (16, 385), (200, 385), (385, 385)])
 def test_wilson_agrees_with_scipy(successes: int, count: int) -> None:
     ours = wilson(successes, count)
@@ -138,21 +102,6 @@ def test_critical_on_the_left_and_on_the_right() -> None:
 def test_without_samples_nothing_is_known() -> None:
     interval = p_critical([], 1.0)
     assert np.isnan(interval.value) and (interval.low, interval.high, interval.count) == (0.0, 1.0, 0)
-
-
-def test_the_papers_thresholds() -> None:
-    assert dict(THRESHOLDS) == {
-        "distance": 5.0,
-        "wttc": 0.26,
-        "tq": 1.2,
-        "ttc": pytest.approx(0.6667, abs=1e-4),
-    }
-    assert [name for name, side in SIDES.items() if side == "right"] == ["tq", "ttc"]
-
-
-def test_the_defined_fraction_counts_what_is_not_nan() -> None:
-    assert defined_fraction([1.0, np.nan, INF, 0.0]) == 0.75
-    assert np.isnan(defined_fraction([]))
 
 
 @pytest.mark.parametrize(

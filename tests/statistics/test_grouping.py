@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scex_sumo.errors import UsageError
-from scex_sumo.statistics.grouping import adjusted_rand_index, group_runs, neighbour_accuracy, silhouette
+from scex_sumo.statistics.grouping import group_runs, silhouette
 
 
 def line(*places: float) -> np.ndarray:
@@ -69,27 +69,3 @@ def test_the_silhouette_is_its_definition() -> None:
     np.testing.assert_allclose(fit, [9 / 10, 8 / 9, 6.5 / 8.5, 8.5 / 10.5], rtol=1e-12)
     np.testing.assert_array_equal(silhouette(line(0.0, 1.0), ["a", "b"]), [0.0, 0.0])
     np.testing.assert_array_equal(silhouette(line(0.0, 1.0), ["a", "a"]), [0.0, 0.0])
-
-
-def test_the_adjusted_rand_index_is_its_definition() -> None:
-    assert adjusted_rand_index([1, 1, 2, 2], ["x", "x", "y", "y"]) == 1.0
-    # Pairs together: 1 in both, 2 and 3 of 6: (1 - 1) / (2.5 - 1).
-    assert adjusted_rand_index([1, 1, 2, 2], [1, 1, 1, 2]) == 0.0
-    # 0 in both, 2 and 2 of 6: (0 - 2/3) / (2 - 2/3).
-    assert adjusted_rand_index([1, 1, 2, 2], [1, 2, 1, 2]) == pytest.approx(-0.5)
-    assert adjusted_rand_index([1, 1, 1], [1, 1, 1]) == adjusted_rand_index([1, 2, 3], [1, 2, 3]) == 1.0
-    assert adjusted_rand_index([1], [1]) == 1.0
-
-
-def test_chance_has_an_index_of_zero() -> None:
-    rng = np.random.default_rng(0)
-    drawn = [adjusted_rand_index(rng.integers(0, 3, 40).tolist(), [0] * 20 + [1] * 20) for _ in range(300)]
-    assert abs(np.mean(drawn)) < 0.01  # its scatter is 0.03, that of the mean 0.002
-
-
-def test_a_neighbour_of_the_own_map_does_not_count_where_maps_are_left_out() -> None:
-    # Kinds a and b; the nearest of the first run is its own map's, beyond it comes b.
-    distance = line(0.0, 1.0, 3.0, 9.0)
-    kinds, maps = ["a", "a", "b", "a"], ["m", "m", "n", "o"]
-    assert neighbour_accuracy(distance, kinds) == pytest.approx(2 / 4)
-    assert neighbour_accuracy(distance, kinds, apart=maps) == 0.0

@@ -1,4 +1,4 @@
-"""Distances between fingerprints: by hand, as metrics should be, and whatever the order of the runs."""
+"""Distances between runs: by hand, as metrics should be, and whatever the order of the runs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scex_sumo.errors import InputError, ResultError, UsageError
-from scex_sumo.statistics.pairwise import pooled_scale, wasserstein_distances
+from scex_sumo.statistics.distances import pooled_scale, wasserstein_distances
 from scex_sumo.studies.compare import comparable, compare, compare_samples
 
 INF, NAN = float("inf"), float("nan")

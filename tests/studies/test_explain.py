@@ -13,7 +13,7 @@ import pytest
 from scex_sumo.commands.explain import explain_command
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.extrapolation.assignments import all_assignments
-from scex_sumo.metrics.evaluate import COLUMNS
+from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.results.run import open_run
 from scex_sumo.studies.explain import assignment_of, explain
 

@@ -17,40 +17,10 @@ from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.assignments import all_assignments
 from scex_sumo.scenarios.reduction import choose_vehicles, reduced
 from scex_sumo.scene import SeedScene
-from scex_sumo.statistics.distances import jensen_shannon, kolmogorov_smirnov, wasserstein
-from scex_sumo.studies.sample_size import designed, errors, subsets
+from scex_sumo.studies.sample_size import designed, subsets
 from tests.seeds import straight_seed
 
 ROUNDABOUT = scex_sumo.example_path("roundabout")
-
-
-def test_distances_by_hand() -> None:
-    found = errors(np.array([0.0, 1.0, 2.0, 3.0]), [np.array([0, 0]), np.array([3, 2, 1, 0])])
-    assert found.ks.tolist() == [0.75, 0.0]
-    assert found.w1.tolist() == [1.5, 0.0]
-    assert found.jsd[1] == 0.0
-
-
-def test_distances_are_those_of_the_density_module() -> None:
-    rng = np.random.default_rng(0)
-    values = np.round(rng.gamma(2.0, 1.5, 300), 2)
-    values[rng.random(300) < 0.2] = np.nan
-    draws = subsets(300, 40, 6, seed=1)
-    found = errors(values, draws)
-    whole = values[~np.isnan(values)]
-    for index, draw in enumerate(draws):
-        some = values[draw][~np.isnan(values[draw])]
-        assert found.ks[index] == pytest.approx(kolmogorov_smirnov(some, whole), abs=1e-12)
-        assert found.w1[index] == pytest.approx(wasserstein(some, whole), abs=1e-12)
-        # The module cuts the kernel at 39 bandwidths, the study at 8, where it is 1e-14 of its height.
-        assert found.jsd[index] == pytest.approx(jensen_shannon(some, whole), abs=1e-9)
-
-
-def test_a_draw_without_a_defined_child_has_no_distance() -> None:
-    found = errors(np.array([np.nan, 1.0, 2.0]), [np.array([0, 0]), np.array([0, 1])])
-    assert np.isnan([found.ks[0], found.w1[0], found.jsd[0]]).all()
-    assert found.ks[1] == 0.5
-    assert np.isnan(errors(np.full(3, np.nan), [np.array([1])]).ks).all()
 
 
 def test_subsets_hold_no_child_twice_and_differ() -> None:
@@ -64,7 +34,7 @@ def test_designed_draws_are_numbered_as_all_assignments() -> None:
     every = all_assignments([3, 3])
     (draw,) = designed("balanced", 3, 2, 9, 1)
     assert sorted(draw.tolist()) == list(range(9))
-    (first,) = designed("latin", 3, 2, 300, 1)
+    (first,) = designed("balanced", 3, 2, 300, 1)
     assert np.bincount(every[first][:, 0]).tolist() == [100, 100, 100]
 
 

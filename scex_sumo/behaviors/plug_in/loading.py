@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from scex_sumo.behaviors.plug_in.predictor import PredictorMaker, is_predictor
-from scex_sumo.behaviors.plug_in.usable import reason_of
+from scex_sumo.behaviors.plug_in.usable import reason_in_model
 from scex_sumo.errors import UsageError
 
 
@@ -45,7 +45,7 @@ def load_model(path: str) -> Callable[..., Any]:
             "a model is name[:parameter=value]... or package.module:Class"
         ) from None
     except Exception as error:  # whatever a user's module does when it is imported
-        raise UsageError(f"{path}: importing {name} {reason_of(error)}") from error
+        raise UsageError(f"{path}: importing {name} {reason_in_model(error)}") from error
     if not hasattr(module, attribute):
         own = [
             key

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -225,27 +225,6 @@ class Samples:
     row: IntArray
     other: IntArray | None
     symmetric: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class Metric:
-    """One nanoscopic metric and how it is aggregated.
-
-    Attributes:
-        name: the column's name.
-        unit: of the nanoscopic value.
-        critical: ``min`` where small values are critical, ``max`` where large ones are.
-        evaluate: values of all pairs (or vehicles) of a batch of scenes.
-        inverse: aggregated as 1 / value (an infinite time becomes 0 1/s); ``critical`` refers to the inverse.
-        finite: infinite values are left out of the aggregates.
-    """
-
-    name: str
-    unit: str
-    critical: Literal["min", "max"]
-    evaluate: Callable[[Scenes], Samples]
-    inverse: bool = False
-    finite: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.errors import ScexError
+from scex_sumo.errors import ScexError, UsageError
+from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.registry import metric_of
 from scex_sumo.reports.page.packing import quantized, second_sums
 from scex_sumo.reports.page.road_lines import UNIT_M, road_arrays
 from scex_sumo.reports.page.tables import (
@@ -23,16 +25,8 @@ from scex_sumo.reports.page.tables import (
 from scex_sumo.reports.page.tracks import HEADING_RAD, POSITION_M, unique_tracks, whole_tracks
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, SeedScene
-from scex_sumo.statistics.density import BANDWIDTH, side_of
+from scex_sumo.statistics.density import BANDWIDTH
 
-_NAMES = {
-    "distance": ("distance", "m"),
-    "tq": ("traffic quality", ""),
-    "gap_time": ("gap time", "s"),
-    "pttc": ("PTTC", "s"),
-    "wttc": ("WTTC", "s"),
-    "ttc": ("1/TTC", "1/s"),
-}
 _AROUND_M = 60.0
 _COLORS = {
     "standard_driver": "#3f8fd2",
@@ -122,19 +116,30 @@ def model_colors(models: list[str]) -> list[str]:
 def _metric(run: Run, column: str) -> dict[str, Any]:
     """One metric column: what it is called, and where it is critical."""
     base = column.removesuffix("_mean")
-    plain = next((name for name in sorted(_NAMES, key=len, reverse=True) if base.startswith(name)), base)
-    name, unit = _NAMES.get(plain, (base, ""))
+    found, rest = _known_metric(base)
     known = run.recorded is not None and column in run.recorded.column_names
     recorded = run.recorded_value(column) if known else None
     return {
         "column": column,
-        "name": name + base[len(plain) :].replace("_", " "),
-        "unit": unit,
+        "name": (found.words if found else "") + rest.replace("_", " "),
+        "unit": found.column_unit if found else "",
         "mean": column.endswith("_mean"),
-        "side": side_of(plain),
+        "side": found.side if found else "left",
         "threshold": run.thresholds.get(column),
         "recorded": recorded,
     }
+
+
+def _known_metric(base: str) -> tuple[Metric | None, str]:
+    """The metric that a column begins with, e.g. that of ``ttc_path``, and how the column goes on."""
+    words = base.split("_")
+    for count in range(len(words), 0, -1):
+        name = "_".join(words[:count])
+        try:
+            return metric_of(name), base[len(name) :]
+        except UsageError:
+            continue
+    return None, base
 
 
 def _assignment(run: Run, vehicles: int) -> tuple[IntArray, list[str]]:

@@ -1,7 +1,7 @@
 """Do seed scenes of one kind of place group together by their densities?
 
-    nice -n 10 python benchmarks/fingerprints.py [--seeds 8] [--vehicles 10] [--data FOLDER] [--out FOLDER]
-    nice -n 10 python benchmarks/fingerprints.py --recorded [--vehicles 5|0] [--data FOLDER] [--out FOLDER]
+    nice -n 10 python benchmarks/compare.py [--seeds 8] [--vehicles 10] [--data FOLDER] [--out FOLDER]
+    nice -n 10 python benchmarks/compare.py --recorded [--vehicles 5|0] [--data FOLDER] [--out FOLDER]
 
 The first: synthetic seed scenes on all Lanelet2 maps that are there, with the same number of vehicles on
 each, held against the kind of place (roundabout, merge, intersection). The second: recorded moments of MONA
@@ -23,14 +23,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from fingerprints_report import Seeds, report
+from compare_report import Seeds, adjusted_rand_index, report
 
 import scex_sumo as scex
 from scex_sumo.errors import SimulationError
-from scex_sumo.reports.compare_pictures import draw_dendrogram, draw_fingerprints
+from scex_sumo.reports.compare_pictures import draw_compared_densities, draw_dendrogram
 from scex_sumo.scenarios.reduction import choose_vehicles, reduced
 from scex_sumo.scene import LOGGED_HISTORY
-from scex_sumo.statistics.grouping import adjusted_rand_index, group_runs
+from scex_sumo.statistics.grouping import group_runs
 from scex_sumo.studies.compare import compare
 
 KIND_OF = {
@@ -157,7 +157,7 @@ def main() -> None:
     )
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", beside)))
-    parser.add_argument("--cache", type=Path, default=Path("out") / "fingerprints")
+    parser.add_argument("--cache", type=Path, default=Path("out") / "compare")
     parser.add_argument("--recorded", action="store_true", help="recorded moments in place of synthetic ones")
     parser.add_argument("--seeds", type=int, default=8, help="per map")
     parser.add_argument("--vehicles", type=int, help="per seed scene; default 10, recorded 5")
@@ -181,7 +181,7 @@ def main() -> None:
         draw_dendrogram(
             comparison, grouping, options.out / f"dendrogram_{kind}", kinds=seeds.kinds, title=title
         )
-        draw_fingerprints(
+        draw_compared_densities(
             seeds.runs, comparison, grouping, options.out / f"densities_{kind}", kinds=seeds.kinds
         )
     print(f"\n{time.perf_counter() - begin:.0f} s")

@@ -1,17 +1,18 @@
-"""What benchmarks/fingerprints.py prints of its comparisons."""
+"""What benchmarks/compare.py prints of its comparisons."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from itertools import permutations
+from math import comb
 
 import numpy as np
 
 import scex_sumo as scex
 from scex_sumo.arrays import FloatArray
-from scex_sumo.statistics.grouping import adjusted_rand_index, group_runs, neighbour_accuracy, silhouette
+from scex_sumo.statistics.grouping import group_runs, silhouette
 from scex_sumo.studies.compare import Comparison, compare_samples
 
 DRAWS = 5  # ways to take the seeds of a map together
@@ -205,3 +206,48 @@ def correlation(one: FloatArray, two: FloatArray) -> float:
     from scipy.stats import spearmanr
 
     return float(spearmanr(one, two).statistic)
+
+
+def adjusted_rand_index(first: Sequence[Hashable], second: Sequence[Hashable]) -> float:
+    """Agreement of two groupings: 1 the same, 0 what chance gives, below 0 worse (Hubert and Arabie 1985).
+
+    Args:
+        first: (R,) names of the groups in one grouping.
+        second: (R,) in the other.
+    """
+    pairs = _pairs(list(zip(first, second, strict=True)))
+    one, two, all_pairs = _pairs(first), _pairs(second), comb(len(first), 2)
+    if all_pairs == 0:
+        return 1.0
+    expected = one * two / all_pairs
+    largest = (one + two) / 2
+    # Both in one group, or both all apart: the same grouping.
+    return 1.0 if largest == expected else (pairs - expected) / (largest - expected)
+
+
+def _pairs(groups: Sequence[Hashable]) -> int:
+    """Pairs of runs in the same group."""
+    counts: dict[Hashable, int] = {}
+    for name in groups:
+        counts[name] = counts.get(name, 0) + 1
+    return sum(comb(n, 2) for n in counts.values())
+
+
+def neighbour_accuracy(
+    distance: FloatArray, kinds: Sequence[Hashable], *, apart: Sequence[Hashable] | None = None
+) -> float:
+    """Share of runs whose nearest neighbour is of their kind (leave one out).
+
+    Args:
+        distance: (R, R).
+        kinds: (R,) kind of each run.
+        apart: (R,) where given, runs with the same entry are no neighbours: leave a whole map out.
+    """
+    names = list(kinds)
+    out = list(range(len(names))) if apart is None else list(apart)
+    hits = []
+    for run, kind in enumerate(names):
+        others = [r for r in range(len(names)) if out[r] != out[run]]
+        nearest = min(others, key=lambda r: distance[run, r])
+        hits.append(names[nearest] == kind)
+    return float(np.mean(hits))

@@ -1,0 +1,39 @@
+"""Objects by import path: ``package.module:name``, as a user names what is his own."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from typing import Any
+
+from scex_sumo.errors import UsageError
+
+
+def import_object(path: str) -> Any:
+    """What an import path names; modules of the current directory are found too, after installed ones.
+
+    Args:
+        path: ``package.module:name``.
+
+    Raises:
+        UsageError: there is no such module or name, or importing it fails.
+    """
+    name, _, attribute = path.partition(":")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        # A console script has its own folder on the path, not the one that the user is in.
+        sys.path.append(here)
+    try:
+        module = importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name is None or not (name == error.name or name.startswith(f"{error.name}.")):
+            raise UsageError(f"{path}: {name} imports {error.name}, which is not installed") from None
+        raise UsageError(
+            f"{path}: no module {error.name} in {here} or among the installed packages"
+        ) from None
+    except Exception as error:  # whatever a user's module does when it is imported
+        raise UsageError(f"{path}: importing {name} raised {type(error).__name__}: {error}") from error
+    if not hasattr(module, attribute):
+        raise UsageError(f"{path}: {name} ({module.__file__}) has no {attribute}")
+    return getattr(module, attribute)

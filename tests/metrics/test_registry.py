@@ -1,0 +1,223 @@
+"""Metrics of a user's own: named as a model is, judged and shown as the built-in ones."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import json
+import pickle
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cloudpickle
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import scex_sumo as scex
+from scex_sumo.errors import InputError, UsageError
+from scex_sumo.metrics import registry
+from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.registry import (
+    COLUMNS,
+    METRICS,
+    PAPER_METRICS,
+    THRESHOLDS,
+    columns_of,
+    describe_metrics,
+    learn_metrics,
+    metric_of,
+    metrics_named,
+    side_of,
+    thresholds_of,
+)
+from scex_sumo.reports.run_pictures import draw_densities
+from scex_sumo.reports.run_table import summary_table
+from scex_sumo.results.run import open_run
+from tests.metrics.scenes import one_scene, random_run
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "metrics.md"
+
+
+@pytest.fixture(autouse=True)
+def registered_metrics(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, Any]]:
+    """The registered metrics; those of a test are forgotten after it."""
+    monkeypatch.setattr(registry, "_registered", found := {})
+    monkeypatch.setattr(registry, "_described", {})
+    yield found
+    sys.modules.pop("closeness", None)
+
+
+@pytest.fixture
+def example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The file of docs/metrics.md, in the folder that the user is in."""
+    (code,) = re.findall(r"```python\n(# closeness\.py.*?)```", DOCS.read_text(), re.DOTALL)
+    (tmp_path / "closeness.py").write_text(code)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    return tmp_path / "closeness.py"
+
+
+def vehicles(*speeds: float) -> Any:
+    return one_scene([{"x": 15.0 * i, "y": 0.0, "psi": 0.0, "v": v} for i, v in enumerate(speeds)])
+
+
+def test_the_paper_has_twelve_columns_four_thresholds_and_two_metrics_that_are_critical_above() -> None:
+    assert columns_of([METRICS[name] for name in PAPER_METRICS]) == COLUMNS
+    assert len(COLUMNS) == 12 and metrics_named(None) == metrics_named(["paper"])
+    expected = {"distance": 5.0, "wttc": 0.26, "tq": 1.2, "ttc": pytest.approx(0.6667, abs=1e-4)}
+    assert dict(THRESHOLDS) == expected == thresholds_of(metrics_named(None))
+    assert [name for name in PAPER_METRICS if side_of(name) == "right"] == ["tq", "ttc"]
+    assert [METRICS[n].titled("–") for n in ("tq", "ttc")] == ["traffic quality [–]", "1/TTC [1/s]"]
+
+
+def test_the_example_of_the_docs_is_named_by_its_import_path(example: Path) -> None:
+    values = evaluate(vehicles(10.0, 4.0, 30.0), None, metrics=["closeness:speed_gap", "distance"])
+    assert values.columns == ("speed_gap", "speed_gap_mean", "distance", "distance_mean")
+    # 15 m apart: 6 and 26 m/s; the first and the last are 30 m apart and left out.
+    assert values.values[0].tolist() == [26.0, 26.0, 15.0, 15.0]
+    pairs = evaluate_pairs(vehicles(10.0, 4.0, 30.0), None, metrics=["speed_gap"])["speed_gap"]
+    assert pairs.value.tolist() == [6.0, 6.0, 26.0, 26.0]
+    assert (side_of("speed_gap_mean"), metric_of("speed_gap").titled()) == (
+        "right",
+        "difference of speeds [m/s]",
+    )
+
+
+def test_a_metric_by_import_path_goes_through_the_command(example: Path) -> None:
+    tracks = example.parent / "tracks.csv"
+    rows = [
+        f"{t},{i},{i * 100},car,{15.0 * t + speed * i / 10},0,{speed},0,0,4.5,1.8"
+        for t, speed in ((1, 10.0), (2, 4.0))
+        for i in range(1, 4)
+    ]
+    head = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width"
+    tracks.write_text("\n".join([head, *rows]) + "\n")
+    command = [sys.executable, "-m", "scex_sumo", "metrics", str(tracks), "--metrics", "closeness:speed_gap"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == ['"case_id","speed_gap","speed_gap_mean"', "1,6,6"]
+
+
+def test_an_entry_point_of_another_package_is_a_name(example: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    point = importlib.metadata.EntryPoint("speed_gap", "closeness:speed_gap", registry.ENTRY_POINTS)
+    monkeypatch.syspath_prepend(str(example.parent))
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point])
+    assert "speed_gap" in registry.known_metrics()
+    assert metrics_named(["speed_gap"])[0].threshold == 10.0
+
+
+def test_a_metric_of_the_users_script_reaches_another_process(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import sys, cloudpickle, scex_sumo as scex\n"
+        "@scex.metric('speed', critical='max', unit='m/s')\n"
+        "def speed(scenes):\n"
+        "    first, second = scenes.pairs\n"
+        "    return scenes.unordered(scenes.speed[second] + scenes.speed[first])\n"
+        "from scex_sumo.metrics.registry import metrics_named\n"
+        "sys.stdout.buffer.write(cloudpickle.dumps(metrics_named(['speed'])))\n"
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    metrics = pickle.loads(done.stdout)
+    assert evaluate(vehicles(10.0, 4.0), None, metrics=metrics).values.tolist() == [[14.0, 14.0]]
+    assert cloudpickle.loads(cloudpickle.dumps(metrics))[0].columns == ("speed", "speed_mean")
+
+
+def result_with(folder: Path, column: str, values: list[float], **info: Any) -> scex.Run:
+    """A result folder of one metric; other processes know it by what run.json says."""
+    table = pa.table({"child": list(range(len(values))), column: values, f"{column}_mean": values})
+    pq.write_table(table, folder / "metrics.parquet")
+    whole = {"seed_scene": {"name": "drawn", "vehicles": 2}, "children": len(values), **info}
+    (folder / "run.json").write_text(json.dumps(whole))
+    return open_run(folder)
+
+
+def test_a_result_is_judged_and_drawn_where_the_metric_is_not_registered(
+    example: Path, registered_metrics: dict[str, Any], tmp_path: Path
+) -> None:
+    metrics = metrics_named(["closeness:speed_gap"])
+    described = json.loads(json.dumps(describe_metrics(metrics)))
+    assert described[0]["function"] == "closeness:speed_gap" and len(described[0]["sha256"]) == 64
+    registered_metrics.clear()
+    with pytest.raises(UsageError, match="unknown metric 'speed_gap'"):
+        side_of("speed_gap")
+    limits = thresholds_of(metrics)
+    run = result_with(tmp_path, "speed_gap", [4.0, 12.0, 26.0], metrics=described, thresholds=limits)
+    assert run.p_critical("speed_gap").value == pytest.approx(2 / 3)
+    assert run.most_critical("speed_gap") == 2
+    assert [str(cell) for cell in summary_table(run).columns[0].cells] == ["difference of speeds [m/s]"]
+    svg, _ = draw_densities(run, tmp_path / "densities")
+    assert "speed_gap: max" in svg.read_text() and "difference of speeds [m/s]" in svg.read_text()
+    with pytest.raises(UsageError, match="known from a result only"):
+        evaluate(vehicles(1.0, 2.0), None, metrics=[metric_of("speed_gap")])
+
+
+def test_the_papers_metrics_are_not_described() -> None:
+    assert describe_metrics(metrics_named(None)) == []
+    assert [d["name"] for d in describe_metrics(metrics_named(["ttc", "drac"]))] == ["ttc", "drac"]
+
+
+def test_what_a_result_says_never_replaces_a_built_in_metric() -> None:
+    learn_metrics([{**METRICS["ttc"].description(), "critical": "min"}])
+    assert side_of("ttc") == "right"
+
+
+def test_single_vehicles_have_no_other_one() -> None:
+    @scex.metric("own_speed", critical="max", unit="m/s")
+    def own_speed(scenes: Scenes) -> Samples:
+        rows = np.arange(scenes.vehicles)
+        return Samples(value=scenes.speed, defined=scenes.present, row=rows, other=None)
+
+    values = evaluate(vehicles(3.0, 8.0), None, metrics=["own_speed"])
+    assert values.worst["own_speed"].other is None
+    assert (values.values[0, 0], values.worst["own_speed"].vehicle[0]) == (8.0, 1)
+    tracks, planned = random_run(np.random.default_rng(1))
+    both = evaluate(tracks, planned, metrics=["paper", "own_speed"])
+    assert np.array_equal(both.values[:, :12], evaluate(tracks, planned).values, equal_nan=True)
+
+
+@pytest.mark.parametrize("name", ["ttc", "paper", "child", "a,b", "a:b", "a=b", "speed_mean", ""])
+def test_names_that_are_taken_or_cannot_be_written_are_refused(name: str) -> None:
+    with pytest.raises(UsageError, match="metric '"):
+        scex.metric(name, critical="min")
+
+
+def test_what_is_no_metric_is_refused(example: Path) -> None:
+    with pytest.raises(UsageError, match="choose min or max"):
+        scex.metric("speed", critical="large")  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="threshold nan is not a finite number"):
+        scex.metric("speed", critical="min", threshold=float("nan"))
+    for name, message in (
+        ("closeness:np", "closeness:np is no metric; decorate it"),
+        ("closeness:other", "has no other"),
+        ("far_away:speed", "no module far_away in"),
+        ("speeds", "unknown metric 'speeds'; known: distance, tq"),
+    ):
+        with pytest.raises(UsageError, match=message):
+            metrics_named([name])
+    with pytest.raises(UsageError, match="none is named"):
+        metrics_named([])
+
+
+def test_values_that_do_not_fit_the_scenes_are_refused() -> None:
+    @scex.metric("odd", critical="min")
+    def odd(scenes: Scenes) -> Samples:
+        samples = scenes.unordered(scenes.distance)
+        return dataclasses.replace(samples, defined=samples.defined.astype(float))
+
+    @scex.metric("bare", critical="min")
+    def bare(scenes: Scenes) -> Any:
+        return scenes.distance
+
+    with pytest.raises(InputError, match=r"metric odd: values .* the mask bool"):
+        evaluate(vehicles(1.0, 2.0), None, metrics=["odd"])
+    with pytest.raises(InputError, match="metric bare: returned ndarray, needs Samples"):
+        evaluate(vehicles(1.0, 2.0), None, metrics=["bare"])
