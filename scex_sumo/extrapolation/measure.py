@@ -1,4 +1,4 @@
-"""From what was simulated or recorded to metric values: the metrics layer's view of a run."""
+"""Metric values of what was simulated or recorded: the metrics layer's view of a run."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from scex_sumo.errors import SimulationError
+from scex_sumo.errors import SimulationError, UsageError
 from scex_sumo.extrapolation.helper_process import DIED, HelperProcess, served_streams, write
 
 if TYPE_CHECKING:
@@ -38,8 +38,13 @@ class Workers:
         """Start all but one of the processes; this one is the other.
 
         Args:
-            processes: how many there shall be, at least 1.
+            processes: how many there shall be.
+
+        Raises:
+            UsageError: fewer than one.
         """
+        if processes < 1:
+            raise UsageError(f"--workers: got {processes}, needs at least 1")
         self.processes = processes
         self.deaths: list[str] = []
         """One phrase for each helper that died and was started again."""

@@ -16,8 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.extrapolation.casting import cast_models
+from scex_sumo.behaviors.registry import DEFAULT_MODELS, parse_models
 from scex_sumo.files import write_atomic
 from scex_sumo.ranking.progress import Campaign
 from scex_sumo.ranking.rounds import distinct, nearby
@@ -122,7 +121,7 @@ def _command(plan: Plan, ref: SeedRef) -> str:
     words += ["--tracks", str(files[0] if len(files) == 1 else files[0].parent)]
     words += ["--case", ref.case] if ref.case else []
     words += ["--time", f"{ref.time_s:g}", "--seed", str(plan.settings.seed)]
-    if plan.settings.models != tuple(str(spec) for spec in cast_models(DEFAULT_MODELS, {}).drawn):
+    if plan.settings.models != tuple(str(spec) for spec in parse_models(DEFAULT_MODELS)):
         words += ["--models", ",".join(plan.settings.models)]
     return shlex.join([*words, "-o", f"out/{ref.seed}"])
 

@@ -14,7 +14,8 @@ import pyarrow as pa
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.converters.datasets.recordings import find_recordings
 from scex_sumo.errors import UsageError
-from scex_sumo.extrapolation.casting import Casting, Models, cast_models, drivers, weights_of
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.ranking.output import count, describe, write
@@ -102,10 +103,10 @@ def rank(
         ResultError: the folder cannot be written or holds something else.
     """
     started = time.perf_counter()
-    casting = cast_models(models, {})
+    built = ModelSet.of(RunSettings(models=models))
     settings = Settings(
-        models=_written(casting),
-        weights=tuple(sorted(weights_of(casting, drivers(casting)).items())),
+        models=_written(built),
+        weights=tuple(sorted(built.weights.items())),
         steps=steps,
         replan=replan,
         design=DEFAULT_DESIGN,
@@ -177,9 +178,9 @@ def _limits(thresholds: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
     return tuple((column, limits[column]) for column in COLUMNS if column in limits)
 
 
-def _written(casting: Casting) -> tuple[str, ...]:
+def _written(models: ModelSet) -> tuple[str, ...]:
     """The models to draw from as on the command line."""
-    return tuple(f"{s}@{s.weight!r}" if s.weight != 1 else str(s) for s in casting.drawn)
+    return tuple(f"{s}@{s.weight!r}" if s.weight != 1 else str(s) for s in models.drawn)
 
 
 @contextmanager

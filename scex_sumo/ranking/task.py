@@ -23,18 +23,11 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.base import Behavior
 from scex_sumo.converters.net.convert import SumoNet, convert
 from scex_sumo.errors import TrackError, UsageError
-from scex_sumo.extrapolation.casting import (
-    Casting,
-    cast_models,
-    draw_assignments,
-    drivers,
-    try_drivers,
-    weights_of,
-)
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, run_batch
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.ranking.seeds import reason_of
 from scex_sumo.results.folder import Part, tracks_table
@@ -43,7 +36,6 @@ from scex_sumo.roads.routes import off_road
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.density import side_of
 from scex_sumo.version import __version__
-from scex_sumo.world.colors import model_colors
 from scex_sumo.world.sumo import SumoWorld
 
 KEEP = ("none", "critical", "all")
@@ -174,8 +166,7 @@ def _check_versions(task: SeedTask) -> None:
         raise UsageError(
             f"the worker has scex-sumo {__version__}, needs {task.version}; install the same everywhere"
         )
-    casting, built = _models(task.settings.models)
-    if weights_of(casting, built) != dict(task.settings.weights):
+    if _models(task.settings.models).weights != dict(task.settings.weights):
         raise UsageError("the worker has other weights of learned models; install the same everywhere")
 
 
@@ -193,9 +184,8 @@ def _mapped(parcel: Parcel) -> tuple[Road, SumoNet]:
 
 
 @lru_cache(maxsize=4)
-def _models(models: tuple[str, ...]) -> tuple[Casting, tuple[Behavior, ...]]:
-    casting = cast_models(models, {})
-    return casting, drivers(casting)
+def _models(models: tuple[str, ...]) -> ModelSet:
+    return ModelSet.of(RunSettings(models=models))
 
 
 def _run(task: SeedTask, road: Road, net: SumoNet) -> SeedPart:
@@ -204,24 +194,26 @@ def _run(task: SeedTask, road: Road, net: SumoNet) -> SeedPart:
     if len(off) == scene.vehicles:
         raise TrackError(f"none of its {scene.vehicles} vehicles is on a mapped lane; check the map's origin")
     settings = task.settings
-    casting, built = _models(settings.models)
+    models = _models(settings.models)
     if task.first == 0:
-        try_drivers(casting, built, scene, seed=settings.seed)
-    assignment = draw_assignments(
-        casting, scene.track_ids, children=task.stop, seed=settings.seed, design=settings.design
+        models.try_on(scene, seed=settings.seed)
+    run = RunSettings(
+        models=models.drawn,
+        children=task.stop,
+        design=settings.design,
+        steps=settings.steps,
+        replan=settings.replan,
+        seed=settings.seed,
+        keep_plans=False,
     )
+    assignment = models.draw(scene.track_ids, children=task.stop, seed=run.seed, design=run.design)
     job = Job(
         scene=scene,
         net=net,
-        models=built,
-        names=casting.names,
-        colors=model_colors(casting.names),
+        settings=run,
+        models=models,
         assignment=assignment,
-        seed=settings.seed,
-        steps=settings.steps,
-        replan=settings.replan,
         folder=net.path.parent,
-        keep_plans=False,
     )
     batches = batches_of(range(task.first, task.stop), batch_size(job), apart=job.apart)
     slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
@@ -236,7 +228,7 @@ def _collected(task: SeedTask, job: Job, parts: list[Part]) -> SeedPart:
     defined = np.concatenate([part.defined for part in parts])
     critical = critical_by(values, defined, dict(task.settings.thresholds))
     kept = choose_kept(critical, task.settings.keep, task.spare)
-    names = np.asarray(job.names, dtype=object)[job.assignment[children]]
+    names = np.asarray(job.models.names, dtype=object)[job.assignment[children]]
     return SeedPart(
         children=children,
         values=values,
