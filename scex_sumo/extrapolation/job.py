@@ -19,7 +19,7 @@ from scex_sumo.extrapolation.measure import measure_rollout, worst_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Cast, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.folder import Part, save_part
+from scex_sumo.results.parts import Part, save_part
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.colors import model_colors

@@ -13,8 +13,8 @@ from scex_sumo.extrapolation.fallbacks import FALLBACKS
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.measure import handover_jumps, measure_recorded
 from scex_sumo.metrics.evaluate import COLUMNS
-from scex_sumo.results.folder import Part, ResultFolder, assignments_table, tracks_table, values_table
-from scex_sumo.results.parts import joined
+from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
+from scex_sumo.results.parts import Part, joined
 from scex_sumo.results.run import densities_table
 from scex_sumo.results.under_test import UNDER_TEST
 from scex_sumo.scene import LOGGED_HISTORY

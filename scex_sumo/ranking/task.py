@@ -30,7 +30,8 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.ranking.seeds import reason_of
-from scex_sumo.results.folder import Part, tracks_table
+from scex_sumo.results.folder import tracks_table
+from scex_sumo.results.parts import Part
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import off_road
 from scex_sumo.scene import SeedScene
