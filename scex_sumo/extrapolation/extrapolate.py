@@ -22,7 +22,7 @@ from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import handover_notes, write_tables
 from scex_sumo.metrics.evaluate import COLUMNS
 from scex_sumo.results.folder import ResultFolder
-from scex_sumo.results.parts import Part
+from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.provenance import describe, digest, versions
 from scex_sumo.results.run import Run
 from scex_sumo.results.under_test import BASELINE
@@ -75,42 +75,27 @@ def extrapolate(
         ResultError: the folder cannot be written or holds another run.
         ScexError: anything else that the input or the environment does wrong.
     """
-    unknown = sorted(set(settings) - set(SETTINGS))
-    if unknown:
-        raise TypeError(f"extrapolate() has no setting {unknown[0]!r}; known: {', '.join(SETTINGS)}")
-    if scene.road is None:
-        raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
-    if batch is not None and batch < 1:
-        raise UsageError(f"--batch: got {batch}, needs at least 1")
-    wanted, watch = RunSettings(**settings), _Stopwatch()
+    wanted, watch = _checked(scene, batch, settings), _Stopwatch()
     models = ModelSet.of(wanted)
     with _at_work(workers, wanted.count, gui) as pool:  # helpers start meanwhile
         if models.weights:
             pool.prepare(LEARNED)
-        draw = partial(models.draw, scene.track_ids, seed=wanted.seed, design=wanted.design)
-        assignment = draw(children=wanted.count if wanted.until_band is None else 1)
+        assignment = models.draw(
+            scene.track_ids,
+            children=wanted.count if wanted.until_band is None else 1,
+            seed=wanted.seed,
+            design=wanted.design,
+        )
         models.try_on(scene, seed=wanted.seed)
         temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
-        asked = {**models.to_json(), **wanted.to_json()}
-        if wanted.until_band is None:
-            asked["children"] = len(assignment)
-        identity = {"version": __version__, "scene": digest(scene), **asked}
         path = Path(temporary.name if temporary else str(out))
-        folder = ResultFolder(path, identity, overwrite=overwrite)
+        folder = ResultFolder(path, _identity(scene, wanted, models, assignment), overwrite=overwrite)
+        assert scene.road is not None
         net = convert(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml")
         watch.lap("convert")
-        job = Job(
-            scene=scene,
-            net=net,
-            settings=wanted,
-            models=models,
-            assignment=assignment,
-            folder=folder.path,
-            gui=gui,
-        )
+        job = Job(scene, net, wanted, models, assignment, folder.path, gui)
         first = _part_of(progress, 0, 2) if wanted.compared else progress
-        go = partial(_run_all, folder=folder, workers=pool, batch=batch, progress=first)
-        job, band = _run_children(job, folder, draw, go)
+        job, band = _run_children(job, partial(_run_all, workers=pool, batch=batch, progress=first))
         if wanted.compared and not (folder.path / BASELINE / "run.json").is_file():
             extrapolate(
                 scene,
@@ -124,20 +109,40 @@ def extrapolate(
             )
     watch.lap("simulate_and_measure")
     part = write_tables(folder, job)
-    info = {"scex_sumo": __version__, "command": list(command) if command else None}
-    info |= _info(job, asked, band, part, pool.deaths)
+    info = _info(job, command, band, part, pool.deaths)
     folder.finish({**info, "timings_s": watch.lap("write")})
     return Run(folder.path, temporary)
 
 
-def _info(
-    job: Job, asked: Mapping[str, Any], band: Look | None, part: Part, deaths: Sequence[str]
+def _checked(scene: SeedScene, batch: int | None, settings: Mapping[str, Any]) -> RunSettings:
+    """The settings, where all arguments of a run make sense."""
+    unknown = sorted(set(settings) - set(SETTINGS))
+    if unknown:
+        raise TypeError(f"extrapolate() has no setting {unknown[0]!r}; known: {', '.join(SETTINGS)}")
+    if scene.road is None:
+        raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
+    if batch is not None and batch < 1:
+        raise UsageError(f"--batch: got {batch}, needs at least 1")
+    return RunSettings(**settings)
+
+
+def _identity(
+    scene: SeedScene, settings: RunSettings, models: ModelSet, assignment: IntArray
 ) -> dict[str, Any]:
-    """What ``run.json`` says of what was run.
+    """What decides on the values of a run: the same in a folder, and the run goes on there."""
+    children = {"children": len(assignment)} if settings.until_band is None else {}
+    own = {**models.to_json(), **settings.to_json(), **children}
+    return {"version": __version__, "scene": digest(scene), **own}
+
+
+def _info(
+    job: Job, command: Sequence[str] | None, band: Look | None, part: Part, deaths: Sequence[str]
+) -> dict[str, Any]:
+    """What ``run.json`` says but for the times.
 
     Args:
         job: what was run.
-        asked: its settings, the number of children as it was asked for.
+        command: the command line.
         band: how wide the bands are, where they decide when it is enough.
         part: all children.
         deaths: one phrase for each worker that was replaced.
@@ -145,8 +150,11 @@ def _info(
     settings, names = job.settings, job.models.names
     plans = -(-settings.steps // settings.replan)  # of a vehicle in a child
     return {
+        "scex_sumo": __version__,
+        "command": list(command) if command else None,
         "seed_scene": describe(job.scene),
-        **asked,
+        **job.models.to_json(),
+        **settings.to_json(),
         "children": len(job.assignment),
         "band": None if band is None else {"asked": settings.until_band, **dataclasses.asdict(band)},
         "thresholds": {**THRESHOLDS, **settings.thresholds},
@@ -171,9 +179,7 @@ class _Stopwatch:
         return dict(self._laps)
 
 
-def _run_children(
-    job: Job, folder: ResultFolder, draw: Callable[..., IntArray], go: Callable[[Job], None]
-) -> tuple[Job, Look | None]:
+def _run_children(job: Job, go: Callable[[Job], None]) -> tuple[Job, Look | None]:
     """Run all children, or as many as a band takes; the job of those, and how wide the bands are."""
     settings = job.settings
     if settings.until_band is None or settings.count is None:
@@ -181,12 +187,12 @@ def _run_children(
         return job, None
 
     def measure(count: int) -> Look:
-        grown = dataclasses.replace(job, assignment=draw(children=count))
+        grown = job.of(count)
         go(grown)
-        return look(grown.assignment, *folder.values(count), COLUMNS, design=settings.design)
+        return look(grown.assignment, *Parts(job.folder).values(count), COLUMNS, design=settings.design)
 
     band = grow(measure, band=settings.until_band, most=settings.count)
-    return dataclasses.replace(job, assignment=draw(children=band.children)), band
+    return job.of(band.children), band
 
 
 def _without_test(job: Job) -> dict[str, Any]:
@@ -217,11 +223,9 @@ def _at_work(workers: int | Workers, most: int | None, gui: bool) -> Iterator[Wo
         yield pool
 
 
-def _run_all(
-    job: Job, folder: ResultFolder, workers: Workers, batch: int | None, progress: Progress | None
-) -> None:
-    """Run the children of a job that the folder has not yet."""
-    done, total, steps = folder.done(), len(job.assignment), job.settings.steps
+def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress | None) -> None:
+    """Run the children of a job that its folder has not yet."""
+    done, total, steps = set(Parts(job.folder).children.tolist()), len(job.assignment), job.settings.steps
     size = batch if batch is not None else batch_size(job, processes=workers.processes)
     batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)
     ticks = len(done) * steps

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,7 @@ VEHICLES_AT_ONCE = 2400  # in a batch, over all its children
 BATCHES_EACH = 2  # of each of several processes, at least: whoever starts later does less
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Job:
     """Everything that a worker needs to run any child of a run.
 
@@ -56,6 +56,12 @@ class Job:
         """The map of the seed scene."""
         assert self.scene.road is not None
         return self.scene.road
+
+    def of(self, children: int) -> Job:
+        """The same job for so many children."""
+        settings, ids = self.settings, self.scene.track_ids
+        drawn = self.models.draw(ids, children=children, seed=settings.seed, design=settings.design)
+        return replace(self, assignment=drawn)
 
     @property
     def apart(self) -> bool:

@@ -83,14 +83,6 @@ class ResultFolder:
         for name in (PARTS, "sumo", "baseline"):
             shutil.rmtree(self.path / name, ignore_errors=True)
 
-    def done(self) -> set[int]:
-        """Numbers of the children that need not run again."""
-        return set(Parts(self.path).children.tolist())
-
-    def values(self, children: int) -> tuple[FloatArray, BoolArray]:
-        """(C, 12) metric values of the first children and where they are defined, all of them finished."""
-        return Parts(self.path).values(children)
-
     def in_order(self, children: int, *, size: int) -> Iterator[Part]:
         """All children in order, whatever the batches they ran in; some at a time, to spare memory.
 
