@@ -62,6 +62,9 @@ def run_command(
     until_band: Annotated[
         float | None, Option(metavar="W", help="Go on until all 95 % bands are within +-W, e.g. 0.05.")
     ] = None,
+    metrics: Annotated[
+        str | None, Option(metavar="NAME,...", help="These metrics, also of your own; else the paper's six.")
+    ] = None,
     threshold: Thresholds = None,
     seed: Seed = 0,
     workers: Processes = 1,
@@ -92,6 +95,7 @@ def run_command(
             "steps": steps,
             "replan": replan,
             "seed": seed,
+            "metrics": None if metrics is None else [name.strip() for name in metrics.split(",")],
             "thresholds": parse_thresholds(threshold),
             "keep_plans": keep_plans,
         }

@@ -20,7 +20,7 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import handover_notes, write_tables
-from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
+from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.provenance import describe, digest, versions
@@ -156,7 +156,7 @@ def _info(
         **settings.to_json(),
         "children": len(job.assignment),
         "band": None if band is None else {"asked": settings.until_band, **dataclasses.asdict(band)},
-        "thresholds": {**THRESHOLDS, **settings.thresholds},
+        "thresholds": {**thresholds_of(settings.measured), **settings.thresholds},
         "net": job.road.name,
         "net_notes": list(job.net.notes),
         "run_notes": [*handover_notes(job, part), *deaths],
@@ -188,7 +188,9 @@ def _run_children(job: Job, go: Callable[[Job], None]) -> tuple[Job, Look | None
     def measure(count: int) -> Look:
         grown = job.of(count)
         go(grown)
-        return look(grown.assignment, *Parts(job.folder).values(count), COLUMNS, design=settings.design)
+        return look(
+            grown.assignment, *Parts(job.folder).values(count), settings.columns, design=settings.design
+        )
 
     band = grow(measure, band=settings.until_band, most=settings.count)
     return job.of(band.children), band

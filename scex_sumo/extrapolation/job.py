@@ -137,7 +137,7 @@ def run_batch(job: Job, world: SumoWorld, children: IntArray, *, on_step: OnStep
     rollout = roll_out(
         world, job.road, job.scene, cast, steps=settings.steps, replan=settings.replan, on_step=on_step
     )
-    values = measure_rollout(job.scene, rollout)
+    values = measure_rollout(job.scene, rollout, metrics=settings.measured)
     return Part(
         children=children,
         states=rollout.states,
@@ -162,7 +162,7 @@ def _tested(job: Job, rollout: Rollout) -> FloatArray | None:
     tested = np.flatnonzero(np.isin(job.scene.track_ids, list(job.models.tested))).tolist()
     if not tested:
         return None
-    own = measure_rollout(job.scene, rollout, vehicles=tested)
+    own = measure_rollout(job.scene, rollout, metrics=job.settings.measured, vehicles=tested)
     return np.stack([own.values, own.defined.astype(np.float64)])
 
 

@@ -12,7 +12,8 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, parse_models
 from scex_sumo.errors import UsageError
 from scex_sumo.metrics.evaluate import PAPER_PRESET
-from scex_sumo.metrics.registry import COLUMNS
+from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.registry import COLUMNS, columns_of, describe_metrics, metrics_named
 from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 
@@ -38,6 +39,8 @@ class RunSettings:
         steps: steps of 0.1 s per child.
         replan: steps that a plan is followed before the next, 1 to 30.
         seed: the same seed gives the same result.
+        metrics: names, import paths or metrics, after the check the latter; ``paper`` stands for the six
+            of the paper, which are the default.
         thresholds: by metric column, on top of the defaults.
         keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
 
@@ -55,6 +58,7 @@ class RunSettings:
     steps: int = 30
     replan: int = 5
     seed: int = 0
+    metrics: Sequence[str | Metric] | None = None
     thresholds: Mapping[str, float] = field(default_factory=dict)
     keep_plans: bool = True
 
@@ -79,8 +83,10 @@ class RunSettings:
                 raise UsageError(
                     "--until-band: all combinations leave nothing to estimate; give no --children all"
                 )
+        # Metrics, not their names, go to the workers: what is registered here is not registered there.
+        object.__setattr__(self, "metrics", metrics_named(self.metrics))
         object.__setattr__(self, "thresholds", dict(self.thresholds or {}))
-        check_thresholds(self.thresholds)
+        check_thresholds(self.thresholds, self.columns)
 
     def _put_under_test(self) -> None:
         """A vehicle whose assigned model is the user's own is under test, too, where it is compared."""
@@ -111,13 +117,25 @@ class RunSettings:
             raise UsageError(f"--children: got {self.children!r}, needs a number or 'all'") from None
 
     @property
+    def measured(self) -> tuple[Metric, ...]:
+        """The metrics that are evaluated."""
+        return metrics_named(self.metrics)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The metric columns of a child."""
+        return columns_of(self.measured)
+
+    @property
     def compared(self) -> bool:
         """Whether every child runs a second time, without the models under test."""
         return self.baseline and any(model is not None for model in self.under_test.values())
 
     def to_json(self) -> dict[str, Any]:
         """What ``run.json`` says of them beside the models, see `ModelSet.to_json`."""
+        described = describe_metrics(self.measured)
         return {
+            **({"metrics": described} if described else {}),
             "children": self.children if self.count is None else self.count,
             "steps": self.steps,
             "replan": self.replan,
@@ -129,10 +147,10 @@ class RunSettings:
         }
 
 
-def check_thresholds(thresholds: Mapping[str, float]) -> None:
+def check_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] = COLUMNS) -> None:
     """Raise a `UsageError` where a threshold is no number, or that of no metric."""
     for column, value in thresholds.items():
-        if column not in COLUMNS:
-            raise UsageError(f"--threshold: unknown metric {column!r}; known: {', '.join(COLUMNS)}")
+        if column not in columns:
+            raise UsageError(f"--threshold: unknown metric {column!r}; known: {', '.join(columns)}")
         if not math.isfinite(value):
             raise UsageError(f"--threshold {column}={value}: is no threshold; give a number")

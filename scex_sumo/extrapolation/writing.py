@@ -12,7 +12,6 @@ from scex_sumo.evaluation.plans import PLANS, plans_table
 from scex_sumo.extrapolation.fallbacks import FALLBACKS
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.measure import handover_jumps, measure_recorded
-from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import Part, joined
 from scex_sumo.results.run import densities_table
@@ -33,19 +32,20 @@ def write_tables(folder: ResultFolder, job: Job) -> Part:
         ResultError: a file cannot be written, or children are missing.
     """
     part = _write_tracks(folder, job)
-    metrics = values_table(COLUMNS, part.values, part.defined, part.children)
+    columns = job.settings.columns
+    metrics = values_table(columns, part.values, part.defined, part.children)
     folder.write_table("metrics.parquet", metrics)
     folder.write_table("worst.parquet", part.worst)
     if part.tested is not None:
         values, defined = part.tested
-        folder.write_table(UNDER_TEST, values_table(COLUMNS, values, defined > 0, part.children))
+        folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, part.children))
     if part.fallbacks is not None:
         folder.write_table(FALLBACKS, part.fallbacks)
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.models.names))
     folder.write_table("densities.parquet", densities_table(metrics))
-    recorded = measure_recorded(job.scene, job.settings.steps)
+    recorded = measure_recorded(job.scene, job.settings.steps, metrics=job.settings.measured)
     if recorded is not None:
-        folder.write_table("recorded.parquet", values_table(COLUMNS, recorded.values, recorded.defined))
+        folder.write_table("recorded.parquet", values_table(columns, recorded.values, recorded.defined))
     write_tracks(folder.path / "seed.csv", job.scene)
     return part
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pyarrow as pa
 
+from scex_sumo.metrics.registry import metric_of
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.grouping import Grouping
 from scex_sumo.studies.compare import Comparison
@@ -15,7 +16,6 @@ from scex_sumo.studies.compare import Comparison
 MOST_IN_MATRIX = 20  # runs whose matrix fits a terminal of 110 characters
 MOST_PAIRS = 15
 _CODES = {"distance": "D", "tq": "Q", "gap_time": "G", "pttc": "P", "wttc": "W", "ttc": "T"}
-_UNITS = {"distance": " m", "tq": "", "gap_time": " s", "pttc": " s", "wttc": " s", "ttc": " 1/s"}
 
 
 def comparison_lines(
@@ -108,7 +108,7 @@ def _typical(run: Run, metric: str) -> str:
     share = len(samples) / run.children
     if share == 0:
         return "undefined"
-    text = f"{np.median(samples):.2f}{_UNITS.get(metric.removesuffix('_mean'), '')}"
+    text = f"{np.median(samples):.2f} {metric_of(metric).column_unit}".rstrip()
     return text if share == 1 else f"{text}, defined in {share:.0%}"
 
 
