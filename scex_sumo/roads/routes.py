@@ -18,7 +18,7 @@ from scex_sumo.geometry.polylines import (
     arc_lengths,
     blend_over,
     headings,
-    join,
+    join_owned,
     length_of,
     nearest,
     wrap,
@@ -264,7 +264,7 @@ def centreline(
         missing -= length[before[0]]
     sequence = (*before, *extended(road, lanes, s + ahead_m))
     pieces, owners = _pieces(known, sequence)
-    points, owner = join(pieces, owners)
+    points, owner = join_owned(pieces, owners)
     start = sum(length[i] for i in before) + s - behind_m
     return _cut(points, owner, start, behind_m + ahead_m)
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.cleaning.heading import wrap
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 

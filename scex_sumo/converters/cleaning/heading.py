@@ -6,6 +6,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.converters.tracks.rows import TrackRows
+from scex_sumo.geometry.polylines import wrap
 
 STANDING_MPS = 0.5
 """Slower than this a vehicle stands: trackers let standing vehicles drift by so much."""
@@ -47,12 +48,6 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
         tracks = len(np.unique(rows.track[sideways]))
         found.append(f"headings of {tracks} tracks against the motion: set")
     return rows.with_columns(psi_rad=wrap(heading)), found
-
-
-def wrap(angle: FloatArray) -> FloatArray:
-    """Angles in [-pi, pi]; values already there are returned unchanged, to the last bit."""
-    inside = (angle >= -np.pi) & (angle <= np.pi)
-    return np.where(inside, angle, np.mod(angle + np.pi, 2.0 * np.pi) - np.pi)
 
 
 def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]:

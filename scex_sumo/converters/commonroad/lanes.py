@@ -22,7 +22,7 @@ from scex_sumo.converters.commonroad.rules import (
     sign_speed_mps,
 )
 from scex_sumo.converters.lanelet.tags import default_speed_mps
-from scex_sumo.geometry.bounds import bounds_cross, mean_width_m, without_repeats
+from scex_sumo.geometry.polylines import bounds_cross, mean_width_m, without_repeats
 from scex_sumo.road import Area, Lane, Marking, Regulation
 
 GAP_M = 1.0  # successors that begin farther away than this are not where their predecessor ends

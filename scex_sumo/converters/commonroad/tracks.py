@@ -11,11 +11,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.converters.cleaning.heading import FORWARD_MPS, wrap
+from scex_sumo.converters.cleaning.heading import FORWARD_MPS
 from scex_sumo.converters.commonroad.file import element_id, parse_commonroad
 from scex_sumo.converters.lanelet.file import list_ids
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
+from scex_sumo.geometry.polylines import wrap
 
 # CommonRoad's words in those of track files; other words are the same.
 _TYPES = {"priorityVehicle": "vehicle", "unknown": "vehicle", "train": "tram", "parkedVehicle": "parked"}

@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.cleaning.heading import FORWARD_MPS, wrap
+from scex_sumo.converters.cleaning.heading import FORWARD_MPS
 from scex_sumo.converters.formats import _read_rows, beside, has_lane_markings, read_meta
 from scex_sumo.converters.tracks.reader import MOTOR_TYPES, OBSTACLE_SIZES
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
+from scex_sumo.geometry.polylines import wrap
 
 _IND = ("trackId", "frame", "xCenter", "yCenter", "heading", "width", "length", "xVelocity", "yVelocity")
 _HIGHD = ("id", "frame", "x", "y", "width", "height", "xVelocity", "yVelocity")

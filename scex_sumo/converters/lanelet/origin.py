@@ -7,6 +7,8 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from scex_sumo.converters.formats import beside, is_levelx, read_meta
 from scex_sumo.converters.lanelet.file import MapFile, read_map_file
 from scex_sumo.converters.lanelet.projection import to_degrees
@@ -121,11 +123,14 @@ def _levelx_origin(meta_path: Path, map_path: Path) -> Place | None:
         near = middle(read_map_file(map_path))
     except ValueError:
         east, north, near = math.nan, math.nan, (math.nan, math.nan)
-    place = to_degrees((east, north), near) if _on_earth(*near) else near
+    try:
+        [place] = to_degrees(np.array([[east, north]]), near, absolute=True)
+    except RuntimeError:
+        place = np.full(2, math.nan)
     if not _on_earth(*place) or distance_m(place, near) > LOCATION_M:
         got = f"{meta['xUtmOrigin']},{meta['yUtmOrigin']}"
         raise MapError(f"{meta_path}: xUtmOrigin, yUtmOrigin {got} is not near its location; repair the file")
-    return place
+    return float(place[0]), float(place[1])
 
 
 def _read_meta_data(path: Path) -> Place | None:

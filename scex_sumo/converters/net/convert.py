@@ -27,7 +27,7 @@ from scex_sumo.converters.net.plan import NetLayout
 from scex_sumo.converters.net.signals import recorded_programme
 from scex_sumo.converters.net.text import net_text
 from scex_sumo.errors import MapError
-from scex_sumo.geometry.shapes import length
+from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import Conflict, conflicts
 
@@ -68,7 +68,7 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     lanes = road.vehicle_lanes
     if not lanes:
         raise MapError(f"{road.name}: no lanelet that cars may drive on; nothing to convert")
-    points = sorted(i for i, lane in lanes.items() if length(lane.centreline) < SHORTEST_M)
+    points = sorted(i for i, lane in lanes.items() if length_of(lane.centreline) < SHORTEST_M)
     if points:
         raise MapError(f"{road.name}: lanelets without length: {', '.join(map(str, points[:5]))}; drop them")
     lanes = add_entries(lanes)

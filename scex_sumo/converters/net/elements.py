@@ -8,7 +8,9 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.pieces.rules import Link
-from scex_sumo.geometry.shapes import mean_line
+from scex_sumo.geometry.polylines import mean_line
+
+DECIMALS = 3  # millimetres: a tenth of what the 0.01 m target needs, and what SUMO's tools expect
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,3 +75,9 @@ class Node:
     incoming: list[str] = field(default_factory=list)
     connections: list[Connection] = field(default_factory=list)
     shape: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+
+
+def shape_text(line: FloatArray) -> str:
+    """A polyline as SUMO writes it: ``x,y x,y``."""
+    # Adding 0.0 turns a rounded -0.0 into 0.0.
+    return " ".join(f"{x:.{DECIMALS}f},{y:.{DECIMALS}f}" for x, y in np.round(line, DECIMALS) + 0.0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from scex_sumo.converters.net.elements import Connection
 from scex_sumo.converters.net.plan import NetLayout
-from scex_sumo.geometry.shapes import turn
+from scex_sumo.geometry.polylines import turn
 from scex_sumo.road import Regulation, Road
 from scex_sumo.roads.conflicts import Conflict
 

@@ -20,7 +20,7 @@ from scex_sumo.converters.net.pieces.rules import (
     set_right_of_way,
 )
 from scex_sumo.converters.net.pieces.topology import Cut, Path, Topology
-from scex_sumo.geometry.shapes import bend, cut, heading, join, length, mean_width
+from scex_sumo.geometry.polylines import bend, cut, heading, join, length_of, width_along
 from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import Conflict
 
@@ -114,7 +114,7 @@ class NetLayout:
             c, left = stack.pop()
             shape = self.lane_shape(c.to_edge, c.to_lane)
             shapes.append(shape)
-            left -= c.internal.length + length(shape)
+            left -= c.internal.length + length_of(shape)
             for following in self._leaving.get((c.to_edge, c.to_lane), ()):
                 if left > 0 and following.internal.name not in seen:
                     seen.add(following.internal.name)
@@ -144,7 +144,7 @@ class NetLayout:
                 name = self._edge_name(r, k)
                 start, end = (self._node_name(self._topology.node(r, c)) for c in (k, k + 1))
                 shapes = [self._road_shape((r, k, at_)) for at_ in range(len(row.lanes))]
-                nominal = float(np.mean([length(shape) for shape in shapes]))
+                nominal = float(np.mean([length_of(shape) for shape in shapes]))
                 lanes = tuple(
                     self._road_lane(f"{name}_{at_}", (r, k, at_), shape, nominal)
                     for at_, shape in enumerate(shapes)
@@ -208,7 +208,7 @@ class NetLayout:
             lane = self._lanes[row.lanes[piece[2]]]
             start, end = row.span(piece[1], piece[2])
             line = cut(lane.centreline, start, end)
-            widths.append(mean_width(lane.left_bound, lane.right_bound, line))
+            widths.append(width_along(lane.left_bound, lane.right_bound, line))
             sizes.append(max(end - start, 1e-3))
         return max(float(np.average(widths, weights=sizes)), 0.5)
 
@@ -248,7 +248,7 @@ class NetLayout:
         internal = NetLane(
             name=f":{node}_{index}_0",
             shape=shape,
-            length=length(shape),
+            length=length_of(shape),
             width=self._width(over),
             speed=min(self._lanes[i].speed_limit_mps for i in (ids if path.inside else ids[1:])),
             lanelets=tuple(dict.fromkeys(ids)),

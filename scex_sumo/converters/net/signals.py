@@ -21,7 +21,7 @@ from scex_sumo.converters.net.elements import Connection
 from scex_sumo.converters.net.lights import Programme, state
 from scex_sumo.converters.net.plan import NetLayout
 from scex_sumo.errors import MapError
-from scex_sumo.geometry.shapes import at, heading, length, project, turn
+from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
 from scex_sumo.road import Road
 
 # SAE J2735 movement states in SUMO's letters.
@@ -173,10 +173,10 @@ def _offset(vector: FloatArray, angle: float) -> tuple[float, float]:
 
 def _leads_along(shape: FloatArray, sink: FloatArray) -> bool:
     """Whether an edge runs along the exit lane."""
-    probe = at(sink, min(5.0, length(sink)))
-    along, gap = project(probe[None], shape)
+    probe = along(sink, min(5.0, length_of(sink)))
+    reached, gap = project(probe[None], shape)
     aligned = abs(turn(heading(sink, end=False, reach=10.0), heading(shape, end=True))) < ALIGNED
-    return bool(gap[0] < BESIDE_M and aligned and along[0] > 0)
+    return bool(gap[0] < BESIDE_M and aligned and reached[0] > 0)
 
 
 def _phases(

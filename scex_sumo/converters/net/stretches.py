@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from scex_sumo.converters.net.elements import Connection, NetLane, Node
-from scex_sumo.geometry.shapes import distances, samples
+from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, intersect, opposed
 
 # SUMO takes a stretch for real only if it begins or ends strictly within the lane.

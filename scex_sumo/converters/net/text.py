@@ -7,12 +7,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from scex_sumo.converters.net.elements import Connection, Edge, NetLane, Node
+from scex_sumo.converters.net.elements import DECIMALS, Connection, Edge, NetLane, Node, shape_text
 from scex_sumo.converters.net.lights import Programme
 from scex_sumo.converters.net.pieces.rules import bits, direction
 from scex_sumo.converters.net.plan import NetLayout
 from scex_sumo.converters.net.stretches import stretches
-from scex_sumo.geometry.shapes import DECIMALS, text
 
 Lights: TypeAlias = Mapping[str, tuple[str, int]]  # internal lane: its traffic light and link index there
 
@@ -70,7 +69,7 @@ def _lane(lane: NetLane, index: int, *, bans: bool) -> str:
     return (
         f'        <lane id="{lane.name}" index="{index}"{allow}{change} speed="{lane.speed:.4f}"'
         f' length="{max(lane.length, 0.1):.{DECIMALS}f}" width="{lane.width:.2f}"'
-        f' shape="{text(lane.shape)}"/>'
+        f' shape="{shape_text(lane.shape)}"/>'
     )
 
 
@@ -83,7 +82,7 @@ def _internal(lane: NetLane) -> Iterator[str]:
 def _edge(edge: Edge) -> Iterator[str]:
     yield (
         f'    <edge id="{edge.name}" from="{edge.start}" to="{edge.end}" priority="-1" spreadType="center"'
-        f' shape="{text(edge.shape)}">'
+        f' shape="{shape_text(edge.shape)}">'
     )
     for index, lane in enumerate(edge.lanes):
         yield _lane(lane, index, bans=len(edge.lanes) > 1)
@@ -97,7 +96,7 @@ def _junction(node: Node, lights: Lights) -> Iterator[str]:
     head = (
         f'    <junction id="{node.name}" type="{_type(node, lights)}"'
         f' x="{x:.{DECIMALS}f}" y="{y:.{DECIMALS}f}" incLanes="{" ".join(node.incoming)}"'
-        f' intLanes="{inner}" shape="{text(node.shape)}"'
+        f' intLanes="{inner}" shape="{shape_text(node.shape)}"'
     )
     if not links:
         yield f"{head}/>"

@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from scex_sumo.geometry.shapes import length
+from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
 
@@ -91,7 +91,7 @@ def build_rows(lanes: Mapping[int, Lane]) -> tuple[list[Row], list[tuple[int, in
             chain = [i]
             while chain[-1] in left_of:
                 chain.append(left_of[chain[-1]])
-            lengths = tuple(length(lanes[k].centreline) for k in chain)
+            lengths = tuple(length_of(lanes[k].centreline) for k in chain)
             rows.append(Row(lanes=tuple(chain), lengths=lengths))
     return sorted(rows, key=lambda row: min(row.lanes)), lost
 

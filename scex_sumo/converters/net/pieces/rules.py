@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from scex_sumo.converters.net.pieces.rows import Piece
 from scex_sumo.converters.net.pieces.topology import Path, Topology
-from scex_sumo.geometry.shapes import turn
+from scex_sumo.geometry.polylines import turn
 from scex_sumo.road import Regulation
 from scex_sumo.roads.conflicts import Conflict
 
