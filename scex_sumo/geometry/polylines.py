@@ -33,8 +33,7 @@ def arc_lengths(points: FloatArray) -> FloatArray:
 
 def length_of(points: FloatArray) -> float:
     """Length of a polyline, m."""
-    step = np.diff(points, axis=0)
-    return float(np.hypot(step[:, 0], step[:, 1]).sum())
+    return float(arc_lengths(points)[-1])
 
 
 def along(line: FloatArray, s: FloatArray | float) -> FloatArray:
