@@ -19,7 +19,6 @@ from scex_sumo.geometry.polylines import (
     blend_over,
     headings,
     join_owned,
-    length_of,
     nearest,
     wrap,
 )
@@ -109,7 +108,8 @@ def _known(road: Road) -> dict[int, Lane]:
 @lru_cache(maxsize=8)
 def _lengths(road: Road) -> dict[int, float]:
     """Lengths of the vehicle lanes, m; never zero, so that every search along them ends."""
-    return {i: max(length_of(lane.centreline), 0.01) for i, lane in _known(road).items()}
+    steps = {i: np.diff(lane.centreline, axis=0) for i, lane in _known(road).items()}
+    return {i: max(float(np.hypot(*step.T).sum()), 0.01) for i, step in steps.items()}
 
 
 @lru_cache(maxsize=8)
