@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
+from scex_sumo.converters.formats import number
 from scex_sumo.converters.lanelet.file import list_ids
 from scex_sumo.errors import MapError
 
@@ -68,7 +69,7 @@ class CommonRoadFile:
     def origin(self) -> tuple[float, float] | None:
         """Latitude and longitude of the file's location, or None where it has none."""
         texts = [self.root.findtext(f"location/{name}") for name in ("gpsLatitude", "gpsLongitude")]
-        lat, lon = (number(text) for text in texts)
+        lat, lon = (coordinate(text) for text in texts)
         # 999 and -999 stand for unknown.
         return (lat, lon) if abs(lat) <= 90 and abs(lon) <= 180 else None
 
@@ -115,12 +116,9 @@ def element_id(element: ElementTree.Element, attribute: str = "id") -> int | Non
     return value if 0 < value < LARGEST_ID else None
 
 
-def number(text: str | None) -> float:
-    """Number that a text is, or nan."""
-    try:
-        value = float(text or "nan")
-    except ValueError:
-        return math.nan
+def coordinate(text: str | None) -> float:
+    """Number that a text is, or nan; no coordinate, time or size of a scenario is 1e9 or more."""
+    value = number(text)
     return value if abs(value) < 1e9 else math.nan
 
 

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.commonroad.file import CommonRoadFile, element_id, number
+from scex_sumo.converters.commonroad.file import CommonRoadFile, coordinate, element_id
 from scex_sumo.geometry.polylines import arc_lengths
 
 _LINKS = ("successor", "predecessor", "adjacentLeft", "adjacentRight")
@@ -189,4 +189,6 @@ def _points(line: ElementTree.Element) -> FloatArray:
     """(P, 2 or 3) points of a line; nan where it is no number. Heights count only if all points have one."""
     points = line.findall("point")
     names = ("x", "y", "z") if points and all(p.find("z") is not None for p in points) else ("x", "y")
-    return np.array([[number(p.findtext(name)) for name in names] for p in points]).reshape(-1, len(names))
+    return np.array([[coordinate(p.findtext(name)) for name in names] for p in points]).reshape(
+        -1, len(names)
+    )

@@ -15,7 +15,7 @@ from scex_sumo.converters.commonroad.rules import (
     CARS,
     Sign,
     drawn_as,
-    lane_kind,
+    kind_of,
     lane_tags,
     may_cross,
     priority_regulations,
@@ -44,7 +44,7 @@ def lanes_of(file: CommonRoadFile, lanelets: Lanelets, signs: Signs) -> dict[int
             continue
         if bounds_cross(left, right):
             file.note("bounds cross each other or themselves, the lane's shape may be off", i)
-        kind = lane_kind(lanelet.types, lanelet.one_way | lanelet.both_ways)
+        kind = kind_of(lanelet.types, lanelet.one_way | lanelet.both_ways)
         tags = lane_tags(lanelet.types)
         speed = _speed(file, i, lanelet, signs)
         if speed is not None:
@@ -160,7 +160,7 @@ def _may_change(left: Lanelet, right: Lanelet, *, leftwards: bool) -> bool:
     return all(may_cross(line, leftwards=leftwards) for line in (left.right_marking, right.left_marking))
 
 
-def regulations(
+def rules_of(
     file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane], signs: Signs
 ) -> tuple[Regulation, ...]:
     """Signs, priority at intersections, and lights, by ascending id of their element."""
@@ -196,7 +196,7 @@ def _incoming(file: CommonRoadFile, driven: Lanelets) -> dict[int, list[tuple[in
     return found
 
 
-def markings(lanelets: Lanelets) -> tuple[Marking, ...]:
+def drawn_markings(lanelets: Lanelets) -> tuple[Marking, ...]:
     """Lines to draw; one that two lanelets share is drawn once, ids are the reader's own."""
     found: dict[bytes, tuple[str, str, FloatArray]] = {}
     for lanelet in lanelets.values():
@@ -213,7 +213,7 @@ def markings(lanelets: Lanelets) -> tuple[Marking, ...]:
     )
 
 
-def areas(lanes: Mapping[int, Lane]) -> tuple[Area, ...]:
+def drawn_areas(lanes: Mapping[int, Lane]) -> tuple[Area, ...]:
     """Regions to draw: lanelets that cars may not drive on."""
     return tuple(
         Area(area_id=i, kind=lane.subtype, outline=np.concatenate([lane.left_bound, lane.right_bound[::-1]]))

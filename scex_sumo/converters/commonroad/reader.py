@@ -12,12 +12,12 @@ from xml.etree import ElementTree
 from scex_sumo.converters.commonroad.file import CommonRoadFile, open_commonroad
 from scex_sumo.converters.commonroad.lanelets import read_lanelets
 from scex_sumo.converters.commonroad.lanes import (
-    areas,
     connected,
+    drawn_areas,
+    drawn_markings,
     driven_both_ways,
     lanes_of,
-    markings,
-    regulations,
+    rules_of,
 )
 from scex_sumo.converters.commonroad.reverse import with_reverse
 from scex_sumo.converters.commonroad.rules import Sign
@@ -75,9 +75,9 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
     return Road(
         name=map_name(path),
         lanes=lanes,
-        regulations=regulations(file, lanelets, lanes, signs),
-        markings=markings(lanelets),
-        areas=areas(lanes),
+        regulations=rules_of(file, lanelets, lanes, signs),
+        markings=drawn_markings(lanelets),
+        areas=drawn_areas(lanes),
         origin=origin or file.origin or (0.0, 0.0),
         notes=file.notes(),
     )

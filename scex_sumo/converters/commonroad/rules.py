@@ -67,7 +67,7 @@ class Sign:
     values: tuple[str, ...] = ()
 
 
-def lane_kind(types: frozenset[str], users: frozenset[str]) -> str:
+def kind_of(types: frozenset[str], users: frozenset[str]) -> str:
     """Kind of a lane: ``vehicle``, ``bus``, ``bicycle``, ``pedestrian`` or ``other``.
 
     Args:

@@ -12,7 +12,7 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.converters.cleaning.heading import FORWARD_MPS
-from scex_sumo.converters.commonroad.file import element_id, number, parse_commonroad
+from scex_sumo.converters.commonroad.file import coordinate, element_id, parse_commonroad
 from scex_sumo.converters.lanelet.file import list_ids
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
@@ -59,7 +59,7 @@ def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...
     """
     path = Path(path)
     root = parse_commonroad(path)
-    step_s = number(root.get("timeStepSize"))
+    step_s = coordinate(root.get("timeStepSize"))
     if not 0.0 < step_s < 10.0:
         raise TrackError(f"{path}: timeStepSize is {root.get('timeStepSize')!r}; a time in seconds expected")
     moving, standing, broken = _tracks(root)
@@ -103,7 +103,7 @@ def repair_commonroad(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
         findings.append(f"first states of {dropped} tracks off their motion: dropped")
     turn = _common_turn(table.vehicles)
     if turn:
-        table = replace(table, vehicles=_turned(table.vehicles, turn), others=_turned(table.others, turn))
+        table = replace(table, vehicles=table.vehicles.turned(-turn), others=table.others.turned(-turn))
         findings.append(
             f"headings turned by {math.degrees(turn):.2f} degrees against the motion: turned back"
         )
@@ -155,7 +155,7 @@ def _states(obstacle: ElementTree.Element) -> FloatArray:
 def _state(element: ElementTree.Element) -> tuple[float, float, float, float, float]:
     time = _value(element.find("time"))
     point = element.find("position/point")
-    x, y = (math.nan, math.nan) if point is None else (number(point.findtext(n)) for n in ("x", "y"))
+    x, y = (math.nan, math.nan) if point is None else (coordinate(point.findtext(n)) for n in ("x", "y"))
     return time, x, y, _value(element.find("orientation")), _value(element.find("velocity"))
 
 
@@ -164,18 +164,18 @@ def _value(element: ElementTree.Element | None) -> float:
     if element is None:
         return math.nan
     if element.find("exact") is not None:
-        return number(element.findtext("exact"))
-    return (number(element.findtext("intervalStart")) + number(element.findtext("intervalEnd"))) / 2.0
+        return coordinate(element.findtext("exact"))
+    return (coordinate(element.findtext("intervalStart")) + coordinate(element.findtext("intervalEnd"))) / 2.0
 
 
 def _size(shape: ElementTree.Element | None) -> tuple[float, float] | None:
     """Length and width of a shape, m; those of its extent for circles and polygons."""
     if shape is None:
         return None
-    size = (number(shape.findtext("rectangle/length")), number(shape.findtext("rectangle/width")))
+    size = (coordinate(shape.findtext("rectangle/length")), coordinate(shape.findtext("rectangle/width")))
     if shape.find("circle") is not None:
-        size = (2.0 * number(shape.findtext("circle/radius")),) * 2
-    points = [[number(p.findtext(n)) for n in ("x", "y")] for p in shape.findall("polygon/point")]
+        size = (2.0 * coordinate(shape.findtext("circle/radius")),) * 2
+    points = [[coordinate(p.findtext(n)) for n in ("x", "y")] for p in shape.findall("polygon/point")]
     if points:
         extent = np.ptp(np.array(points), axis=0)
         size = (float(extent[0]), float(extent[1]))
@@ -252,13 +252,3 @@ def _common_turn(rows: TrackRows) -> float:
     turn = float(np.median(off))
     agreed = np.mean(np.abs(off - turn) < AGREE_RAD) >= 0.5
     return turn if agreed and TURNED_RAD < abs(turn) < math.radians(20.0) else 0.0
-
-
-def _turned(rows: TrackRows, turn: float) -> TrackRows:
-    """Headings and velocities turned back by an angle."""
-    c, s = math.cos(turn), math.sin(turn)
-    return rows.with_columns(
-        psi_rad=wrap(rows.psi_rad - turn),
-        vx=c * rows.vx + s * rows.vy,
-        vy=c * rows.vy - s * rows.vx,
-    )

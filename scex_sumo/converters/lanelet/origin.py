@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.converters.formats import beside, is_levelx, read_meta
+from scex_sumo.converters.formats import is_levelx, read_meta, recording_file
 from scex_sumo.converters.lanelet.file import MapFile, read_map_file
 from scex_sumo.converters.lanelet.projection import to_degrees
 from scex_sumo.converters.lanelet.repair import STRAY_M, Place, distance_m, middle
@@ -55,7 +55,7 @@ def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = No
         MapError: a ``recordingMeta.csv`` or ``meta_data.csv`` gives an origin that is none.
     """
     if tracks_path is not None and is_levelx(tracks_path):
-        found = _levelx_origin(beside(Path(tracks_path), "recordingMeta"), Path(map_path))
+        found = _levelx_origin(recording_file(Path(tracks_path), "recordingMeta"), Path(map_path))
         if found is not None:
             return found
     paths = _meta_data_paths(Path(map_path), Path(tracks_path) if tracks_path is not None else None)

@@ -80,8 +80,8 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     layout = layout.beside(_side_lanes(road))
     net_path.write_text(net_text(layout, _together(recorded, fixed)), encoding="utf-8")
     table = lane_table(layout.places(), layout.ends(), road.lanes)
-    table.write(beside(net_path, ".lanes.csv"))
-    extras = beside(net_path, ".add.xml")
+    table.write(net_file(net_path, ".lanes.csv"))
+    extras = net_file(net_path, ".add.xml")
     extras.write_text(extras_text(road), encoding="utf-8")
     notes += [f"the lane change from lanelet {a} to {b} has no place in a SUMO edge" for a, b in lost]
     return SumoNet(path=net_path, extras=extras, lanes=table, notes=tuple(notes))
@@ -93,7 +93,7 @@ def open_net(net_path: Path) -> SumoNet:
     Raises:
         MapError: the net or its lane table is not there.
     """
-    table, extras = beside(net_path, ".lanes.csv"), beside(net_path, ".add.xml")
+    table, extras = net_file(net_path, ".lanes.csv"), net_file(net_path, ".add.xml")
     for file in (net_path, table):
         if not file.is_file():
             raise MapError(f"{file}: no such file; convert the map again")
@@ -135,6 +135,6 @@ def _together(recorded: Programme | None, fixed: list[Programme]) -> list[Progra
     return [recorded, *(p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))]
 
 
-def beside(net_path: Path, suffix: str) -> Path:
+def net_file(net_path: Path, suffix: str) -> Path:
     """The file that belongs to NET.net.xml with another ending: NET + suffix."""
     return net_path.with_name(net_path.name.removesuffix(".xml").removesuffix(".net") + suffix)
