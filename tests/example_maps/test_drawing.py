@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from example_maps.curves import Pose, clothoids
+from example_maps.drawing import DASHED, SOLID, MapDrawing, Mark
 from scex_sumo.converters.lanelet.projection import to_degrees
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.road import Road
-from scex_sumo.scenarios.drawn.curves import Pose, clothoids
-from scex_sumo.scenarios.drawn.drawing import DASHED, SOLID, MapDrawing, Mark
 
 START = Pose(x=1000.0, y=1000.0, heading=0.0)
 

@@ -13,9 +13,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from example_maps.curves import Curve, Pose, join, smooth_step, stations
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.lanelet.projection import to_degrees
-from scex_sumo.scenarios.drawn.curves import Curve, Pose, join, smooth_step, stations
 
 NODE_TOLERANCE_M = 0.005
 CURB = ("curbstone", "low")

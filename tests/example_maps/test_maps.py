@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from shapely.geometry import LineString, Point
 
+from example_maps.make_examples import draw
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.errors import UsageError
 from scex_sumo.road import Lane, Road
 from scex_sumo.scenarios import EXAMPLES, example_path
-from scex_sumo.scenarios.drawn.make_examples import draw
 
 
 @cache
