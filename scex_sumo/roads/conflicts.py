@@ -1,4 +1,4 @@
-"""Where two lanes come so close that cars on them would touch, and in which way."""
+"""Conflicts: where two lanes come so close that cars on them would touch, and in which way."""
 
 from __future__ import annotations
 

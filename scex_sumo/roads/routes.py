@@ -1,4 +1,4 @@
-"""Where vehicles can go: routes over lanes, and the centrelines under them.
+"""Routes of vehicles: where they can go over lanes, and the centrelines under them.
 
 Nothing here depends on a behaviour model: a route is a sequence of lane ids, a candidate path a route with
 the centreline under it.

@@ -57,13 +57,11 @@ def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]
     135° (a flip) off the one it will start with, as it may turn while starting; without either it never is.
     """
     moving = rows.speed >= MOVING_MPS
-    start = np.append(True, np.diff(rows.segment) != 0)
-    piece = np.cumsum(start) - 1
+    piece = rows.piece
+    begin, end = rows.pieces[0][piece], rows.pieces[1][piece] + 1
     index = np.arange(len(rows))
     last = np.maximum.accumulate(np.where(moving, index, -1))
     coming = np.minimum.accumulate(np.where(moving, index, len(rows))[::-1])[::-1]
-    begin = np.flatnonzero(start)[piece]
-    end = np.append(np.flatnonzero(start)[1:], len(rows))[piece]
     source = np.where(last >= begin, last, np.where(coming < end, coming, -1))
     held = heading[source]
     for number in np.unique(piece[source < 0]):

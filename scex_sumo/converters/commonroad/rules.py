@@ -1,4 +1,4 @@
-"""What CommonRoad's lanelet types, road users, markings and signs mean for a lane."""
+"""Meaning of CommonRoad's lanelet types, road users, markings and signs for a lane."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recorded road users of a CommonRoad scenario, as the tracks of a recording."""
+"""Road users recorded in a CommonRoad scenario, as the tracks of a recording."""
 
 from __future__ import annotations
 

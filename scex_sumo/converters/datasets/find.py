@@ -1,4 +1,4 @@
-"""Which recordings a folder holds, by the layouts that datasets are published in."""
+"""Recordings in folders, found by the layouts that datasets are published in."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a dataset holds, and what was wrong with it: figures before and after cleaning."""
+"""Report on a dataset: what it holds and what was wrong with it, figures before and after cleaning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a map's coordinates begin: the latitude and longitude that its plane is projected with."""
+"""Origin of a map's coordinates: the latitude and longitude that its plane is projected with."""
 
 from __future__ import annotations
 

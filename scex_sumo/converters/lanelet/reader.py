@@ -1,4 +1,4 @@
-"""Lanelet2 maps: the one module that imports lanelet2."""
+"""Lanelet2 maps, read by lanelet2 itself."""
 
 from __future__ import annotations
 

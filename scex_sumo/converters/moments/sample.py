@@ -1,4 +1,4 @@
-"""Recorded tracks at other times than those of their samples: on the steps of a seed scene, or at 10 Hz."""
+"""Sampling of recorded tracks at other times than their own: on the steps of a seed scene, or at 10 Hz."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One moment of a recording as a seed scene: which moment, and what it holds."""
+"""Seed scene of one moment of a recording: which moment, and what it holds."""
 
 from __future__ import annotations
 

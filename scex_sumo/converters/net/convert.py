@@ -1,4 +1,4 @@
-"""A road becomes a SUMO net: the public face of the net writer.
+"""Conversion of a road to a SUMO net: the public face of the net writer.
 
 The net file is written directly, not by netconvert, so that every shape is the map's own. What holds ids
 and coordinates in it, for whoever copies or moves nets as text:

@@ -1,4 +1,4 @@
-"""What a SUMO net is made of: lanes, edges, connections, nodes, with names and shapes."""
+"""Elements of a SUMO net: lanes, edges, connections, nodes, with names and shapes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a SUMO net cannot hold, for sumo-gui: markings, stop lines, crosswalks and areas as polygons."""
+"""Extras for sumo-gui that a SUMO net cannot hold: markings, stop lines, crosswalks and areas as polygons."""
 
 from __future__ import annotations
 

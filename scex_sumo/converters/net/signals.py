@@ -1,4 +1,4 @@
-"""Recorded signal phases (SPaT) as a SUMO traffic light that replays them.
+"""Signal phases as recorded (SPaT), as a SUMO traffic light that replays them.
 
 Format as published with the TAF-BW recordings: a CSV ``signal_group_id, timestamp_ms, movement_state`` and
 beside it a KML of the intersection whose lanes name their sinks and signal groups (SAE J2735 MAP data).

@@ -1,4 +1,4 @@
-"""Where vehicles on two internal lanes are in each other's way, told to SUMO where it cannot see it.
+"""Stretches on which vehicles on two internal lanes are in each other's way, told to SUMO where it is blind.
 
 SUMO looks for the point where two internal lanes cross. There is none where they only pass close by, or come
 together without a common target; and one point is not enough where they run against each other.

@@ -1,4 +1,4 @@
-"""A planned net as SUMO's net.xml."""
+"""Text of a planned net: SUMO's net.xml."""
 
 from __future__ import annotations
 

@@ -85,6 +85,12 @@ class TrackRows:
         begin = np.flatnonzero(np.append(True, np.diff(self.segment) != 0))
         return begin, np.append(begin[1:], len(self)) - 1
 
+    @cached_property
+    def piece(self) -> IntArray:
+        """(N,) number of each row's segment among the S."""
+        begin, end = self.pieces
+        return np.repeat(np.arange(len(begin)), end - begin + 1)
+
     def take(self, keep: BoolArray) -> TrackRows:
         """The rows where ``keep`` (N,) is True; tracks without rows are left out."""
         used, track = np.unique(self.track[keep], return_inverse=True)

@@ -1,4 +1,4 @@
-"""Lanes that fork or join exactly where the map ends get the common piece of road that the map cut off."""
+"""Borders of the map: lanes that fork or join exactly there get the piece of road that the map cut off."""
 
 from __future__ import annotations
 

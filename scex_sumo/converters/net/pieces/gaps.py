@@ -1,4 +1,4 @@
-"""Which of the road pieces between conflicts stay edges, and which are left to the junction around them.
+"""Gaps between conflicts: which of them stay edges, and which are left to the junction around them.
 
 A vehicle that waits needs room: road pieces shorter than a car between two conflicts belong to the junction.
 But SUMO keeps vehicles apart only if traffic that has come together runs over an edge before it parts

@@ -1,4 +1,4 @@
-"""Which lanes go round a roundabout, for maps that do not say who gives way there."""
+"""Roundabouts: which lanes go round one, for maps that do not say who gives way there."""
 
 from __future__ import annotations
 

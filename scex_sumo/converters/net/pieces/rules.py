@@ -1,4 +1,4 @@
-"""Who gives way to whom at a node: SUMO's foes, responses and link states from the map's rules."""
+"""Right of way at a node: SUMO's foes, responses and link states from the map's rules."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From rows of pieces to the graph of a SUMO net: edges, nodes, and the paths through the nodes."""
+"""Topology of a SUMO net from rows of pieces: edges, nodes, and the paths through the nodes."""
 
 from __future__ import annotations
 
