@@ -13,6 +13,7 @@ from typer import Option
 
 from scex_sumo.commands.options import Result
 from scex_sumo.errors import ScexError, UsageError
+from scex_sumo.programs import environment, program
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
@@ -51,11 +52,8 @@ def view_command(
         raise ScexError(
             f"no display to open sumo-gui on; on a machine that has one: sumo-gui -c {shlex.quote(str(file))}"
         )
-    import sumo
-
-    gui = Path(sumo.SUMO_HOME) / "bin" / "sumo-gui"
-    environment = {"SUMO_HOME": str(sumo.SUMO_HOME), **os.environ}
-    status = subprocess.run([str(gui), "-c", str(file)], check=False, env=environment).returncode
+    command = [program("sumo-gui"), "-c", str(file)]
+    status = subprocess.run(command, check=False, env=environment()).returncode
     if status != 0:
         raise ScexError(f"sumo-gui ended with status {status}; try it by hand: sumo-gui -c {file}")
 
