@@ -37,7 +37,7 @@ from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredicto
 from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
 from scex_sumo.behaviors.registry import ModelSpec, build
-from scex_sumo.commands.train import TrainRequest, train_command
+from scex_sumo.commands.train import train_command
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
 from scex_sumo.training.data.samples import learnable
 
@@ -78,15 +78,13 @@ def train(out: Path, roots: Sequence[Path], wanted: Sequence[Training]) -> None:
             continue
         begun = time.process_time()
         train_command(
-            TrainRequest(
-                kind=training.kind,
-                roots=tuple(roots),
-                out=file,
-                seed=training.seed,
-                leave_out=(training.leave_out,) if training.leave_out else (),
-                edges=training.edges,
-                resume=True,
-            )
+            training.kind,
+            data=list(roots),
+            out=file,
+            seed=training.seed,
+            leave_out=[training.leave_out] if training.leave_out else [],
+            edges=training.edges,
+            resume=True,
         )
         print(f"{training.name}: {time.process_time() - begun:.0f} s of processor time", flush=True)
 

@@ -5,18 +5,51 @@ from __future__ import annotations
 import json
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, Option
 
 from scex_sumo.commands.console import warn
-from scex_sumo.converters.lanelet.origin import parse_origin
-from scex_sumo.errors import MapError, ResultError
-from scex_sumo.road import Road
+from scex_sumo.commands.options import Origin
+from scex_sumo.errors import MapError, ResultError, UsageError
 
 if TYPE_CHECKING:
     from scex_sumo.converters.fidelity.report import FidelityReport
+    from scex_sumo.road import Road
 
 
 def convert_command(
+    map_path: Annotated[
+        Path | None, Argument(metavar="MAP.osm", help="Lanelet2 map (CommonRoad: .xml).")
+    ] = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="NET.net.xml", help="SUMO net to write.")
+    ] = None,
+    origin: Origin = None,
+    signals: Annotated[
+        Path | None, Option(metavar="CSV", help="Recorded signal phases (SPaT csv; its kml beside it).")
+    ] = None,
+    check: Annotated[
+        Path | None, Option(metavar="NET", help="Judge this net against --map instead of converting.")
+    ] = None,
+    check_map: Annotated[
+        Path | None, Option("--map", metavar="MAP.osm", help="Map that --check compares with.")
+    ] = None,
+    json_report: Annotated[bool, Option("--json-report", help="Print the fidelity figures as JSON.")] = False,
+) -> None:
+    """Convert a Lanelet2 or CommonRoad map to a SUMO net, or judge a net against its map."""
+    if check is not None:
+        source = check_map or map_path
+        if source is None:
+            raise UsageError("--check: needs the map too, with --map MAP.osm")
+        _check(check, source, origin=origin, as_json=json_report)
+    elif map_path is None:
+        raise UsageError("convert: needs MAP.osm, or --check NET --map MAP.osm")
+    else:
+        _convert(map_path, out, origin=origin, signals=signals, as_json=json_report)
+
+
+def _convert(
     map_path: Path, out: Path | None, *, origin: str | None, signals: Path | None, as_json: bool
 ) -> None:
     """Write the net, its lane table and its drawing; print the figures when asked for."""
@@ -47,19 +80,19 @@ def convert_command(
         print(f"look: sumo-gui -n {net.path} -a {net.extras}")
 
 
-def check_command(net_path: Path, map_path: Path, *, origin: str | None, as_json: bool) -> None:
+def _check(net_path: Path, map_path: Path, *, origin: str | None, as_json: bool) -> None:
     """Judge a net, ours or another converter's, against the map it should be.
 
     Raises:
         MapError: what is wrong with it, where something is.
     """
     from scex_sumo.converters.fidelity.report import check_net
-    from scex_sumo.converters.net.convert import LaneTable, beside
+    from scex_sumo.converters.net.convert import LaneTable, net_file
 
     if not net_path.is_file():
         raise MapError(f"{net_path}: no such file; give the SUMO net to judge")
     road = _read(map_path, origin)
-    table_path = beside(net_path, ".lanes.csv")
+    table_path = net_file(net_path, ".lanes.csv")
     table = LaneTable.read(table_path) if table_path.is_file() else None
     report = check_net(net_path, road, table)
     if as_json:
@@ -72,6 +105,7 @@ def check_command(net_path: Path, map_path: Path, *, origin: str | None, as_json
 
 
 def _read(map_path: Path, origin: str | None) -> Road:
+    from scex_sumo.converters.lanelet.origin import parse_origin
     from scex_sumo.converters.maps import read_map
 
     return read_map(map_path, origin=parse_origin(origin) if origin is not None else None)

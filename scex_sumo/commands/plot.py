@@ -7,14 +7,15 @@ from typing import Annotated
 
 import typer
 
+from scex_sumo.commands.options import Result
 from scex_sumo.errors import UsageError
 
 CURVES = ("density", "cumulative")
 ENDINGS = (".svg", ".png", ".pdf")
 
 
-def plot(
-    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Result folder.")],
+def plot_command(
+    folder: Result,
     metric: Annotated[
         str | None, typer.Option(metavar="METRIC", help="One metric only; else all of them.")
     ] = None,

@@ -6,9 +6,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
-from scex_sumo.commands.console import progress_bar, warn
+from scex_sumo.commands.console import progress_bar, resumable, warn
+from scex_sumo.commands.options import Models, Processes, Seed, Thresholds, parse_thresholds
 
 if TYPE_CHECKING:
     from scex_sumo.ranking.rank import Ranking
@@ -16,66 +17,53 @@ if TYPE_CHECKING:
 _SHOWN_FAILURES = 3
 
 
-def rank(
+def rank_command(
     roots: Annotated[
-        list[Path],
-        typer.Argument(metavar="DATASET...", help="Folders of recordings.", show_default=False),
+        list[Path], Argument(metavar="DATASET...", help="Folders of recordings.", show_default=False)
     ],
-    every: Annotated[float, typer.Option(metavar="S", help="Least time between two seed scenes.")] = 1.0,
-    children: Annotated[int, typer.Option(help="Children of a seed scene at most.")] = 96,
-    first: Annotated[
-        int, typer.Option(help="Children of every seed scene; more where ranks are close.")
-    ] = 32,
-    min_vehicles: Annotated[int, typer.Option(help="Fewer moving vehicles make no seed scene.")] = 2,
-    models: Annotated[
-        str | None,
-        typer.Option(metavar="MODEL[@WEIGHT],...", help="Models to draw from; see 'scex-sumo models'."),
-    ] = None,
-    threshold: Annotated[
-        list[str] | None,
-        typer.Option(metavar="METRIC=VALUE", help="Where a metric becomes critical; repeatable."),
-    ] = None,
+    every: Annotated[float, Option(metavar="S", help="Least time between two seed scenes.")] = 1.0,
+    children: Annotated[int, Option(help="Children of a seed scene at most.")] = 96,
+    first: Annotated[int, Option(help="Children of every seed scene; more where ranks are close.")] = 32,
+    min_vehicles: Annotated[int, Option(help="Fewer moving vehicles make no seed scene.")] = 2,
+    models: Models = None,
+    threshold: Thresholds = None,
     keep: Annotated[
-        str, typer.Option(metavar="none|critical|all", help="Children whose tracks are kept.")
+        str, Option(metavar="none|critical|all", help="Children whose tracks are kept.")
     ] = "none",
-    top: Annotated[int, typer.Option(help="Moments on the page.")] = 10,
-    seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
-    workers: Annotated[int, typer.Option(help="Processes.")] = 1,
+    top: Annotated[int, Option(help="Moments on the page.")] = 10,
+    seed: Seed = 0,
+    workers: Processes = 1,
     cluster: Annotated[
-        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
+        str | None, Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace another ranking.")] = False,
+    overwrite: Annotated[bool, Option("--overwrite", help="Replace another ranking.")] = False,
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)
-    ] = Path("out/ranking"),
+        Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)
+    ] = Path("out") / "ranking",
 ) -> None:
     """Run all moments of a dataset, and rank them: which are worth testing."""
-    from scex_sumo.commands.run import parse_thresholds
-    from scex_sumo.ranking.rank import rank as rank_dataset
+    from scex_sumo.behaviors.registry import DEFAULT_MODELS
+    from scex_sumo.ranking.rank import rank
 
-    with progress_bar("children") as tick:
-        try:
-            ranking = rank_dataset(
-                roots,
-                out=out,
-                every=every,
-                children=children,
-                first=first,
-                min_vehicles=min_vehicles,
-                thresholds=parse_thresholds(tuple(threshold or ())),
-                keep=keep,
-                top=top,
-                seed=seed,
-                workers=workers,
-                cluster=cluster,
-                overwrite=overwrite,
-                command=["scex-sumo", *sys.argv[1:]],
-                progress=tick,
-                **({} if models is None else {"models": models}),
-            )
-        except KeyboardInterrupt:
-            print(f"interrupted; finished seeds are kept in {out}, the same command goes on", file=sys.stderr)
-            raise SystemExit(130) from None
+    with progress_bar("children") as tick, resumable("seeds", out):
+        ranking = rank(
+            roots,
+            out=out,
+            every=every,
+            children=children,
+            first=first,
+            min_vehicles=min_vehicles,
+            models=models if models is not None else DEFAULT_MODELS,
+            thresholds=parse_thresholds(threshold),
+            keep=keep,
+            top=top,
+            seed=seed,
+            workers=workers,
+            cluster=cluster,
+            overwrite=overwrite,
+            command=["scex-sumo", *sys.argv[1:]],
+            progress=tick,
+        )
     warn(ranking.info["notes"])
     if ranking.info["fallbacks"]:
         warn([f"{ranking.info['fallbacks']} plans are not the models' own; see column fallbacks"])

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
+from scex_sumo.commands.options import Result
 
 
-def report(folder: Annotated[Path, typer.Argument(metavar="OUT", help="Result folder.")]) -> None:
+def report_command(folder: Result) -> None:
     """Write report.html of a result folder again: all that is in it, to look at in a browser."""
     from scex_sumo.reports.page.report import write_report
     from scex_sumo.results.run import open_run

@@ -19,7 +19,7 @@ from contextlib import AbstractContextManager, ExitStack, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
-from scex_sumo.errors import SimulationError
+from scex_sumo.errors import SimulationError, UsageError
 from scex_sumo.extrapolation.worker_process import DIED, WorkerProcess, pack, served_streams, write
 
 if TYPE_CHECKING:
@@ -46,8 +46,13 @@ class Workers:
         """Start all but one of the processes; this one is the other.
 
         Args:
-            processes: how many there shall be, at least 1.
+            processes: how many there shall be.
+
+        Raises:
+            UsageError: fewer than one.
         """
+        if processes < 1:
+            raise UsageError(f"--workers: got {processes}, needs at least 1")
         self.processes = processes
         self.deaths: list[str] = []
         """One phrase for each task whose worker died and was replaced."""

@@ -24,17 +24,16 @@ import pyarrow as pa
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.net.convert import SumoNet, convert
 from scex_sumo.errors import TrackError, UsageError, reason_of
-from scex_sumo.extrapolation.casting import draw_assignments, try_drivers
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, run_batch
 from scex_sumo.metrics.registry import COLUMNS, side_of
 from scex_sumo.ranking.moments import Failure, MomentRef
 from scex_sumo.ranking.settings import RankSettings, built
-from scex_sumo.results.folder import Part, tracks_table
+from scex_sumo.results.folder import tracks_table
+from scex_sumo.results.parts import Part
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import off_road
 from scex_sumo.scene import SeedScene
 from scex_sumo.version import __version__
-from scex_sumo.world.colors import model_colors
 from scex_sumo.world.sumo import SumoWorld
 
 KEEP_MOST = 5
@@ -125,7 +124,7 @@ def _check_versions(task: MomentTask) -> None:
         raise UsageError(
             f"the worker has scex-sumo {__version__}, needs {task.version}; install the same everywhere"
         )
-    if built(task.settings.models)[2] != task.settings.weights:
+    if built(task.settings.models).weights != task.settings.weights:
         raise UsageError("the worker has other weights of learned models; install the same everywhere")
 
 
@@ -154,24 +153,18 @@ def _run(task: MomentTask, road: Road, net: SumoNet) -> MomentPart:
 def _job(task: MomentTask, scene: SeedScene, net: SumoNet) -> Job:
     """The run that the children are of; at the first of them, every model has shown that it can plan."""
     settings = task.settings
-    casting, models, _ = built(settings.models)
+    models, run = built(settings.models), settings.run
     if task.children.start == 0:
-        try_drivers(casting, models, scene, seed=settings.seed)
-    assignment = draw_assignments(
-        casting, scene.track_ids, children=task.children.stop, seed=settings.seed, design=settings.design
-    )
+        models.try_on(scene, seed=run.seed)
     return Job(
         scene=scene,
         net=net,
+        settings=run,
         models=models,
-        names=casting.names,
-        colors=model_colors(casting.names),
-        assignment=assignment,
-        seed=settings.seed,
-        steps=settings.steps,
-        replan=settings.replan,
+        assignment=models.draw(
+            scene.track_ids, children=task.children.stop, seed=run.seed, design=run.design
+        ),
         folder=net.path.parent,
-        keep_plans=False,
     )
 
 
@@ -181,7 +174,7 @@ def _collected(task: MomentTask, job: Job, parts: list[Part]) -> MomentPart:
     defined = np.concatenate([part.defined for part in parts])
     critical = critical_by(values, defined, task.settings.thresholds)
     kept = choose_kept(critical, task.settings.keep, task.spare)
-    names = np.asarray(job.names, dtype=object)[job.assignment[children]]
+    names = np.asarray(job.models.names, dtype=object)[job.assignment[children]]
     return MomentPart(
         children=children,
         values=values,

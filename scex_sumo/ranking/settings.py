@@ -7,17 +7,16 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
-from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.converters.datasets.recordings import Recording
 from scex_sumo.errors import UsageError
-from scex_sumo.extrapolation.casting import Casting, Models, cast_models, drivers, weights_of
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
 from scex_sumo.statistics.designs import DEFAULT_DESIGN
 from scex_sumo.version import __version__
 
 KEEP = ("none", "critical", "all")
-MAX_REPLAN = 30  # models plan at least 30 steps
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +38,7 @@ class RankSettings:
         seed: the same seed gives the same ranking.
         thresholds: by metric column, on top of the defaults; kept whole, in the order of the columns.
         keep: whose tracks are kept: ``none``, ``critical`` (at most 5 of a moment) or ``all``.
+        run: of each moment, from the above.
 
     Raises:
         UsageError: one that makes no sense.
@@ -57,15 +57,26 @@ class RankSettings:
     seed: int = 0
     thresholds: Mapping[str, float] = field(default_factory=dict)
     keep: str = "none"
+    run: RunSettings = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._check()
-        models = written(self.models)
-        limits = {**THRESHOLDS, **self.thresholds}
+        models, limits = written(self.models), {**THRESHOLDS, **self.thresholds}
+        run = RunSettings(
+            models=models,
+            children=self.children,
+            design=self.design,
+            steps=self.steps,
+            replan=self.replan,
+            seed=self.seed,
+            thresholds=self.thresholds,
+            keep_plans=False,
+        )
         settled = {
+            "run": run,
             "first": min(self.first, self.children),
             "models": models,
-            "weights": built(models)[2],
+            "weights": built(models).weights,
             "thresholds": {column: limits[column] for column in COLUMNS if column in limits},
         }
         for name, value in settled.items():
@@ -74,19 +85,12 @@ class RankSettings:
     def _check(self) -> None:
         if not self.every > 0:
             raise UsageError(f"--every: got {self.every:g}, needs seconds above 0")
-        for name in ("children", "first", "min_vehicles", "top", "steps"):
+        for name in ("first", "min_vehicles", "top"):
             if getattr(self, name) < 1:
                 option = name.replace("_", "-")
                 raise UsageError(f"--{option}: got {getattr(self, name)}, needs at least 1")
-        if self.seed < 0:
-            raise UsageError(f"--seed: got {self.seed}, needs 0 or more")
-        if not 1 <= self.replan <= MAX_REPLAN:
-            raise UsageError(f"--replan: got {self.replan}, needs 1 to {MAX_REPLAN}")
         if self.keep not in KEEP:
             raise UsageError(f"--keep: got {self.keep!r}; known: {', '.join(KEEP)}")
-        unknown = sorted(set(self.thresholds) - set(COLUMNS))
-        if unknown:
-            raise UsageError(f"--threshold: unknown metric {unknown[0]!r}; known: {', '.join(COLUMNS)}")
 
     def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """Identity of the ranking of some recordings, which may lie anywhere: name and size tell them."""
@@ -117,13 +121,11 @@ def _described(recording: Recording) -> dict[str, Any]:
 
 def written(models: Models) -> tuple[str, ...]:
     """Models to draw from as on the command line."""
-    drawn = cast_models(models, {}).drawn
+    drawn = ModelSet.of(RunSettings(models=models)).drawn
     return tuple(f"{spec}@{spec.weight!r}" if spec.weight != 1 else str(spec) for spec in drawn)
 
 
 @lru_cache(maxsize=4)
-def built(models: tuple[str, ...]) -> tuple[Casting, tuple[Behavior, ...], dict[str, str]]:
-    """Models made, once in a process: what they are called, they themselves, and digests of their weights."""
-    casting = cast_models(models, {})
-    made = drivers(casting)
-    return casting, made, weights_of(casting, made)
+def built(models: tuple[str, ...]) -> ModelSet:
+    """Models made, once in a process."""
+    return ModelSet.of(RunSettings(models=models))

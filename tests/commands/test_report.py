@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from scex_sumo import example_path
-from scex_sumo.commands.plot import plot
-from scex_sumo.commands.report import report
+from scex_sumo.commands.plot import plot_command
+from scex_sumo.commands.report import report_command
 from scex_sumo.errors import ResultError, UsageError
 
 
@@ -32,7 +32,7 @@ def test_a_run_leaves_its_report_and_no_pictures(folder: Path) -> None:
 def test_the_report_is_written_again(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = (folder / "report.html").read_bytes()
     (folder / "report.html").unlink()
-    report(folder)
+    report_command(folder)
     assert capsys.readouterr().out.strip() == str(folder / "report.html")
     assert (folder / "report.html").read_bytes() == before
 
@@ -42,22 +42,22 @@ def test_figures_come_in_the_format_of_their_file(
     folder: Path, tmp_path: Path, ending: str, start: bytes
 ) -> None:
     file = tmp_path / f"figure{ending}"
-    plot(folder, metric="distance", curve="cumulative", out=file)
+    plot_command(folder, metric="distance", curve="cumulative", out=file)
     assert file.read_bytes().startswith(start)
 
 
 def test_the_same_figure_has_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     for name in ("one.pdf", "two.pdf"):
-        plot(folder, metric=None, curve="density", out=tmp_path / name)
+        plot_command(folder, metric=None, curve="density", out=tmp_path / name)
     assert (tmp_path / "one.pdf").read_bytes() == (tmp_path / "two.pdf").read_bytes()
 
 
 def test_what_cannot_be_drawn_is_said(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"unknown ending; known: \.svg, \.png, \.pdf"):
-        plot(folder, metric=None, curve="density", out=tmp_path / "figure.gif")
+        plot_command(folder, metric=None, curve="density", out=tmp_path / "figure.gif")
     with pytest.raises(UsageError, match="unknown curve; known: density, cumulative"):
-        plot(folder, metric=None, curve="histogram", out=None)
+        plot_command(folder, metric=None, curve="histogram", out=None)
     with pytest.raises(UsageError, match="unknown metric 'speed'"):
-        plot(folder, metric="speed", curve="density", out=tmp_path / "figure.svg")
+        plot_command(folder, metric="speed", curve="density", out=tmp_path / "figure.svg")
     with pytest.raises(ResultError, match="no such folder"):
-        report(tmp_path / "none")
+        report_command(tmp_path / "none")
