@@ -162,6 +162,9 @@ def convert(
     check_map: Annotated[
         Path | None, typer.Option("--map", metavar="MAP.osm", help="Map that --check compares with.")
     ] = None,
+    drive: Annotated[
+        bool, typer.Option("--drive", help="With --check: let 120 of SUMO's cars drive all routes, too.")
+    ] = False,
     json_report: Annotated[
         bool, typer.Option("--json-report", help="Print the fidelity figures as JSON.")
     ] = False,
@@ -173,7 +176,9 @@ def convert(
         source = check_map or map_path
         if source is None:
             raise UsageError("--check: needs the map too, with --map MAP.osm")
-        check_command(check, source, origin=origin, as_json=json_report)
+        check_command(check, source, origin=origin, drive=drive, as_json=json_report)
+    elif drive:
+        raise UsageError("--drive: needs a net to drive on, with --check NET --map MAP")
     elif map_path is None:
         raise UsageError("convert: needs MAP.osm, or --check NET --map MAP.osm")
     else:

@@ -47,13 +47,13 @@ def convert_command(
         print(f"look: sumo-gui -n {net.path} -a {net.extras}")
 
 
-def check_command(net_path: Path, map_path: Path, *, origin: str | None, as_json: bool) -> None:
-    """Judge a net, ours or another converter's, against the map it should be.
+def check_command(net_path: Path, map_path: Path, *, origin: str | None, drive: bool, as_json: bool) -> None:
+    """Judge a net, ours or another converter's, against the map it should be; let SUMO's cars drive on it.
 
     Raises:
         MapError: what is wrong with it, where something is.
     """
-    from scex_sumo.converters.fidelity.report import check_net
+    from scex_sumo.converters.fidelity.report import check_net, drive_net
     from scex_sumo.converters.net.convert import LaneTable, beside
 
     if not net_path.is_file():
@@ -62,6 +62,8 @@ def check_command(net_path: Path, map_path: Path, *, origin: str | None, as_json
     table_path = beside(net_path, ".lanes.csv")
     table = LaneTable.read(table_path) if table_path.is_file() else None
     report = check_net(net_path, road, table)
+    if drive:
+        report = report.with_driving(drive_net(net_path))
     if as_json:
         print(json.dumps(report.to_dict(), indent=2))
     else:
@@ -82,7 +84,8 @@ def _print_report(report: FidelityReport) -> None:
     from rich.table import Table
 
     table = Table(box=None, show_header=False, pad_edge=False)
-    for name, value in report.to_dict().items():
+    driving = report.driving.to_dict() if report.driving is not None else {}
+    for name, value in (report.to_dict() | driving).items():
         if isinstance(value, (int, float, str)):
             table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
     Console().print(table)

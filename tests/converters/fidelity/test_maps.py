@@ -42,11 +42,11 @@ def drawn(name: str, folder: Path) -> Path:
 def test_a_real_map_is_converted_faithfully(name: str, data: Path, tmp_path: Path) -> None:
     net, report = converted(data / name, tmp_path)
     assert report.problems() == []
-    assert report.geometry.lanes_present == report.geometry.lanelets > 0
-    assert report.geometry.deviation_max_m <= 0.10
-    assert report.geometry.deviation_p95_m <= 0.01
-    assert report.geometry.width_error_mean_m <= 0.40
-    assert report.loading.probe_hits >= 0.99 * report.loading.probes
+    assert report["lanes_present"] == report["lanelets"] > 0
+    assert report["deviation_max_m"] <= 0.10
+    assert report["deviation_p95_m"] <= 0.01
+    assert report["width_error_mean_m"] <= 0.40
+    assert report["probe_hits"] >= 0.99 * report["probes"]
     driving = drive_net(net)
     assert (driving.arrived, driving.teleports, driving.overlapping_pairs) == (120, 0, 0)
 
