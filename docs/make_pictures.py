@@ -31,14 +31,13 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, States
 
 IMAGES = Path(__file__).resolve().parent / "images"
-MODELS = ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake")
 BLUE, RED, GREY = "#1f5fa8", "#b5342b", "#777777"
 
 
 def overview() -> None:
-    """A seed scene with its futures beside two of its densities."""
+    """The README's example run: the seed scene with its futures beside two of its densities."""
     scene = scex.read_seed(scex.example_path("roundabout"))
-    run = scex.extrapolate(scene, models=[f"{model}:path=random" for model in MODELS])
+    run = scex.extrapolate(scene)
     assert scene.road is not None
     figure = Figure(figsize=(11, 6), layout="constrained")
     axes = figure.subplot_mosaic([["scene", "a"], ["scene", "b"]], width_ratios=[1.25, 1])

@@ -84,8 +84,9 @@ def _print_report(report: FidelityReport) -> None:
     from rich.table import Table
 
     table = Table(box=None, show_header=False, pad_edge=False)
-    driving = report.driving.to_dict() if report.driving is not None else {}
-    for name, value in (report.to_dict() | driving).items():
+    figures = report.to_dict()
+    figures |= {f"driving_{name}": value for name, value in figures.pop("driving", {}).items()}
+    for name, value in figures.items():
         if isinstance(value, (int, float, str)):
             table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
     Console().print(table)
