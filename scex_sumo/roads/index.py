@@ -7,11 +7,11 @@ segments near its cell of a grid laid over the map.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import (
@@ -145,7 +145,7 @@ def _first_of_the_cheapest(cost: FloatArray, starts: IntArray) -> IntArray:
     return smallest[np.searchsorted(smallest, starts)]
 
 
-@lru_cache(maxsize=16)
+@derived
 def road_index(road: Road) -> RoadIndex:
     """The index of a road; remembered for the last 16 roads."""
     segments = lane_segments(road)

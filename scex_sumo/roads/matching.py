@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
@@ -54,7 +54,7 @@ class LaneSegments:
     s: FloatArray  # (S,) arc length at the start
 
 
-@lru_cache(maxsize=8)
+@derived
 def lane_segments(road: Road) -> LaneSegments:
     """Centreline segments of a road's vehicle lanes, lanes in ascending order of their ids."""
     lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: lane.lane_id)

@@ -7,7 +7,7 @@ through a child. Paths of all vehicles lie in one table, so that a step of a who
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import ceil
 from typing import Literal, TypeAlias
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.smoothing import drivable, resample
+from scex_sumo.derived import derived
 from scex_sumo.errors import UsageError
 from scex_sumo.geometry.polylines import arc_lengths, nearest
 from scex_sumo.road import Road
@@ -124,7 +125,7 @@ def chosen_paths(history: SceneHistory, road: Road, who: Who, path: PathChoice) 
     return paths, paths.choose(path, who.vehicle, history.route_draw[who.child, who.vehicle])
 
 
-@lru_cache(maxsize=16)
+@derived
 def seed_paths(
     scene: SeedScene,
     road: Road,

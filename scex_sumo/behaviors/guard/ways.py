@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, rear_axle
 from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.perception import Everyone, everyone
 from scex_sumo.behaviors.driving.projection import expected_way, project, sample
+from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, Who
@@ -174,7 +174,7 @@ class Expected:
     braking: FloatArray
 
 
-@lru_cache(maxsize=2)
+@derived
 def expected(history: SceneHistory, road: Road) -> Expected:
     """Everyone at its present speed: vehicles along their paths, pedestrians and cyclists straight on.
 

@@ -123,7 +123,7 @@ def bounds_along(
         way: (n, H + 1) further way now and after each step, m.
         half_width: (n,) m.
     """
-    left, right = path_room(road, paths).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
+    left, right = path_room(paths, road).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
     most, least = (
         _ahead_of_narrows(left) - half_width[:, None],
         half_width[:, None] - _ahead_of_narrows(right),

@@ -99,7 +99,7 @@ def path_inputs(
     """
     own = history.now[who.child, who.vehicle]
     s, offset, path_heading = project(paths, row, own.x, own.y, expected_way(history, who))
-    room = path_room(road, paths)
+    room = path_room(paths, road)
     left, right = room.at(row, s)
     half = history.scene.width[who.vehicle] / 2
     sides = np.maximum(np.column_stack([left, right]) - half[:, None], 0.0)
