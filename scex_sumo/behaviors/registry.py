@@ -12,8 +12,7 @@ from typing import Any, TypeVar
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.guarded import Guarded
-from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
-from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
+from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
 from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity
 from scex_sumo.behaviors.models.emergency_brake import EmergencyBrake
 from scex_sumo.behaviors.models.idm import IdmDriver
@@ -27,7 +26,7 @@ from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.behaviors.spec import GUARD, LEARNED, converted, keywords, profile_of, shown, user_arguments
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 from scex_sumo.errors import ScexError, UsageError
-from scex_sumo.world.vehicle_types import SUMO_MODELS, check_driver
+from scex_sumo.sumo_models import SUMO_MODELS, check_driver
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 ENTRY_POINTS = "scex_sumo.behaviors"

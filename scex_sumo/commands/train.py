@@ -14,8 +14,6 @@ from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.errors import ResultError, UsageError
 
 if TYPE_CHECKING:
-    import torch
-
     from scex_sumo.training.data.dataset import Dataset
     from scex_sumo.training.train import Progress, Trainer
 
@@ -46,11 +44,12 @@ def train_command(request: TrainRequest) -> None:
     """Make the samples, train, write the weights, and say how well they predict the validation part."""
     _check(request)
     check_libraries("train")
+    from scex_sumo.training.device import device_of
     from scex_sumo.training.options import TrainOptions
     from scex_sumo.training.train import Trainer
 
     assert request.out is not None
-    device = _device(request.device)
+    device = device_of(request.device)
     dataset, rooms = _dataset(request)
     options = TrainOptions(
         kind=request.kind,  # type: ignore[arg-type]  # checked above
@@ -100,20 +99,6 @@ def _check(request: TrainRequest) -> None:
 def _checkpoints(out: Path) -> Path:
     """The folder of a training that is under way."""
     return out.with_name(out.name + ".training")
-
-
-def _device(name: str) -> torch.device:
-    import torch
-
-    if name == "auto":
-        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    try:
-        device = torch.device(name)
-        torch.zeros(1, device=device)
-    except (RuntimeError, AssertionError) as error:
-        words = str(error).splitlines()[0]
-        raise UsageError(f"--device {name}: cannot be used ({words}); give cpu, cuda or auto") from None
-    return device
 
 
 def _dataset(request: TrainRequest) -> tuple[Dataset, Any]:

@@ -175,7 +175,7 @@ def _lanes(road: Road, now: States, surroundings: Surroundings) -> dict[str, NDA
 
 @derived
 def lane_pieces(road: Road, points: int, spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Centrelines of the vehicle lanes cut into equal pieces, remembered for the last roads.
+    """Centrelines of the vehicle lanes cut into equal pieces, kept with the road.
 
     Args:
         road: the map.

@@ -12,8 +12,7 @@ import torch
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.learned.driver import choice_of, loaded
-from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
-from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
+from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
 from scex_sumo.behaviors.learned.seen.surface import surface_of
 from scex_sumo.behaviors.models.path_follower import follow_path
 from scex_sumo.behaviors.registry import build, parse_models

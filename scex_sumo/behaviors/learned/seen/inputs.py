@@ -7,7 +7,6 @@ training and when running.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from scex_sumo.behaviors.learned.seen.surface import path_room
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, States, Who
-
-if TYPE_CHECKING:
-    from scex_sumo.behaviors.scene_graph.graph import SceneGraph
 
 AHEAD_M = (2.5, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 90.0)
 CLEARANCE_M = 1.5  # whose centre is this near to the path is on it
@@ -44,17 +40,6 @@ ROAD_COLUMNS = tuple(
 )
 LEADER_COLUMNS = ("leader", "leader_gap", "leader_speed", "closing", "needed_deceleration")
 PATH_COLUMNS = OWN_COLUMNS + ROAD_COLUMNS + LEADER_COLUMNS  # what others do comes last
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SceneInputs:
-    """What a network sees of whole scenes.
-
-    Attributes:
-        graph: of all children of a batch.
-    """
-
-    graph: SceneGraph
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
