@@ -23,3 +23,11 @@ def data() -> Path:
     if folder is None:
         pytest.skip("real maps and recordings are not here; set SCEX_DATA to their folder")
     return folder
+
+
+@pytest.fixture
+def registered_models(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
+    """The models that a test registers, by name; forgotten after it."""
+    models: dict[str, object] = {}
+    monkeypatch.setattr("scex_sumo.behaviors.registry._registered", models)
+    return models

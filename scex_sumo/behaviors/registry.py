@@ -1,10 +1,9 @@
-"""Behaviour models by name: parsing what the user asks for, building it, registering further ones."""
+"""Registry of behaviour models: parsing what the user asks for, building it, registering further ones."""
 
 from __future__ import annotations
 
 import dataclasses
 import importlib.metadata
-import inspect
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -18,12 +17,13 @@ from scex_sumo.behaviors.models.emergency_brake import EmergencyBrake
 from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.behaviors.models.replay import Replay
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.plug_in.loading import as_constructor, is_import_path, load_model
-from scex_sumo.behaviors.plug_in.predictor import PredictorMaker
+from scex_sumo.behaviors.plug_in.files import FILES
+from scex_sumo.behaviors.plug_in.loading import is_import_path, load_model
 from scex_sumo.behaviors.plug_in.single import SingleVehicle, SingleVehicleBehavior
 from scex_sumo.behaviors.plug_in.usable import reason_of
+from scex_sumo.behaviors.plug_in.user_model import UserModel, predictor_model, user_model
 from scex_sumo.behaviors.profiles import DEFAULTS
-from scex_sumo.behaviors.spec import GUARD, LEARNED, converted, keywords, profile_of, shown, user_arguments
+from scex_sumo.behaviors.spec import GUARD, LEARNED, converted, profile_of, shown, user_arguments
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.sumo_models import SUMO_MODELS, check_driver
@@ -72,12 +72,7 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], str]] = {
     ),
     "replay": (Replay, "repeats the recorded future, then constant velocity along its path"),
 }
-# Predictors from files: functions that make them, with the file as a parameter.
-_FILES: Mapping[str, str] = {
-    "torchscript": "scex_sumo.behaviors.plug_in.files:torchscript",
-    "onnx": "scex_sumo.behaviors.plug_in.files:onnx",
-}
-_registered: dict[str, Callable[..., Any]] = {}
+_registered: dict[str, UserModel] = {}
 
 
 def behavior(name: str) -> Callable[[T], T]:
@@ -91,13 +86,13 @@ def behavior(name: str) -> Callable[[T], T]:
     """
 
     def register(constructor: T) -> T:
-        if name in _MODELS or name == SUMO or name in _FILES or name in SETS:
+        if name in _MODELS or name == SUMO or name in FILES or name in SETS:
             raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
         if not name or any(c in name for c in ",:@= \t\n"):
             raise UsageError(f"behavior {name!r}: a name has none of , : @ = and no spaces")
         if not callable(constructor):
             raise UsageError(f"behavior {name!r}: register a class or a function that makes a model")
-        _registered[name] = as_constructor(constructor, name)
+        _registered[name] = user_model(constructor, name)
         return constructor
 
     return register
@@ -128,20 +123,17 @@ def known_models() -> list[ModelInfo]:
         )
         for name, (_, summary) in _MODELS.items()
     ]
-    for model in SUMO_MODELS:
-        summary = f"SUMO's own {model}; parameters are SUMO's vehicle type attributes, e.g. tau"
-        infos.append(ModelInfo(name=f"{SUMO}:{model}", parameters=("path=straight",), summary=summary))
+    for sumo in SUMO_MODELS:
+        summary = f"SUMO's own {sumo}; parameters are SUMO's vehicle type attributes, e.g. tau"
+        infos.append(ModelInfo(name=f"{SUMO}:{sumo}", parameters=("path=straight",), summary=summary))
     for name in _further():
         try:
-            constructor = _user_model(name)
+            model = _user_model(name)
         except UsageError as error:  # another package's trouble; the others can be listed
             infos.append(ModelInfo(name=name, parameters=(), summary=str(error).removeprefix(f"{name}: ")))
             continue
-        words = (inspect.getdoc(constructor) or "").strip().splitlines()
-        parameters = {k: p.default for k, p in keywords(constructor).items()} | {GUARD: False}
-        infos.append(
-            ModelInfo(name=name, parameters=shown(parameters), summary=words[0] if words else "registered")
-        )
+        parameters = shown({**model.parameters, GUARD: False})
+        infos.append(ModelInfo(name=name, parameters=parameters, summary=model.summary))
     return infos
 
 
@@ -250,10 +242,10 @@ def _build(spec: ModelSpec) -> Behavior:
         return SumoDriver(spec.name.partition(":")[2], given, path=path)
     if spec.name in _MODELS:
         return _MODELS[spec.name][0](profile_of(spec))
-    constructor = _user_model(spec.name)
-    arguments = user_arguments(spec, constructor)
+    own = _user_model(spec.name)
+    arguments = user_arguments(spec, own)
     try:
-        model = constructor(**arguments)
+        model = own.make(**arguments)
     except ScexError:
         raise
     except Exception as error:  # whatever a user's constructor raises
@@ -270,24 +262,25 @@ def _build(spec: ModelSpec) -> Behavior:
 
 def _further() -> list[str]:
     """Models from files, registered ones, and those of other packages."""
-    return [*_FILES, *sorted({*_registered, *_entry_points()})]
+    return [*FILES, *sorted({*_registered, *_entry_points()})]
 
 
 def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:
     return {point.name: point for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
 
 
-def _user_model(name: str) -> Callable[..., Any]:
-    if name in _registered:
-        return _registered[name]
-    if name in _FILES or ":" in name:
-        return load_model(_FILES.get(name, name))
+def _user_model(name: str) -> UserModel:
+    known = _registered.get(name) or FILES.get(name)
+    if known is not None:
+        return known
+    if ":" in name:
+        return load_model(name)
     point = _entry_points()[name]
     try:
         loaded = point.load()
     except Exception as error:  # anything can go wrong in another package's import
         raise UsageError(f"{name}: entry point {point.value} cannot be loaded: {error}") from error
-    return as_constructor(loaded, name)
+    return user_model(loaded, name)
 
 
 def predictor(name: str | None = None, *, batched: bool = False, **surroundings: Any) -> Callable[[F], F]:
@@ -303,11 +296,9 @@ def predictor(name: str | None = None, *, batched: bool = False, **surroundings:
     """
 
     def register(function: F) -> F:
-        maker = PredictorMaker(function, batched=batched, **surroundings)
-        maker()  # says what is wrong with it where it is written
-        if name is not None:
-            behavior(name)(maker)
-        function.__scex_predictor__ = maker  # type: ignore[attr-defined]
-        return function
+        model = predictor_model(function, batched=batched, **surroundings)
+        model.make()  # says what is wrong with it where it is written
+        function.__scex_predictor__ = model  # type: ignore[attr-defined]
+        return function if name is None else behavior(name)(function)
 
     return register

@@ -1,4 +1,4 @@
-"""How a car moves along its path: a kinematic bicycle that joins the path and keeps to it.
+"""Motion of a car along its path: a kinematic bicycle that joins the path and keeps to it.
 
 The reference point of the bicycle is the rear axle, `REAR_AXLE_SHARE` of the vehicle's length behind its
 centre. Each step is an arc of constant curvature, so that the heading follows the motion of the rear axle

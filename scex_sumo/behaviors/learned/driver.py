@@ -1,4 +1,4 @@
-"""What both learned drivers share: choose a path and a mode, ask the network, drive."""
+"""Driver that both learned models share: choose a path and a mode, ask the network, drive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a predictor may ask for: each vehicle's last second, the others, the lanes, in the vehicle's frame.
+"""Inputs of predictors: each vehicle's last second, the others, the lanes, in the vehicle's frame.
 
 The frame of a vehicle: origin at its centre now, x ahead, y to the left; angles relative to its heading.
 """

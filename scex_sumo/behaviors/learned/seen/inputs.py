@@ -1,4 +1,4 @@
-"""What learned drivers see besides the scene graph: the road ahead along a path, and who is on it.
+"""Inputs of learned drivers besides the scene graph: the road ahead along a path, and who is on it.
 
 All features are raw SI units; scaling is the network's business. They are made by the same functions when
 training and when running.
