@@ -16,6 +16,7 @@ from scex_sumo.derived import derived
 from scex_sumo.errors import UsageError
 from scex_sumo.road import Road
 from scex_sumo.roads.index import RoadIndex, road_index
+from scex_sumo.roads.matching import Matches, match
 from scex_sumo.scene import SceneHistory, SeedScene, States
 
 __all__ = ["EDGE_COLUMNS", "HISTORY_COLUMNS", "KINDS", "NODE_COLUMNS", "SceneGraph", "scene_graph"]
@@ -91,7 +92,7 @@ def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneG
     children, vehicles = history.now.shape
     now = history.now.map(np.ravel)
     index = road_index(road)
-    place = _locate(index, now)
+    place = _locate(index, match(road, now.x, now.y, now.heading), len(now.x))
     edges = _edges(history, now, place, index, radius)
     return SceneGraph(
         child=np.repeat(np.arange(children), vehicles),
@@ -110,10 +111,9 @@ def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneG
     )
 
 
-def _locate(index: RoadIndex, now: States) -> Located:
-    """The two most probable lanes of each vehicle."""
-    found = index.match(now.x, now.y, now.heading)
-    place = Located.nowhere(len(now.x))
+def _locate(index: RoadIndex, found: Matches, count: int) -> Located:
+    """The two most probable lanes of each of N vehicles."""
+    place = Located.nowhere(count)
     rank = np.arange(len(found.vehicle)) - np.searchsorted(found.vehicle, found.vehicle)
     for k in range(len(place.lane)):
         row = rank == k
