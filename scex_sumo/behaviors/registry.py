@@ -35,11 +35,6 @@ SUMO = "sumo"
 # must not depend on which extras are installed, and torch takes longer to load than such a run.
 SETS: Mapping[str, str] = {"rules": DEFAULT_MODELS, "paper": ",".join((DEFAULT_MODELS, *LEARNED))}
 
-# Models that cannot fail; what they raise is an error of ours. All others may fall back.
-RULE_BASED = frozenset(
-    {"standard_driver", "risky_driver", "calibrated_driver", "constant_velocity", "emergency_brake", "replay"}
-)
-
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -62,16 +57,15 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], str]] = {
     ),
     "constant_velocity": (ConstantVelocity, "keeps its speed along its path, whatever is in the way"),
     "emergency_brake": (EmergencyBrake, "brakes to a standstill along its path"),
-    "graph_predictor": (
-        GraphPredictor,
-        "learned: motion along its path, from the semantic scene graph",
-    ),
+    "graph_predictor": (GraphPredictor, "learned: motion along its path, from the semantic scene graph"),
     "graph_image_predictor": (
         GraphImagePredictor,
         "learned: motion from the scene graph and the road seen from above, weighed by attention",
     ),
     "replay": (Replay, "repeats the recorded future, then constant velocity along its path"),
 }
+# Models that cannot fail; what they raise is an error of ours. All others may fall back.
+RULE_BASED = frozenset(_MODELS) - frozenset(LEARNED)
 _registered: dict[str, UserModel] = {}
 
 
@@ -115,14 +109,10 @@ def known_names() -> list[str]:
 
 def known_models() -> list[ModelInfo]:
     """All models with parameters, defaults and a sentence each."""
-    infos = [
-        ModelInfo(
-            name=name,
-            parameters=shown({**dataclasses.asdict(DEFAULTS[name]), GUARD: False}),
-            summary=summary,
-        )
-        for name, (_, summary) in _MODELS.items()
-    ]
+    infos = []
+    for name, (_, summary) in _MODELS.items():
+        parameters = shown({**dataclasses.asdict(DEFAULTS[name]), GUARD: False})
+        infos.append(ModelInfo(name=name, parameters=parameters, summary=summary))
     for sumo in SUMO_MODELS:
         summary = f"SUMO's own {sumo}; parameters are SUMO's vehicle type attributes, e.g. tau"
         infos.append(ModelInfo(name=f"{SUMO}:{sumo}", parameters=("path=straight",), summary=summary))
@@ -195,8 +185,7 @@ def _check(spec: ModelSpec) -> None:
     """Raise a `UsageError` for an unknown name, parameter or value."""
     spec, _ = _without_guard(spec)
     if spec.name.startswith(f"{SUMO}:"):
-        given = {k: str(v) for k, v in spec.parameters.items() if k != "path"}
-        check_driver(spec.name.partition(":")[2], given)
+        check_driver(*_sumo(spec))
     elif spec.name in _MODELS:
         profile_of(spec)
     elif ":" in spec.name or spec.name in _further():
@@ -237,9 +226,8 @@ def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:
 def _build(spec: ModelSpec) -> Behavior:
     """The model without its guard; the spec has been checked."""
     if spec.name.startswith(f"{SUMO}:"):
-        given = {k: str(v) for k, v in spec.parameters.items() if k != "path"}
         path = converted(spec, "path", "straight", spec.parameters.get("path", "straight"))
-        return SumoDriver(spec.name.partition(":")[2], given, path=path)
+        return SumoDriver(*_sumo(spec), path=path)
     if spec.name in _MODELS:
         return _MODELS[spec.name][0](profile_of(spec))
     own = _user_model(spec.name)
@@ -258,6 +246,12 @@ def _build(spec: ModelSpec) -> Behavior:
         f"{spec.name}: {type(model).__name__} has neither plan nor plan_one; needs a class with one of them, "
         "or a function of history"
     )
+
+
+def _sumo(spec: ModelSpec) -> tuple[str, dict[str, str]]:
+    """SUMO's name of a model, and its parameters as SUMO takes them."""
+    given = {key: str(value) for key, value in spec.parameters.items() if key != "path"}
+    return spec.name.partition(":")[2], given
 
 
 def _further() -> list[str]:

@@ -6,7 +6,7 @@ import hashlib
 import os
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -185,8 +185,7 @@ def _make(loaded: LoadedRecording, road: Road, options: SampleOptions, part: Par
 
 
 def _on_site(samples: Samples, site: int) -> Samples:
-    columns = {f.name: getattr(samples, f.name) for f in fields(Samples)}
-    return Samples(**{**columns, "site": np.full(len(samples), site)})
+    return replace(samples, site=np.full(len(samples), site))
 
 
 def default_cache() -> Path:
@@ -215,8 +214,7 @@ def _read(file: Path) -> Samples | None:
 
 def _write(file: Path, samples: Samples | None) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
-    columns = {} if samples is None else {f.name: getattr(samples, f.name) for f in fields(Samples)}
-    temporary = file.with_name(f".{os.getpid()}-{file.name}")
+    temporary = file.with_name(f".{os.getpid()}-{file.name}")  # trainings share the cache
     with temporary.open("wb") as stream:
-        np.savez(stream, **columns)
+        np.savez(stream, **({} if samples is None else samples.columns()))
     temporary.replace(file)

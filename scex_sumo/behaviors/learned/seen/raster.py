@@ -1,4 +1,4 @@
-"""The road seen from above, as a picture of a few channels; made once per map."""
+"""Raster of the road seen from above, as a picture of a few channels; made once per map."""
 
 from __future__ import annotations
 
