@@ -35,6 +35,9 @@ def convert_command(
     check_map: Annotated[
         Path | None, Option("--map", metavar="MAP.osm", help="Map that --check compares with.")
     ] = None,
+    drive: Annotated[
+        bool, Option("--drive", help="With --check: let 120 of SUMO's cars drive all routes, too.")
+    ] = False,
     json_report: Annotated[bool, Option("--json-report", help="Print the fidelity figures as JSON.")] = False,
 ) -> None:
     """Convert a Lanelet2 or CommonRoad map to a SUMO net, or judge a net against its map."""
@@ -42,7 +45,9 @@ def convert_command(
         source = check_map or map_path
         if source is None:
             raise UsageError("--check: needs the map too, with --map MAP.osm")
-        _check(check, source, origin=origin, as_json=json_report)
+        _check(check, source, origin=origin, drive=drive, as_json=json_report)
+    elif drive:
+        raise UsageError("--drive: needs a net to drive on, with --check NET --map MAP")
     elif map_path is None:
         raise UsageError("convert: needs MAP.osm, or --check NET --map MAP.osm")
     else:
@@ -80,13 +85,13 @@ def _convert(
         print(f"look: sumo-gui -n {net.path} -a {net.extras}")
 
 
-def _check(net_path: Path, map_path: Path, *, origin: str | None, as_json: bool) -> None:
-    """Judge a net, ours or another converter's, against the map it should be.
+def _check(net_path: Path, map_path: Path, *, origin: str | None, drive: bool, as_json: bool) -> None:
+    """Judge a net, ours or another converter's, against the map it should be; let SUMO's cars drive on it.
 
     Raises:
         MapError: what is wrong with it, where something is.
     """
-    from scex_sumo.converters.fidelity.report import check_net
+    from scex_sumo.converters.fidelity.report import check_net, drive_net
     from scex_sumo.converters.net.convert import LaneTable, net_file
 
     if not net_path.is_file():
@@ -95,6 +100,8 @@ def _check(net_path: Path, map_path: Path, *, origin: str | None, as_json: bool)
     table_path = net_file(net_path, ".lanes.csv")
     table = LaneTable.read(table_path) if table_path.is_file() else None
     report = check_net(net_path, road, table)
+    if drive:
+        report = report.with_driving(drive_net(net_path))
     if as_json:
         print(json.dumps(report.to_dict(), indent=2))
     else:
@@ -116,7 +123,9 @@ def _print_report(report: FidelityReport) -> None:
     from rich.table import Table
 
     table = Table(box=None, show_header=False, pad_edge=False)
-    for name, value in report.to_dict().items():
+    figures = report.to_dict()
+    figures |= {f"driving_{name}": value for name, value in figures.pop("driving", {}).items()}
+    for name, value in figures.items():
         if isinstance(value, (int, float, str)):
             table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
     Console().print(table)

@@ -16,8 +16,6 @@ from scex_sumo.commands.options import Seed
 from scex_sumo.errors import ResultError, UsageError
 
 if TYPE_CHECKING:
-    import torch
-
     from scex_sumo.training.data.dataset import Dataset
     from scex_sumo.training.train import Progress, Trainer
 
@@ -55,10 +53,11 @@ def train_command(
     if (epochs is not None and epochs < 1) or (rounds or 0) < 0:
         raise UsageError("train: --epochs needs at least 1, --rounds at least 0")
     check_libraries("train")
+    from scex_sumo.training.device import device_of
     from scex_sumo.training.options import TrainOptions
     from scex_sumo.training.train import Trainer
 
-    where = _device(device)
+    where = device_of(device)
     dataset, rooms = _dataset(data or [], every, leave_out or [], cache)
     options = TrainOptions(
         kind=kind,  # type: ignore[arg-type]  # checked above
@@ -116,20 +115,6 @@ def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, 
 def _checkpoints(out: Path) -> Path:
     """The folder of a training that is under way."""
     return out.with_name(out.name + ".training")
-
-
-def _device(name: str) -> torch.device:
-    import torch
-
-    if name == "auto":
-        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    try:
-        device = torch.device(name)
-        torch.zeros(1, device=device)
-    except (RuntimeError, AssertionError) as error:
-        words = str(error).splitlines()[0]
-        raise UsageError(f"--device {name}: cannot be used ({words}); give cpu, cuda or auto") from None
-    return device
 
 
 def _dataset(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors import registry
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.plug_in.fallback import Fallible
 from scex_sumo.behaviors.registry import behavior
@@ -39,12 +38,8 @@ class Parked:
 
 
 @pytest.fixture(autouse=True)
-def parked() -> Iterator[None]:
-    before = dict(registry._registered)
+def parked(registered_models: dict[str, object]) -> None:
     behavior("parked")(Parked)
-    yield
-    registry._registered.clear()
-    registry._registered.update(before)
 
 
 def models_of(models: str, **settings: Any) -> ModelSet:

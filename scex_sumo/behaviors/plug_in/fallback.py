@@ -1,4 +1,4 @@
-"""A model that may fail always has a usable plan: the path-following driver's, where its own is none."""
+"""Fallback planner: who has no usable plan of its own model is driven by the path-following driver."""
 
 from __future__ import annotations
 

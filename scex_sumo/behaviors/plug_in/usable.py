@@ -1,4 +1,4 @@
-"""What is wrong with a plan, in words that its author can use."""
+"""Plan check: what is wrong with a plan of a user's own model, and where its author finds the cause."""
 
 from __future__ import annotations
 

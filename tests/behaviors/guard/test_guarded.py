@@ -308,9 +308,8 @@ def test_parameters_of_the_guard_that_make_no_sense_are_refused() -> None:
         GuardProfile(reaction_time=-1)
 
 
-def test_who_stands_in_for_a_model_that_fails_is_guarded_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scex_sumo.behaviors.registry._registered", {})
-
+@pytest.mark.usefixtures("registered_models")
+def test_who_stands_in_for_a_model_that_fails_is_guarded_too() -> None:
     class Broken:
         """Never has a plan."""
 
