@@ -4,19 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 
-from scex_sumo.reports.run_pictures import (
-    STYLE,
-    axis_label,
-    cumulative_panel,
-    density_panel,
-    panel_grid,
-    panel_title,
-)
+from scex_sumo.reports import sheet
+from scex_sumo.reports.run_pictures import cumulative_panel, density_panel
 from scex_sumo.results.run import Run
 
+_PANEL_IN = (2.9, 2.3)
 _ACROSS = 4
 
 
@@ -30,22 +24,18 @@ def draw_figure(run: Run, curve: str, path: Path, *, metric: str | None = None) 
         metric: one column; None draws all of them.
     """
     columns = run.columns if metric is None else [metric]
-    for column in columns:
-        run.samples(column)  # says which metrics there are
+    samples = [run.samples(column) for column in columns]  # says which metrics there are
     across = min(_ACROSS, len(columns))
     panel = density_panel if curve == "density" else cumulative_panel
-    with plt.rc_context(STYLE):
-        figure, grid = panel_grid(len(columns), across=across)
-        for axes, column in zip(grid.flat, columns, strict=False):
-            axes.set_xlabel(axis_label(column))
-            axes.set_title(panel_title(column), loc="left")
-            if np.isfinite(run.samples(column)).any():
+    with sheet.sheet(_PANEL_IN[0] * across, _PANEL_IN[1] * -(-len(columns) // across)) as figure:
+        panels = sheet.metric_panels(figure, columns, wide=across)
+        for (axes, column), values in zip(panels, samples, strict=True):
+            if np.isfinite(values).any():
                 panel(run, column, axes)
             else:
-                axes.text(0.5, 0.5, "defined in no child", ha="center", va="center", transform=axes.transAxes)
-        figure.supylabel("density" if curve == "density" else "cumulative density")
+                sheet.empty(axes)
+        sheet.left_label(figure, "density" if curve == "density" else "cumulative density")
         # A file without a date: the same run gives the same bytes.
         metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(path.suffix)
         figure.savefig(path, dpi=200, metadata=metadata)
-        plt.close(figure)
     return path
