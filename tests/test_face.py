@@ -1,4 +1,4 @@
-"""The public face: every name comes from where it is said to live, for type checkers and at run time alike."""
+"""The public face: every name comes from where it is said to live, to type checkers and at run time."""
 
 from __future__ import annotations
 
