@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -28,7 +28,8 @@ class SceneValues:
     """The most critical value of every scene.
 
     Attributes:
-        value: (C, T) as aggregated (``ttc`` in 1/s); NaN where undefined.
+        value: (C, T) as aggregated (``ttc`` in 1/s); NaN where undefined, inf where all are infinite and
+            infinite values are left out.
         defined: (C, T).
     """
 
@@ -106,7 +107,7 @@ def evaluate(
     *,
     preset: str = PAPER_PRESET,
     parameters: MetricParameters = PAPER,
-    metrics: tuple[str, ...] | None = None,
+    metrics: Sequence[str | Metric] | None = None,
     vehicles: Collection[int] | None = None,
 ) -> ScenarioValues:
     """Metrics of every child.
@@ -138,7 +139,7 @@ def evaluate(
     values = np.full((children, 2 * len(chosen)), np.nan)
     for index, metric in enumerate(chosen):
         values[:, 2 * index] = worst[metric.name].value
-        values[:, 2 * index + 1] = _mean(scene[metric.name])
+        values[:, 2 * index + 1] = scene_mean(scene[metric.name], harmonic=metric.harmonic)
     defined = np.repeat(np.stack([worst[m.name].defined for m in chosen], axis=1), 2, axis=1)
     columns = tuple(column for m in chosen for column in (m.name, f"{m.name}_mean"))
     return ScenarioValues(
@@ -152,7 +153,7 @@ def evaluate_pairs(
     *,
     preset: str = PAPER_PRESET,
     parameters: MetricParameters = PAPER,
-    metrics: tuple[str, ...] | None = None,
+    metrics: Sequence[str | Metric] | None = None,
 ) -> dict[str, PairValues]:
     """Nanoscopic values of every metric, sorted by child, step, vehicle, other; arguments as ``evaluate``."""
     chosen = metrics_named(metrics)
@@ -218,13 +219,17 @@ def _reduce(metric: Metric, samples: Samples, first_step: int) -> tuple[SceneVal
     if metric.inverse:
         with np.errstate(divide="ignore"):
             value = 1.0 / value
+    infinite: BoolArray | None = None
     if metric.finite:
+        infinite = np.any(defined, axis=0)
         defined = defined & np.isfinite(value)
     # The smallest cost is the most critical; inf is a value, so undefined needs its own mask.
     cost = np.where(defined, sign * value, np.inf)
     scene_defined: BoolArray = np.any(defined, axis=0)
     scene_cost = cost.min(axis=0, initial=np.inf)
     scene_value = np.where(scene_defined, sign * scene_cost, np.nan)
+    if infinite is not None:
+        scene_value = np.where(infinite & ~scene_defined, np.inf, scene_value)
     children, steps = scene_cost.shape
     child = np.arange(children)
     child_defined: BoolArray = np.any(scene_defined, axis=1)
@@ -238,7 +243,7 @@ def _reduce(metric: Metric, samples: Samples, first_step: int) -> tuple[SceneVal
     step = _first_smallest(scene_cost, scene_defined)
     entry = _first_smallest(cost[:, child, step].T, defined[:, child, step].T)
     worst = Worst(
-        value=scene_value[child, step],
+        value=np.where(child_defined, scene_value[child, step], np.nan),
         defined=child_defined,
         step=step + first_step,
         vehicle=samples.row[entry],
@@ -254,12 +259,28 @@ def _first_smallest(cost: FloatArray, defined: BoolArray) -> IntArray:
     return index
 
 
-def _mean(scene: SceneValues) -> FloatArray:
-    """(C,) mean of the scenes' extrema where defined."""
-    count = scene.defined.sum(axis=1)
-    total = np.where(scene.defined, scene.value, 0.0).sum(axis=1)
-    mean: FloatArray = np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0)
+def scene_mean(scene: SceneValues, *, harmonic: bool) -> FloatArray:
+    """(C,) mean of the scenes' extrema where defined; harmonic: 1 / mean(1 / value), 0 for infinite ones.
+
+    An arithmetic mean of times is decided by the longest ones, those of speeds that hardly differ.
+    """
+    count, total = scene_sums(scene, harmonic=harmonic)
+    some = count > 0 if not harmonic else total > 0
+    over, under = (count, total) if harmonic else (total, count)
+    mean: FloatArray = np.divide(over, under, out=np.full(count.shape, np.nan), where=some)
     return mean
+
+
+def scene_sums(scene: SceneValues, *, harmonic: bool) -> tuple[FloatArray, FloatArray]:
+    """(C,) number of scenes that count and sum of their values, or of 1 / value."""
+    if not harmonic:
+        total = np.where(scene.defined, scene.value, 0.0).sum(axis=1)
+        return scene.defined.sum(axis=1).astype(np.float64), total
+    # Undefined scenes are NaN; infinite ones, left out of the extrema, are known and count as 0.
+    known = ~np.isnan(scene.value)
+    with np.errstate(divide="ignore"):
+        inverse = np.where(known, 1.0 / np.where(known, scene.value, 1.0), 0.0)
+    return known.sum(axis=1).astype(np.float64), inverse.sum(axis=1)
 
 
 def _rows(samples: Samples, first_child: int, first_step: int) -> PairValues:

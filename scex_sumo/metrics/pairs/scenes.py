@@ -238,6 +238,7 @@ class Metric:
         evaluate: values of all pairs (or vehicles) of a batch of scenes.
         inverse: aggregated as 1 / value (an infinite time becomes 0 1/s); ``critical`` refers to the inverse.
         finite: infinite values are left out of the aggregates.
+        harmonic: the mean over scenes is 1 / mean(1 / value), infinite values counting as 0 there.
     """
 
     name: str
@@ -246,6 +247,7 @@ class Metric:
     evaluate: Callable[[Scenes], Samples]
     inverse: bool = False
     finite: bool = False
+    harmonic: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
