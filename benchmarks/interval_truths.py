@@ -75,16 +75,20 @@ def _recorded(root: Path) -> Iterator[tuple[str, SeedScene]]:
 def truths(cache: Path, wanted: int) -> list[Truth]:
     """Truths from the cache, or run now."""
     cache.mkdir(parents=True, exist_ok=True)
-    kept = sorted(cache.glob("*.npz"))
+    kept = _kept(cache)
     if len(kept) < wanted:
         for name, scene in scenes():
             file = cache / f"{name}.npz"
             if not file.exists():
                 _run(scene, file)
-            kept = sorted(cache.glob("*.npz"))
+            kept = _kept(cache)
             if len(kept) >= wanted:
                 break
     return [_read(file) for file in kept[:wanted]]
+
+
+def _kept(cache: Path) -> list[Path]:
+    return sorted(file for file in cache.glob("*.npz") if not file.stem.endswith(".part"))
 
 
 def _run(scene: SeedScene, file: Path) -> None:

@@ -6,11 +6,12 @@ two, three and more vehicles' models, the variance of the mean over the rows of 
 
     sum over orders k of s²(k) · b(k),
 
-s²(k) the variance that interactions of k vehicles make, b(k) the mean of the normed kernel of order k over all
-pairs of rows (1 / N for independent rows, 0 where the design balances the order). The design says b; the
+s²(k) the variance that interactions of k vehicles make, b(k) the mean of the normed kernel of order k over
+all pairs of rows (1 / N for independent rows, 0 where the design balances the order). The design says b; the
 components s² are estimated from the products of residuals of pairs of rows, which they make alike the more,
-the more models two rows share. From the variance follow the effective number of independent children
-p (1 - p) / variance, Wilson's interval with it, and the band in proportion to the standard deviation.
+the more models two rows share; typical components are mixed in as if they had been seen in a few children.
+From the variance follow the effective number of independent children, p (1 - p) / variance, Wilson's interval
+with it, and the band, in proportion to the standard deviation.
 
 Source: variance components by quadratic forms, Rao 1971 (MINQUE); Wilson 1927; the coverage is measured by
 ``benchmarks/intervals.py``.
@@ -31,16 +32,17 @@ from scex_sumo.errors import InputError
 from scex_sumo.statistics.density import CONFIDENCE, Interval, dkw_half_width
 
 ORDERS: Final = 3
-"""Interactions of more vehicles count as noise of single children."""
+"""Interactions of more vehicles are not told apart from noise of single children."""
 
 FEWEST_CHILDREN: Final = 30
 """With fewer, nothing is said about the components: the interval is that of independent draws."""
 
-_PRIOR: Final = (0.5, 0.2, 0.1)  # components by order that the quadratic forms are best for, the rest is noise
-_NOISE: Final = 0.2
+_FORMS_FOR: Final = (0.5, 0.2, 0.1, 0.2)  # components by order, then the rest, that the forms are best for
+_TYPICAL: Final = (0.6, 0.2, 0.1, 0.1)  # components of shares before anything is seen
+_PRIOR_CHILDREN: Final = 30  # as many children are worth the typical components
 _BLOCK_ROWS: Final = 1024  # blocks of a design are independent of each other
 _THRESHOLDS: Final = 33
-_WIDEST: Final = 0.95  # quantile of the standard deviations over thresholds that makes the band
+_WIDEST: Final = 0.9  # quantile of the standard deviations over thresholds that makes the band
 
 
 class DesignIntervals:
@@ -85,8 +87,12 @@ class DesignIntervals:
         forms = sum(block.forms(values[block.rows]) for block in self._blocks)
         design = sum(block.design for block in self._blocks)
         components = _nonnegative(np.asarray(design), np.asarray(forms))
-        weight = sum(block.kernel_means * (block.size / self.count) ** 2 for block in self._blocks)
-        return np.asarray(weight @ components)
+        return np.asarray(np.maximum(self._weight() @ components, 0.0))
+
+    def _weight(self) -> FloatArray:
+        """(K + 1,) variance of the mean that components of 1 make."""
+        parts = [block.kernel_means * (block.size / self.count) ** 2 for block in self._blocks]
+        return np.asarray(np.sum(parts, axis=0))
 
     def share(self, critical: BoolArray) -> Interval:
         """Share of the critical children with its interval; NaN in 0 to 1 without children.
@@ -105,24 +111,30 @@ class DesignIntervals:
             return [Interval(value=float("nan"), low=0.0, high=1.0, count=0)] * hits.shape[1]
         share = hits.mean(axis=0)
         effective = self.effective_number(hits)
-        bounds = [wilson_of(float(p), float(n), self._confidence) for p, n in zip(share, effective, strict=True)]
+        bounds = [
+            wilson_of(float(p), float(n), self._confidence) for p, n in zip(share, effective, strict=True)
+        ]
         return [
             Interval(value=float(p), low=low, high=high, count=self.count)
             for p, (low, high) in zip(share, bounds, strict=True)
         ]
 
     def effective_number(self, critical: FloatArray) -> FloatArray:
-        """(M,) independent children that would be as sure as these of shares (C, M); at least their number."""
+        """(M,) independent children that would be as sure of shares (C, M); at least the children's number."""
         share = critical.mean(axis=0)
         spread = share * (1 - share)
         number = np.full(spread.shape, float(self.count))
         if not self.balanced:
             return number
-        variance = self.variance(critical)
-        certain = spread / np.finfo(np.float64).max
-        np.divide(spread, variance, out=number, where=(spread > 0) & (variance > certain))
-        exact = (spread > 0) & (variance <= certain)
-        return np.where(exact, np.inf, np.maximum(number, self.count))
+        some = np.flatnonzero(spread > 0)
+        seen = self.count / (self.count + _PRIOR_CHILDREN)
+        typical = spread[some] * float(self._weight() @ self._blocks[0].of_orders(_TYPICAL))
+        variance = seen * self.variance(critical[:, some]) + (1 - seen) * typical
+        # A design of all assignments leaves nothing but rounding.
+        known = variance <= 1e-12 * spread[some]
+        ratio = spread[some] / np.where(known, 1.0, variance)
+        number[some] = np.where(known, np.inf, np.maximum(ratio, self.count))
+        return number
 
     def half_width(self, values: FloatArray) -> float:
         """Half-width of the band around the cumulative distribution of a metric, 0 to 1.
@@ -142,7 +154,7 @@ class DesignIntervals:
         # A share among the defined children is a ratio of two means: its linearised value of each child.
         linear = np.where(known[:, None], below - below.sum(axis=0) / known.sum(), 0.0) / known.mean()
         spread = np.quantile(np.sqrt(self.variance(linear)), _WIDEST)
-        # The band of independent draws is so many of the largest standard deviation that a share can have.
+        # The band of independent draws is so many of the largest deviation that a share can have.
         return min(independent, float(2 * spread * dkw_half_width(1, self._confidence)))
 
 
@@ -158,9 +170,7 @@ def wilson_of(share: float, number: float, confidence: float = CONFIDENCE) -> tu
     return low, high
 
 
-def _factors(
-    levels: IntArray, shares: Sequence[FloatArray] | None
-) -> list[tuple[IntArray, FloatArray]]:
+def _factors(levels: IntArray, shares: Sequence[FloatArray] | None) -> list[tuple[IntArray, FloatArray]]:
     """Levels and their shares of the vehicles that are drawn at all."""
     found = []
     for vehicle in range(levels.shape[1] if levels.size else 0):
@@ -179,22 +189,30 @@ class _Block:
     Attributes:
         rows: which.
         size: how many.
-        kernel_means: (K + 1,) mean of the normed kernel of each order over all pairs of rows, then of noise.
+        kernel_means: (K + 1,) mean of the normed kernel of each order over all pairs of rows, then the rest.
         design: (K + 1, K + 1) what the quadratic forms are for components of 1.
     """
 
     def __init__(self, factors: Sequence[tuple[IntArray, FloatArray]], rows: slice) -> None:
         self.rows, self.size = rows, len(factors[0][0])
-        kernels = [*_kernels(factors), np.eye(self.size)]
-        self.kernel_means = np.array([kernel.mean() for kernel in kernels])
-        prior = (*_PRIOR[: len(kernels) - 1], _NOISE)
+        every = _kernels(factors)
+        kernels = [*every[:ORDERS], np.eye(self.size)]
+        self._kernels = kernels
+        means = [float(kernel.mean()) for kernel in every]
+        # The rest is mostly of the next order, where there is one, then of the one after, or of routes drawn.
+        after = [*means[ORDERS:], 1 / self.size, 1 / self.size]
+        self.kernel_means = np.array([*means[:ORDERS], (2 * after[0] + after[1]) / 3])
+        prior = self.of_orders(_FORMS_FOR)
         inverse = np.linalg.inv(sum(p * k for p, k in zip(prior, kernels, strict=True)))
         sums = inverse.sum(axis=1)
         # Projects the mean out: residuals of a mean that is itself estimated.
         self._projection = inverse - np.outer(sums, sums) / sums.sum()
-        self._kernels = kernels
         parts = [self._projection @ kernel for kernel in kernels]
         self.design = np.array([[np.sum(a * b.T) for b in parts] for a in parts])
+
+    def of_orders(self, components: Sequence[float]) -> FloatArray:
+        """(K + 1,) components of the orders that there are, and of the rest."""
+        return np.array([*components[: len(self._kernels) - 1], components[-1]])
 
     def forms(self, values: FloatArray) -> FloatArray:
         """(K + 1, M) quadratic forms of the residuals of values (R, M)."""
@@ -204,7 +222,7 @@ class _Block:
 
 def _kernels(factors: Sequence[tuple[IntArray, FloatArray]]) -> list[FloatArray]:
     """(R, R) mean over all groups of k vehicles of how alike two rows are in all k, by order k."""
-    rows, most = len(factors[0][0]), min(ORDERS, len(factors))
+    rows, most = len(factors[0][0]), min(ORDERS + 2, len(factors))
     sums = [np.ones((rows, rows)), *(np.zeros((rows, rows)) for _ in range(most))]
     for level, share in factors:
         alike = np.diag(1 / share)[np.ix_(level, level)]
@@ -216,7 +234,7 @@ def _kernels(factors: Sequence[tuple[IntArray, FloatArray]]) -> list[FloatArray]
 
 
 def _nonnegative(design: FloatArray, forms: FloatArray) -> FloatArray:
-    """(K, M) least squares solution of design @ x = forms with x >= 0: the best of all sets that are not 0."""
+    """(K, M) least squares solution of design @ x = forms with x >= 0: the best of all sets of components."""
     count = len(design)
     best, found = np.zeros(forms.shape[1]), np.zeros(forms.shape)
     for size in range(1, count + 1):

@@ -202,9 +202,7 @@ def _impact(hits: Moves, share: FloatArray, start: int, limit: float) -> tuple[M
 
 
 def _at_step(moves: Moves, step: IntArray) -> Moves:
-    return Moves(
-        tracks=moves.tracks, child=moves.child, step=step, first=moves.first, second=moves.second
-    )
+    return Moves(tracks=moves.tracks, child=moves.child, step=step, first=moves.first, second=moves.second)
 
 
 def _described(impact: Moves, share: FloatArray, hits: Moves, at: FloatArray, start: int) -> Collisions:

@@ -58,7 +58,9 @@ def outline_pairs(scenes: Scenes, pair: IntArray, scene: IntArray) -> OutlinePai
     )
 
 
-def in_chunks(pair: IntArray, scene: IntArray, value: Callable[[IntArray, IntArray], FloatArray]) -> FloatArray:
+def in_chunks(
+    pair: IntArray, scene: IntArray, value: Callable[[IntArray, IntArray], FloatArray]
+) -> FloatArray:
     """(N,) a value of pairs in scenes, some thousand at a time."""
     parts = [slice(start, start + CHUNK) for start in range(0, pair.size, CHUNK)]
     return np.concatenate([np.empty(0), *(value(pair[part], scene[part]) for part in parts)])
@@ -86,7 +88,7 @@ def gaps_of(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
 
 
 def gap_bounds(scenes: Scenes) -> tuple[FloatArray, FloatArray]:
-    """(P, C, T) least and most that the body gap can be, from the circles around and within the outlines, m."""
+    """(P, C, T) least and most that the body gap can be, from circles around and within the outlines, m."""
     first, second = scenes.pairs
     outer = np.hypot(scenes.length, scenes.width) / 2
     inner = np.minimum(scenes.length, scenes.width) / 2

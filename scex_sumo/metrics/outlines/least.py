@@ -24,16 +24,22 @@ def least_gap(scenes: Scenes) -> Samples:
 def least_wttc_path(scenes: Scenes) -> Samples:
     """WTTC, as `wttc_path` gives them, of the pairs that can have the shortest of their scene.
 
-    No pair is faster than circles around both that close in at all of their relative speed. The pair that is
-    fastest by that bound is evaluated first; only pairs whose bound is below its time can be faster.
+    Along the line of the centres the outlines come no faster together than their extents along it, which
+    bounds the time from below. The pair that is fastest by that bound is evaluated first; only pairs whose
+    bound is below its time can be faster.
     """
     first, second = scenes.pairs
-    near, far = gap_bounds(scenes)
-    vx, vy = scenes.speed * scenes.cos, scenes.speed * scenes.sin
-    speed = np.hypot(vx[second] - vx[first], vy[second] - vy[first])
+    apart = np.where(scenes.distance > 0, scenes.distance, 1.0)
+    nx, ny = scenes.dx / apart, scenes.dy / apart
+    near, closing = scenes.distance.copy(), np.zeros(nx.shape)
+    for side, sign in ((first, -1.0), (second, 1.0)):
+        along = nx * scenes.cos[side] + ny * scenes.sin[side]
+        across = ny * scenes.cos[side] - nx * scenes.sin[side]
+        near -= scenes.length[side] / 2 * np.abs(along) + scenes.width[side] / 2 * np.abs(across)
+        closing += sign * along * scenes.speed[side]
     limit = largest_accelerations(scenes)
     both = np.broadcast_to(limit[first] + limit[second], near.shape)
-    least = plane_meets_parabola(near, -speed, np.broadcast_to(limit[first] + limit[second], near.shape))
+    least = plane_meets_parabola(np.maximum(near, 0.0), closing, both)
     least = np.where(scenes.both_present, np.where(near > 0, least, 0.0), np.inf)
     if not least.size:
         return _samples(scenes, scenes.both_present, np.empty(0))

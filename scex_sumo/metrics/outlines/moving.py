@@ -1,4 +1,4 @@
-"""Outlines of two vehicles that move on straight ahead with their headings kept: how near, how fast nearer."""
+"""Outlines of two vehicles that move on with their headings kept: how near, and how fast nearer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pairs of vehicles in straight motion, and the cases with closed forms that are kept outside the repository."""
+"""Pairs of vehicles in straight motion, and the cases with closed forms kept outside the repository."""
 
 from __future__ import annotations
 

@@ -41,7 +41,9 @@ def test_who_hits_is_first_in_a_rear_end_collision() -> None:
 
 def test_vehicles_that_pass_through_each_other_between_two_steps_have_collided() -> None:
     """A narrow one crosses at 60 m/s: 6 m a step, through a vehicle 2 m wide."""
-    tracks = straight({"x": 0, "length": 2}, {"x": 0, "y": -9, "heading": math.pi / 2, "speed": 60, "length": 1})
+    tracks = straight(
+        {"x": 0, "length": 2}, {"x": 0, "y": -9, "heading": math.pi / 2, "speed": 60, "length": 1}
+    )
     clear = [overlap_of(tracks, step) for step in range(4)]
     assert clear == [0, 0, 0, 0]
     found = find_collisions(tracks)
@@ -115,8 +117,9 @@ def outline(tracks: SceneTracks, child: int, vehicle: int, at: float) -> shapely
         for values in (states.x, states.y)
     ]
     half = tracks.length[vehicle] / 2, tracks.width[vehicle] / 2
-    ahead, left = np.array([math.cos(heading), math.sin(heading)]), np.array(
-        [-math.sin(heading), math.cos(heading)]
+    ahead, left = (
+        np.array([math.cos(heading), math.sin(heading)]),
+        np.array([-math.sin(heading), math.cos(heading)]),
     )
     corners = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
     return shapely.Polygon([np.array(centre) + a * half[0] * ahead + b * half[1] * left for a, b in corners])
@@ -177,7 +180,9 @@ def test_overlaps_are_those_of_polygons() -> None:
     one, two = rng.integers(0, 60, (2, 2000))
     # Aligned ones too: edges on edges.
     heading = np.where(rng.random(60) < 0.5, 0.0, states.heading[0, 0])
-    tracks = replace(tracks, states=replace(states, heading=heading[None, None], x=states.x / 4, y=states.y / 4))
+    tracks = replace(
+        tracks, states=replace(states, heading=heading[None, None], x=states.x / 4, y=states.y / 4)
+    )
     polygons = np.array([outline(tracks, 0, vehicle, 0) for vehicle in range(60)])
 
     def take(index: FloatArray) -> Rectangles:
