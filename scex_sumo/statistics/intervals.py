@@ -120,7 +120,7 @@ class DesignIntervals:
         ]
 
     def effective_number(self, critical: FloatArray) -> FloatArray:
-        """(M,) independent children that would be as sure of shares (C, M); at least the children's number."""
+        """(M,) independent children that would be as sure of shares (C, M); no fewer than there are."""
         share = critical.mean(axis=0)
         spread = share * (1 - share)
         number = np.full(spread.shape, float(self.count))
@@ -159,7 +159,7 @@ class DesignIntervals:
 
 
 def wilson_of(share: float, number: float, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Wilson's interval of a share of a number of trials that need not be whole; inf gives the share alone."""
+    """Wilson's interval of a share of trials whose number need not be whole; inf gives the share alone."""
     if not np.isfinite(number):
         return share, share
     z2 = float(ndtri(0.5 + confidence / 2)) ** 2

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.geometry.overlap import Rectangles, overlap_area, separation
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.metrics.base import SceneTracks
+
+_PAIRS_AT_ONCE = 1 << 12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -135,15 +137,13 @@ def near_moves(tracks: SceneTracks, start: int) -> Moves:
     return Moves(tracks=tracks, child=rows[0], step=rows[1], first=rows[2], second=rows[3])
 
 
-_PAIRS_AT_ONCE = 1 << 12
-
-
-def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> FloatArray:
+def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
     """(N, T - 1) whether a point moving in straight lines comes within reach of the origin in each step."""
     px, py = dx[:, :-1], dy[:, :-1]
     vx, vy = dx[:, 1:] - px, dy[:, 1:] - py
     square = vx * vx + vy * vy
     with np.errstate(invalid="ignore"):
         share = np.clip(-(px * vx + py * vy) / np.where(square > 0, square, 1.0), 0.0, 1.0)
-        near = np.square(px + share * vx) + np.square(py + share * vy) <= reach * reach
+        apart = np.square(px + share * vx) + np.square(py + share * vy)
+        near: BoolArray = apart <= reach * reach
     return near
