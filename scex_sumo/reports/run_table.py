@@ -60,7 +60,7 @@ def summary_table(run: Run) -> Table:
         title=f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, "
         f"{counted(run.children, 'child scenario')}",
         title_justify="left",
-        caption="worst value of each child; critical among all children, with the 95 % interval of the design",
+        caption="worst value of each child; critical of all children, with the design's 95 % interval",
         caption_justify="left",
     )
     table.add_column("metric")
