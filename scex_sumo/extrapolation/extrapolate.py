@@ -18,7 +18,7 @@ from scex_sumo.extrapolation.fallbacks import count_fallbacks
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
 from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.notes import handover_notes, outcome_notes
+from scex_sumo.extrapolation.notes import handover_notes, outcome_notes, recorded_info
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import write_tables
@@ -114,7 +114,7 @@ def extrapolate(
     )
     part = write_tables(folder, job, recorded)
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *pool.deaths]
-    info = _info(job, command, band, part, notes)
+    info = _info(job, command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
     folder.finish({**info, "timings_s": watch.lap("write")})
     return Run(folder.path, temporary)
 

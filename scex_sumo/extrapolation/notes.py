@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
@@ -40,17 +42,32 @@ def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
         notes.append(f"boxes overlap at the seed moment already, which is no collision: {', '.join(pairs)}")
     if recorded is None:
         return notes
-    hits = recorded.overlaps
-    seen = [
-        f"{ids[a]} and {ids[b]} at {t:.1f} s"
-        for a, b, t in zip(hits.first.tolist(), hits.second.tolist(), hits.time_s.tolist(), strict=True)
-    ]
+    told = recorded_info(scene, recorded)
+    assert told is not None
+    seen = [f"{a} and {b} at {time_s:.1f} s" for a, b, time_s in told["overlaps"]]
     if seen:
         notes.append(f"recorded boxes overlap, as inexact boxes do, and are no collisions: {', '.join(seen)}")
-    gone = [t for t, last in zip(ids, recorded.last_step.tolist(), strict=True) if last < recorded.steps]
+    gone = [int(track) for track in told["left"]]
     if gone:
         notes.append(
             f"recorded: {len(gone)} of {len(ids)} vehicles leave within the time of a child, and are absent "
             f"from then on in the recorded column only: {listing(gone)}"
         )
     return notes
+
+
+def recorded_info(scene: SeedScene, recorded: Recorded | None) -> dict[str, Any] | None:
+    """What ``run.json`` says of the recorded future; None where there is none.
+
+    ``left``: last step of each vehicle that leaves within the time of a child, by track id; ``overlaps``:
+    boxes that overlap, as two track ids and the time in s.
+    """
+    if recorded is None:
+        return None
+    ids, hits = [int(track) for track in scene.track_ids], recorded.overlaps
+    pairs = zip(hits.first.tolist(), hits.second.tolist(), hits.time_s.tolist(), strict=True)
+    last = recorded.last_step.tolist()
+    return {
+        "left": {str(ids[v]): last[v] for v in range(len(ids)) if last[v] < recorded.steps},
+        "overlaps": [[ids[a], ids[b], time_s] for a, b, time_s in pairs],
+    }

@@ -66,7 +66,8 @@ def _encounters(job: Job, rows: pa.Table, intervals: DesignIntervals) -> pa.Tabl
     """``encounters.parquet``."""
     models = np.array(job.models.names)[job.assignment]
     found = encounters_of_rows(rows)
-    return encounters_table(found, track_ids=job.scene.track_ids, models=models, intervals=intervals)
+    ids = job.scene.track_ids
+    return encounters_table(found, track_ids=ids, models=models, intervals=intervals, road=job.road)
 
 
 def _write_tracks(folder: ResultFolder, job: Job) -> Part:

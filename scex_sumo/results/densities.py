@@ -20,20 +20,28 @@ DENSITIES_SCHEMA = pa.schema(
 
 
 def metric_density(
-    values: FloatArray, intervals: DesignIntervals, *, reflect: bool, bandwidth: float = BANDWIDTH
+    values: FloatArray, half_width: float, *, reflect: bool, bandwidth: float = BANDWIDTH
 ) -> Density:
     """Density and cumulative density of a metric with its 95 % band.
 
     Args:
         values: (C,) NaN where undefined.
-        intervals: of the children's design.
+        half_width: of the band.
         reflect: tell atoms apart and reflect at 0 what cannot be negative; False is the plain kernel.
         bandwidth: of the kernel, in the metric's unit.
     """
-    samples, half = values[~np.isnan(values)], intervals.half_width(values)
+    samples = values[~np.isnan(values)]
     if reflect:
-        return mixed_density(samples, bandwidth, half_width=half)
-    return density(samples, bandwidth, half_width=half)
+        return mixed_density(samples, bandwidth, half_width=half_width)
+    return density(samples, bandwidth, half_width=half_width)
+
+
+def half_widths(metrics: pa.Table, columns: Sequence[str], intervals: DesignIntervals) -> dict[str, float]:
+    """Half-width of the band of each column."""
+    if not columns:
+        return {}
+    values = np.stack([column_of(metrics, column) for column in columns], axis=1)
+    return dict(zip(columns, intervals.half_widths(values).tolist(), strict=True))
 
 
 def densities_table(
@@ -52,11 +60,12 @@ def densities_table(
         Without rows for a metric that is undefined in every child; a single vehicle leaves none.
     """
     parts = [DENSITIES_SCHEMA.empty_table()]
+    widths = half_widths(metrics, columns, intervals)
     for column in columns:
         values = column_of(metrics, column)
         if np.isnan(values).all():
             continue
-        curve = metric_density(values, intervals, reflect=reflect)
+        curve = metric_density(values, widths[column], reflect=reflect)
         atom = np.zeros(len(curve.x))
         atom[np.searchsorted(curve.x, [a.value for a in curve.atoms])] = [a.share for a in curve.atoms]
         low, high = curve.band

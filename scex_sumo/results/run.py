@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.metrics.registry import learn_metrics, side_of
-from scex_sumo.results.densities import metric_density
+from scex_sumo.results.densities import half_widths, metric_density
 from scex_sumo.results.design import column_of, intervals_of, is_critical
 from scex_sumo.results.under_test import BASELINE, UNDER_TEST, UnderTest
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
@@ -199,7 +199,12 @@ class Run:
             reflect: tell atoms apart and reflect at 0 what cannot be negative; None does as the run was told.
         """
         folded = bool(self.info.get("reflect", True)) if reflect is None else reflect
-        return metric_density(self.values(column), self.intervals, reflect=folded, bandwidth=bandwidth)
+        values = self.values(column)
+        return metric_density(values, self._half_widths[column], reflect=folded, bandwidth=bandwidth)
+
+    @cached_property
+    def _half_widths(self) -> dict[str, float]:
+        return half_widths(self.metrics, self.columns, self.intervals)
 
     def p_critical(self, column: str, *, threshold: float | None = None) -> Interval:
         """Share of all children with a critical value of a metric, with its 95 % interval.

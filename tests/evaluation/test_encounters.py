@@ -80,7 +80,7 @@ def test_in_words() -> None:
     row = table().to_pylist()[0]
     hit = find_collisions(children(LEVELS)).time_s[0]
     low, high = (round(100 * row[name]) for name in ("collision_low", "collision_high"))
-    assert in_words(row, place="ring") == (
+    assert in_words(row | {"place": "ring"}) == (
         f"17 → 23 (rear-end, ring, {hit:.1f} s): collides in 25 % [{low}–{high}], "
         "mostly 17 constant_velocity, 23 emergency_brake"
     )

@@ -217,6 +217,6 @@ def _cross(scenes: Scenes) -> BoolArray:
     pairs = len(scenes.pairs[0])
     found = np.zeros(pairs * children, dtype=bool)
     if scenes.planned is not None and pairs and steps:
-        ordered, scene = np.divmod(paths_ahead(scenes).crossings().where, children * steps)
+        ordered, scene = np.divmod(paths_ahead(scenes).crossings.where, children * steps)
         found[(ordered % pairs) * children + scene // steps] = True
     return found
