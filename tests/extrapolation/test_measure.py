@@ -52,7 +52,7 @@ def crossing_seed() -> SeedScene:
 
 
 def test_recorded_paths_reach_as_far_as_a_plan() -> None:
-    # They cross 4.2 s and 4.5 s after the moment; plans reach 3 s from where they are made, at 1.5 s this far.
+    # They cross 4.2 s and 4.5 s after the moment; a plan reaches 3 s, this far from 1.5 s on.
     recorded = measure_recorded(crossing_seed(), 30)
     assert recorded is not None
     values = recorded.values

@@ -53,8 +53,8 @@ class Replay:
         known = np.cumprod(scene.future_valid, axis=1).sum(axis=1)[who.vehicle]
         left = np.clip(known - history.step, 0, PLAN_STEPS)  # (n,) recorded steps from now on
         recorded = scene.future[who.vehicle]
-        last = history.step + left - 1
-        end = _pick(recorded, np.maximum(last, 0), left > 0, history.now[who.child, who.vehicle])
+        last = np.clip(history.step + left - 1, 0, recorded.shape[1] - 1)
+        end = _pick(recorded, last, left > 0, history.now[who.child, who.vehicle])
         rest = drive_along(history, road, who, self.profile.path, start=end)
         h = np.arange(PLAN_STEPS)
         driven = h >= left[:, None]
