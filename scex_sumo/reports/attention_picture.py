@@ -15,7 +15,7 @@ from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import UsageError
 from scex_sumo.reports.run_pictures import draw_road, look_at, vehicle_boxes
 from scex_sumo.reports.sheet import sheet
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, States, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, Who
 
 VALUES = (0.0, 0.25, 0.5, 0.75, 1.0)
 SHOWN = 3  # vehicles whose speeds are drawn
@@ -105,8 +105,7 @@ def _scene(
         color = _color(palette, w)
         lines = axes.plot(x.T, y.T, color=color, linewidth=1.4, zorder=4 - 0.1 * number)
         lines[0].set_label(f"w = {w:g}")
-        ends = States(x=plan.x, y=plan.y, heading=plan.heading, speed=plan.speed)[:, -1]
-        for box in vehicle_boxes(scene, ends):
+        for box in vehicle_boxes(scene, plan[:, -1]):
             axes.fill(*box.T, facecolor="none", edgecolor=color, linewidth=1.2, zorder=6)
     for name, vehicle in zip("ABC", order, strict=False):
         at = (float(scene.now.x[vehicle]), float(scene.now.y[vehicle]))

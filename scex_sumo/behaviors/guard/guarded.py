@@ -13,7 +13,7 @@ from scex_sumo.behaviors.guard.conflicts import Holds, find_holds
 from scex_sumo.behaviors.guard.profile import GuardProfile
 from scex_sumo.behaviors.guard.ways import PlannedWays, planned_paths
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
 
 LAST_GAP_M = 0.2  # the nearest that hard braking aims for
 LEAP_MPS2 = 6.0  # who is to gain speed faster than that, or more way than this in a step, would leap
@@ -90,9 +90,9 @@ def slowed(plan: Plan, history: SceneHistory, road: Road, who: Who, profile: Gua
     rows = np.flatnonzero(changed)
     if not len(rows):
         return plan
-    slow = States(x=plan.x.copy(), y=plan.y.copy(), heading=plan.heading.copy(), speed=plan.speed.copy())
+    slow = plan.map(np.copy)
     slow.assign(rows, paths.poses(rows, arc[rows], speed[rows]))
-    return replace(plan, x=slow.x, y=slow.y, heading=slow.heading, speed=slow.speed)
+    return replace(plan, **vars(slow))
 
 
 def _leaping(paths: PlannedWays) -> IntArray:

@@ -121,7 +121,7 @@ def scene_samples(
     history = _history(scene, states, step)
     goal = _goals(paths, rows, who, history, recorded[vehicle], future[vehicle][:, :PLAN_STEPS])
     keep = goal.near
-    who = Who(child=child[keep], vehicle=vehicle[keep])
+    who = who[keep]
     inputs = path_inputs(history, road, who, paths, rows[keep])
     graph = scene_graph(history, road)
     count = scene.vehicles

@@ -29,12 +29,10 @@ class Raster:
         values: (7, R, C) the `CHANNELS`, each about -1 to 1; row 0 is the lowest y. cos and sin are those of
             the lanes' direction, times the drivable share.
         corner: (2,) centre of the pixel in row 0, column 0, m.
-        pixel: side of a pixel, m.
     """
 
     values: FloatArray
     corner: FloatArray
-    pixel: float = PIXEL_M
 
 
 @derived
