@@ -53,9 +53,8 @@ def train_command(
     if (epochs is not None and epochs < 1) or (rounds or 0) < 0:
         raise UsageError("train: --epochs needs at least 1, --rounds at least 0")
     check_libraries("train")
-    from scex_sumo.training.device import device_of
     from scex_sumo.training.options import TrainOptions
-    from scex_sumo.training.train import Trainer
+    from scex_sumo.training.train import Trainer, device_of
 
     where = device_of(device)
     dataset, rooms = _dataset(data or [], every, leave_out or [], cache)
@@ -122,8 +121,8 @@ def _dataset(
 ) -> tuple[Dataset, Any]:
     """The samples, and a function of the options that gives what drives in closed loop."""
     from scex_sumo.converters.datasets.recordings import find_recordings
+    from scex_sumo.training.closed_loop import closed_loop
     from scex_sumo.training.data.dataset import SampleOptions, default_cache, make_dataset
-    from scex_sumo.training.drift import closed_loop
 
     recordings = find_recordings(roots)
     sites = sorted({recording.site for recording in recordings})

@@ -15,7 +15,8 @@ from torch import nn
 
 from scex_sumo.behaviors.learned.networks.graph import Modes
 from scex_sumo.behaviors.learned.networks.tensors import architecture
-from scex_sumo.behaviors.learned.weights import save_weights
+from scex_sumo.behaviors.learned.weights import KINDS, save_weights
+from scex_sumo.errors import UsageError
 from scex_sumo.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.data.dataset import Dataset
@@ -24,7 +25,6 @@ from scex_sumo.training.data.mirror import mirrored
 from scex_sumo.training.data.samples import Samples
 from scex_sumo.training.loss import loss
 from scex_sumo.training.options import (
-    NETS,
     Net,
     TrainOptions,
     copied,
@@ -53,6 +53,23 @@ class Progress:
     better: bool
 
 
+def device_of(name: str) -> torch.device:
+    """The device of a name; ``auto`` takes a GPU where there is one.
+
+    Raises:
+        UsageError: it cannot be used here.
+    """
+    if name == "auto":
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    try:
+        device = torch.device(name)
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as error:
+        words = str(error).splitlines()[0]
+        raise UsageError(f"--device {name}: cannot be used ({words}); give cpu, cuda or auto") from None
+    return device
+
+
 class Trainer:
     """One training run.
 
@@ -76,7 +93,7 @@ class Trainer:
         self.dataset, self.options, self.device, self.folder = dataset, options, device, folder
         self.drift = drift if options.rounds else None
         torch.manual_seed(options.seed)
-        self.net: Net = NETS[options.kind](architecture(**options.sizes))
+        self.net: Net = KINDS[options.kind](architecture(**options.sizes))
         fit_scales(self.net, dataset.train)
         self.net.to(device)
         self.mean = copied(self.net)

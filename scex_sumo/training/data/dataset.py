@@ -111,7 +111,8 @@ def make_dataset(
                 samples = _make(loaded, road, options, part)
                 if file is not None:
                     _write(file, samples)
-            found += [_on_site(samples, sites.index(recording.site))] if samples else []
+            if samples:
+                found.append(replace(samples, site=np.full(len(samples), sites.index(recording.site))))
     if not parts["train"] or not parts["validation"]:
         short = "training" if not parts["train"] else "validation"
         raise TrackError(
@@ -184,10 +185,6 @@ def _make(loaded: LoadedRecording, road: Road, options: SampleOptions, part: Par
     return Samples.concatenate(found) if found else None
 
 
-def _on_site(samples: Samples, site: int) -> Samples:
-    return replace(samples, site=np.full(len(samples), site))
-
-
 def default_cache() -> Path:
     """Folder for samples: ``$XDG_CACHE_HOME/scex-sumo``, else ``~/.cache/scex-sumo``."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scex-sumo"
@@ -216,5 +213,5 @@ def _write(file: Path, samples: Samples | None) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     temporary = file.with_name(f".{os.getpid()}-{file.name}")  # trainings share the cache
     with temporary.open("wb") as stream:
-        np.savez(stream, **({} if samples is None else samples.columns()))
+        np.savez(stream, **({} if samples is None else vars(samples)))
     temporary.replace(file)

@@ -48,18 +48,11 @@ class PathInputs:
 
     Attributes:
         node: (n,) child * V + vehicle.
-        row: (n,) row of `SeedPaths`.
         features: (n, P) the `PATH_COLUMNS`.
-        s: (n,) arc length of the vehicle's centre on the path, m.
-        room: (n, 2) how far left and right of the path the centre may be before the box leaves the drivable
-            surface, m, at least 0.
     """
 
     node: IntArray
-    row: IntArray
     features: FloatArray
-    s: FloatArray
-    room: FloatArray
 
 
 def path_inputs(
@@ -112,7 +105,7 @@ def path_inputs(
         axis=1,
     )
     node = who.child * history.scene.vehicles + who.vehicle
-    return PathInputs(node=node, row=row, features=features, s=s, room=sides)
+    return PathInputs(node=node, features=features)
 
 
 def rates(history: SceneHistory, who: Who) -> tuple[FloatArray, FloatArray]:

@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.learned.seen.raster import CHANNELS, LIMIT_SCALE_MPS, MARGIN_M, raster_of
+from scex_sumo.behaviors.learned.seen.raster import (
+    CHANNELS,
+    LIMIT_SCALE_MPS,
+    MARGIN_M,
+    PIXEL_M,
+    raster_of,
+)
 from scex_sumo.road import Area, Marking
 from tests.behaviors import roads
 
