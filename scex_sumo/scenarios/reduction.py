@@ -77,7 +77,6 @@ def reduced(scene: SeedScene, vehicles: Sequence[int] | IntArray) -> SeedScene:
     """The seed scene with some of its vehicles only; other participants stay.
 
     Args:
-        scene: the seed scene.
         vehicles: indices of those that stay.
     """
     kept = np.asarray(vehicles, dtype=np.int64)

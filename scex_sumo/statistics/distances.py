@@ -57,9 +57,6 @@ def pooled_scale(columns: Columns) -> Scale:
 
     The unit is the width of the middle 80 % of the values; where more than 80 % agree, that of all values;
     where all agree, 1. The fences lie one unit beyond the middle 80 %.
-
-    Args:
-        columns: one metric in all runs.
     """
     finite = [column[np.isfinite(column)] for column in columns]
     pool = np.concatenate(finite)

@@ -119,10 +119,6 @@ def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
     such runs are refused. Other drivers, another replanning interval or fewer children may be what the user
     wants to compare; that they differ is said.
 
-    Args:
-        runs: the runs.
-        labels: (R,) their names.
-
     Returns:
         What the reader should know of the differences, one sentence each.
 
@@ -166,7 +162,6 @@ def compare_samples(
 
     Args:
         samples: per metric R arrays (C,), NaN where undefined; C may differ between runs.
-        labels: (R,) names of the runs.
         distance: ``w1`` or ``jsd``, as in :func:`compare`.
 
     Raises:

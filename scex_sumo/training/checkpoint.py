@@ -63,10 +63,6 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint, drifted: list[Samples
 def read_checkpoint(folder: Path, identity: dict[str, Any]) -> tuple[Checkpoint, list[Samples]] | None:
     """The checkpoint of a folder and the samples of its rounds; None where there is none.
 
-    Args:
-        folder: of the run.
-        identity: of the run that goes on.
-
     Raises:
         ResultError: the checkpoint cannot be read, or is that of another run.
     """

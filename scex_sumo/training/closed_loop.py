@@ -37,10 +37,8 @@ def closed_loop(
     """What makes the samples of a round: the network drives all vehicles of training scenes.
 
     Args:
-        recordings: of the training.
         sampling: their split and perturbations.
         sites: names of the sites by number.
-        options: of the training.
     """
 
     def drift(file: Path, number: int) -> Samples | None:
@@ -78,9 +76,6 @@ def drifted_samples(
 
     Args:
         scenes: seed scene, map and number of the site.
-        model: drives all vehicles.
-        perturbation: of the starts.
-        rng: for it.
     """
     found = []
     for scene, road, site in scenes:

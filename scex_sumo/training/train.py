@@ -74,9 +74,6 @@ class Trainer:
     """One training run.
 
     Args:
-        dataset: the samples.
-        options: how.
-        device: where.
         drift: makes the samples of a round in closed loop; None does without.
         folder: for checkpoints and the samples of rounds; None keeps none.
     """

@@ -111,7 +111,6 @@ def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder) -> Non
     """Write tracks as SUMO's FCD, the first step at 0.1 s.
 
     Args:
-        path: file to write.
         groups: vehicles, all with the same number of steps; each group in one tile.
         lanes: the lanes of the net as converted, not tiled.
     """

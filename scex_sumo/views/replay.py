@@ -50,8 +50,6 @@ def write_view(
 
     Args:
         folder: where to write; the net is referred to by a relative path.
-        net: the converted map.
-        scene: the seed scene.
         children: with the same number of steps.
         colors: RGB of each behaviour model, 0 to 255.
         snapshots: times in s and names of pictures that sumo-gui writes then.

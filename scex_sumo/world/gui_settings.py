@@ -71,7 +71,6 @@ def write_view_settings(
     """Write sumo-gui's view settings.
 
     Args:
-        path: file to write.
         frame: what is in view.
         names: write the vehicles' ids on them.
         delay_ms: pause after each step.

@@ -103,7 +103,6 @@ class SumoSession:
         """Take the net apart; nothing is started.
 
         Args:
-            net: the converted road.
             slots: the tile slots that batches will use.
             types: the vehicle types; drivers may be entered later.
             folder: where SUMO's files go.

@@ -67,7 +67,6 @@ class SumoWorld:
         """Build the tiles; SUMO itself starts with the first batch.
 
         Args:
-            net: the converted road.
             scene: the seed scene, for sizes, types and names.
             slots: the tile slots that batches will use, each below ``TILE_SLOTS``.
             gui: show the simulation in sumo-gui. Its tiles stand closer together, so that the last bits of

@@ -148,7 +148,6 @@ class TileTemplate:
         """Write the copies of some slots.
 
         Args:
-            path: file to write.
             slots: the slots wanted, in any order.
             layout: where slots lie.
         """

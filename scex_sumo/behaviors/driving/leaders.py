@@ -60,9 +60,6 @@ def find_leaders(
     across the path has a rear bumper too. Of those that count the one with the smallest gap leads.
 
     Args:
-        history: the present.
-        who: the n drivers.
-        paths: paths of the seed scene.
         row: (n,) path of each driver.
         s_centre: (n,) arc length of the driver's centre on its path, m.
         clearance: m from the path to the other vehicle's centre.

@@ -56,7 +56,6 @@ def narrow_road(road: Road, x: float, y: float, radius: float) -> Road:
     """The part of the map that a vehicle sees: lanes, markings and areas with a point within the radius.
 
     Args:
-        road: the map.
         x: the vehicle's centre, m.
         y: the vehicle's centre, m.
         radius: m.

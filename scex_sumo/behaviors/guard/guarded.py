@@ -57,7 +57,6 @@ class Guarded:
         """Wrap a model.
 
         Args:
-            model: the model that makes the plans.
             profile: the guard's parameters; None takes the defaults.
         """
         self.model = model
@@ -74,10 +73,6 @@ def slowed(plan: Plan, history: SceneHistory, road: Road, who: Who, profile: Gua
 
     Args:
         plan: (n, H).
-        history: the present.
-        road: the map.
-        who: the n vehicles.
-        profile: the guard's parameters.
 
     Returns:
         (n, H); rows that need no change are the very same numbers.
@@ -141,7 +136,6 @@ def _bounds(
 
     Args:
         holds: (P,) all holds.
-        profile: the guard's parameters.
         step: steps since the present.
         s: (P,) where the held vehicle is, m along its plan.
         v: (P,) its speed, m/s.

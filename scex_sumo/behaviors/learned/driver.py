@@ -84,9 +84,6 @@ class LearnedDriver:
         """Load the weights.
 
         Args:
-            kind: ``graph`` or ``hybrid``.
-            file: of the weights.
-            profile: parameters of the model.
             attention: w of the hybrid.
             free: the free trajectories are driven.
 

@@ -25,11 +25,6 @@ def follow_path(history: SceneHistory, road: Road, who: Who) -> Plan:
     That is the straight path, or another of the vehicle's where it is clearly nearer to that one. A vehicle
     off all its paths goes straight on at its present speed.
 
-    Args:
-        history: the present.
-        road: the map.
-        who: the n vehicles.
-
     Returns:
         (n, 30).
     """

@@ -31,7 +31,6 @@ class Fallible:
         """Stand in for a model.
 
         Args:
-            model: any behaviour model.
             name: what the user calls it, for messages.
         """
         self.model = model

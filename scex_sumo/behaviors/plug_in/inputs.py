@@ -87,9 +87,6 @@ def predictor_inputs(
     ``neighbour_mask`` (n, K) and ``lane_mask`` (n, L): False where there are fewer; those rows are zero.
 
     Args:
-        history: the present.
-        road: the map.
-        who: the n vehicles.
         surroundings: how much they see.
         names: the inputs wanted; the others are not computed.
     """
@@ -178,7 +175,6 @@ def lane_pieces(road: Road, points: int, spacing: float) -> tuple[FloatArray, Fl
     """Centrelines of the vehicle lanes cut into equal pieces, kept with the road.
 
     Args:
-        road: the map.
         points: P per piece.
         spacing: between them, at most, m.
 

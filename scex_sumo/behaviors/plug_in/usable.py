@@ -27,7 +27,6 @@ def checked_shape(made: Any, count: int) -> Plan:
     """The first 30 steps of what a model returned, as arrays of our own.
 
     Args:
-        made: what it returned.
         count: number of vehicles n that it was asked for.
 
     Raises:
@@ -54,8 +53,6 @@ def wrong_with(made: Plan, history: SceneHistory, who: Who) -> list[str]:
 
     Args:
         made: (n, 30).
-        history: the present.
-        who: the n vehicles.
     """
     reasons = [""] * len(who)
     finite = np.stack([np.isfinite(getattr(made, key)).all(axis=1) for key in STATES])

@@ -47,9 +47,7 @@ class Batches:
     """Draws batches from samples.
 
     Args:
-        samples: the graphs.
         site_weight: (S,) weight of each site's graphs in the loss.
-        device: where the tensors live.
     """
 
     def __init__(self, samples: Samples, site_weight: FloatArray, device: torch.device) -> None:

@@ -84,7 +84,6 @@ def make_dataset(
 
     Args:
         recordings: of any datasets.
-        options: how.
         cache: folder; None keeps nothing.
         tick: called with the number of recordings done, and of all.
 
@@ -135,9 +134,6 @@ def part_scenes(
     """Seed scenes of one part of a recording that have a vehicle to learn from.
 
     Args:
-        loaded: the recording.
-        part: which part.
-        split: how it is split.
         every_s: between two moments.
         most: short recordings are looked at more often, up to so many moments in all, or every 0.1 s.
 

@@ -90,7 +90,6 @@ def scene_samples(
 
     Args:
         scene: the seed scene, with its future.
-        road: the map.
         states: (C, V, 11) what the drivers see, oldest first.
         site: number of the site.
         step: steps since the seed scene.

@@ -68,10 +68,7 @@ def path_inputs(
     deceleration that brings it to zero within the gap.
 
     Args:
-        history: the present.
-        road: the map.
         who: the n vehicles; the same vehicle may be there with several paths.
-        paths: paths of the seed scene.
         row: (n,) path of each.
         radius: perception radius for leaders, m.
     """
