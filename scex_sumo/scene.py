@@ -164,7 +164,7 @@ class SeedScene:
         return len(self.track_ids)
 
     def reordered(self, order: Sequence[int], *, name: str) -> SeedScene:
-        """The same scene under another name, its vehicles in another order (indices into the present one)."""
+        """The same scene under another name with these of its vehicles (indices) in this order."""
         index = np.asarray(order, dtype=np.int64)
         return replace(
             self,

@@ -65,16 +65,6 @@ class Comparison:
         """(R, R) distance of the runs: the mean over all metrics."""
         return np.asarray(self.per_metric.mean(axis=2))
 
-    def index(self, label: str) -> int:
-        """Number of a run.
-
-        Raises:
-            UsageError: no run has this name.
-        """
-        if label not in self.labels:
-            raise UsageError(f"no run {label!r} in the comparison; there are: {', '.join(self.labels)}")
-        return self.labels.index(label)
-
     def nearest(self, run: int) -> IntArray:
         """(R - 1,) all other runs, the most similar first; of equally similar ones by name."""
         others = np.array([r for r in range(len(self.labels)) if r != run], dtype=np.int64)
