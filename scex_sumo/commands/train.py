@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from scex_sumo.behaviors.learned.extra import check_libraries
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import Seed
 from scex_sumo.errors import ResultError, UsageError
@@ -47,6 +46,8 @@ def train_command(
     overwrite: Annotated[bool, Option("--overwrite", help="Replace the weights.")] = False,
 ) -> None:
     """Train a learned driver on recordings: INTERACTION, TAF-BW, CommonRoad, inD and its family."""
+    from scex_sumo.behaviors.learned.models import check_libraries
+
     weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
     if every <= 0 or minutes < 0:
         raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")

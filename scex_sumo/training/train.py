@@ -125,7 +125,8 @@ class Trainer:
                 self.best_loss, self.best_epoch = score.loss, self.epoch
                 self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
             self.seconds = time.monotonic() - begun
-            self._save()
+            if self.folder is not None:
+                write_checkpoint(self.folder, self._checkpoint(), self.drifted)
             report(Progress(epoch=self.epoch, epochs=options.epochs, seconds=self.seconds, parts=parts,
                             score=score, better=better))  # fmt: skip
             if self.epoch - self.best_epoch >= options.patience:
@@ -224,10 +225,6 @@ class Trainer:
         net = copied(self.mean)
         net.load_state_dict(self.best)
         return net.cpu().eval()
-
-    def _save(self) -> None:
-        if self.folder is not None:
-            write_checkpoint(self.folder, self._checkpoint(), self.drifted)
 
     def resume(self) -> bool:
         """Go on from the checkpoint in the folder; False where there is none.
