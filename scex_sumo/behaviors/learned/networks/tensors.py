@@ -17,8 +17,8 @@ from scex_sumo.road import Road
 
 def architecture(**numbers: int | bool) -> Architecture:
     """The shipped sizes for the columns that scene graphs and path inputs have; any number can be changed."""
-    columns: dict[str, Any] = {"node_columns": len(NODE_COLUMNS), "edge_columns": len(EDGE_COLUMNS)}
-    return Architecture(**{**columns, **numbers})
+    sizes: dict[str, Any] = {"node_columns": len(NODE_COLUMNS), "edge_columns": len(EDGE_COLUMNS), **numbers}
+    return Architecture(**sizes)
 
 
 def scene_batch(graph: SceneGraph) -> SceneBatch:
