@@ -42,9 +42,6 @@ def plot_attention(
         head: ``bounded`` or ``free``, as of the model.
         around_m: how far to see to all sides, m.
 
-    Returns:
-        The file.
-
     Raises:
         UsageError: the scene has no road, or no values are given.
         InputError: the weights cannot be used.

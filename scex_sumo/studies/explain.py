@@ -53,7 +53,6 @@ def explain(run: Run, metric: str, *, worst: int = 5) -> Explanation:
     """Explain one metric of a finished run.
 
     Args:
-        metric: one of its columns.
         worst: how many of the most critical children are named.
     """
     from scex_sumo.metrics.registry import side_of

@@ -29,7 +29,7 @@ from scex_sumo.world.gui_drawings import (
     legend_entries,
 )
 from scex_sumo.world.gui_settings import write_view_settings
-from scex_sumo.world.tiles import TileTemplate
+from scex_sumo.world.tiles import TileLayout, TileTemplate
 from scex_sumo.world.vehicle_types import given_type
 
 if TYPE_CHECKING:
@@ -64,11 +64,7 @@ def write_view(
     layout = template.window_layout(len(children), margin_m=_GRID_MARGIN_M)
     net_file, additional = net.path, [net.extras] if net.extras is not None else []
     if grid:
-        net_file = folder / f"{name}.net.xml"
-        template.write(net_file, range(len(children)), layout)
-        if net.extras is not None:
-            additional = [folder / f"{name}.extras.xml"]
-            TileTemplate(net.extras).write(additional[0], range(len(children)), layout)
+        net_file, additional = _write_tiles(folder / name, net, template, layout, len(children))
     shown = [
         Shown(child=child, slot=slot if grid else None, offset=layout.offset(slot))
         for slot, child in enumerate(children)
@@ -91,6 +87,18 @@ def write_view(
         pause_s=None if snapshots else children[0].states.shape[1] * STEP_S,
     )
     return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1])
+
+
+def _write_tiles(
+    stem: Path, net: SumoNet, template: TileTemplate, layout: TileLayout, count: int
+) -> tuple[Path, list[Path]]:
+    """Copies of the net side by side, and of what is drawn on it; returns their files."""
+    net_file, extras = stem.with_name(f"{stem.name}.net.xml"), stem.with_name(f"{stem.name}.extras.xml")
+    template.write(net_file, range(count), layout)
+    if net.extras is None:
+        return net_file, []
+    TileTemplate(net.extras).write(extras, range(count), layout)
+    return net_file, [extras]
 
 
 def _groups(scene: SeedScene, shown: Shown) -> list[FcdTracks]:

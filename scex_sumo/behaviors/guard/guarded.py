@@ -135,7 +135,6 @@ def _bounds(
     """Speed limit at the end of a step and braking limit now, of each vehicle that has a hold.
 
     Args:
-        holds: (P,) all holds.
         step: steps since the present.
         s: (P,) where the held vehicle is, m along its plan.
         v: (P,) its speed, m/s.

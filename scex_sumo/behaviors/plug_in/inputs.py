@@ -87,7 +87,6 @@ def predictor_inputs(
     ``neighbour_mask`` (n, K) and ``lane_mask`` (n, L): False where there are fewer; those rows are zero.
 
     Args:
-        surroundings: how much they see.
         names: the inputs wanted; the others are not computed.
     """
     scene = history.scene

@@ -110,8 +110,8 @@ def make_dataset(
                 samples = _make(loaded, road, options, part)
                 if file is not None:
                     _write(file, samples)
-            if samples:
-                found.append(replace(samples, site=np.full(len(samples), sites.index(recording.site))))
+            site = sites.index(recording.site)
+            found += [replace(samples, site=np.full(len(samples), site))] if samples else []
     if not parts["train"] or not parts["validation"]:
         short = "training" if not parts["train"] else "validation"
         raise TrackError(
