@@ -23,7 +23,8 @@ class Lane:
         width_m: mean distance of the bounds.
         speed_limit_mps: limit for cars.
         kind: ``vehicle`` (cars may drive here), ``bus``, ``bicycle``, ``pedestrian`` or ``other``.
-        subtype: Lanelet2's subtype as written, e.g. ``road``, or an empty string.
+        subtype: Lanelet2's subtype as written, e.g. ``road``, or an empty string; ``road`` where an unknown
+            one is taken for it.
         location: ``urban``, ``nonurban`` or an empty string.
         successors: lanes that a vehicle enters at the end (vehicle routing graph).
         predecessors: the reverse of ``successors``.
@@ -106,6 +107,21 @@ class Area:
     outline: FloatArray
 
 
+@dataclass(frozen=True, kw_only=True)
+class Loss:
+    """Elements of the map that the road does without.
+
+    Attributes:
+        kind: ``lanelets``, ``lights`` or ``lane changes``.
+        why: what became of them, e.g. ``not driven, subtype main_road``.
+        elements: their ids; a lane change is two lanelets with a word between.
+    """
+
+    kind: str
+    why: str
+    elements: tuple[int | str, ...]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Road:
     """All lanes of a map, with the rules between them.
@@ -118,6 +134,7 @@ class Road:
         areas: areas for drawing.
         origin: (latitude, longitude) that the coordinates were projected with.
         notes: what was repaired or left out, one short sentence each, naming ids.
+        losses: what of the map is not there.
     """
 
     name: str
@@ -127,6 +144,7 @@ class Road:
     areas: tuple[Area, ...] = ()
     origin: tuple[float, float] = (0.0, 0.0)
     notes: tuple[str, ...] = ()
+    losses: tuple[Loss, ...] = ()
 
     @property
     def vehicle_lanes(self) -> dict[int, Lane]:
