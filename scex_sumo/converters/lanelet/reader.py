@@ -14,6 +14,7 @@ from lanelet2 import io, projection, traffic_rules
 from scex_sumo.converters.lanelet.elements import Points, areas, markings, regulations
 from scex_sumo.converters.lanelet.file import MapFile, list_ids, read_map_file, write_map_file
 from scex_sumo.converters.lanelet.graph import Map, Rules, Vertex, drawn_vertices, related_lanes
+from scex_sumo.converters.lanelet.joints import join_lanes
 from scex_sumo.converters.lanelet.origin import map_origin, recorded_origin
 from scex_sumo.converters.lanelet.repair import Place, distance_m, middle, repair
 from scex_sumo.converters.lanelet.stops import attach
@@ -61,7 +62,13 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
     lanelet_map, vertices, map_file, losses = _load(map_file, origin, rules, mended, notes)
     country = country or map_country(map_file)
     lanes = related_lanes(lanelet_map, vertices, rules, map_file, country)
+    joined = join_lanes(lanes)
+    lanes = joined.lanes
     _note_doubts(lanes, map_file, country, notes)
+    if joined.linked:
+        notes.append(f"lanelets that meet without shared points, linked: {list_ids(joined.linked)}")
+    if joined.inside:
+        notes.append(f"lanelets that begin or end within other traffic: {list_ids(joined.inside)}")
     lines = _lines(lanelet_map)
     stops = attach(regulations(map_file, lanes, lines), lanes, map_file, lines)
     if stops.found:
