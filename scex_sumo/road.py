@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from scex_sumo.arrays import FloatArray
 
+NAMED = 5  # elements named in one sentence; the rest are counted
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lane:
@@ -120,6 +122,13 @@ class Loss:
     kind: str
     why: str
     elements: tuple[int | str, ...]
+
+    def __str__(self) -> str:
+        shown = ", ".join(map(str, self.elements[:NAMED]))
+        more = len(self.elements) - NAMED
+        return f"{len(self.elements)} {self.kind} {self.why}: {shown}" + (
+            f" and {more} more" if more > 0 else ""
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

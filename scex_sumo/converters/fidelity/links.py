@@ -41,6 +41,11 @@ class Links:
         lanes = {name for name in self.matching.names(lane_id) if not self.net.lanes[name].internal}
         return list(dict.fromkeys([*self._through.get(lane_id, ()), *self._from(lanes)]))
 
+    def leaving(self, lane_id: int) -> list[Link]:
+        """Links from a lanelet's own lanes onto others."""
+        lanes = {name for name in self.matching.names(lane_id) if not self.net.lanes[name].internal}
+        return [k for k in self._from(lanes) if lane_id not in self.matching.lanelets(k.to_lane)]
+
     def meetings(self, first_id: int, second_id: int) -> list[tuple[Link, Link]]:
         """Pairs of links with which two lanelets get in each other's way, from different lanes.
 

@@ -59,7 +59,9 @@ def attach(
     done: dict[int, Regulation] = {}
     for rule in [*loose, *_bare_lights(bare, free, lines)]:
         stops = rule.stop_lines or tuple(lines[i] for i in rule.lights if len(lines.get(i, ())) > 1)
-        held = tuple(sorted({i for stop in stops for i in lanes_at(stop, drivable)}))
+        found = {i for stop in stops for i in lanes_at(stop, drivable)}
+        # Where a lane ends at the line and another begins there, the first one is held.
+        held = tuple(sorted(i for i in found if found.isdisjoint(drivable[i].predecessors)))
         if held:
             yielding = held if rule.kind != "traffic_light" else ()
             done[rule.element_id] = replace(rule, lanes=held, yielding=yielding)

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from scex_sumo.converters.lanelet.file import MapFile, Relation
+from scex_sumo.errors import UsageError
 
 MPH = 0.44704  # m/s, by definition (1609.344 m in 3600 s)
 KMH = 1 / 3.6
@@ -147,6 +148,17 @@ def default_speed_mps(tags: Mapping[str, str], kind: str, country: str = GERMANY
     by_subtype["play_street"] = rules.living_street
     by_place = rules.rural if tags.get("location") == "nonurban" else rules.urban
     return (_BY_KIND.get(kind) or by_subtype.get(tags.get("subtype", ""), by_place)) * KMH
+
+
+def parse_country(text: str) -> str:
+    """Read ``--country``: a code such as ``us``, in any case.
+
+    Raises:
+        UsageError: its limits are not known.
+    """
+    if text.lower() not in COUNTRIES:
+        raise UsageError(f"--country: unknown country {text!r}; known: {', '.join(COUNTRIES)}")
+    return text.lower()
 
 
 def map_country(map_file: MapFile) -> str:

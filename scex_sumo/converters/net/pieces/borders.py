@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 
@@ -21,32 +22,30 @@ TOGETHER_M = 0.1
 ALIGNED = math.radians(20.0)
 
 
-def add_entries(lanes: Mapping[int, Lane]) -> dict[int, Lane]:
+def add_entries(lanes: Mapping[int, Lane], taken: Collection[int] = ()) -> dict[int, Lane]:
     """Vehicle lanes, with a short common lane where some begin, or end, at one point of the border.
 
     The new lanes take the first (last) decimetre of the lanes that they lead to, with 1.9 m before the border
-    where they are entries; their ids are new.
+    where they are entries; their ids are new, and none of those taken by lanes of other kinds.
     """
     result = dict(lanes)
-    fresh = max([0, *lanes]) + 1
+    ids = (i for i in count(max([0, *lanes]) + 1) if i not in taken)
     for group in _groups(lanes, lambda lane: not lane.predecessors, end=False):
-        first = result[group[0]]
+        first, fresh = result[group[0]], next(ids)
         line = _prolonged(cut(first.centreline, 0.0, ENTRY_M))
         result[fresh] = _piece(first, fresh, line, successors=tuple(group))
         for i in group:
             line = result[i].centreline
             rest = cut(line, ENTRY_M, length_of(line))
             result[i] = replace(result[i], centreline=rest, predecessors=(fresh,))
-        fresh += 1
     for group in _groups(result, lambda lane: not lane.successors, end=True):
         line = result[group[0]].centreline
-        last = cut(line, length_of(line) - ENTRY_M, length_of(line))
+        last, fresh = cut(line, length_of(line) - ENTRY_M, length_of(line)), next(ids)
         result[fresh] = _piece(result[group[0]], fresh, last, predecessors=tuple(group))
         for i in group:
             line = result[i].centreline
             rest = cut(line, 0.0, length_of(line) - ENTRY_M)
             result[i] = replace(result[i], centreline=rest, successors=(fresh,))
-        fresh += 1
     return result
 
 
