@@ -14,7 +14,9 @@ from scex_sumo.commands.convert import convert_command
 from scex_sumo.commands.explain import explain_command
 from scex_sumo.commands.metrics import metrics_command
 from scex_sumo.commands.models import models_command
+from scex_sumo.commands.plot import plot_command
 from scex_sumo.commands.rank import rank_command
+from scex_sumo.commands.report import report_command
 from scex_sumo.commands.run import run_command
 from scex_sumo.commands.sample_size import sample_size_command
 from scex_sumo.commands.train import train_command
@@ -49,6 +51,8 @@ def _root(
 COMMANDS = (
     (run_command, "run k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"),
     (convert_command, "convert DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"),
+    (report_command, "report out/k733"),
+    (plot_command, "plot out/k733 --metric ttc -o ttc.svg"),
     (view_command, "view out/k733 --critical wttc"),
     (export_command, "export out/k733 --child 7 --to fcd -o child7.fcd.xml"),
     (metrics_command, "metrics vehicle_tracks_000.csv --level scene -o scenes.parquet"),
