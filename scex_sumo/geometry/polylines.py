@@ -52,8 +52,12 @@ def samples(line: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
 def cut(line: FloatArray, start: float, end: float) -> FloatArray:
     """Part of a polyline (P, 2) between two arc lengths; at least two points."""
     arc = arc_lengths(line)
-    inside = (arc > start + 1e-6) & (arc < end - 1e-6)
-    return np.vstack([along(line, start)[None], line[inside], along(line, end)[None]])
+    inside = np.flatnonzero((arc > start + 1e-6) & (arc < end - 1e-6))
+    result: FloatArray = np.empty((len(inside) + 2, 2))
+    result[1:-1] = line[inside]
+    result[[0, -1], 0] = np.interp((start, end), arc, line[:, 0])
+    result[[0, -1], 1] = np.interp((start, end), arc, line[:, 1])
+    return result
 
 
 def join(parts: Sequence[FloatArray]) -> FloatArray:
@@ -155,14 +159,40 @@ def nearest(points: FloatArray, x: float, y: float) -> float:
 
 def project(points: FloatArray, line: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Arc length (N,) of the nearest point of a polyline and distance (N,) to it."""
-    start, step = line[:-1], np.diff(line, axis=0)
-    square = np.maximum((step**2).sum(1), 1e-18)
-    offset = points[:, None, :] - start[None]
-    t = np.clip((offset * step[None]).sum(2) / square, 0.0, 1.0)
-    gap = np.hypot(*np.moveaxis(offset - t[..., None] * step[None], 2, 0))
+    return _project(points, line, arc_lengths(line))
+
+
+def _project(points: FloatArray, line: FloatArray, arc: FloatArray) -> tuple[FloatArray, FloatArray]:
+    step = np.diff(line, axis=0)
+    dx, dy = step[:, 0], step[:, 1]
+    square = np.maximum(dx * dx + dy * dy, 1e-18)
+    x, y = points[:, :1] - line[:-1, 0], points[:, 1:] - line[:-1, 1]
+    t = np.clip((x * dx + y * dy) / square, 0.0, 1.0)
+    gap = np.hypot(x - t * dx, y - t * dy)
     best = gap.argmin(axis=1)
     rows = np.arange(len(points))
-    return arc_lengths(line)[best] + t[rows, best] * np.sqrt(square[best]), gap[rows, best]
+    return arc[best] + t[rows, best] * np.sqrt(square[best]), gap[rows, best]
+
+
+def project_near(points: FloatArray, line: FloatArray, reach_m: float) -> tuple[FloatArray, FloatArray]:
+    """The same within a reach; points farther away, as far as this is quickly seen, are at infinity.
+
+    Args:
+        points: (N, 2) m.
+        line: (P, 2) m.
+        reach_m: distances from here on may be infinite.
+    """
+    arc, gap = np.zeros(len(points)), np.full(len(points), np.inf)
+    low, high = line.min(axis=0) - reach_m, line.max(axis=0) + reach_m
+    near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    if len(near):
+        low, high = points[near].min(axis=0) - reach_m, points[near].max(axis=0) + reach_m
+        beside = (np.maximum(line[:-1], line[1:]) >= low) & (np.minimum(line[:-1], line[1:]) <= high)
+        segments = np.flatnonzero(beside.all(axis=1))
+        if len(segments):
+            part = slice(int(segments[0]), int(segments[-1]) + 2)
+            arc[near], gap[near] = _project(points[near], line[part], arc_lengths(line)[part])
+    return arc, gap
 
 
 def distances(points: FloatArray, line: FloatArray) -> FloatArray:

@@ -27,7 +27,7 @@ class Joined:
     Attributes:
         lanes: all lanes by id.
         linked: ids of the lanes that got a lane before or after them.
-        inside: lanes that still begin, or end, within other traffic.
+        inside: lanes that still begin within other traffic.
     """
 
     lanes: dict[int, Lane]
@@ -50,7 +50,7 @@ def join_lanes(lanes: Mapping[int, Lane]) -> Joined:
     for before, after in pairs:
         _link(result, before, after, move_start=after in loose_starts)
     linked = {i for pair in pairs for i in pair}
-    inside = _inside(result, loose_starts - linked, loose_ends - linked)
+    inside = _inside(result, loose_starts - linked, (loose_starts | loose_ends) - linked)
     return Joined(lanes=result, linked=tuple(sorted(linked)), inside=inside)
 
 
@@ -95,14 +95,12 @@ def _led(line: FloatArray, start: FloatArray) -> FloatArray:
     return np.vstack([start, ahead if len(ahead) else line[-1:]])
 
 
-def _inside(lanes: Mapping[int, Lane], starts: set[int], ends: set[int]) -> tuple[int, ...]:
-    """Lanes of which a loose end lies on another lane, away from that one's own loose ends."""
+def _inside(lanes: Mapping[int, Lane], starts: set[int], loose: set[int]) -> tuple[int, ...]:
+    """Lanes without predecessors that begin on another lane, away from that one's own loose ends."""
     found = []
-    for i in sorted(starts | ends):
-        tips = [lanes[i].centreline[0]] if i in starts else []
-        tips += [lanes[i].centreline[-1]] if i in ends else []
+    for i in sorted(starts):
         others = [lanes[j] for j in lanes[i].conflicts if j in lanes]
-        loose = starts | ends
-        if any(is_on(x.centreline, tip, loose_ends=x.lane_id in loose) for tip in tips for x in others):
+        tip = lanes[i].centreline[0]
+        if any(is_on(other.centreline, tip, loose_ends=other.lane_id in loose) for other in others):
             found.append(i)
     return tuple(found)

@@ -68,7 +68,7 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
     if joined.linked:
         notes.append(f"lanelets that meet without shared points, linked: {list_ids(joined.linked)}")
     if joined.inside:
-        notes.append(f"lanelets that begin or end within other traffic: {list_ids(joined.inside)}")
+        notes.append(f"lanelets that begin within other traffic: {list_ids(joined.inside)}")
     lines = _lines(lanelet_map)
     stops = attach(regulations(map_file, lanes, lines), lanes, map_file, lines)
     if stops.found:

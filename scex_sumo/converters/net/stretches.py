@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from scex_sumo.converters.net.elements import Connection, NetLane, Node
-from scex_sumo.geometry.polylines import distances, samples
+from scex_sumo.geometry.polylines import project_near, samples
 from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, intersect, opposed
 
 # SUMO takes a stretch for real only if it begins or ends strictly within the lane.
@@ -26,7 +26,8 @@ def stretches(node: Node) -> Iterator[tuple[Connection, Connection, tuple[float,
             b = links[j]
             if (a.to_edge, a.to_lane) == (b.to_edge, b.to_lane):
                 continue  # SUMO knows how to merge
-            span, other = _close(a.internal, b.internal), _close(b.internal, a.internal)
+            span = _close(a.internal, b.internal)
+            other = _close(b.internal, a.internal) if span is not None else None
             if span is None or other is None:
                 continue
             crossing = intersect(a.internal.shape, b.internal.shape)
@@ -37,7 +38,8 @@ def stretches(node: Node) -> Iterator[tuple[Connection, Connection, tuple[float,
 def _close(a: NetLane, b: NetLane) -> tuple[float, float] | None:
     """First and last position on a lane within the clearance of another."""
     s, points = samples(a.shape, STEP_M)
-    near = np.flatnonzero(distances(points, b.shape) < min(CLEARANCE_M, 0.45 * (a.width + b.width)))
+    clearance = min(CLEARANCE_M, 0.45 * (a.width + b.width))
+    near = np.flatnonzero(project_near(points, b.shape, clearance)[1] < clearance)
     if not len(near):
         return None
     inset = min(INSET_M, a.length / 4)

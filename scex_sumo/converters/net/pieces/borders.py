@@ -52,10 +52,10 @@ def add_entries(lanes: Mapping[int, Lane], taken: Collection[int] = ()) -> dict[
 def _groups(lanes: Mapping[int, Lane], loose: Callable[[Lane], bool], *, end: bool) -> list[list[int]]:
     """Lanes without neighbours to change to that begin (end) together, aligned, at the map's border."""
     tips: list[tuple[int, FloatArray, float]] = []
+    beside = {i for lane in lanes.values() for i in (lane.left, lane.right)}
     for i, lane in sorted(lanes.items()):
-        beside = lane.left is not None or lane.right is not None
-        beside |= any(i in (other.left, other.right) for other in lanes.values())
-        if loose(lane) and not beside and length_of(lane.centreline) > 10 * ENTRY_M:
+        changing = lane.left is not None or lane.right is not None or i in beside
+        if loose(lane) and not changing and length_of(lane.centreline) > 10 * ENTRY_M:
             tip = lane.centreline[-1 if end else 0]
             tips.append((i, tip, heading(lane.centreline, end=end, reach=1.0)))
     groups: list[list[int]] = []
