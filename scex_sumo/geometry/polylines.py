@@ -14,6 +14,8 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 
+PAIRS_AT_ONCE = 2**21  # of segments, so that long bounds take megabytes
+
 
 def wrap(angle: Any) -> Any:
     """The same angle in [-pi, pi]; one that is there already is returned to the last bit."""
@@ -27,8 +29,10 @@ def turn(before: float, after: float) -> float:
 
 def arc_lengths(points: FloatArray) -> FloatArray:
     """(P,) arc length at each point, m."""
-    step = np.diff(points, axis=0)
-    return np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
+    step = points[1:] - points[:-1]
+    arc: FloatArray = np.zeros(len(points))
+    np.hypot(step[:, 0], step[:, 1]).cumsum(out=arc[1:])
+    return arc
 
 
 def length_of(points: FloatArray) -> float:
@@ -232,15 +236,24 @@ def bounds_cross(left: FloatArray, right: FloatArray) -> bool:
     """
     start = np.concatenate([left[:-1], right[:-1]])
     end = np.concatenate([left[1:], right[1:]])
-    ahead = _side(start, end, start)  # (S, S): where each segment's start lies beside each segment
-    behind = _side(start, end, end)
-    apart = (ahead * behind) < 0
-    return bool(np.any(apart & apart.T))
+    order = np.argsort(np.minimum(start[:, 0], end[:, 0]), kind="stable")
+    start, end = start[order], end[order]
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    rows = max(1, PAIRS_AT_ONCE // max(len(start), 1))
+    for first in range(0, len(start), rows):
+        block = slice(first, first + rows)
+        last = int(np.searchsorted(low[:, 0], high[block, 0].max(), side="right"))
+        later = slice(first, last)  # of two segments that cross, one begins first from the left
+        near = (low[later][None] <= high[block][:, None]) & (high[later][None] >= low[block][:, None])
+        i, j = np.nonzero(near.all(axis=2))
+        if np.any(_pass(start, end, first + i, first + j) & _pass(start, end, first + j, first + i)):
+            return True
+    return False
 
 
-def _side(start: FloatArray, end: FloatArray, points: FloatArray) -> FloatArray:
-    """(S, P) twice the area of the triangles of S segments and P points; positive on their left."""
-    along = end - start
-    to = points[None, :, :] - start[:, None, :]
-    side: FloatArray = along[:, None, 0] * to[..., 1] - along[:, None, 1] * to[..., 0]
-    return side
+def _pass(start: FloatArray, end: FloatArray, i: IntArray, j: IntArray) -> BoolArray:
+    """(N,) whether segments j lie on both sides of the lines through segments i."""
+    along, ahead, behind = end[i] - start[i], start[j] - start[i], end[j] - start[i]
+    sides = (along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0] for to in (ahead, behind))
+    apart: BoolArray = np.multiply(*sides) < 0
+    return apart

@@ -115,7 +115,8 @@ class _Plan:
         for piece in sorted(inside):
             row = self._topology.rows[piece[0]]
             areas.append(lane_area(self._lanes[row.lanes[piece[2]]], row.span(piece[1], piece[2])))
-        return union_outline(areas) if areas else border(node, edges)
+        union = union_outline(areas)
+        return union if len(union) else border(node, edges)
 
     def _node_name(self, node: Cut) -> str:
         row, k = node

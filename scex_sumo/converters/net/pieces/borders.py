@@ -67,7 +67,7 @@ def _groups(lanes: Mapping[int, Lane], loose: Callable[[Lane], bool], *, end: bo
             j
             for j, other, other_angle in tips
             if j not in taken
-            and float(np.hypot(*(tip - other))) < TOGETHER_M
+            and math.dist(tip, other) < TOGETHER_M
             and abs(turn(angle, other_angle)) < ALIGNED
         ]
         if len(group) > 1:
