@@ -131,6 +131,21 @@ class Loss:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class Georeference:
+    """Where a road lies on Earth.
+
+    Attributes:
+        projection: in PROJ's words, e.g. ``+proj=utm +zone=32 ...``.
+        east_m: what is to be added to x for the projection's easting.
+        north_m: what is to be added to y for its northing.
+    """
+
+    projection: str
+    east_m: float
+    north_m: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Road:
     """All lanes of a map, with the rules between them.
@@ -142,6 +157,7 @@ class Road:
         markings: lines for drawing.
         areas: areas for drawing.
         origin: (latitude, longitude) that the coordinates were projected with.
+        georeference: the projection, where it is known and the origin a real place.
         notes: what was repaired or left out, one short sentence each, naming ids.
         losses: what of the map is not there.
     """
@@ -154,6 +170,7 @@ class Road:
     origin: tuple[float, float] = (0.0, 0.0)
     notes: tuple[str, ...] = ()
     losses: tuple[Loss, ...] = ()
+    georeference: Georeference | None = None
 
     @property
     def vehicle_lanes(self) -> dict[int, Lane]:

@@ -112,7 +112,7 @@ def check_net(net_path: Path, road: Road, lanes: LaneNames | None = None) -> Fid
         InputError: the file is no SUMO net.
         SimulationError: SUMO is not installed, or broke off.
     """
-    matching = match(read_net(net_path), road, lanes)
+    matching = match(read_net(net_path, road.georeference), road, lanes)
     figures: dict[str, Any] = {"net": net_path.name, "map": road.name, "lane_table": lanes is not None}
     for judge in (judge_geometry, judge_topology, judge_priority, judge_loading):
         figures |= judge(matching)

@@ -16,6 +16,7 @@ from scex_sumo.converters.lanelet.file import MapFile, list_ids, read_map_file, 
 from scex_sumo.converters.lanelet.graph import Map, Rules, Vertex, drawn_vertices, related_lanes
 from scex_sumo.converters.lanelet.joints import join_lanes
 from scex_sumo.converters.lanelet.origin import map_origin, recorded_origin
+from scex_sumo.converters.lanelet.projection import georeference
 from scex_sumo.converters.lanelet.repair import Place, distance_m, middle, repair
 from scex_sumo.converters.lanelet.stops import attach
 from scex_sumo.converters.lanelet.subtypes import as_roads, unknown_subtypes
@@ -87,6 +88,7 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
         origin=origin,
         notes=tuple(notes),
         losses=tuple(losses),
+        georeference=georeference(origin),
     )
 
 

@@ -7,7 +7,7 @@ and coordinates in it, for whoever copies or moves nets as text:
   to, via, tl, and from, to of a ``conflict`` in it; ``tlLogic`` id. Internal ones begin with a colon:
   ``:NODE_3_0``.
 - coordinates: ``edge`` and ``lane`` shape, ``junction`` x, y, shape, ``location`` boundaries. Everything is
-  in the map's own coordinates; netOffset is zero.
+  in the map's own coordinates; less netOffset they are those of the projection, where that is known.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     recorded, notes = (None, []) if signals is None else recorded_programme(layout, road.origin, signals)
     fixed = fixed_programmes(layout, lanes, road.regulations, found)
     layout = layout.beside(_side_lanes(road))
-    net_path.write_text(net_text(layout, _together(recorded, fixed)), encoding="utf-8")
+    net_path.write_text(net_text(layout, _together(recorded, fixed), road.georeference), encoding="utf-8")
     table = lane_table(layout.places(), layout.ends(), road.lanes)
     table.write(net_file(net_path, ".lanes.csv"))
     extras = net_file(net_path, ".add.xml")

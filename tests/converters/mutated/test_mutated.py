@@ -135,3 +135,16 @@ def test_lanes_that_are_crossed_along_their_whole_length_are_not_changed_between
     report = judged(a_road, tmp_path)
     assert report.problems() == []
     assert report["lane_changes_inside"] == ((2, 3), (3, 2))
+
+
+def test_a_junction_of_lanes_without_area_has_an_outline(tmp_path: Path) -> None:
+    a_road = road([lane(1, [(-40, 0), (40, 0)]), lane(2, [(0, -40), (0, 40)])])
+    flat = {
+        i: replace(one, left_bound=one.centreline, right_bound=one.centreline)
+        for i, one in a_road.lanes.items()
+    }
+    convert(replace(a_road, lanes=flat), tmp_path / "flat.net.xml")
+    shapes = [
+        junction.get("shape", "") for junction in NetFile(tmp_path / "flat.net.xml").root.iter("junction")
+    ]
+    assert all(shapes)
