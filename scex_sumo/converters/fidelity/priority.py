@@ -102,7 +102,9 @@ def _regulated(links: Links, conflicts: Iterable[Conflict]) -> tuple[int, tuple[
             )
         ]
         count += bool(met)
-        if not all(links.waits(one, other) for one, other in met):
+        # A lanelet in several pieces meets different lanelets with different ones of them.
+        near = [pair for pair in met if links.are_near(*pair)]
+        if not all(links.waits(one, other) for one, other in near or met):
             wrong.append((yielding, priority))
     return count, tuple(wrong)
 

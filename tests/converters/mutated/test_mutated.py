@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from scex_sumo.converters.fidelity.report import FidelityReport, check_net, drive_net
@@ -12,7 +13,7 @@ from scex_sumo.converters.net.convert import convert
 from scex_sumo.road import Lane, Road
 from scex_sumo.scenarios.traffic.demand import Network
 from tests.converters.mutated.cut_roads import cut_road
-from tests.converters.mutated.mutations import example, lit, read, renamed, torn
+from tests.converters.mutated.mutations import example, lit, read, renamed, torn, without
 from tests.converters.sumo_roads import NetFile, lane, road
 
 CROSSING = "urban_intersection"
@@ -111,6 +112,14 @@ def _without(lane: Lane, gone: set[int]) -> Lane:
         predecessors=tuple(i for i in lane.predecessors if i not in gone),
         conflicts=tuple(i for i in lane.conflicts if i not in gone),
     )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_map_that_lost_some_of_its_lanelets_is_converted_faithfully(seed: int, tmp_path: Path) -> None:
+    whole = example(CROSSING)
+    ids = sorted(whole.of_type("lanelet"))
+    gone = np.random.default_rng(seed).choice(ids, 9, replace=False).tolist()
+    assert judged(read(without(whole, gone), tmp_path), tmp_path).problems() == []
 
 
 @pytest.mark.parametrize("parts", [2, 3])
