@@ -39,8 +39,8 @@ def normal_quantile(share: float) -> float:
 @cache
 def _error_functions() -> ModuleType:
     """A module with ``erf`` and ``erfc``: scipy's compiled one alone, or `scipy.special`."""
-    scipy = importlib.util.find_spec("scipy")
-    for folder in (scipy.submodule_search_locations or ()) if scipy else ():
+    package = importlib.util.find_spec("scipy")
+    for folder in (package.submodule_search_locations or ()) if package else ():
         for file in Path(folder, "special").glob("_special_ufuncs.*"):
             spec = importlib.util.spec_from_file_location("_special_ufuncs", file)
             if spec is None or spec.loader is None:

@@ -18,9 +18,8 @@ def distinct(rows: FloatArray) -> tuple[IntArray, IntArray]:
         (k,) the first row of each kind, ascending, and (n,) the kind of each row.
     """
     whole = np.ascontiguousarray(rows)
-    keys = whole.view(np.dtype((np.void, whole.shape[1] * whole.itemsize))).reshape(-1).tolist()
     number: dict[bytes, int] = {}
-    kind = np.array([number.setdefault(key, len(number)) for key in keys], dtype=np.int64)
+    kind = np.array([number.setdefault(row.tobytes(), len(number)) for row in whole], dtype=np.int64)
     return np.unique(kind, return_index=True)[1], kind
 
 

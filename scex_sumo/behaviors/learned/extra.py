@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 from scex_sumo.errors import MissingExtraError
 
-LIBRARIES = ("torch", "torch_geometric")
+LIBRARIES = ("torch",)
 
 
 def check_libraries(name: str) -> None:
