@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import importlib
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from scex_sumo.arrays import IntArray
+from scex_sumo.behaviors.spec import LEARNED as LEARNED_MODELS
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.fallbacks import count_fallbacks
@@ -29,6 +31,7 @@ from scex_sumo.results.under_test import BASELINE
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.bands import Look, grow, look
 from scex_sumo.version import __version__
+from scex_sumo.world.sumo import load_sumo
 
 LEARNED = ("scex_sumo.behaviors.learned.driver",)  # takes seconds to import
 
@@ -111,6 +114,19 @@ def extrapolate(
     info = _info(job, command, band, part, pool.deaths)
     folder.finish({**info, "timings_s": watch.lap("write")})
     return Run(folder.path, temporary)
+
+
+def load_for(settings: Mapping[str, Any]) -> None:
+    """Import what a run with such settings needs, before there are workers: they are copies of this process.
+
+    Raises:
+        UsageError: a setting that makes no sense.
+    """
+    load_sumo()
+    if any(spec.name in LEARNED_MODELS for spec in RunSettings(**settings).drawn):
+        for module in LEARNED:
+            with contextlib.suppress(ImportError):  # what is missing is said where it is used
+                importlib.import_module(module)
 
 
 def _checked(scene: SeedScene, batch: int | None, settings: Mapping[str, Any]) -> RunSettings:
