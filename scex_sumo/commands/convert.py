@@ -92,7 +92,8 @@ def _check(net_path: Path, map_path: Path, *, origin: str | None, drive: bool, a
         MapError: what is wrong with it, where something is.
     """
     from scex_sumo.converters.fidelity.report import check_net, drive_net
-    from scex_sumo.converters.net.convert import LaneTable, net_file
+    from scex_sumo.converters.net.lane_table import LaneTable
+    from scex_sumo.converters.net.sumo_net import net_file
 
     if not net_path.is_file():
         raise MapError(f"{net_path}: no such file; give the SUMO net to judge")

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 from scex_sumo.arrays import IntArray
 from scex_sumo.behaviors.spec import LEARNED as LEARNED_MODELS
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.converters.net.kept import converted
 from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.fallbacks import count_fallbacks
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
@@ -48,6 +48,7 @@ def extrapolate(
     workers: int | Workers = 1,
     batch: int | None = None,
     gui: bool = False,
+    cache: bool = True,
     progress: Progress | None = None,
     command: Sequence[str] | None = None,
     **settings: Any,
@@ -63,6 +64,7 @@ def extrapolate(
         batch: children side by side in one world, None for about 2400 vehicles; the result does not depend
             on it.
         gui: show the run live in sumo-gui.
+        cache: keep the converted net in ``~/.cache/scex-sumo`` for the next run on the same map.
         progress: called with (steps done, steps in all) as the run advances.
         command: the command line, for ``run.json``.
         settings: all that decides on the values, each of the attributes of
@@ -93,7 +95,7 @@ def extrapolate(
         path = Path(temporary.name if temporary else str(out))
         folder = ResultFolder(path, _identity(scene, wanted, models, assignment), overwrite=overwrite)
         assert scene.road is not None
-        net = convert(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml")
+        net = converted(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml", keep=cache)
         watch.lap("convert")
         job = Job(scene, net, wanted, models, assignment, folder.path, gui)
         first = _part_of(progress, 0, 2) if wanted.compared else progress
@@ -105,6 +107,7 @@ def extrapolate(
                 overwrite=True,
                 workers=pool,
                 batch=batch,
+                cache=cache,
                 progress=_part_of(progress, 1, 2),
                 command=command,
                 **_without_test(job),

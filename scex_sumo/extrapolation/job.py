@@ -12,7 +12,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.converters.net.convert import SumoNet
+from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.errors import ScexError
 from scex_sumo.extrapolation.assignments import child_generator, route_draws
 from scex_sumo.extrapolation.fallbacks import fallbacks_table

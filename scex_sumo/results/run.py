@@ -20,7 +20,7 @@ from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import Density, Interval, density, p_critical
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.net.convert import SumoNet
+    from scex_sumo.converters.net.sumo_net import SumoNet
 
 DENSITIES_SCHEMA = pa.schema(
     [("metric", pa.string()), *((name, pa.float64()) for name in ("x", "pdf", "cdf", "low", "high"))]
@@ -114,7 +114,7 @@ class Run:
     @cached_property
     def net(self) -> SumoNet:
         """The SUMO net that the run used."""
-        from scex_sumo.converters.net.convert import open_net
+        from scex_sumo.converters.net.sumo_net import open_net
 
         return open_net(self.folder / "sumo" / f"{self.info['net']}.net.xml")
 

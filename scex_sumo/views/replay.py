@@ -33,7 +33,7 @@ from scex_sumo.world.tiles import TileTemplate
 from scex_sumo.world.vehicle_types import replayed_type
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.net.convert import SumoNet
+    from scex_sumo.converters.net.sumo_net import SumoNet
 _GRID_MARGIN_M = 15.0
 
 
