@@ -71,6 +71,9 @@ def run_command(
     batch: Annotated[int | None, Option(help="Children side by side in one SUMO; else chosen.")] = None,
     gui: Annotated[bool, Option("--gui", help="Show the run live in sumo-gui.")] = False,
     plots: Annotated[bool, Option(help="Draw the densities.")] = True,
+    world: Annotated[
+        str, Option(metavar="sumo|plain", help="plain: arrays, where SUMO drives nobody; the same to 1e-9.")
+    ] = "sumo",
     cache: Annotated[bool, Option(help="Keep the converted net for the next run on this map.")] = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = True,
     overwrite: Overwrite = False,
@@ -93,6 +96,7 @@ def run_command(
         "steps": steps,
         "replan": replan,
         "seed": seed,
+        "world": world,
         "metrics": None if metrics is None else [name.strip() for name in metrics.split(",")],
         "thresholds": parse_thresholds(threshold),
         "keep_plans": keep_plans,

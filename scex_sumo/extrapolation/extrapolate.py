@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from scex_sumo.arrays import IntArray
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.spec import LEARNED as LEARNED_MODELS
 from scex_sumo.converters.net.kept import converted
 from scex_sumo.errors import UsageError
@@ -69,7 +70,7 @@ def extrapolate(
         command: the command line, for ``run.json``.
         settings: all that decides on the values, each of the attributes of
             `scex_sumo.extrapolation.settings.RunSettings`: models, assign, under_test, baseline, children,
-            design, until_band, steps, replan, seed, thresholds, keep_plans.
+            design, until_band, steps, replan, seed, world, thresholds, keep_plans.
 
     Returns:
         The finished run.
@@ -91,6 +92,7 @@ def extrapolate(
             design=wanted.design,
         )
         models.try_on(scene, seed=wanted.seed)
+        _check_world(wanted, models, gui)
         temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
         path = Path(temporary.name if temporary else str(out))
         folder = ResultFolder(path, _identity(scene, wanted, models, assignment), overwrite=overwrite)
@@ -142,6 +144,14 @@ def _checked(scene: SeedScene, batch: int | None, settings: Mapping[str, Any]) -
     if batch is not None and batch < 1:
         raise UsageError(f"--batch: got {batch}, needs at least 1")
     return RunSettings(**settings)
+
+
+def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:
+    """A `UsageError` where the plain world cannot do what is asked of it."""
+    by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
+    if settings.world == "plain" and (by_sumo or gui):
+        who = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"
+        raise UsageError(f"--world plain: {who}, which is not there; use --world sumo")
 
 
 def _identity(

@@ -17,6 +17,8 @@ from scex_sumo.metrics.registry import COLUMNS, columns_of, describe_metrics, me
 from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 
+WORLDS = ("sumo", "plain")
+
 Models: TypeAlias = str | Sequence[str | ModelSpec]
 
 
@@ -39,6 +41,8 @@ class RunSettings:
         steps: steps of 0.1 s per child.
         replan: steps that a plan is followed before the next, 1 to 30.
         seed: the same seed gives the same result.
+        world: ``sumo``, what SUMO holds is what models see and metrics measure; or ``plain``, arrays alone,
+            in which SUMO drives nobody: the same to 1e-9.
         metrics: names, import paths or metrics, after the check the latter; ``paper`` stands for the six
             of the paper, which are the default.
         thresholds: by metric column, on top of the defaults.
@@ -58,6 +62,7 @@ class RunSettings:
     steps: int = 30
     replan: int = 5
     seed: int = 0
+    world: str = "sumo"
     metrics: Sequence[str | Metric] | None = None
     thresholds: Mapping[str, float] = field(default_factory=dict)
     keep_plans: bool = True
@@ -69,6 +74,8 @@ class RunSettings:
             raise UsageError(
                 f"--replan: got {self.replan}, needs 1 to {PLAN_STEPS} (models plan {PLAN_STEPS} steps)"
             )
+        if self.world not in WORLDS:
+            raise UsageError(f"--world: got {self.world!r}, needs {' or '.join(WORLDS)}")
         if self.seed < 0:
             raise UsageError(f"--seed: got {self.seed}, needs 0 or more")
         self._put_under_test()
@@ -142,6 +149,7 @@ class RunSettings:
             "design": self.design if self.count is not None else "all",
             "until_band": self.until_band,
             "seed": self.seed,
+            **({"world": self.world} if self.world != "sumo" else {}),
             "preset": PAPER_PRESET,
             "keep_plans": self.keep_plans,
         }
