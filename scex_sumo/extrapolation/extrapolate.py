@@ -127,8 +127,10 @@ def load_for(settings: Mapping[str, Any]) -> None:
     Raises:
         UsageError: a setting that makes no sense.
     """
-    load_sumo()
-    if any(spec.name in LEARNED_MODELS for spec in RunSettings(**settings).drawn):
+    wanted = RunSettings(**settings)
+    if wanted.world == "sumo":
+        load_sumo()
+    if any(spec.name in LEARNED_MODELS for spec in wanted.drawn):
         for module in LEARNED:
             with contextlib.suppress(ImportError):  # what is missing is said where it is used
                 importlib.import_module(module)
