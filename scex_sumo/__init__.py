@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from scex_sumo.converters.datasets.report import dataset_report as dataset_report
     from scex_sumo.converters.lanelet.reader import read_road as read_road
     from scex_sumo.converters.maps import read_map as read_map
-    from scex_sumo.converters.net.convert import SumoNet as SumoNet
     from scex_sumo.converters.net.convert import convert as convert
+    from scex_sumo.converters.net.sumo_net import SumoNet as SumoNet
     from scex_sumo.errors import ScexError as ScexError
     from scex_sumo.extrapolation.extrapolate import extrapolate as extrapolate
     from scex_sumo.metrics.registry import metric as metric
@@ -69,7 +69,7 @@ _HOMES = {
     "SeedScene": "scex_sumo.scene",
     "States": "scex_sumo.scene",
     "Surroundings": "scex_sumo.behaviors.plug_in.inputs",
-    "SumoNet": "scex_sumo.converters.net.convert",
+    "SumoNet": "scex_sumo.converters.net.sumo_net",
     "UnderTest": "scex_sumo.results.under_test",
     "Who": "scex_sumo.scene",
     "behavior": "scex_sumo.behaviors.registry",

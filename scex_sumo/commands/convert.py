@@ -96,7 +96,8 @@ def _judge(net: SumoNet, road: Road) -> FidelityReport:
 def _check(net_path: Path, road: Road, *, drive: bool) -> FidelityReport:
     """Judge a net, ours or another converter's, against the map; let SUMO's cars drive on it if wanted."""
     from scex_sumo.converters.fidelity.report import check_net, drive_net
-    from scex_sumo.converters.net.convert import LaneTable, net_file
+    from scex_sumo.converters.net.lane_table import LaneTable
+    from scex_sumo.converters.net.sumo_net import net_file
 
     if not net_path.is_file():
         raise MapError(f"{net_path}: no such file; give the SUMO net to judge")

@@ -77,36 +77,43 @@ def run_command(
     plots: Annotated[
         bool, Option("--report/--no-report", "--plots/--no-plots", help="Write report.html.")
     ] = True,
+    world: Annotated[
+        str, Option(metavar="sumo|plain", help="plain: arrays, where SUMO drives nobody; the same to 1e-9.")
+    ] = "sumo",
+    cache: Annotated[bool, Option(help="Keep the converted net for the next run on this map.")] = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = True,
     overwrite: Overwrite = False,
     out: ResultPath = None,
 ) -> None:
     """Let one moment of traffic run on many times, and measure every child scenario."""
+    from scex_sumo.extrapolation.extrapolate import extrapolate, load_for
     from scex_sumo.extrapolation.workers import Workers
+    from scex_sumo.statistics.bands import MOST_CHILDREN
 
+    if until_band is not None and children is None:
+        children = str(MOST_CHILDREN)
+    given = {"models": models, "children": children, "design": design}
+    settings = {
+        **{name: value for name, value in given.items() if value is not None},
+        "assign": parse_assign(assign or ()),
+        "under_test": parse_under_test(under_test or ()),
+        "baseline": baseline,
+        "until_band": until_band,
+        "steps": steps,
+        "replan": replan,
+        "seed": seed,
+        "world": world,
+        "preset": preset,
+        "metrics": None if metrics is None else [name.strip() for name in metrics.split(",")],
+        "thresholds": parse_thresholds(threshold),
+        "reflect": reflect,
+        "keep_plans": keep_plans,
+    }
     useful = max(int(children), 1) if children and children.isdecimal() else workers
-    with Workers(1 if gui else min(workers, useful)) as pool:  # they start while this process reads
-        from scex_sumo.extrapolation.extrapolate import extrapolate
-        from scex_sumo.statistics.bands import MOST_CHILDREN
-
-        if until_band is not None and children is None:
-            children = str(MOST_CHILDREN)
-        given = {"models": models, "children": children, "design": design}
-        settings = {
-            **{name: value for name, value in given.items() if value is not None},
-            "assign": parse_assign(assign or ()),
-            "under_test": parse_under_test(under_test or ()),
-            "baseline": baseline,
-            "until_band": until_band,
-            "steps": steps,
-            "replan": replan,
-            "seed": seed,
-            "preset": preset,
-            "metrics": None if metrics is None else [name.strip() for name in metrics.split(",")],
-            "thresholds": parse_thresholds(threshold),
-            "reflect": reflect,
-            "keep_plans": keep_plans,
-        }
+    processes = 1 if gui else min(workers, useful)
+    if processes > 1:
+        load_for(settings)
+    with Workers(processes) as pool:  # copies of this process, before it reads anything
         scene = seed_scene(
             map_path, tracks=tracks, case=case, time=time, synthetic=synthetic, origin=origin, seed=seed
         )
@@ -119,6 +126,7 @@ def run_command(
                 workers=pool,
                 batch=batch,
                 gui=gui,
+                cache=cache,
                 progress=tick,
                 command=["scex-sumo", *sys.argv[1:]],
                 **settings,

@@ -22,7 +22,8 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.net.convert import SumoNet, convert
+from scex_sumo.converters.net.kept import converted
+from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.errors import TrackError, UsageError, reason_of
 from scex_sumo.evaluation.encounters import answers_of
 from scex_sumo.evaluation.outcomes import encounters_of_rows
@@ -140,7 +141,7 @@ def _check_versions(task: MomentTask) -> None:
 def _converted(packed: bytes) -> tuple[Road, SumoNet]:
     """The road and its net, whose folder goes with it; made at the first moment of a map."""
     road, folder = unpack_road(packed), tempfile.mkdtemp(prefix="scex-rank-")
-    net = convert(road, Path(folder) / "map.net.xml")
+    net = converted(road, Path(folder) / "map.net.xml")
     weakref.finalize(net, rmtree, folder, ignore_errors=True)
     return road, net
 

@@ -24,7 +24,7 @@ from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.net.convert import SumoNet
+    from scex_sumo.converters.net.sumo_net import SumoNet
 
 
 class Run:
@@ -146,7 +146,7 @@ class Run:
     @cached_property
     def net(self) -> SumoNet:
         """The SUMO net that the run used."""
-        from scex_sumo.converters.net.convert import open_net
+        from scex_sumo.converters.net.sumo_net import open_net
 
         return open_net(self.folder / "sumo" / f"{self.info['net']}.net.xml")
 

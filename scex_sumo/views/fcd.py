@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import shapely
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.files import quoted
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.frame import to_sumo
 from scex_sumo.world.tiles import tile_id
@@ -124,13 +124,13 @@ def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder) -> Non
             if not len(when):
                 continue
             names, along = lanes.find(x[n, when], y[n, when], group.states.heading[n, when])
-            head = f"        <vehicle id={quoteattr(key)} type={quoteattr(group.types[n])}"
+            head = f"        <vehicle id={quoted(key)} type={quoted(group.types[n])}"
             for k, t in enumerate(when.tolist()):
                 lane = names[k] if group.tile is None else tile_id(group.tile, names[k])
                 rows[t].append(
                     f'{head} x="{x[n, t] + dx:.6f}" y="{y[n, t] + dy:.6f}" angle="{angle[n, t]:.6f}"'
                     f' speed="{group.states.speed[n, t]:.6f}" pos="{along[k]:.2f}"'
-                    f' lane={quoteattr(lane)} slope="0"/>\n'
+                    f' lane={quoted(lane)} slope="0"/>\n'
                 )
     with path.open("w", encoding="utf-8") as file:
         file.write('<?xml version="1.0" encoding="UTF-8"?>\n<fcd-export>\n')

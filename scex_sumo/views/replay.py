@@ -11,11 +11,11 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray
+from scex_sumo.files import quoted
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
 from scex_sumo.world.colors import Rgb
@@ -33,7 +33,7 @@ from scex_sumo.world.tiles import TileLayout, TileTemplate
 from scex_sumo.world.vehicle_types import given_type
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.net.convert import SumoNet
+    from scex_sumo.converters.net.sumo_net import SumoNet
 _GRID_MARGIN_M = 15.0
 
 
@@ -178,7 +178,7 @@ def _write_configuration(folder: Path, name: str, net: Path, additional: Sequenc
         "xml-validation": "never",
         "start": "true",
     }
-    lines = "".join(f"    <{key} value={quoteattr(value)}/>\n" for key, value in options.items())
+    lines = "".join(f"    <{key} value={quoted(value)}/>\n" for key, value in options.items())
     path = folder / f"{name}.sumocfg"
     path.write_text(f"<configuration>\n{lines}</configuration>\n", encoding="utf-8")
     return path

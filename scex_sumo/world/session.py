@@ -22,7 +22,7 @@ from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.net.convert import SumoNet
+    from scex_sumo.converters.net.sumo_net import SumoNet
 
 ANY_ROUTE = "anywhere"  # vehicles that are moved need a route to exist, and never follow it
 

@@ -28,7 +28,7 @@ from scex_sumo.world.tiles import TILE_SLOTS, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.net.convert import SumoNet
+    from scex_sumo.converters.net.sumo_net import SumoNet
 
 __all__ = ["TILE_SLOTS", "SumoDriven", "SumoWorld"]
 

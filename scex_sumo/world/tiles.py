@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
 
 from scex_sumo.errors import SimulationError
+from scex_sumo.files import quoted
 
 TILE_SLOTS = 64
 """Number of tile slots; a child i that needs a tile of its own is always in slot ``i % TILE_SLOTS``."""
@@ -93,7 +93,7 @@ class TileTemplate:
         self._path = path
         self._root = root.tag
         # The schema's location comes with a namespace and is of no use to a generated file.
-        self._head = "".join(f" {k}={quoteattr(v)}" for k, v in root.attrib.items() if "}" not in k)
+        self._head = "".join(f" {k}={quoted(v)}" for k, v in root.attrib.items() if "}" not in k)
         self._once: list[str] = []
         self._edges = {e.get("id", ""): _points(e) for e in root.iter("edge") if "function" not in e.attrib}
         self.lanes = sum(1 for _ in root.iter("lane"))  # internal ones included
@@ -184,9 +184,9 @@ class TileTemplate:
             elif key == "y" and "x" in element.attrib:
                 continue
             elif key in ids:
-                self._text(f" {key}={quoteattr(' '.join(_mark(name) for name in value.split()))}")
+                self._text(f" {key}={quoted(' '.join(_mark(name) for name in value.split()))}")
             else:
-                self._text(f" {key}={quoteattr(value)}")
+                self._text(f" {key}={quoted(value)}")
         if len(element) == 0:
             self._text("/>\n")
             return

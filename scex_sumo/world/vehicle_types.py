@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
+from scex_sumo.files import quoted
 from scex_sumo.scene import SeedScene
 from scex_sumo.sumo_models import RANDOM_MODELS, RANDOM_PARAMETERS, check_driver
 from scex_sumo.world.gui_drawings import OTHER_RGB
@@ -58,7 +58,7 @@ def _driven_type(
 def _element(name: str, length: float, width: float, attributes: Mapping[str, str]) -> str:
     fixed = {"id": name, "length": repr(float(length)), "width": repr(float(width)), "speedFactor": "1"}
     every = {**fixed, "speedDev": "0", **attributes}
-    return "<vType" + "".join(f" {key}={quoteattr(value)}" for key, value in every.items()) + "/>\n"
+    return "<vType" + "".join(f" {key}={quoted(value)}" for key, value in every.items()) + "/>\n"
 
 
 class TypeBook:

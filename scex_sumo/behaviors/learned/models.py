@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from scex_sumo.behaviors.base import Sight
 from scex_sumo.behaviors.learned.profiles import (
     GraphImagePredictorProfile,
     GraphPredictorProfile,
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from scex_sumo.behaviors.learned.driver import LearnedDriver
 
 
-LIBRARIES = ("torch", "torch_geometric")
+LIBRARIES = ("torch",)
 
 
 def check_libraries(name: str) -> None:
@@ -69,6 +70,11 @@ class LearnedModel:
     def weights_sha256(self) -> str:
         """Of the file of weights."""
         return self.driver.sha256
+
+    @property
+    def sight(self) -> Sight | None:
+        """What decides on a plan; a path that is drawn differs between children."""
+        return None if self.profile.path == "random" or self.profile.mode == "draw" else "everyone"
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""

@@ -13,7 +13,7 @@ and coordinates in it, for whoever copies or moves nets as text:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from scex_sumo.converters.net.elements import NetLayout
@@ -25,6 +25,7 @@ from scex_sumo.converters.net.pieces.rows import build_rows
 from scex_sumo.converters.net.pieces.topology import Topology, cut_lanes
 from scex_sumo.converters.net.plan import plan_net
 from scex_sumo.converters.net.signals import recorded_programme
+from scex_sumo.converters.net.sumo_net import SumoNet, net_file
 from scex_sumo.converters.net.text import net_text
 from scex_sumo.errors import MapError
 from scex_sumo.geometry.polylines import length_of
@@ -35,25 +36,6 @@ __all__ = ["LaneTable", "SumoNet", "convert"]
 
 SHORTEST_M = 0.01
 JOINED_M = 0.3  # how far apart bus or bicycle lanes may end and begin and still follow one another
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SumoNet:
-    """A converted net.
-
-    Attributes:
-        path: NET.net.xml.
-        extras: NET.add.xml with markings, stop lines, crosswalks and areas for sumo-gui, or None.
-        lanes: which SUMO lanes a lanelet became.
-        notes: what could not be carried over, one short sentence each, naming ids.
-        losses: what of the map is not in the net: the road's losses, and what no net could hold.
-    """
-
-    path: Path
-    extras: Path | None
-    lanes: LaneTable
-    notes: tuple[str, ...] = ()
-    losses: tuple[Loss, ...] = ()
 
 
 def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoNet:
@@ -94,19 +76,6 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     )
 
 
-def open_net(net_path: Path) -> SumoNet:
-    """A net that `convert` wrote, with what lies beside it.
-
-    Raises:
-        MapError: the net or its lane table is not there.
-    """
-    table, extras = net_file(net_path, ".lanes.csv"), net_file(net_path, ".add.xml")
-    for file in (net_path, table):
-        if not file.is_file():
-            raise MapError(f"{file}: no such file; convert the map again")
-    return SumoNet(path=net_path, extras=extras if extras.is_file() else None, lanes=LaneTable.read(table))
-
-
 def _side_lanes(road: Road) -> NetLayout:
     """Lanes for buses and bicycles alone; where people walk is drawn, not driven."""
     own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}
@@ -140,8 +109,3 @@ def _together(recorded: Programme | None, fixed: list[Programme]) -> list[Progra
         return fixed
     taken = {c.internal.name for c in recorded.connections}
     return [recorded, *(p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))]
-
-
-def net_file(net_path: Path, suffix: str) -> Path:
-    """The file that belongs to NET.net.xml with another ending: NET + suffix."""
-    return net_path.with_name(net_path.name.removesuffix(".xml").removesuffix(".net") + suffix)

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
-from torch_geometric.nn import GATv2Conv
 
 from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.learned.networks.attention import EdgeAttention
 from scex_sumo.behaviors.learned.networks.layers import Linear, Scaler, mlp, snapped
 from scex_sumo.behaviors.learned.seen.inputs import OWN_COLUMNS, PATH_COLUMNS
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
@@ -108,9 +108,7 @@ class SceneEncoder(nn.Module):
         layers = sizes.layers if sizes.edges else 0
         each = sizes.hidden // sizes.heads
         self.attend = nn.ModuleList(
-            GATv2Conv(
-                sizes.hidden, each, heads=sizes.heads, edge_dim=sizes.edge_columns, add_self_loops=False
-            )
+            EdgeAttention(sizes.hidden, each, heads=sizes.heads, edge_columns=sizes.edge_columns)
             for _ in range(layers)
         )
         self.norm = nn.ModuleList(nn.LayerNorm(sizes.hidden) for _ in range(layers + 1))
