@@ -44,9 +44,8 @@ def read_recorded(paths: Sequence[Path]) -> tuple[TrackTable, tuple[str, ...]]:
         return _stitch([read_commonroad_tracks(path) for path in paths])
     if is_commonroad(paths[0]):
         return read_commonroad_tracks(paths[0])
-    if is_levelx(paths[0]):
-        return read_levelx(paths[0]), ()
-    return read_tracks(paths[0]), ()
+    table = read_levelx(paths[0]) if is_levelx(paths[0]) else read_tracks(paths[0])
+    return table, table.notes
 
 
 def read_clean(paths: Sequence[Path], road: Road | None, *, repair: bool = True, align: bool = True) -> Clean:
