@@ -10,6 +10,7 @@ from typer import Argument, Option
 
 from scex_sumo.commands.console import warn
 from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.files import replacing
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -29,6 +30,7 @@ def metrics_command(
     wttc_limits: Annotated[
         str | None, Option(metavar="TYPE=M/S2,...", help="Largest accelerations by type, for WTTC.")
     ] = None,
+    repair: Annotated[bool, Option(help="Repair defects of recordings as 'run' does.")] = True,
     out: Annotated[
         Path | None, Option("-o", "--out", metavar="FILE", help="FILE.parquet or .csv; else CSV here.")
     ] = None,
@@ -43,7 +45,8 @@ def metrics_command(
         raise UsageError(f"-o {out}: unknown format {out.suffix!r}; known: {', '.join(SUFFIXES)}")
     names = None if metrics is None else tuple(name.strip() for name in metrics.split(","))
     parameters = MetricParameters(max_acceleration_by_type=_limits(wttc_limits))
-    tracks, history = read_source(source)
+    tracks, history = read_source(source, repair=repair)
+    warn(tracks.notes)
     plans = read_plans(source) if source.is_dir() else None
     if source.is_dir() and plans is None:
         warn([f"{source}: has no {PLANS}; the tracks driven are the planned paths, so gap times differ"])
@@ -70,17 +73,16 @@ def write_table(table: pa.Table, path: Path) -> None:
     """Write a table as Parquet or CSV, whole or not at all."""
     import pyarrow.parquet as pq
 
-    temporary = path.with_name(f".{path.name}.writing")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
+    with replacing(path) as temporary:
         if path.suffix == ".parquet":
             pq.write_table(table, temporary)
         else:
             with temporary.open("wb") as file:
                 _write_csv(table, file)
-        temporary.replace(path)
-    except OSError as error:
-        raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
 
 
 def _write_csv(table: pa.Table, file: Any) -> None:

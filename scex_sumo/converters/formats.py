@@ -6,6 +6,7 @@ import csv
 import gzip
 import io
 import math
+import re
 import zlib
 from pathlib import Path
 from typing import BinaryIO, TextIO, cast
@@ -30,6 +31,20 @@ def open_text(path: Path, *, errors: str = "strict") -> TextIO:
     return io.TextIOWrapper(open_binary(path), encoding="utf-8-sig", errors=errors, newline="")
 
 
+def there(path: Path) -> Path | None:
+    """A file, or it packed as ``.gz``, whichever is there; None where neither is."""
+    packed = path.with_name(f"{path.name}.gz")
+    return path if path.is_file() else packed if packed.is_file() else None
+
+
+def all_there(folder: Path, pattern: str) -> list[Path]:
+    """Files of a folder by a pattern of their unpacked names, each once, sorted."""
+    named = {file.name: file for file in folder.glob(f"{pattern}.gz")}
+    found = {unpacked_name(file): file for file in named.values()}
+    found |= {file.name: file for file in folder.glob(pattern)}
+    return [found[name] for name in sorted(found)]
+
+
 def unpacked_name(path: str | Path) -> str:
     """Name of a file without the ``.gz`` of a packed one."""
     return Path(path).name.removesuffix(".gz")
@@ -46,10 +61,12 @@ def is_highd(map_path: str | Path) -> bool:
 
 
 def map_name(map_path: str | Path) -> str:
-    """Name of a map: its file's name without the ending; ``highd_NN`` of a highD recording."""
-    if is_highd(map_path):
-        return f"highd_{unpacked_name(map_path).removesuffix(HIGHD)}"
-    return Path(unpacked_name(map_path)).stem
+    """Name of a map: its file's name without the ending; ``highd_NN`` of a highD recording.
+
+    Bytes that are no UTF-8 become ``-``: other programs shall open files of that name.
+    """
+    name = re.sub("[\udc80-\udcff]", "-", unpacked_name(map_path))
+    return f"highd_{name.removesuffix(HIGHD)}" if is_highd(map_path) else Path(name).stem
 
 
 def is_levelx(path: str | Path) -> bool:
@@ -61,8 +78,7 @@ def is_levelx(path: str | Path) -> bool:
 def recording_file(tracks_path: Path, kind: str) -> Path:
     """Path of ``NN_recordingMeta.csv`` or ``NN_tracksMeta.csv`` of a recording's tracks."""
     beside = tracks_path.with_name(f"{unpacked_name(tracks_path).removesuffix(_TRACKS)}_{kind}.csv")
-    packed = beside.with_name(f"{beside.name}.gz")
-    return packed if packed.is_file() and not beside.is_file() else beside
+    return there(beside) or beside
 
 
 def read_meta(path: Path) -> dict[str, str]:

@@ -13,6 +13,7 @@ import numpy as np
 from lanelet2 import core, geometry, io, projection, routing, traffic_rules
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.converters.formats import map_name
 from scex_sumo.converters.lanelet.elements import Points, areas, markings, regulations
 from scex_sumo.converters.lanelet.file import MapFile, list_ids, read_map_file, write_map_file
 from scex_sumo.converters.lanelet.origin import map_origin, recorded_origin
@@ -63,7 +64,7 @@ def read_road(map_path: str | Path, *, origin: Place | None = None) -> Road:
     left out, and said in the road's notes.
 
     Args:
-        map_path: an ``.osm`` file.
+        map_path: an ``.osm`` file, or one packed as ``.osm.gz``.
         origin: latitude and longitude in degrees to project with (UTM); None takes that of a
             ``meta_data.csv`` near the map, 0, 0 for a map drawn there, else the map's south-west corner.
 
@@ -83,7 +84,7 @@ def read_road(map_path: str | Path, *, origin: Place | None = None) -> Road:
     _note_doubts(lanes, map_file, notes)
     lines = _lines(lanelet_map)
     return Road(
-        name=path.stem,
+        name=map_name(path),
         lanes=lanes,
         regulations=regulations(map_file, lanes, lines),
         markings=markings(map_file, lines),
@@ -154,8 +155,10 @@ def _load(
 def _parse(map_file: MapFile, origin: Place, mended: bool) -> tuple[_Map, list[str]]:
     """Have Lanelet2 read the map's file, or a mended copy; returns its map and its complaints."""
     projector = projection.UtmProjector(io.Origin(*origin))
+    # Lanelet2 reads neither packed files nor paths that are not UTF-8.
+    itself = str(map_file.path).endswith(".osm") and str(map_file.path).isprintable()
     try:
-        if not mended:
+        if itself and not mended:
             lanelet_map, errors = io.loadRobust(str(map_file.path), projector)
         else:
             with tempfile.TemporaryDirectory(prefix="scex-sumo-") as folder:

@@ -71,7 +71,8 @@ def _number(
     Raises:
         TrackError: a vehicle's id is no integer, or beyond 64 bits.
     """
-    for k in np.flatnonzero(motor):
+    numbered = [int(k) for k in np.flatnonzero(motor)]
+    for k in numbered:
         if not re.fullmatch(r"-?\d+(\.0*)?", labels[k]):
             raise TrackError(
                 f"{path}: track_id {labels[k][:24]!r} of a {types[k][:24]} is not an integer; number the "
@@ -81,10 +82,10 @@ def _number(
             raise TrackError(f"{path}: track_id {labels[k][:24]}... is beyond 64 bits; number the vehicles")
     _, first = np.unique(columns["track"], return_index=True)
     used: set[tuple[int, int]] = set()
-    free = max((number_of(labels[k]) for k in np.flatnonzero(motor)), default=0)
+    free = max((number_of(labels[k]) for k in numbered), default=0)
     renamed = []
     # Those written the shortest way keep their number.
-    for k in sorted(np.flatnonzero(motor).tolist(), key=lambda k: (len(labels[k]), labels[k])):
+    for k in sorted(numbered, key=lambda i: (len(labels[i]), labels[i])):
         case = int(columns["case"][first[k]])
         if (case, number_of(labels[k])) in used:
             free = free + 1 if free < 2**63 - 1 else min(n for _, n in used) - 1
