@@ -34,6 +34,7 @@ def explain_command(
     """Say which vehicles' drivers make a scene critical, and how."""
     from rich.console import Console
 
+    from scex_sumo.metrics.registry import column_named
     from scex_sumo.results.run import open_run
     from scex_sumo.studies.explain import assignment_of, condition_rows, effect_rows, explain, worst_rows
 
@@ -41,7 +42,7 @@ def explain_command(
         raise UsageError(f"--worst: got {worst}, needs at least 1")
     run = open_run(folder)
     if metric is not None:
-        run.samples(metric)
+        metric = column_named(metric, run.columns)
     levels, names = assignment_of(run)
     ids = run.info["seed_scene"]["track_ids"]
     found = [explain(run, column, worst=worst) for column in run.columns]

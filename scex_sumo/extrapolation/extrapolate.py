@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -20,6 +19,7 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import handover_notes, write_tables
+from scex_sumo.files import TemporaryFolder
 from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part, Parts
@@ -85,8 +85,9 @@ def extrapolate(
             seed=wanted.seed,
             design=wanted.design,
         )
+        wanted.check_size(len(assignment), scene.vehicles)
         models.try_on(scene, seed=wanted.seed)
-        temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
+        temporary = TemporaryFolder() if out is None else None
         path = Path(temporary.name if temporary else str(out))
         folder = ResultFolder(path, _identity(scene, wanted, models, assignment), overwrite=overwrite)
         assert scene.road is not None
@@ -122,7 +123,9 @@ def _checked(scene: SeedScene, batch: int | None, settings: Mapping[str, Any]) -
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     if batch is not None and batch < 1:
         raise UsageError(f"--batch: got {batch}, needs at least 1")
-    return RunSettings(**settings)
+    wanted = RunSettings(**settings)
+    wanted.check_size(wanted.count or 1, scene.vehicles)
+    return wanted
 
 
 def _identity(

@@ -61,7 +61,7 @@ class RankSettings:
 
     def __post_init__(self) -> None:
         self._check()
-        models, limits = written(self.models), {**THRESHOLDS, **self.thresholds}
+        models = written(self.models)
         run = RunSettings(
             models=models,
             children=self.children,
@@ -72,6 +72,7 @@ class RankSettings:
             thresholds=self.thresholds,
             keep_plans=False,
         )
+        limits = {**THRESHOLDS, **run.thresholds}
         settled = {
             "run": run,
             "first": min(self.first, self.children),

@@ -57,9 +57,9 @@ def explain(run: Run, metric: str, *, worst: int = 5) -> Explanation:
         metric: one of its columns.
         worst: how many of the most critical children are named.
     """
-    from scex_sumo.metrics.registry import side_of
+    from scex_sumo.metrics.registry import column_named, side_of
 
-    run.samples(metric)  # says which metrics there are
+    metric = column_named(metric, run.columns)
     levels, _ = assignment_of(run)
     values = np.asarray(run.metrics[metric].to_numpy(zero_copy_only=False), dtype=np.float64)
     known = ~np.isnan(values)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from scex_sumo.converters.lanelet.origin import map_origin, recorded_origin
 from scex_sumo.converters.lanelet.repair import Place, distance_m, middle, repair
 from scex_sumo.converters.lanelet.tags import default_speed_mps, lane_kind, lane_speed_mps, says_limit
 from scex_sumo.errors import MapError
+from scex_sumo.files import TemporaryFolder
 from scex_sumo.geometry.polylines import bounds_cross, mean_width_m, without_repeats
 from scex_sumo.road import Lane, Road
 
@@ -161,7 +161,7 @@ def _parse(map_file: MapFile, origin: Place, mended: bool) -> tuple[_Map, list[s
         if itself and not mended:
             lanelet_map, errors = io.loadRobust(str(map_file.path), projector)
         else:
-            with tempfile.TemporaryDirectory(prefix="scex-sumo-") as folder:
+            with TemporaryFolder() as folder:
                 copy = Path(folder) / "mended.osm"
                 write_map_file(map_file, copy)
                 lanelet_map, errors = io.loadRobust(str(copy), projector)
