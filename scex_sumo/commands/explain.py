@@ -35,20 +35,22 @@ def explain_command(
     from rich.console import Console
 
     from scex_sumo.metrics.registry import column_named
+    from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
-    from scex_sumo.studies.explain import assignment_of, condition_rows, effect_rows, explain, worst_rows
+    from scex_sumo.studies.explain import assignment_of, condition_rows, effect_rows, explain
 
     if worst < 1:
         raise UsageError(f"--worst: got {worst}, needs at least 1")
-    run = open_run(folder)
-    if metric is not None:
-        metric = column_named(metric, run.columns)
-    levels, names = assignment_of(run)
-    ids = run.info["seed_scene"]["track_ids"]
-    found = [explain(run, column, worst=worst) for column in run.columns]
+    with as_written(folder):
+        run = open_run(folder)
+        if metric is not None:
+            metric = column_named(metric, run.columns)
+        levels, names = assignment_of(run)
+        ids = run.info["seed_scene"]["track_ids"]
+        found = [explain(run, column, worst=worst) for column in run.columns]
+        worst_of = {e.metric: worst_rows(run, e, levels, names) for e in found}
     _write(folder / "explain_effects.parquet", [r for e in found for r in effect_rows(e, ids)])
     _write(folder / "explain_conditions.parquet", [r for e in found for r in condition_rows(e, ids, names)])
-    worst_of = {e.metric: worst_rows(run, e, levels, names) for e in found}
     _write(folder / "explain_worst.parquet", [r for rows in worst_of.values() for r in rows])
     shown = [
         e for e in found if (e.metric == metric if metric is not None else not e.metric.endswith("_mean"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -40,6 +41,7 @@ def metrics_command(
     from scex_sumo.evaluation.sources import read_source
     from scex_sumo.evaluation.tables import recording_table
     from scex_sumo.metrics.base import MetricParameters
+    from scex_sumo.results.info import as_written
 
     if out is not None and out.suffix not in SUFFIXES:
         raise UsageError(f"-o {out}: unknown format {out.suffix!r}; known: {', '.join(SUFFIXES)}")
@@ -47,18 +49,13 @@ def metrics_command(
     parameters = MetricParameters(max_acceleration_by_type=_limits(wttc_limits))
     tracks, history = read_source(source, repair=repair)
     warn(tracks.notes)
-    plans = read_plans(source) if source.is_dir() else None
+    with as_written(source):
+        plans = read_plans(source) if source.is_dir() else None
     if source.is_dir() and plans is None:
         warn([f"{source}: has no {PLANS}; the tracks driven are the planned paths, so gap times differ"])
-    table = recording_table(
-        tracks,
-        level=level,
-        preset=preset,
-        parameters=parameters,
-        metrics=names,
-        history=history,
-        plans=plans,
-    )
+    options: dict[str, Any] = {"level": level, "preset": preset, "parameters": parameters, "metrics": names}
+    with as_written(source) if source.is_dir() else nullcontext():
+        table = recording_table(tracks, history=history, plans=plans, **options)
     # The preset is part of every number's meaning, so it goes with the file.
     table = table.replace_schema_metadata({"preset": preset, "level": level})
     if out is None:

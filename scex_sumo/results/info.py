@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from scex_sumo.errors import ResultError
+import pyarrow as pa
+
+from scex_sumo.errors import ResultError, reason_of
 
 LARGEST: Final = 10**9
 """No number of children, steps or vehicles is as large."""
@@ -23,6 +26,22 @@ class Info(dict[str, Any]):
 
     def __missing__(self, key: str) -> Any:
         raise ResultError(f"{self._file}: has no {key!r}; it was edited or is of another program: run again")
+
+
+@contextmanager
+def as_written(*folders: Path) -> Iterator[None]:
+    """What result folders hold is taken for what a run wrote; where it is not, that is said in one line.
+
+    Raises:
+        ResultError: a file was edited, so that it does not fit the others.
+    """
+    try:
+        yield
+    except (ValueError, LookupError, TypeError, ArithmeticError, SyntaxError, pa.ArrowException) as error:
+        where = ", ".join(str(folder) for folder in folders)
+        raise ResultError(
+            f"{where}: its files do not fit together ({reason_of(error)[:120]}); they were edited: run again"
+        ) from error
 
 
 def read_info(folder: Path) -> Info:

@@ -13,7 +13,7 @@ from typing import Final
 
 import scex_sumo
 from tests.converters.commonroad.commonroad_maps import Lanelet, Vehicle, write_scenario
-from tests.fuzz.forked import Ended, run_forked
+from tests.fuzz.forked import Ended, preload, run_forked
 from tests.fuzz.mutations import NUMBERS, mutated
 
 EXAMPLES = Path(scex_sumo.__file__).parent / "scenarios/data"
@@ -38,6 +38,7 @@ class Fuzzer:
     def __init__(self, folder: Path, seed: int = 0) -> None:
         self._folder, self._seed = folder, seed
         self._result: Path | None = None
+        preload()
 
     def case(self, kind: str, number: int) -> Case:
         """Make a case and run it."""
@@ -153,27 +154,10 @@ def _options(fuzzer: Fuzzer, work: Path, rng: Random) -> tuple[str, list[str]]:
     return f"{option} {value[:24]}", ["run", map_path.name, *RUN, f"{option}={value}"]
 
 
-_OPTIONS: Final = tuple(
-    f"--{name}"
-    for name in [
-        "children",
-        "steps",
-        "replan",
-        "time",
-        "case",
-        "synthetic",
-        "origin",
-        "models",
-        "assign",
-        "until-band",
-        "threshold",
-        "metrics",
-        "seed",
-        "workers",
-        "batch",
-        "design",
-        "tracks",
-    ]
+_OPTIONS: Final = (
+    *("--children", "--steps", "--replan", "--time", "--case", "--synthetic", "--origin", "--models"),
+    *("--assign", "--until-band", "--threshold", "--metrics", "--seed", "--workers", "--batch", "--design"),
+    "--tracks",
 )
 
 KINDS: Final[Mapping[str, Callable[[Fuzzer, Path, Random], tuple[str, list[str]]]]] = {

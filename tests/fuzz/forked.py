@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import resource
 import signal
@@ -12,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 LIMIT_S, LIMIT_BYTES = 60.0, 2 << 30
+MAPPED_BYTES = 4 << 30
+"""More address space than is used, for threads and libraries reserve it."""
 LONGEST_LINE = 700
 
 
@@ -38,6 +41,12 @@ class Ended:
         return self.verdict in ("result", "one line")
 
 
+def preload() -> None:
+    """Import what commands import, so that forked processes need not; unused, it starts no threads."""
+    for name in ("libsumo", "lanelet2", "pyarrow.csv", "pyarrow.parquet", "scipy.signal", "shapely"):
+        importlib.import_module(name)
+
+
 def run_forked(arguments: Sequence[str], folder: Path) -> Ended:
     """Run a command of scex-sumo in a forked process, in a folder."""
     started = time.monotonic()
@@ -61,7 +70,8 @@ def _run(arguments: Sequence[str], folder: Path, errors: Path) -> None:
         for number, target in ((1, folder / "stdout.txt"), (2, errors)):
             os.dup2(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
         sys.stdout, sys.stderr = (os.fdopen(number, "w", buffering=1) for number in (1, 2))
-        size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() + LIMIT_BYTES
+        size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        size += MAPPED_BYTES
         resource.setrlimit(resource.RLIMIT_AS, (size, size))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         from scex_sumo.cli import main

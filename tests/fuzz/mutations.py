@@ -14,26 +14,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 NUMBERS = (
-    *[
-        "0",
-        "-1",
-        "1e300",
-        "-1e300",
-        "nan",
-        "inf",
-        "-inf",
-        "NA",
-        "null",
-        "0.1",
-        "1e-300",
-        "980",
-        "2147483648",
-        "1,5",
-        "1_000",
-        "0x10",
-        "--1",
-    ],
-    *("9007199254740993", "9223372036854775808", "99999999999999999999999", "", " 7 "),
+    *("0", "-1", "1e300", "-1e300", "nan", "inf", "-inf", "NA", "null", "", "0.1", "1e-300", "980", " 7 "),
+    *("2147483648", "9007199254740993", "9223372036854775808", "99999999999999999999999"),
+    *("1,5", "1_000", "0x10", "--1"),
 )
 WORDS = (
     *("", "\u00e9", "\ud55c\uad6d", "lorry", "a" * 5000, "../../x", "%s%n", "<", "&amp;", "'", '"', "None"),
@@ -57,7 +40,10 @@ def mutated(file: Path, rng: Random) -> str:
         ways = [_bytes, *[_json] * 6]
     elif kind == "parquet":
         ways = [_bytes, *[_table] * 6]
-    return rng.choice(ways)(file, rng)
+    try:
+        return rng.choice(ways)(file, rng)
+    except (ValueError, LookupError, OSError, pa.ArrowException):  # the first mutation left no such structure
+        return _bytes(file, rng)
 
 
 def _bytes(file: Path, rng: Random) -> str:
@@ -65,7 +51,7 @@ def _bytes(file: Path, rng: Random) -> str:
     at, size = rng.randrange(len(content) + 1), rng.choice((1, 4, 100, 5000))
     what = rng.choice(("flip", "cut", "drop", "double", "garbage", "empty", "pack"))
     if what == "flip":
-        for _ in range(size):
+        for _ in range(min(size, len(content))):
             content[rng.randrange(len(content))] = rng.randrange(256)
     elif what == "cut":
         del content[at:]

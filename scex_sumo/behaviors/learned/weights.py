@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import warnings
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -115,7 +116,9 @@ def _read(file: Path) -> dict[str, Any]:
         found = "is a folder" if file.is_dir() else "no such file"
         raise InputError(f"{file}: {found}; give a file that 'scex-sumo train' wrote")
     try:
-        content = torch.load(file, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings():  # what torch doubts about a file, the error below says in one line
+            warnings.simplefilter("ignore")
+            content = torch.load(file, map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises whatever its unpickler meets
         raise InputError(
             f"{file}: no file of weights ({type(error).__name__}); give one that 'scex-sumo train' wrote"

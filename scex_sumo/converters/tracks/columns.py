@@ -25,6 +25,7 @@ from scex_sumo.errors import TrackError
 
 MOST_MISSING = 0.1
 """A larger share of rows without a value is no oversight but another format."""
+LARGEST_FRAME = 1e12
 SLOWEST_S, FASTEST_S = 0.5, 0.001
 """Time between two samples of a track: neither more nor less can be milliseconds of a recording."""
 
@@ -103,7 +104,8 @@ def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[di
         wrong |= missing
     if wrong.any():
         raise explain_bad_values(path, header, int(np.argmax(wrong)), MOTOR_TYPES)
-    if "frame_id" not in columns or not np.isfinite(columns["frame_id"]).all():
+    # A comparison with nan is False, too.
+    if "frame_id" not in columns or not (np.abs(columns["frame_id"]) <= LARGEST_FRAME).all():
         columns["frame_id"] = np.rint(columns["timestamp_ms"] / 100.0)
     if not missing.any():
         return columns, []
