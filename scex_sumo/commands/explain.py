@@ -37,7 +37,7 @@ def explain_command(
     from scex_sumo.metrics.registry import column_named
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
-    from scex_sumo.studies.explain import assignment_of, condition_rows, effect_rows, explain
+    from scex_sumo.studies.explain import assignment_of, condition_rows, effect_rows, explain, worst_rows
 
     if worst < 1:
         raise UsageError(f"--worst: got {worst}, needs at least 1")

@@ -101,7 +101,7 @@ def _build(file: Path, kind: str, content: dict[str, Any]) -> GraphPredictorNet 
                 raise ValueError(f"{name} is {str(number)[:20]}, a number up to {LARGEST_NUMBER} expected")
         net = KINDS[kind](Architecture(**content["architecture"]))
         net.load_state_dict(content["state"])
-    except (RuntimeError, TypeError, ValueError, KeyError, AttributeError) as error:
+    except (RuntimeError, TypeError, ValueError, KeyError, AttributeError, ArithmeticError) as error:
         words = " ".join(str(error).split())[:160]
         raise InputError(
             f"{file}: weights of another architecture ({words}); train again with: scex-sumo train {kind}"
@@ -129,7 +129,7 @@ def _read(file: Path) -> dict[str, Any]:
         or content.get("format") != FORMAT
         or any(k not in content for k in needed)
         or not all(isinstance(content[k], str) for k in ("kind", "version"))
-        or not all(_is_named(content[k]) for k in ("architecture", "columns", "state", "meta"))
+        or not all(_is_named(content[k]) for k in ("columns", "state", "meta"))
         or not all(isinstance(names, list | tuple) for names in content["columns"].values())
     ):
         raise InputError(
