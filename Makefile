@@ -5,7 +5,7 @@ STAMP := $(VENV)/.installed
 TEST_STAMP := $(VENV)/.installed-test
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
 
-.PHONY: demo test check docs-pictures clean
+.PHONY: demo test fuzz check docs-pictures clean
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
@@ -24,6 +24,9 @@ demo: $(STAMP)
 
 test: $(TEST_STAMP)
 	$(VENV)/bin/python -m pytest --numprocesses auto --dist worksteal
+
+fuzz: $(TEST_STAMP)
+	$(VENV)/bin/python -m tests.fuzz --cases 10000
 
 check: $(TEST_STAMP)
 	$(VENV)/bin/ruff check .

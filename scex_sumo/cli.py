@@ -98,12 +98,23 @@ def main() -> None:
     except OSError as error:  # of the machine, not of the program: a full disk, a file taken away
         _fail(f"error: {error.filename or 'a file'}: {error.strerror or error}; see to it and try again", 1)
     except Exception as error:
+        if _is_out_of_memory(error):
+            _fail(
+                "error: out of memory; ask for fewer --children, --steps or --workers, or a smaller --batch",
+                1,
+            )
         shown = getattr(error, "format_message", None)
         if shown is None:
             raise
         _fail(f"error: {shown()}", 2)
     if status:  # Typer turns Ctrl-C into a status
         _fail("interrupted", int(status))
+
+
+def _is_out_of_memory(error: Exception) -> bool:
+    """Whether memory ran out, in Python or in a library that says so only in words."""
+    words = ("bad_alloc", "not enough memory", "Cannot allocate memory")
+    return isinstance(error, MemoryError) or any(word in str(error) for word in words)
 
 
 def _fail(message: str, status: int) -> None:

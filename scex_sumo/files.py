@@ -1,10 +1,14 @@
-"""File writing that leaves a file whole or not at all, locks of folders, and values of XML attributes."""
+"""File writing that leaves a file whole or not at all, locks of folders, temporary folders, XML values."""
 
 from __future__ import annotations
 
 import contextlib
 import fcntl
 import os
+import re
+import shutil
+import tempfile
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -92,3 +96,60 @@ def quoted(text: str) -> str:
     if '"' not in text:
         return f'"{text}"'
     return f"'{text}'" if "'" not in text else '"' + text.replace('"', "&quot;") + '"'
+
+
+class TemporaryFolder(tempfile.TemporaryDirectory[str]):
+    """A temporary folder that the next process removes where this one is killed.
+
+    Its name has the process's number, and the process holds a lock of it.
+    """
+
+    def __init__(self) -> None:
+        _remove_abandoned()
+        super().__init__(prefix=f"scex-{os.getpid()}-", ignore_cleanup_errors=True)
+        self._let_go = weakref.finalize(self, os.close, _locked_descriptor(self.name))
+
+    def cleanup(self) -> None:
+        """Remove the folder."""
+        super().cleanup()
+        self._let_go()
+
+
+_OWNED = re.compile(r"scex-(\d+)-.+")
+
+
+def _remove_abandoned() -> None:
+    """Remove temporary folders of processes that ended without."""
+    for folder in Path(tempfile.gettempdir()).glob("scex-*"):
+        owner = _OWNED.fullmatch(folder.name)
+        if owner is None or _is_alive(int(owner[1])) or not folder.is_dir() or folder.is_symlink():
+            continue
+        try:
+            # A process of another container has a number that says nothing here, but the lock does.
+            descriptor = _locked_descriptor(str(folder))
+        except OSError:
+            continue
+        shutil.rmtree(folder, ignore_errors=True)
+        os.close(descriptor)
+
+
+def _locked_descriptor(folder: str) -> int:
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise
+    except OSError:  # a file system without locks
+        pass
+    return descriptor
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True

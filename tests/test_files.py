@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import pytest
 
 from scex_sumo.errors import ResultError
-from scex_sumo.files import lock, quoted, replacing, unlock, write_atomic
+from scex_sumo.files import TemporaryFolder, lock, quoted, replacing, unlock, write_atomic
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.results.folder import ResultFolder
 
@@ -103,3 +106,38 @@ def test_an_error_while_writing_names_the_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["", "a & b < c > d", 'in "quotes"', "it's", "both ' and \"", "a\tb\nc\r"])
 def test_attributes_are_quoted_as_the_standard_library_does(text: str) -> None:
     assert quoted(text) == quoteattr(text)
+
+
+def test_temporary_folders_of_ended_processes_are_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with subprocess.Popen(["true"]) as ended:
+        ended.wait()
+    abandoned = tmp_path / f"scex-{ended.pid}-abc"
+    foreign = tmp_path / "scex-notes"
+    own = tmp_path / f"scex-{os.getpid()}-abc"
+    for folder in (abandoned, foreign, own):
+        folder.mkdir()
+        (folder / "file").touch()
+    with TemporaryFolder() as name:
+        assert Path(name).is_dir()
+        assert not abandoned.exists()
+        assert (foreign / "file").exists() and (own / "file").exists()
+    assert not Path(name).exists()
+
+
+def test_a_temporary_folder_that_is_locked_is_somebodys(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in a container whose processes have other numbers."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    theirs = tmp_path / "scex-999999999-abc"
+    theirs.mkdir()
+    descriptor = os.open(theirs, os.O_RDONLY)
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    TemporaryFolder().cleanup()
+    assert theirs.is_dir()
+    os.close(descriptor)
+    TemporaryFolder().cleanup()
+    assert not theirs.exists()

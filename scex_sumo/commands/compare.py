@@ -35,6 +35,7 @@ def compare_command(
 ) -> None:
     """Compare seed scenes by the densities of their metrics: distances, groups, nearest neighbours."""
     from scex_sumo.reports.compare_table import comparison_lines
+    from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
     from scex_sumo.statistics.grouping import group_runs
     from scex_sumo.studies.compare import KINDS, comparable, compare
@@ -48,9 +49,10 @@ def compare_command(
         raise UsageError(f"-o {out}: is the result folder of a run; give a folder of its own")
     # By name, so that the same folders in another order give the same bytes.
     labels, wanted = map(list, zip(*sorted(zip(short_names(wanted), wanted, strict=True)), strict=True))
-    runs = [open_run(folder) for folder in wanted]
-    warn([*comparable(runs, labels), *_copies(runs, labels)])
-    comparison = compare(runs, labels=labels, distance=distance)
+    with as_written(*wanted):
+        runs = [open_run(folder) for folder in wanted]
+        warn([*comparable(runs, labels), *_copies(runs, labels)])
+        comparison = compare(runs, labels=labels, distance=distance)
     grouping = group_runs(comparison.total, labels, groups=groups)
     centre = None if nearest is None else [p.resolve() for p in wanted].index(nearest.resolve())
     print("\n".join(comparison_lines(runs, comparison, grouping, centre)))

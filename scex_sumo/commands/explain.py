@@ -37,7 +37,8 @@ def explain_command(
     """Say which vehicles' drivers make a scene critical, and how."""
     from rich.console import Console
 
-    from scex_sumo.metrics.registry import COLLISION
+    from scex_sumo.metrics.registry import COLLISION, column_named
+    from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
     from scex_sumo.studies.explain import (
         asked,
@@ -50,17 +51,20 @@ def explain_command(
 
     if worst < 1:
         raise UsageError(f"--worst: got {worst}, needs at least 1")
-    run = open_run(folder)
-    metric = encounter or metric
-    if metric is not None:
-        asked(run, metric)
-    levels, names = assignment_of(run)
-    ids = run.info["seed_scene"]["track_ids"]
-    questions = [*run.outcomes, *run.columns, *([encounter] if encounter else [])]
-    found = [explain(run, question, worst=worst) for question in questions]
+    with as_written(folder):
+        run = open_run(folder)
+        if encounter is not None:
+            asked(run, encounter)
+        elif metric is not None:
+            metric = column_named(metric, [*run.outcomes, *run.columns])
+        metric = encounter or metric
+        levels, names = assignment_of(run)
+        ids = run.info["seed_scene"]["track_ids"]
+        questions = [*run.outcomes, *run.columns, *([encounter] if encounter else [])]
+        found = [explain(run, question, worst=worst) for question in questions]
+        worst_of = {e.metric: worst_rows(run, e, levels, names) for e in found}
     _write(folder / "explain_effects.parquet", [r for e in found for r in effect_rows(e, ids)])
     _write(folder / "explain_conditions.parquet", [r for e in found for r in condition_rows(e, ids, names)])
-    worst_of = {e.metric: worst_rows(run, e, levels, names) for e in found}
     _write(folder / "explain_worst.parquet", [r for rows in worst_of.values() for r in rows])
     wanted = [COLLISION, *run.thresholds] if metric is None else [metric]
     shown = [e for e in found if e.metric in wanted]

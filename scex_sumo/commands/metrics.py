@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +11,7 @@ from typer import Argument, Option
 
 from scex_sumo.commands.console import warn
 from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.files import replacing
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -31,6 +33,7 @@ def metrics_command(
     wttc_limits: Annotated[
         str | None, Option(metavar="TYPE=M/S2,...", help="Largest accelerations by type, for WTTC.")
     ] = None,
+    repair: Annotated[bool, Option(help="Repair defects of recordings as 'run' does.")] = True,
     out: Annotated[
         Path | None, Option("-o", "--out", metavar="FILE", help="FILE.parquet or .csv; else CSV here.")
     ] = None,
@@ -40,6 +43,7 @@ def metrics_command(
     from scex_sumo.evaluation.sources import read_source
     from scex_sumo.evaluation.tables import recording_table
     from scex_sumo.metrics.base import MetricParameters
+    from scex_sumo.results.info import as_written
 
     if out is not None and out.suffix not in SUFFIXES:
         raise UsageError(f"-o {out}: unknown format {out.suffix!r}; known: {', '.join(SUFFIXES)}")
@@ -48,20 +52,15 @@ def metrics_command(
         preset, names = _of_run(source)
     preset = preset or "paper"
     parameters = MetricParameters(max_acceleration_by_type=_limits(wttc_limits))
-    tracks, history = read_source(source)
-    plans = read_plans(source) if source.is_dir() else None
+    tracks, history = read_source(source, repair=repair)
+    warn(tracks.notes)
+    with as_written(source):
+        plans = read_plans(source) if source.is_dir() else None
     if source.is_dir() and plans is None:
         warn([f"{source}: has no {PLANS}; the tracks driven are the planned paths, so gap times differ"])
-    table = recording_table(
-        tracks,
-        level=level,
-        preset=preset,
-        parameters=parameters,
-        metrics=names,
-        history=history,
-        plans=plans,
-        outcomes=source.is_dir(),
-    )
+    options: dict[str, Any] = {"level": level, "preset": preset, "parameters": parameters, "metrics": names}
+    with as_written(source) if source.is_dir() else nullcontext():
+        table = recording_table(tracks, history=history, plans=plans, outcomes=source.is_dir(), **options)
     # The preset is part of every number's meaning, so it goes with the file.
     table = table.replace_schema_metadata({"preset": preset, "level": level})
     if out is None:
@@ -90,17 +89,16 @@ def write_table(table: pa.Table, path: Path) -> None:
     """Write a table as Parquet or CSV, whole or not at all."""
     import pyarrow.parquet as pq
 
-    temporary = path.with_name(f".{path.name}.writing")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
+    with replacing(path) as temporary:
         if path.suffix == ".parquet":
             pq.write_table(table, temporary)
         else:
             with temporary.open("wb") as file:
                 _write_csv(table, file)
-        temporary.replace(path)
-    except OSError as error:
-        raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
 
 
 def _write_csv(table: pa.Table, file: Any) -> None:

@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from scex_sumo.results.run import Run
 
 
+MOST_DRAWS = 100_000
+
+
 def sample_size_command(
     map_path: MapPath,
     tracks: Tracks = None,
@@ -62,8 +65,8 @@ def sample_size_command(
     from scex_sumo.studies.sample_size import MODELS, study, truth
 
     wanted = _sizes(sizes)
-    if draws < 1:
-        raise UsageError(f"--draws: got {draws}, needs at least 1")
+    if not 1 <= draws <= MOST_DRAWS:
+        raise UsageError(f"--draws: got {draws:,}, needs 1 to {MOST_DRAWS:,}")
     whole = seed_scene(
         map_path, tracks=tracks, case=case, time=time, synthetic=synthetic, origin=origin, seed=seed
     )

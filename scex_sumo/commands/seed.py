@@ -44,23 +44,21 @@ def seed_scene(
         scene = synthetic_seed(map_path, vehicles=synthetic, seed=seed, origin=zero)
     assert scene.road is not None
     warn([*scene.road.notes, *scene.notes])
-    _warn_off_road(scene, off_road(scene.road, scene))
+    off = off_road(scene.road, scene)
+    if len(off) == scene.vehicles and synthetic is None:
+        from scex_sumo.converters.datasets.recordings import beside_lanes
+
+        raise TrackError(
+            f"{scene.name}: none of its {scene.vehicles} vehicles is on a mapped lane; "
+            f"{beside_lanes(map_path, tracks, scene.road)}"
+        )
+    _warn_off_road(scene, off)
     return scene
 
 
 def _warn_off_road(scene: SeedScene, off: list[int]) -> None:
-    """Some vehicles beside the mapped lanes go straight on; all of them mean that the map does not fit.
-
-    Raises:
-        TrackError: no vehicle is on a mapped lane.
-    """
+    """Some vehicles beside the mapped lanes go straight on."""
     if not off:
         return
     shown = ", ".join(str(scene.track_ids[v]) for v in off[:8]) + (", ..." if len(off) > 8 else "")
-    if len(off) == scene.vehicles:
-        origin = scene.road.origin if scene.road else (0.0, 0.0)
-        raise TrackError(
-            f"{scene.name}: none of its {scene.vehicles} vehicles is on a mapped lane; most likely the map's "
-            f"origin is not the recording's (used: {origin[0]:g},{origin[1]:g}); give --origin LAT,LON"
-        )
     warn([f"off the mapped lanes, so going straight on: {len(off)} of {scene.vehicles} vehicles ({shown})"])

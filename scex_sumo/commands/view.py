@@ -33,18 +33,20 @@ def view_command(
     ] = False,
 ) -> None:
     """Open child scenarios in sumo-gui."""
+    from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
     from scex_sumo.views.children import write_child, write_grid
 
     if sum(option is not None for option in (child, grid, critical)) > 1:
         raise UsageError("view: --child, --grid and --critical exclude one another; give one of them")
-    run = open_run(folder)
-    if grid is not None:
-        file = write_grid(run, grid)
-    elif critical is not None:
-        file = write_child(run, run.most_critical(critical), title=f"most critical by {critical}")
-    else:
-        file = write_child(run, 0 if child is None else child)
+    with as_written(folder):
+        run = open_run(folder)
+        if grid is not None:
+            file = write_grid(run, grid)
+        elif critical is not None:
+            file = write_child(run, run.most_critical(critical), title=f"most critical by {critical}")
+        else:
+            file = write_child(run, 0 if child is None else child)
     if write_only:
         print(file)
         return
@@ -65,24 +67,26 @@ def export_command(
     out: Annotated[Path | None, Option("-o", "--out", metavar="FILE", help="File to write.")] = None,
 ) -> None:
     """Write one child scenario in another tool's format."""
+    from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
     from scex_sumo.views.children import write_child
 
     if to not in FORMATS:
         raise UsageError(f"--to {to}: unknown format; known: {', '.join(FORMATS)}")
-    run = open_run(folder)
-    states = run.states(child)  # says when there is no such child
-    ending = "csv" if to == "interaction" else "fcd.xml"
-    path = out if out is not None else Path(f"{run.info['seed_scene']['name']}_child{child:04d}.{ending}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if to == "interaction":
-            _write_case(run, child, states.shape[1], path)
-        else:
-            written = write_child(run, child)
-            path.write_bytes(written.with_suffix(".fcd.xml").read_bytes())
-    except OSError as error:
-        raise ScexError(f"{path}: cannot write: {error.strerror or error}") from None
+    with as_written(folder):
+        run = open_run(folder)
+        states = run.states(child)  # says when there is no such child
+        ending = "csv" if to == "interaction" else "fcd.xml"
+        path = out if out is not None else Path(f"{run.info['seed_scene']['name']}_child{child:04d}.{ending}")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if to == "interaction":
+                _write_case(run, child, states.shape[1], path)
+            else:
+                written = write_child(run, child)
+                path.write_bytes(written.with_suffix(".fcd.xml").read_bytes())
+        except OSError as error:
+            raise ScexError(f"{path}: cannot write: {error.strerror or error}") from None
     print(path)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.tracks.reader import TrackRows, TrackTable
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
 from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.tq import WINDOW_S

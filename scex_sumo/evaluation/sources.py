@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,44 +12,79 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.arrays import BoolArray
-from scex_sumo.converters.tracks.reader import MOTOR_TYPES, TrackRows, TrackTable, read_tracks, segments_of
-from scex_sumo.errors import TrackError
+from scex_sumo.converters.cleaning.repair import repair_tracks
+from scex_sumo.converters.datasets.reader import read_clean
+from scex_sumo.converters.tracks.kinds import MOTOR_TYPES
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
+from scex_sumo.errors import TrackError, one_line
 from scex_sumo.scene import LOGGED_HISTORY
 
 
-def read_source(source: Path) -> tuple[TrackTable, int]:
-    """Tracks of an INTERACTION file (CSV or Parquet) or a result folder, and its steps of history."""
-    if not source.is_dir():
-        return (read_tracks(source), 0) if source.suffix != ".parquet" else (read_parquet(source), 0)
-    file = source / "tracks.parquet"
-    if not file.is_file():
-        raise TrackError(f"{source}: no tracks.parquet in it; give a result folder or a file with tracks")
-    return read_parquet(file), LOGGED_HISTORY
+def read_source(source: Path, *, repair: bool = True) -> tuple[TrackTable, int]:
+    """Tracks of a recording, of such tracks as Parquet or of a result folder, and its steps of history.
+
+    Recordings are repaired as `run` repairs them, cases all together, and what was found is in the table's
+    ``notes``; Parquet and result folders are taken as they are.
+
+    Args:
+        source: a file, or a result folder.
+        repair: whether recordings are repaired.
+
+    Raises:
+        ScexError: there are no tracks, or they cannot be read.
+    """
+    if source.is_dir():
+        file = source / "tracks.parquet"
+        if not file.is_file():
+            raise TrackError(f"{source}: no tracks.parquet in it; give a result folder or a file with tracks")
+        return read_parquet(file), LOGGED_HISTORY
+    if source.suffix == ".parquet":
+        return read_parquet(source), 0
+    clean = read_clean([source], None, repair=repair)
+    table, findings = clean.table, clean.findings
+    if repair and table.has_cases:
+        table, more = repair_tracks(table)
+        findings = (*findings, *more)
+    return replace(table, notes=findings), 0
 
 
 def read_parquet(path: Path) -> TrackTable:
-    """Tracks with INTERACTION columns as Parquet, as in result folders."""
+    """Tracks with INTERACTION columns as Parquet, as in result folders.
+
+    Raises:
+        TrackError: it cannot be read, or a column is missing, of another kind, or without a value somewhere.
+    """
     try:
         table = pq.read_table(path)
-    except (OSError, pa.ArrowException) as error:
-        raise TrackError(f"{path}: cannot be read as Parquet: {error}") from None
+    except (OSError, pa.ArrowException, ValueError) as error:
+        raise TrackError(f"{path}: cannot be read as Parquet: {one_line(error)[:160]}") from None
     floats = ("x", "y", "vx", "vy", "psi_rad", "length", "width", "timestamp_ms")
     needed = ("case_id", "track_id", "frame_id", "agent_type", *floats)
     missing = [name for name in needed if name not in table.column_names]
     if missing:
         raise TrackError(f"{path}: no column {', '.join(missing)}; give tracks with INTERACTION columns")
-    columns: dict[str, Any] = {name: np.asarray(table[name]) for name in needed if name != "agent_type"}
-    for name in floats:
-        columns[name] = columns[name].astype(np.float64)
-        if not np.isfinite(columns[name]).all():
+    columns: dict[str, Any] = {}
+    for name in needed:
+        words = name in ("case_id", "track_id", "agent_type")
+        try:
+            column = table[name].cast(pa.string() if words else pa.float64()).combine_chunks()
+        except pa.ArrowException as error:
+            raise TrackError(f"{path}: column {name}: {one_line(error)[:120]}; repair it") from None
+        if column.null_count or (not words and not np.isfinite(column.to_numpy()).all()):
             raise TrackError(f"{path}: column {name} has missing values; fill or drop those rows")
-    types, kind = np.unique(np.asarray(table["agent_type"]).astype(str), return_inverse=True)
-    is_vehicle = np.isin(np.char.lower(types), list(MOTOR_TYPES))[kind]
-    cases, case = np.unique(columns["case_id"], return_inverse=True)
+        columns[name] = column.to_numpy(zero_copy_only=False)
+    if not table.num_rows:
+        raise TrackError(f"{path}: no rows; give a file with tracks")
+    types, kind = np.unique(np.char.lower(columns["agent_type"].astype(str)), return_inverse=True)
+    is_vehicle = np.isin(types, list(MOTOR_TYPES))[kind]
+    case_of = table["case_id"].combine_chunks()
+    cases, case = np.unique(case_of.to_numpy(zero_copy_only=False), return_inverse=True)
     names, name_of = np.unique(columns["track_id"].astype(str), return_inverse=True)
     for name in names[np.unique(name_of[is_vehicle])].tolist():
-        if not re.fullmatch(r"-?\d+(\.0*)?", name):
-            raise TrackError(f"{path}: track_id {name!r} of a vehicle is not an integer; number the vehicles")
+        if not re.fullmatch(r"-?\d{1,18}(\.0*)?", name):
+            raise TrackError(
+                f"{path}: track_id {name[:24]!r} of a vehicle is not an integer; number the vehicles"
+            )
 
     def rows(keep: BoolArray) -> TrackRows:
         order = np.lexsort((columns["timestamp_ms"], name_of, case))
@@ -63,7 +99,7 @@ def read_parquet(path: Path) -> TrackTable:
             track=track,
             segment=segments_of(track, flat["timestamp_ms"]),
             labels=tuple(names[ids[first]].tolist()),
-            types=tuple(np.char.lower(types)[kind[order][first]].tolist()),
+            types=tuple(types[kind[order][first]].tolist()),
             frame_id=columns["frame_id"][order].astype(np.int64),
             **flat,
         )

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.tracks.reader import TrackTable
+from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.errors import UsageError
 from scex_sumo.evaluation.blocks import Block, blocks
 from scex_sumo.evaluation.cases import Cases

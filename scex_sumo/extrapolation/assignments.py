@@ -10,7 +10,7 @@ from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import UsageError
 from scex_sumo.statistics.designs import DESIGNS
 
-MAX_COMBINATIONS = 1_000_000
+MAX_COMBINATIONS = 10_000
 _ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM = range(4)
 
 
@@ -77,19 +77,23 @@ def all_assignments(choices: Sequence[int]) -> IntArray:
         (product of choices, V) index of the model among the vehicle's choices.
 
     Raises:
-        UsageError: more than a million combinations.
+        UsageError: more than ten thousand combinations.
     """
     count = 1
     for choice in choices:
         count *= int(choice)
     if count > MAX_COMBINATIONS:
         raise UsageError(
-            f"--children all: {count:.3g} combinations for {len(choices)} vehicles, at most "
+            f"--children all: {_number(count)} combinations for {len(choices)} vehicles, at most "
             f"{MAX_COMBINATIONS:,} are run; name fewer models, fix some vehicles with --assign, "
             "or give a number of children"
         )
     grid = np.indices(tuple(int(c) for c in choices), dtype=np.int64)
     return grid.reshape(len(choices), -1).T.copy()
+
+
+def _number(count: int) -> str:
+    return f"{count:,}" if count < 10**6 else f"{count:.3g}" if count < 10**300 else "more than 1e+300"
 
 
 def assignments(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import importlib
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -25,6 +24,7 @@ from scex_sumo.extrapolation.notes import handover_notes, outcome_notes, recorde
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import write_tables
+from scex_sumo.files import TemporaryFolder
 from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part, Parts
@@ -93,9 +93,10 @@ def extrapolate(
             seed=wanted.seed,
             design=wanted.design,
         )
+        wanted.check_size(len(assignment), scene.vehicles)
         models.try_on(scene, seed=wanted.seed)
         _check_world(wanted, models, gui)
-        temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
+        temporary = TemporaryFolder() if out is None else None
         path = Path(temporary.name if temporary else str(out))
         folder = ResultFolder(path, _identity(scene, wanted, models, assignment), overwrite=overwrite)
         assert scene.road is not None
@@ -151,7 +152,9 @@ def _checked(scene: SeedScene, batch: int | None, settings: Mapping[str, Any]) -
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     if batch is not None and batch < 1:
         raise UsageError(f"--batch: got {batch}, needs at least 1")
-    return RunSettings(**settings)
+    wanted = RunSettings(**settings)
+    wanted.check_size(wanted.count or 1, scene.vehicles)
+    return wanted
 
 
 def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:

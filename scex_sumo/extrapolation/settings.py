@@ -13,11 +13,13 @@ from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, pars
 from scex_sumo.errors import UsageError
 from scex_sumo.metrics.evaluate import PAPER_PRESET
 from scex_sumo.metrics.metric import Metric
-from scex_sumo.metrics.registry import COLUMNS, columns_of, describe_metrics, metrics_named
+from scex_sumo.metrics.registry import COLUMNS, column_named, columns_of, describe_metrics, metrics_named
 from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 
 WORLDS = ("sumo", "plain")
+MOST_CHILDREN, MOST_STEPS, MOST_STATES = 100_000, 6_000, 2 * 10**8
+"""What is run at most: children, steps of each (ten minutes), and states of all vehicles in all steps."""
 
 Models: TypeAlias = str | Sequence[str | ModelSpec]
 
@@ -83,6 +85,8 @@ class RunSettings:
     def __post_init__(self) -> None:
         if self.steps < 1:
             raise UsageError(f"--steps: got {self.steps}, needs at least 1")
+        if self.steps > MOST_STEPS:
+            raise UsageError(f"--steps: got {self.steps:,}, at most {MOST_STEPS:,} are run")
         if not 1 <= self.replan <= PLAN_STEPS:
             raise UsageError(
                 f"--replan: got {self.replan}, needs 1 to {PLAN_STEPS} (models plan {PLAN_STEPS} steps)"
@@ -96,6 +100,8 @@ class RunSettings:
             raise UsageError("--models: names no model")
         if self.count is not None and self.count < 1:
             raise UsageError(f"--children: got {self.count}, needs at least 1 (or 'all')")
+        if self.count is not None and self.count > MOST_CHILDREN:
+            raise UsageError(f"--children: got {self.count:,}, at most {MOST_CHILDREN:,} are run")
         check_design(self.design)
         if self.until_band is not None:
             check_band(self.until_band)
@@ -107,8 +113,7 @@ class RunSettings:
             raise UsageError(f"--preset: unknown {self.preset!r}; known: {', '.join(RUN_PRESETS)}")
         # Metrics, not their names, go to the workers: what is registered here is not registered there.
         object.__setattr__(self, "metrics", metrics_named(self.metrics or RUN_PRESETS[self.preset]))
-        object.__setattr__(self, "thresholds", dict(self.thresholds or {}))
-        check_thresholds(self.thresholds, self.columns)
+        object.__setattr__(self, "thresholds", checked_thresholds(self.thresholds or {}, self.columns))
 
     def _put_under_test(self) -> None:
         """A vehicle whose assigned model is the user's own is under test, too, where it is compared."""
@@ -137,6 +142,15 @@ class RunSettings:
             return int(self.children)
         except ValueError:
             raise UsageError(f"--children: got {self.children!r}, needs a number or 'all'") from None
+
+    def check_size(self, children: int, vehicles: int) -> None:
+        """Raise a `UsageError` where so many children of so many vehicles would not fit onto a machine."""
+        states = children * vehicles * self.steps
+        if states > MOST_STATES:
+            raise UsageError(
+                f"{children:,} children x {vehicles:,} vehicles x {self.steps:,} steps are {states:,} "
+                f"states, at most {MOST_STATES:,} are run; ask for fewer --children or --steps"
+            )
 
     @property
     def measured(self) -> tuple[Metric, ...]:
@@ -176,10 +190,19 @@ class RunSettings:
         }
 
 
-def check_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] = COLUMNS) -> None:
-    """Raise a `UsageError` where a threshold is no number, or that of no metric."""
-    for column, value in thresholds.items():
-        if column not in columns:
-            raise UsageError(f"--threshold: unknown metric {column!r}; known: {', '.join(columns)}")
+def checked_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] = COLUMNS) -> dict[str, float]:
+    """Thresholds by column, their metrics named in any way that `column_named` knows.
+
+    Raises:
+        UsageError: one is no number, or that of no metric.
+    """
+    found = {}
+    for name, value in thresholds.items():
+        try:
+            column = column_named(name, columns)
+        except UsageError as error:
+            raise UsageError(f"--threshold: {error}") from None
         if not math.isfinite(value):
             raise UsageError(f"--threshold {column}={value}: is no threshold; give a number")
+        found[column] = value
+    return found

@@ -10,7 +10,6 @@ import importlib
 import pickle
 import queue
 import sys
-import tempfile
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -21,12 +20,14 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 from scex_sumo.errors import SimulationError, UsageError
 from scex_sumo.extrapolation.worker_process import DIED, WorkerProcess, pack, served_streams, write
+from scex_sumo.files import TemporaryFolder
 
 if TYPE_CHECKING:
     from scex_sumo.arrays import IntArray
     from scex_sumo.extrapolation.job import Job
 
 TRIES = 2
+MOST_PROCESSES = 1000
 
 T = TypeVar("T")
 OnStep: TypeAlias = Callable[[int], None]
@@ -49,14 +50,14 @@ class Workers:
             processes: how many there shall be.
 
         Raises:
-            UsageError: fewer than one.
+            UsageError: fewer than one, or more than a thousand.
         """
-        if processes < 1:
-            raise UsageError(f"--workers: got {processes}, needs at least 1")
+        if not 1 <= processes <= MOST_PROCESSES:
+            raise UsageError(f"--workers: got {processes}, needs 1 to {MOST_PROCESSES}")
         self.processes = processes
         self.deaths: list[str] = []
         """One phrase for each task whose worker died and was replaced."""
-        self._folder = tempfile.TemporaryDirectory(prefix="scex-workers-", ignore_cleanup_errors=True)
+        self._folder = TemporaryFolder()
         self._workers = [_Worker(self._folder.name) for _ in range(processes - 1)]
 
     def __enter__(self) -> Workers:

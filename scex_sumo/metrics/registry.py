@@ -174,6 +174,9 @@ def _metric(name: str) -> Metric:
     if name in METRICS or name in _registered:
         return METRICS[name] if name in METRICS else _registered[name]
     points = _entry_points()
+    printed = {_plain(word): own for own in (*METRICS, *_registered) for word in (own, _known(own).words)}
+    if _plain(name) in printed:
+        return _known(printed[_plain(name)])
     if ":" in name:
         made = import_object(name)
     elif name in points:
@@ -187,6 +190,42 @@ def _metric(name: str) -> Metric:
     if not isinstance(known, Metric):
         raise UsageError(f"metrics: {name} is no metric; decorate it with @scex_sumo.metric(...)")
     return known
+
+
+def _known(name: str) -> Metric:
+    return METRICS[name] if name in METRICS else _registered[name]
+
+
+def _plain(text: str) -> str:
+    """A metric as it may be written or printed, in one way: ``1/TTC [1/s]`` as ``1/ttc``."""
+    return text.partition("[")[0].strip().lower().replace("-", " ").replace("_", " ")
+
+
+def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
+    """The column that is meant by a name as it is printed, in any case: ``TTC``, ``1/TTC`` and ``ttc``.
+
+    Args:
+        text: name or label of a metric, of a mean with ``mean`` before or after it.
+        columns: those there are.
+
+    Raises:
+        UsageError: none of them is meant.
+    """
+    columns = tuple(columns)
+    if text in columns:
+        return text
+    spelled: dict[str, str] = {}
+    for column in columns:
+        words = _plain(metric_of(column).words)
+        if column.endswith("_mean"):
+            spelled |= dict.fromkeys((f"{words} mean", f"mean {words}"), column)
+            spelled[f"mean {_plain(column.removesuffix('_mean'))}"] = column
+        else:
+            spelled[words] = column
+        spelled[_plain(column)] = column
+    if _plain(text) not in spelled:
+        raise UsageError(f"unknown metric {text[:40]!r}; known: {', '.join(columns)}")
+    return spelled[_plain(text)]
 
 
 def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:

@@ -95,9 +95,15 @@ class RankFolder:
             shutil.rmtree(self.path / name, ignore_errors=True)
 
     def _scan(self) -> Iterator[tuple[str, dict[int, int]]]:
+        """Parts by moment; those that cannot be read whole are removed, their children run again."""
         for folder in (self.path / _CHILDREN).glob("location=*/seed=*"):
-            found = [_PART.fullmatch(file.name) for file in folder.iterdir()]
-            spans = {int(m[1]): int(m[2]) + 1 for m in found if m}
+            spans = {}
+            for file in sorted(folder.iterdir()):
+                named = _PART.fullmatch(file.name)
+                if named and not _is_whole(file, int(named[1]), int(named[2])):
+                    file.unlink()
+                elif named:
+                    spans[int(named[1])] = int(named[2]) + 1
             yield folder.name.removeprefix("seed="), spans
 
     def close(self) -> None:
@@ -117,8 +123,11 @@ class RankFolder:
         file = self._listing_file(recording)
         if not file.is_file():
             return None
-        rows = json.loads(file.read_text())["seeds"]
-        return Listing(recording=recording, moments=tuple(MomentRef(**from_row(row)) for row in rows))
+        try:
+            rows = json.loads(file.read_text())["seeds"]
+            return Listing(recording=recording, moments=tuple(MomentRef(**from_row(row)) for row in rows))
+        except (ValueError, KeyError, TypeError):
+            return None  # cut short or edited: looked at again
 
     def save_listing(self, listing: Listing) -> None:
         """Keep the moments of a recording."""
@@ -165,8 +174,12 @@ class RankFolder:
 
     def failures(self) -> dict[str, Failure]:
         """What failed, by moment."""
-        files = sorted((self.path / _FAILED).glob("*.json"))
-        found = [Failure(**from_row(json.loads(file.read_text()))) for file in files]
+        found = []
+        for file in sorted((self.path / _FAILED).glob("*.json")):
+            try:
+                found.append(Failure(**from_row(json.loads(file.read_text()))))
+            except (ValueError, KeyError, TypeError):
+                file.unlink()  # cut short or edited: the moment is tried again
         return {failure.moment: failure for failure in found}
 
     def clear_failure(self, moment: str) -> None:
@@ -182,6 +195,15 @@ class RankFolder:
         write_atomic(self.path / INFO, content.encode())
         with contextlib.suppress(FileNotFoundError):
             (self.path / _PENDING).unlink()
+
+
+def _is_whole(file: Path, first: int, last: int) -> bool:
+    """Whether a part holds the children that its name says."""
+    try:
+        table = pq.ParquetFile(file).read()
+    except (OSError, pa.ArrowException, ValueError):
+        return False
+    return "child" in table.column_names and table["child"].to_pylist() == list(range(first, last + 1))
 
 
 def children_table(part: MomentPart) -> pa.Table:

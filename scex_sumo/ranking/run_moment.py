@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import pickle
-import tempfile
 import threading
 import weakref
 import zlib
@@ -16,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from shutil import rmtree
 
 import numpy as np
 import pyarrow as pa
@@ -28,6 +26,7 @@ from scex_sumo.errors import TrackError, UsageError, reason_of
 from scex_sumo.evaluation.encounters import answers_of
 from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, run_batch
+from scex_sumo.files import TemporaryFolder
 from scex_sumo.ranking.moments import Failure, MomentRef
 from scex_sumo.ranking.settings import RankSettings, built
 from scex_sumo.results.folder import tracks_table
@@ -140,9 +139,9 @@ def _check_versions(task: MomentTask) -> None:
 @lru_cache(maxsize=8)
 def _converted(packed: bytes) -> tuple[Road, SumoNet]:
     """The road and its net, whose folder goes with it; made at the first moment of a map."""
-    road, folder = unpack_road(packed), tempfile.mkdtemp(prefix="scex-rank-")
-    net = converted(road, Path(folder) / "map.net.xml")
-    weakref.finalize(net, rmtree, folder, ignore_errors=True)
+    road, folder = unpack_road(packed), TemporaryFolder()
+    net = converted(road, Path(folder.name) / "map.net.xml")
+    weakref.finalize(net, folder.cleanup)
     return road, net
 
 

@@ -79,7 +79,7 @@ class RankSettings:
             thresholds=self.thresholds,
             keep_plans=False,
         )
-        limits = {**thresholds_of(run.measured), **self.thresholds}
+        limits = {**thresholds_of(run.measured), **run.thresholds}
         settled = {
             "run": run,
             "first": min(self.first, self.children),

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.errors import ResultError, UsageError
-from scex_sumo.metrics.registry import COLLISION, learn_metrics, side_of
+from scex_sumo.errors import ResultError, UsageError, one_line
+from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, metric_of, side_of
 from scex_sumo.results.densities import half_widths, metric_density
 from scex_sumo.results.design import column_of, intervals_of, is_critical
+from scex_sumo.results.info import read_info
 from scex_sumo.results.under_test import BASELINE, UNDER_TEST, UnderTest
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
@@ -38,7 +38,7 @@ class Run:
     def __init__(self, folder: Path, temporary: tempfile.TemporaryDirectory[str] | None = None) -> None:
         self.folder = folder
         self._temporary = temporary  # keeps a folder that nobody asked for until the run is forgotten
-        self.info = _read_info(folder)
+        self.info = read_info(folder)
         learn_metrics(self.info.get("metrics", ()))
 
     def __repr__(self) -> str:
@@ -48,29 +48,44 @@ class Run:
     @cached_property
     def metrics(self) -> pa.Table:
         """One row per child: ``child``, the metric columns, null where undefined, and ``collision``."""
-        return self.table("metrics.parquet")
+        table = self.table("metrics.parquet", columns=("child",), rows=self.info.get("children"))
+        file = self.folder / "metrics.parquet"
+        if table["child"].to_pylist() != list(range(table.num_rows)):
+            raise ResultError(f"{file}: its children are not 0 to {table.num_rows - 1}; run again")
+        for name in table.column_names[1:]:
+            if name == COLLISION:
+                continue
+            kind = table.schema.field(name).type
+            if not (pa.types.is_floating(kind) or pa.types.is_null(kind)):
+                raise ResultError(f"{file}: column {name[:40]} holds no numbers; run again")
+            metric_of(name)
+        return table
 
     @cached_property
     def recorded(self) -> pa.Table | None:
         """The same metric columns for what really happened, one row; None where nothing was recorded."""
-        return self.table("recorded.parquet") if (self.folder / "recorded.parquet").exists() else None
+        there = (self.folder / "recorded.parquet").exists()
+        return self.table("recorded.parquet", columns=self.columns, rows=1) if there else None
 
     @cached_property
     def assignments(self) -> pa.Table:
         """``child``, ``track_id``, ``model``: who drove whom."""
-        return self.table("assignments.parquet")
+        columns, vehicles = ("child", "track_id", "model"), int(self.info["seed_scene"]["vehicles"])
+        return self.table("assignments.parquet", columns=columns, rows=self.children * vehicles)
 
     @cached_property
     def tracks(self) -> pa.Table:
         """States of all children in INTERACTION columns; ``case_id`` is the child."""
-        return self.table("tracks.parquet")
+        columns = ("case_id", "track_id", "x", "y", "vx", "vy", "psi_rad")
+        vehicles, frames = int(self.info["seed_scene"]["vehicles"]), LOGGED_HISTORY + int(self.info["steps"])
+        return self.table("tracks.parquet", columns=columns, rows=self.children * vehicles * frames)
 
     @cached_property
     def worst(self) -> pa.Table:
         """Where each extremum came from: child, metric, timestamp_ms, track_id, other_id, value, and whether
         the two had collided by then, after_collision.
         """
-        return self.table("worst.parquet")
+        return self.table("worst.parquet", columns=("child", "metric", "timestamp_ms", "track_id", "value"))
 
     @cached_property
     def collisions(self) -> pa.Table:
@@ -198,7 +213,7 @@ class Run:
         return column_of(self.metrics, column)
 
     def samples(self, column: str) -> FloatArray:
-        """(n,) the values of a metric in the children where it is defined."""
+        """(n,) the values of a metric, named as a column or as it is printed, where it is defined."""
         values = self.values(column)
         return values[~np.isnan(values)]
 
@@ -230,6 +245,7 @@ class Run:
         Raises:
             UsageError: no threshold is given and the run has none for this metric.
         """
+        column = column_named(column, self.columns)
         limit = self.thresholds.get(column) if threshold is None else threshold
         if limit is None:
             raise UsageError(
@@ -240,6 +256,7 @@ class Run:
 
     def recorded_value(self, column: str) -> float | None:
         """What a metric was in the recorded future, or None."""
+        column = column_named(column, self.columns)
         if self.recorded is None:
             return None
         value = self.recorded[column][0].as_py()
@@ -257,16 +274,28 @@ class Run:
         index = np.nanargmin(values) if side_of(column) == "left" else np.nanargmax(values)
         return int(self.metrics["child"][int(index)].as_py())
 
-    def table(self, name: str) -> pa.Table:
+    def table(self, name: str, *, columns: Sequence[str] = (), rows: int | None = None) -> pa.Table:
         """One of the folder's Parquet files.
 
+        Args:
+            name: of the file.
+            columns: those that it must have.
+            rows: how many it must have; None for any number.
+
         Raises:
-            ResultError: it cannot be read.
+            ResultError: it cannot be read, or is not as the run wrote it.
         """
+        file = self.folder / name
         try:
-            return pq.read_table(self.folder / name)
-        except (OSError, pa.ArrowException) as error:
-            raise ResultError(f"{self.folder / name}: cannot be read: {error}") from None
+            table = pq.ParquetFile(file).read()
+        except (OSError, pa.ArrowException, ValueError) as error:
+            raise ResultError(f"{file}: cannot be read: {one_line(error)[:160]}") from None
+        missing = [column for column in columns if column not in table.column_names]
+        if missing:
+            raise ResultError(f"{file}: has no column {missing[0]}; it is not as the run wrote it: run again")
+        if rows not in (None, table.num_rows):
+            raise ResultError(f"{file}: has {table.num_rows} rows, run.json says {rows}; run again")
+        return table
 
 
 def open_run(folder: str | Path) -> Run:
@@ -276,16 +305,3 @@ def open_run(folder: str | Path) -> Run:
         ResultError: no finished result is there.
     """
     return Run(Path(folder))
-
-
-def _read_info(folder: Path) -> dict[str, Any]:
-    file = folder / "run.json"
-    if not file.is_file():
-        if (folder / "incomplete.json").is_file():
-            raise ResultError(f"{folder}: the run was interrupted; the same command resumes it")
-        found = "no such folder" if not folder.exists() else "no run.json in it"
-        raise ResultError(f"{folder}: {found}; give the folder that 'scex-sumo run -o' wrote")
-    try:
-        return dict(json.loads(file.read_text()))
-    except ValueError as error:
-        raise ResultError(f"{file}: not JSON: {error}; run again") from None

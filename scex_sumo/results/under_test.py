@@ -15,8 +15,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.errors import UsageError
-from scex_sumo.metrics.registry import side_of
+from scex_sumo.metrics.registry import column_named, side_of
 from scex_sumo.results.design import is_critical
 from scex_sumo.statistics.density import Density, Interval, density
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -102,8 +101,7 @@ class UnderTest:
 
     def values(self, column: str, driven: Driven = "under_test") -> tuple[FloatArray, BoolArray]:
         """(C,) values of a metric in all children, and where it is defined."""
-        if column not in self.columns:
-            raise UsageError(f"unknown metric {column!r}; known: {', '.join(self.columns)}")
+        column = column_named(column, self.columns)
         table = self.metrics if driven == "under_test" else self.baseline
         values = np.asarray(table[column].fill_null(0.0), dtype=np.float64)
         return values, ~np.asarray(table[column].is_null())
@@ -119,6 +117,7 @@ class UnderTest:
 
     def p_critical(self, column: str, driven: Driven = "under_test") -> Interval | None:
         """Share of all children that are critical with its 95 % interval; None without a threshold."""
+        column = column_named(column, self.columns)
         limit = self.thresholds.get(column)
         if limit is None:
             return None

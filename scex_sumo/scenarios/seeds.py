@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import tempfile
 from pathlib import Path
 
 from scex_sumo.errors import TrackError
+from scex_sumo.files import TemporaryFolder
 from scex_sumo.scene import SeedScene
 
 
@@ -84,7 +84,7 @@ def synthetic_seed(
 
     map_path = Path(map_path)
     road = read_map(map_path, origin=origin, own_corner=True)
-    with tempfile.TemporaryDirectory(prefix="scex-sumo-") as folder:
+    with TemporaryFolder() as folder:
         net = convert(road, Path(folder) / f"{road.name}.net.xml")
         name = f"{road.name}_synthetic{vehicles}_s{seed}"
         scene = synthetic_scene(road, net, vehicles=vehicles, seed=seed, name=name)

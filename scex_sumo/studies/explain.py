@@ -56,8 +56,10 @@ def explain(run: Run, metric: str, *, worst: int = 5) -> Explanation:
         metric: one of its columns, ``collision``, or two track ids ``A,B``: whether these two collide.
         worst: how many of the most critical children are named.
     """
-    from scex_sumo.metrics.registry import side_of
+    from scex_sumo.metrics.registry import column_named, side_of
 
+    if pair_of(metric) is None:
+        metric = column_named(metric, [*run.outcomes, *run.columns])
     values, thresholds = asked(run, metric), run.thresholds | {COLLISION: 1.0}
     levels, _ = assignment_of(run)
     known = ~np.isnan(values)

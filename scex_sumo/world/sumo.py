@@ -8,7 +8,6 @@ vehicles: nothing is left of one that could colour the next, not even the time (
 from __future__ import annotations
 
 import importlib
-import tempfile
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import SimulationError
+from scex_sumo.files import TemporaryFolder
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 from scex_sumo.world.batch import Batch, Some, SumoDriven, vehicle_ids
 from scex_sumo.world.colors import Rgb
@@ -77,7 +77,7 @@ class SumoWorld:
             SimulationError: the net cannot be read.
         """
         self._scene = scene
-        self._temporary = tempfile.TemporaryDirectory(prefix="scex-world-")
+        self._temporary = TemporaryFolder()
         self._types = TypeBook(scene)
         self._session = SumoSession(
             net,

@@ -52,6 +52,11 @@ def test_a_fixed_vehicle_has_its_model_in_every_child() -> None:
     assert set(np.unique(picked[:, [0, 2]])) == {0, 1}
 
 
+def test_two_models_for_fourteen_vehicles_are_too_many_combinations() -> None:
+    with pytest.raises(UsageError, match="16,384 combinations for 14 vehicles, at most 10,000"):
+        assignments([1, 1], range(14), children=None, seed=0)
+
+
 def test_a_fixed_vehicle_is_left_out_of_the_combinations() -> None:
     picked = assignments([1, 1], [4, 9, 2], children=None, seed=0, fixed={9: 1})
     assert picked.shape == (4, 3)

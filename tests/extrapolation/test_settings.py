@@ -24,6 +24,8 @@ from tests.seeds import straight_seed
         ({"seed": -1}, "--seed: got -1, needs 0 or more"),
         ({"models": []}, "--models: names no model"),
         ({"children": 0}, r"--children: got 0, needs at least 1 \(or 'all'\)"),
+        ({"children": 10**8}, "--children: got 100,000,000, at most 100,000 are run"),
+        ({"steps": 10**5}, "--steps: got 100,000, at most 6,000 are run"),
         ({"children": "some"}, "--children: got 'some', needs a number or 'all'"),
         ({"design": "best"}, "unknown design 'best'"),
         ({"until_band": 0.05, "children": "all"}, "--until-band: all combinations leave nothing to estimate"),
@@ -34,6 +36,17 @@ from tests.seeds import straight_seed
 def test_a_setting_that_makes_no_sense_is_refused_by_its_option(given: dict[str, Any], words: str) -> None:
     with pytest.raises(UsageError, match=words):
         RunSettings(**given)
+
+
+@pytest.mark.parametrize("name", ["TTC", "1/TTC", " 1/ttc [1/s]", "ttc"])
+def test_a_threshold_names_its_metric_as_it_is_printed(name: str) -> None:
+    assert RunSettings(thresholds={name: 0.5}).thresholds == {"ttc": 0.5}
+
+
+def test_more_states_than_a_machine_holds_are_refused_with_their_number() -> None:
+    settings = RunSettings(children=100_000, steps=6_000)
+    with pytest.raises(UsageError, match="1,800,000,000 states, at most 200,000,000 are run"):
+        settings.check_size(100_000, 3)
 
 
 def test_an_unknown_setting_is_refused_with_the_known_ones() -> None:

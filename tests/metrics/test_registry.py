@@ -29,6 +29,7 @@ from scex_sumo.metrics.registry import (
     METRICS,
     PAPER_METRICS,
     THRESHOLDS,
+    column_named,
     columns_of,
     describe_metrics,
     learn_metrics,
@@ -221,3 +222,34 @@ def test_values_that_do_not_fit_the_scenes_are_refused() -> None:
         evaluate(vehicles(1.0, 2.0), None, metrics=["odd"])
     with pytest.raises(InputError, match="metric bare: returned ndarray, needs Samples"):
         evaluate(vehicles(1.0, 2.0), None, metrics=["bare"])
+
+
+@pytest.mark.parametrize(
+    ("text", "column"),
+    [
+        ("TTC", "ttc"),
+        ("1/TTC", "ttc"),
+        ("1/TTC [1/s]", "ttc"),
+        ("Gap Time", "gap_time"),
+        ("gap-time", "gap_time"),
+        ("traffic quality", "tq"),
+        ("WTTC mean", "wttc_mean"),
+        ("mean 1/TTC", "ttc_mean"),
+        ("TTC_MEAN", "ttc_mean"),
+    ],
+)
+def test_a_column_is_known_by_what_is_printed(text: str, column: str) -> None:
+    assert column_named(text) == column
+
+
+def test_a_column_that_nobody_means_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(UsageError, match="unknown metric 'speed'; known: distance, distance_mean"):
+        column_named("speed")
+
+
+def test_metrics_are_named_as_they_are_printed() -> None:
+    assert [m.name for m in metrics_named(["TTC", "gap time", "DRAC", "1/ttc"])] == [
+        "ttc",
+        "gap_time",
+        "drac",
+    ]

@@ -68,11 +68,25 @@ def test_a_part_cut_off_in_the_writing_does_not_count(filled: Path) -> None:
     assert [path.name for path in file.parent.iterdir()] == [file.name]
 
 
-def test_a_damaged_part_is_named(filled: Path) -> None:
+@pytest.mark.parametrize("content", [b"", b"PAR1"])
+def test_a_damaged_part_runs_again(filled: Path, content: bytes) -> None:
     (file,) = filled.glob("children/location=there/seed=two_t1.0/*.parquet")
-    file.write_bytes(b"PAR1")
-    with RankFolder(filled, PLAN) as folder, pytest.raises(ResultError, match=r"two_t1\.0.*remove it"):
-        folder.read(TWO, 0)
+    file.write_bytes(content)
+    with RankFolder(filled, PLAN) as folder:
+        assert not folder.has(TWO, 0)
+        folder.append(TWO, moment_part(0, 4))
+        assert folder.read(TWO, 0)["child"].to_pylist() == [0, 1, 2, 3]
+
+
+def test_a_damaged_listing_or_failure_is_looked_at_again(filled: Path) -> None:
+    with RankFolder(filled, PLAN) as folder:
+        folder.save_listing(Listing(recording="r", moments=(ONE,)))
+        folder.fail(Failure.of(ONE, "broken"))
+    for file in (*filled.glob("seeds/*.json"), *filled.glob("failed/*.json")):
+        file.write_bytes(file.read_bytes()[:9])
+    with RankFolder(filled, PLAN) as folder:
+        assert folder.listing("r") is None
+        assert folder.failures() == {}
 
 
 def test_another_ranking_is_kept_unless_told_otherwise(filled: Path) -> None:

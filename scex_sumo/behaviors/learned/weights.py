@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -19,6 +20,8 @@ from scex_sumo.errors import InputError
 from scex_sumo.files import write_atomic
 from scex_sumo.version import __version__
 
+LARGEST_NUMBER = 1024
+"""No number of an architecture is larger: a header that lies shall not cost memory."""
 FORMAT = "scex-sumo weights 1"
 KINDS: Mapping[str, type[GraphPredictorNet] | type[GraphImageNet]] = {
     "graph": GraphPredictorNet,
@@ -93,9 +96,12 @@ def _build(file: Path, kind: str, content: dict[str, Any]) -> GraphPredictorNet 
         unknown = set(content["architecture"]) - known
         if unknown:
             raise ValueError(f"unknown number {min(unknown)}")
+        for name, number in content["architecture"].items():
+            if type(number) not in (int, bool) or not 0 <= number <= LARGEST_NUMBER:
+                raise ValueError(f"{name} is {str(number)[:20]}, a number up to {LARGEST_NUMBER} expected")
         net = KINDS[kind](Architecture(**content["architecture"]))
         net.load_state_dict(content["state"])
-    except (RuntimeError, TypeError, ValueError, KeyError, AttributeError) as error:
+    except (RuntimeError, TypeError, ValueError, KeyError, AttributeError, ArithmeticError) as error:
         words = " ".join(str(error).split())[:160]
         raise InputError(
             f"{file}: weights of another architecture ({words}); train again with: scex-sumo train {kind}"
@@ -110,7 +116,9 @@ def _read(file: Path) -> dict[str, Any]:
         found = "is a folder" if file.is_dir() else "no such file"
         raise InputError(f"{file}: {found}; give a file that 'scex-sumo train' wrote")
     try:
-        content = torch.load(file, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings():  # what torch doubts about a file, the error below says in one line
+            warnings.simplefilter("ignore")
+            content = torch.load(file, map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises whatever its unpickler meets
         raise InputError(
             f"{file}: no file of weights ({type(error).__name__}); give one that 'scex-sumo train' wrote"
@@ -120,11 +128,19 @@ def _read(file: Path) -> dict[str, Any]:
         not isinstance(content, dict)
         or content.get("format") != FORMAT
         or any(k not in content for k in needed)
+        or not all(isinstance(content[k], str) for k in ("kind", "version"))
+        or not all(_is_named(content[k]) for k in ("columns", "state", "meta"))
+        or not all(isinstance(names, list | tuple) for names in content["columns"].values())
     ):
         raise InputError(
             f"{file}: a PyTorch file, but not weights of scex-sumo; give a file that 'scex-sumo train' wrote"
         )
     return content
+
+
+def _is_named(value: object) -> bool:
+    """Whether a value is a mapping of texts."""
+    return isinstance(value, Mapping) and all(isinstance(key, str) for key in value)
 
 
 def sha256_of(file: Path) -> str:

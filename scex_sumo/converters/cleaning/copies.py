@@ -1,12 +1,11 @@
-"""Copies: several samples of one track with one time stamp."""
+"""Copies: several samples of one track with one time stamp, also of two road users under one id."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.tracks.rows import TrackRows
-from scex_sumo.errors import TrackError
+from scex_sumo.converters.tracks.rows import TrackRows, segments_of
 
 APART_M = 3.0
 """Samples farther apart than this are two road users, or one of them is wrong."""
@@ -14,19 +13,19 @@ FIT_M = 1.5
 """A sample so close to the middle between its neighbours in time fits them."""
 
 
-def drop_copies(rows: TrackRows, path: str) -> tuple[TrackRows, list[str]]:
+def drop_copies(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     """Keep one sample per track and stamp.
 
     The one nearest to the middle of the samples before and after; where those are doubled too (two camera
-    frames for every stamp), always the first, so that the kept ones are equally far apart in time.
+    frames for every stamp), always the first, so that the kept ones are equally far apart in time. Where they
+    are far apart, and none fits or those before or after are doubled too, two road users share an id: all
+    samples of that while are left out, as long as the stamps are doubled.
 
     Args:
         rows: the samples.
-        path: the file, for the error.
 
-    Raises:
-        TrackError: they are far apart, and none fits or those before or after are doubled too: two road users
-            share an id.
+    Returns:
+        The rows, and a phrase for each of both findings.
     """
     again = np.append(False, (np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0))
     if not again.any():
@@ -40,16 +39,34 @@ def drop_copies(rows: TrackRows, path: str) -> tuple[TrackRows, list[str]]:
     best = np.lexsort((off, group))[first]
     kept = np.where(lonely, best, first)
     unclear = (spread > APART_M) & ~(lonely & (off[kept] < FIT_M))
-    if unclear.any():
-        where = int(np.argmax(unclear))
-        row = first[where]
-        raise TrackError(
-            f"{path}: track {rows.labels[rows.track[row]]} is twice at {rows.timestamp_ms[row]:.0f} ms, "
-            f"{spread[where]:.1f} m apart (frame {rows.frame_id[row]}); give every road user its own track_id"
-        )
+    shared = _whole_whiles(unclear, last > first, rows.track[first])
     keep = np.zeros(len(rows), bool)
-    keep[kept] = True
-    return rows.take(keep), [f"{int(again.sum())} samples with the time stamp of another dropped"]
+    keep[kept[~shared]] = True
+    found = []
+    dropped = int((again & ~shared[group]).sum())
+    if dropped:
+        found.append(f"{dropped} samples with the time stamp of another dropped")
+    if shared.any():
+        found.append(_shared_ids(rows, first[shared]))
+    taken = rows.take(keep)
+    new = (np.diff(taken.segment) != 0) | (np.diff(segments_of(taken.track, taken.timestamp_ms)) != 0)
+    return taken.with_columns(segment=np.append(0, np.cumsum(new)).astype(np.int64)[: len(taken)]), found
+
+
+def _whole_whiles(unclear: BoolArray, doubled: BoolArray, track: IntArray) -> BoolArray:
+    """(G,) groups of samples that lie in an uninterrupted row of doubled stamps with an unclear one."""
+    begins = np.append(True, (np.diff(track) != 0) | (doubled[1:] != doubled[:-1]))
+    run: IntArray = np.cumsum(begins) - 1
+    has = np.zeros(int(run[-1]) + 1, bool)
+    has[run[unclear]] = True
+    return np.asarray(has[run] & doubled)
+
+
+def _shared_ids(rows: TrackRows, begins: IntArray) -> str:
+    """What was found of ids that two road users share; ``begins`` are rows at each stamp of those whiles."""
+    labels = [rows.labels[k] for k in np.unique(rows.track[begins])]
+    named = ", ".join(labels[:5]) + (f" and {len(labels) - 5} more" if len(labels) > 5 else "")
+    return f"one track id of two road users for a while, {len(begins)} stamps left out: {named}"
 
 
 def _off_middle(

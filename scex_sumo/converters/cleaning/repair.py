@@ -10,6 +10,7 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.converters.cleaning.copies import drop_copies
 from scex_sumo.converters.cleaning.heading import FORWARD_MPS, STANDING_MPS, repair_headings
+from scex_sumo.converters.cleaning.plausible import drop_implausible
 from scex_sumo.converters.cleaning.smooth import derivative, position_noise, smooth
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 
@@ -50,14 +51,12 @@ LIMITS = RepairLimits()
 def repair_tracks(table: TrackTable, limits: RepairLimits = LIMITS) -> tuple[TrackTable, tuple[str, ...]]:
     """Repair a recording (or one case of a file of cases).
 
-    In this order: samples with the stamp of another, tracker warm-up, jumps, velocities and noise, headings.
+    In this order: samples with the stamp of another, tracker warm-up, jumps, velocities and noise, headings,
+    tracks of implausible size or speed.
 
     Returns:
         The repaired table, and one phrase with counts for each kind of defect of the vehicles; one more
         where the others have defects.
-
-    Raises:
-        TrackError: a track is in two places at once and none of them is the likelier one.
     """
     vehicles, findings = _repair(table.vehicles, table, limits, FORWARD_MPS)
     # Pedestrians and cyclists face where they go.
@@ -75,11 +74,12 @@ def _repair(
     if not len(rows):
         return rows, findings
     steps: tuple[Callable[[TrackRows], tuple[TrackRows, list[str]]], ...] = (
-        lambda rows: drop_copies(rows, str(table.path)),
+        drop_copies,
         lambda rows: (rows, []) if table.has_cases else _drop_warm_up(rows, limits),
         lambda rows: _cut_jumps(rows, limits),
         lambda rows: _renew_motion(rows, limits),
         lambda rows: repair_headings(rows, forward_mps),
+        drop_implausible,
     )
     for step in steps:
         rows, found = step(rows)

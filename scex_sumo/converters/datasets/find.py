@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import gzip
 import os
 import re
+import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -12,12 +12,16 @@ from pathlib import Path
 
 from scex_sumo.converters.datasets.reader import chains, chunk_span
 from scex_sumo.converters.formats import (
+    all_there,
     has_lane_markings,
     is_commonroad,
     is_levelx,
     map_name,
+    open_binary,
     read_meta,
     recording_file,
+    there,
+    unpacked_name,
 )
 from scex_sumo.converters.lanelet.file import read_map_file
 from scex_sumo.converters.lanelet.origin import META_DATA
@@ -82,28 +86,30 @@ def _walk(root: Path) -> Iterator[Path]:
     for folder, below, names in os.walk(root):
         below[:] = sorted(name for name in below if not name.startswith("."))
         yield from (
-            Path(folder, name) for name in sorted(names) if name.endswith((".csv", ".xml", ".xml.gz"))
+            Path(folder, name)
+            for name in sorted(names)
+            if name.endswith((".csv", ".csv.gz", ".xml", ".xml.gz"))
         )
 
 
 def _named(path: Path) -> list[Path]:
     """The tracks that a file stands for: itself, or of a map all that lie where the layouts have them."""
-    if path.suffix != ".osm":
+    if not unpacked_name(path).endswith(".osm"):
         return [path]
-    name, above = path.stem, path.parent.parent
+    name, above = Path(unpacked_name(path)).stem, path.parent.parent
     beside = [
-        path.with_suffix(".csv"),
+        path.with_name(f"{name}.csv"),
         above / "train" / f"{name}_train.csv",
         above / "val" / f"{name}_val.csv",
     ]
-    found = sorted((above / "recorded_trackfiles" / name).glob("vehicle_tracks_*.csv"))
-    return [*found, *(file for file in beside if file.is_file())]
+    found = all_there(above / "recorded_trackfiles" / name, "vehicle_tracks_*.csv")
+    return [*found, *(file for file in map(there, beside) if file is not None)]
 
 
 def _recordings(files: Iterable[Path]) -> Iterator[Recording]:
     files = list(files)
     for path in files:
-        if path.suffix == ".csv":
+        if unpacked_name(path).endswith(".csv"):
             recording = _levelx(path) if is_levelx(path) else _interaction(path)
             if recording is not None:
                 yield recording
@@ -121,15 +127,16 @@ def _recordings(files: Iterable[Path]) -> Iterator[Recording]:
 
 def _interaction(path: Path) -> Recording | None:
     """INTERACTION's and TAF-BW's layouts, and a file beside its map; None where the path fits none."""
-    folder = path.parent
+    folder, stem = path.parent, Path(unpacked_name(path)).stem
+    beside = there(path.with_name(f"{stem}.osm"))
     if path.name.startswith("vehicle_tracks_"):
         map_path = folder.parent.parent / "maps" / f"{folder.name}.osm"
-        if not map_path.is_file() and path.with_name(f"{folder.name}.osm").is_file():
-            map_path = path.with_name(f"{folder.name}.osm")
-    elif folder.name in ("train", "val") and path.stem.endswith(f"_{folder.name}"):
-        map_path = folder.parent / "maps" / f"{path.stem.removesuffix(f'_{folder.name}')}.osm"
-    elif path.with_suffix(".osm").is_file():
-        map_path = path.with_suffix(".osm")
+        map_path = there(map_path) or there(path.with_name(f"{folder.name}.osm")) or map_path
+    elif folder.name in ("train", "val") and stem.endswith(f"_{folder.name}"):
+        map_path = folder.parent / "maps" / f"{stem.removesuffix(f'_{folder.name}')}.osm"
+        map_path = there(map_path) or map_path
+    elif beside is not None:
+        map_path = beside
     else:
         return None
     return Recording(
@@ -161,7 +168,9 @@ def _levelx(path: Path) -> Recording:
 def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
     """The Lanelet2 map in ``maps``, beside or above the tracks, nearest to where they were recorded."""
     folders = [folder / "maps" for folder in (path.parent, path.parent.parent)]
-    maps = sorted(file for folder in folders for file in folder.rglob("*.osm"))
+    maps = sorted(
+        file for folder in folders for end in ("osm", "osm.gz") for file in folder.rglob(f"*.{end}")
+    )
     unknown = folders[-1] / f"location{meta.get('locationId', '')}.osm"
     try:
         place = float(meta["latLocation"]), float(meta["lonLocation"])
@@ -183,9 +192,9 @@ def _place(map_path: Path, _changed_ns: int) -> tuple[float, float]:
 def _is_scenario(path: Path) -> bool:
     """Whether an XML file is a CommonRoad scenario, by its beginning; unreadable ones count."""
     try:
-        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+        with open_binary(path) as file:
             return b"<commonRoad" in file.read(4096)
-    except (OSError, EOFError):
+    except (OSError, EOFError, zlib.error):
         return True
 
 

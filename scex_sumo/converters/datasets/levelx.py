@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,15 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.cleaning.heading import FORWARD_MPS
-from scex_sumo.converters.formats import has_lane_markings, number, read_meta, read_rows, recording_file
-from scex_sumo.converters.tracks.reader import MOTOR_TYPES, OBSTACLE_SIZES
+from scex_sumo.converters.formats import (
+    has_lane_markings,
+    number,
+    open_binary,
+    read_meta,
+    read_rows,
+    recording_file,
+)
+from scex_sumo.converters.tracks.kinds import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
 from scex_sumo.geometry.polylines import wrap
@@ -58,17 +66,31 @@ def read_levelx(path: str | Path) -> TrackTable:
         where = recording_file(path, "tracksMeta")
         raise TrackError(f"{where}: no row for track {missing[0]}; take the files as published")
     frame: IntArray = flat.pop("frame").astype(np.int64)
-    motor = np.array([kind[int(number)] in MOTOR_TYPES for number in ids], bool)
+    flat_kind, notes = _kinds(ids, kind, flat)
+    motor = np.array([flat_kind[int(number)] in MOTOR_TYPES for number in ids], bool)
     return TrackTable(
         path=path,
         cases=("",),
-        vehicles=_rows(flat, ids, frame, kind, rate_hz, motor),
-        others=_rows(flat, ids, frame, kind, rate_hz, ~motor),
+        vehicles=_rows(flat, ids, frame, flat_kind, rate_hz, motor),
+        others=_rows(flat, ids, frame, flat_kind, rate_hz, ~motor),
         step_s=1.0 / rate_hz,
+        notes=notes,
     )
 
 
-def _ind(columns: dict[str, FloatArray]) -> dict[str, FloatArray]:
+def _kinds(
+    ids: IntArray, kind: dict[int, str], flat: dict[str, FloatArray]
+) -> tuple[dict[int, str], tuple[str, ...]]:
+    """Types by id, and what was found of unknown ones."""
+    numbers, track = np.unique(ids, return_inverse=True)
+    types = sorted(set(kind.values()))
+    given = np.array([types.index(kind[int(number)]) for number in numbers], np.int64)
+    speed = np.hypot(flat["vx"], flat["vy"])
+    found, notes = with_unknown_vehicles(types, given, track, flat["length"], flat["width"], speed)
+    return {int(number): types[k] for number, k in zip(numbers, found, strict=True)}, notes
+
+
+def _ind(columns: dict[str, Any]) -> dict[str, Any]:
     return {
         "id": columns["trackId"],
         "frame": columns["frame"],
@@ -82,9 +104,7 @@ def _ind(columns: dict[str, FloatArray]) -> dict[str, FloatArray]:
     }
 
 
-def _highd(
-    columns: dict[str, FloatArray], of_track: dict[int, dict[str, str]], path: Path
-) -> dict[str, FloatArray]:
+def _highd(columns: dict[str, Any], of_track: dict[int, dict[str, str]], path: Path) -> dict[str, FloatArray]:
     vx, vy = columns["xVelocity"], -columns["yVelocity"]
     ways = {i: number(row.get("drivingDirection")) for i, row in of_track.items()}
     if not set(ways.values()) <= {1.0, 2.0}:
@@ -116,7 +136,7 @@ def _rows(
     """Rows of vehicles, or of others; sizes that others lack are usual ones."""
     numbers, track = np.unique(ids[keep], return_inverse=True)
     kinds = tuple(kind[int(number)] for number in numbers)
-    usual = np.array([OBSTACLE_SIZES.get(name, OBSTACLE_SIZES["bicycle"]) for name in kinds]).reshape(-1, 2)
+    usual = np.array([obstacle_size(name) for name in kinds]).reshape(-1, 2)
     columns = {name: values[keep] for name, values in flat.items()}
     for name, size in (("length", usual[:, :1]), ("width", usual[:, 1:])):
         columns[name] = np.where(columns[name] > 0.0, columns[name], size[track, 0])
@@ -147,7 +167,7 @@ def _track_meta(path: Path, id_column: str) -> dict[int, dict[str, str]]:
     return found
 
 
-def _read_columns(path: Path, names: tuple[str, ...]) -> dict[str, FloatArray]:
+def _read_columns(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
     """The named columns as numbers.
 
     Raises:
@@ -157,18 +177,21 @@ def _read_columns(path: Path, names: tuple[str, ...]) -> dict[str, FloatArray]:
     from pyarrow import csv as fast
 
     options: Any = fast.ConvertOptions(
-        include_columns=list(names), column_types=dict.fromkeys(names, pa.float64())
+        include_columns=list(names),
+        column_types={name: pa.int64() if name in ("id", "trackId") else pa.float64() for name in names},
     )
     try:
-        arrow = fast.read_csv(path, convert_options=options)
+        with open_binary(path) as file:
+            arrow = fast.read_csv(file, convert_options=options)
     except FileNotFoundError:
         raise TrackError(f"{path}: no such file; check the path of the tracks") from None
     except pa.ArrowKeyError as error:
         name = re.sub(r".*'(.*)'.*", r"\1", str(error).splitlines()[0])
         raise TrackError(f"{path}: no column {name}; such tracks have {', '.join(names)}") from None
-    except (pa.ArrowInvalid, OSError) as error:
-        raise TrackError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from None
-    columns = {name: np.array(arrow[name].to_numpy(), np.float64) for name in names}
+    except (pa.ArrowInvalid, OSError, EOFError, zlib.error) as error:
+        raise TrackError(f"{path}: cannot be read ({str(error).splitlines()[0][:160]})") from None
+    # An id stays an integer; one that is missing makes the column floats, and an error below.
+    columns = {name: np.array(arrow[name].to_numpy()) for name in names}
     if not arrow.num_rows:
         raise TrackError(f"{path}: a header and no rows; give a file with tracks")
     for name, values in columns.items():

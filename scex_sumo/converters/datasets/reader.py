@@ -16,7 +16,7 @@ from scex_sumo.converters.cleaning.align import Evidence, align_tracks, evidence
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.commonroad.tracks import read_commonroad_tracks, repair_commonroad
 from scex_sumo.converters.datasets.levelx import read_levelx
-from scex_sumo.converters.formats import is_commonroad, is_levelx, map_name
+from scex_sumo.converters.formats import all_there, is_commonroad, is_levelx, map_name
 from scex_sumo.converters.moments.sample import resample
 from scex_sumo.converters.moments.scene import Clean
 from scex_sumo.converters.tracks.reader import read_tracks
@@ -44,9 +44,8 @@ def read_recorded(paths: Sequence[Path]) -> tuple[TrackTable, tuple[str, ...]]:
         return _stitch([read_commonroad_tracks(path) for path in paths])
     if is_commonroad(paths[0]):
         return read_commonroad_tracks(paths[0])
-    if is_levelx(paths[0]):
-        return read_levelx(paths[0]), ()
-    return read_tracks(paths[0]), ()
+    table = read_levelx(paths[0]) if is_levelx(paths[0]) else read_tracks(paths[0])
+    return table, table.notes
 
 
 def read_clean(paths: Sequence[Path], road: Road | None, *, repair: bool = True, align: bool = True) -> Clean:
@@ -96,7 +95,7 @@ def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
     if span is not None:
         files = [file for file in path.parent.iterdir() if (chunk_span(file) or ("",))[0] == span[0]]
     elif path.name.startswith("vehicle_tracks_"):
-        files = list(path.parent.glob("vehicle_tracks_*.csv"))
+        files = all_there(path.parent, "vehicle_tracks_*.csv")
     else:
         return
     for file in sorted(files):

@@ -8,9 +8,11 @@ from functools import lru_cache
 from pathlib import Path
 
 from scex_sumo.converters.cleaning.align import evidence, on_lanes
+from scex_sumo.converters.cleaning.misfit import LEAST_ON_LANES, why_beside
 from scex_sumo.converters.datasets.find import Recording, find_recordings
 from scex_sumo.converters.datasets.reader import read_clean
-from scex_sumo.converters.formats import map_name
+from scex_sumo.converters.datasets.seed import recorded_files
+from scex_sumo.converters.formats import map_name, unpacked_name
 from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.moments.moments import Moment, moments
@@ -28,10 +30,6 @@ __all__ = [
     "recording_moments",
     "seed_at",
 ]
-
-
-LEAST_ON_LANES = 0.1
-"""A recording with a smaller share of its driving on lanes does not belong to its map."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +59,11 @@ def load_recording(recording: Recording) -> LoadedRecording:
     """
     map_path, track_path = recording.map_path, recording.track_paths[0]
     stamp = map_path.stat().st_mtime_ns if map_path.exists() else 0
-    origin = recorded_origin(map_path, tracks_path=track_path) if map_path.suffix == ".osm" else None
+    origin = (
+        recorded_origin(map_path, tracks_path=track_path)
+        if unpacked_name(map_path).endswith(".osm")
+        else None
+    )
     road = _read_road(map_path, stamp, origin)
     clean = read_clean(recording.track_paths, road)
     _check(clean.table, road, map_path)
@@ -110,15 +112,25 @@ def recording_moments(loaded: LoadedRecording, *, every_s: float) -> list[Moment
     return moments(loaded.table, every_s=every_s)
 
 
+def beside_lanes(map_path: Path, tracks: Path | None, road: Road) -> str:
+    """Why no vehicle of a moment is on a mapped lane: the moment, the origin or the map, with the remedy."""
+    samples = evidence(read_clean(recorded_files(map_path, tracks), road).table.vehicles)
+    share = on_lanes(samples, road)
+    if len(samples.x) and share >= LEAST_ON_LANES:
+        return f"though {share:.0%} of the recording's driving is; choose another moment with --time S"
+    return why_beside(samples, road)
+
+
 def _check(table: TrackTable, road: Road, map_path: Path) -> None:
     """Refuse tracks that no seed scene can be made of."""
     if not len(table.vehicles):
         raise TrackError(f"{table.path}: no motor vehicle among the tracks; leave it out")
-    share = on_lanes(evidence(table.vehicles), road)
+    samples = evidence(table.vehicles)
+    share = on_lanes(samples, road)
     if share < LEAST_ON_LANES:
         raise TrackError(
-            f"{table.path}: only {share:.0%} of where its vehicles drive is on lanes of {map_path}; the map "
-            f"is another site's, or its origin {road.origin[0]:g},{road.origin[1]:g} not the recording's"
+            f"{table.path}: only {share:.0%} of where its vehicles drive is on lanes of {map_path}; "
+            f"{why_beside(samples, road)}"
         )
 
 

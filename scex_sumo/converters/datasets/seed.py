@@ -45,7 +45,7 @@ def recorded_scene(
             vehicles.
     """
     map_path = Path(map_path)
-    paths = _files(find_tracks(map_path) if tracks is None else Path(tracks))
+    paths = recorded_files(map_path, tracks)
     return take_scene(
         read_clean(paths, road, repair=repair, align=align),
         name=recording_name(map_path, paths),
@@ -56,8 +56,9 @@ def recorded_scene(
     )
 
 
-def _files(path: Path) -> tuple[Path, ...]:
-    """The chunks of a folder that holds one recording of them; else the path itself."""
+def recorded_files(map_path: Path, tracks: str | Path | None) -> tuple[Path, ...]:
+    """The files of a recording: the chunks of a folder that holds one recording of them; else one file."""
+    path = find_tracks(map_path) if tracks is None else Path(tracks)
     if path.is_dir():
         found = chains([file for file in path.iterdir() if is_commonroad(file)])
         if len(found) == 1:

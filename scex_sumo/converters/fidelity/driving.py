@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import tempfile
 from collections import defaultdict
 from dataclasses import asdict, dataclass
 from itertools import pairwise
@@ -18,6 +17,7 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.fidelity.loading import sumo_binary
 from scex_sumo.converters.fidelity.net import Net, read_net
 from scex_sumo.errors import SimulationError
+from scex_sumo.files import TemporaryFolder
 from scex_sumo.geometry.loose_ends import begin_inside
 
 LENGTH_M = 4.7
@@ -101,7 +101,7 @@ def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0, se
     if not routes:
         raise SimulationError(f"{net_path}: no route from border to border for cars; nothing to drive")
     order = np.random.default_rng(seed).permutation(np.arange(vehicles) % len(routes))
-    with tempfile.TemporaryDirectory() as folder:
+    with TemporaryFolder() as folder:
         demand = Path(folder) / "demand.rou.xml"
         demand.write_text(_demand([routes[k] for k in order], headway_s), encoding="utf-8")
         said = _simulate(net_path, demand, Path(folder), seed, vehicles * headway_s + DRAIN_S)

@@ -6,14 +6,17 @@ broken in it, is found here with the standard library alone.
 
 from __future__ import annotations
 
+import gzip
 import math
 import re
+import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 from xml.etree import ElementTree
 
+from scex_sumo.converters.formats import open_binary
 from scex_sumo.errors import MapError
 from scex_sumo.files import quoted
 
@@ -100,7 +103,7 @@ def read_map_file(path: str | Path) -> MapFile:
     on Earth are left out; both is noted.
 
     Args:
-        path: an ``.osm`` file.
+        path: an ``.osm`` file, or one packed as ``.osm.gz``.
 
     Raises:
         MapError: the file is missing, is no file, is not XML, or is not an OSM file.
@@ -170,7 +173,10 @@ def _parse(path: Path) -> ElementTree.Element:
     if not path.is_file():
         raise MapError(f"{path}: no such map; name a Lanelet2 .osm file")
     try:
-        root = ElementTree.parse(path).getroot()
+        with open_binary(path) as file:
+            root = ElementTree.parse(file).getroot()
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise MapError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
     except ElementTree.ParseError as error:
         raise MapError(f"{path}: not XML ({error}); name a Lanelet2 .osm file") from None
     except (OSError, ValueError, LookupError) as error:

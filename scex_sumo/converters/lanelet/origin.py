@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.converters.formats import is_levelx, read_meta, recording_file
+from scex_sumo.converters.formats import is_levelx, map_name, read_meta, recording_file
 from scex_sumo.converters.lanelet.file import MapFile, read_map_file
 from scex_sumo.converters.lanelet.projection import to_degrees
 from scex_sumo.converters.lanelet.repair import STRAY_M, Place, distance_m, middle
@@ -107,8 +107,8 @@ def _meta_data_paths(map_path: Path, tracks_path: Path | None) -> Iterator[Path]
         folder = tracks_path if tracks_path.is_dir() else tracks_path.parent
         yield folder / META_DATA
     yield map_path.parent / META_DATA
-    yield map_path.parent / map_path.stem / META_DATA
-    yield map_path.parent.parent / "recorded_trackfiles" / map_path.stem / META_DATA
+    yield map_path.parent / map_name(map_path) / META_DATA
+    yield map_path.parent.parent / "recorded_trackfiles" / map_name(map_path) / META_DATA
 
 
 def _levelx_origin(meta_path: Path, map_path: Path) -> Place | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from lanelet2 import io, projection, traffic_rules
 
+from scex_sumo.converters.formats import map_name
 from scex_sumo.converters.lanelet.elements import Points, areas, markings, regulations
 from scex_sumo.converters.lanelet.file import MapFile, list_ids, read_map_file, write_map_file
 from scex_sumo.converters.lanelet.graph import Map, Rules, Vertex, drawn_vertices, related_lanes
@@ -22,6 +22,7 @@ from scex_sumo.converters.lanelet.stops import attach
 from scex_sumo.converters.lanelet.subtypes import as_roads, unknown_subtypes
 from scex_sumo.converters.lanelet.tags import COUNTRIES, lane_speed_mps, map_country, says_limit
 from scex_sumo.errors import MapError
+from scex_sumo.files import TemporaryFolder
 from scex_sumo.geometry.polylines import bounds_cross
 from scex_sumo.road import Lane, Loss, Road
 
@@ -42,7 +43,7 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
     broken in the map is mended or left out, and said in the road's notes; what is lost, in its losses.
 
     Args:
-        map_path: an ``.osm`` file.
+        map_path: an ``.osm`` file, or one packed as ``.osm.gz``.
         origin: latitude and longitude in degrees to project with (UTM); None takes that of a
             ``meta_data.csv`` near the map, 0, 0 for a map drawn there, else the map's south-west corner.
         country: whose speed limits hold where the map gives none, e.g. ``us``; None for the country that the
@@ -80,7 +81,7 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
     losses += [Loss(kind="lanelets", why="left out, broken", elements=tuple(broken))] if broken else []
     losses += [Loss(kind="lights", why="without a lane", elements=stops.lost)] if stops.lost else []
     return Road(
-        name=path.stem,
+        name=map_name(path),
         lanes=lanes,
         regulations=stops.rules,
         markings=markings(map_file, lines),
@@ -169,11 +170,13 @@ def _load(
 def _parse(map_file: MapFile, origin: Place, mended: bool) -> tuple[Map, list[str]]:
     """Have Lanelet2 read the map's file, or a mended copy; returns its map and its complaints."""
     projector = projection.UtmProjector(io.Origin(*origin))
+    # Lanelet2 reads neither packed files nor paths that are not UTF-8.
+    itself = str(map_file.path).endswith(".osm") and str(map_file.path).isprintable()
     try:
-        if not mended:
+        if itself and not mended:
             lanelet_map, errors = io.loadRobust(str(map_file.path), projector)
         else:
-            with tempfile.TemporaryDirectory(prefix="scex-sumo-") as folder:
+            with TemporaryFolder() as folder:
                 copy = Path(folder) / "mended.osm"
                 write_map_file(map_file, copy)
                 lanelet_map, errors = io.loadRobust(str(copy), projector)

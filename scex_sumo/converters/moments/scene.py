@@ -14,7 +14,7 @@ from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.formats import map_name
 from scex_sumo.converters.moments.moments import CASE_FRAME, STAMP_MS, busiest, moments
 from scex_sumo.converters.moments.sample import Sampled, sample
-from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, number_of
 from scex_sumo.errors import TrackError
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene
 
@@ -187,7 +187,7 @@ def _build(
         notes.append(f"{int((~keep).sum())} vehicles with less than {min_history} previous steps left out")
     valid = cars.recorded[keep, HISTORY_STEPS + 1 :]
     states = cars.states[keep]
-    ids = [int(float(rows.labels[k])) for k in cars.track[keep]]
+    ids = [number_of(rows.labels[k]) for k in cars.track[keep]]
     return SeedScene(
         name=_moment_name(name, case_id, moment_ms),
         location=location,

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import math
+import zlib
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
+from scex_sumo.converters.formats import open_binary, open_text
 from scex_sumo.errors import TrackError
 
 BASE_COLUMNS = ("track_id", "timestamp_ms", "agent_type", "x", "y", "vx", "vy")
 SHAPE_COLUMNS = ("psi_rad", "length", "width")
+MISSING = ("", "NA", "N/A", "#N/A", "NULL", "null", "None", "NaN", "nan", "n/a")
+"""Words for a value that is not there."""
+
+LARGEST = {"timestamp_ms": 1e16, "x": 1e8, "y": 1e8, "vx": 1e4, "vy": 1e4, "psi_rad": 1e4}
+"""Largest magnitude that a value can have at all; sizes have 1e4."""
+
 _NEEDED = f"INTERACTION tracks need {', '.join((*BASE_COLUMNS, *SHAPE_COLUMNS))}"
 
 
@@ -23,12 +32,16 @@ def check_header(path: Path) -> list[str]:
     if path.is_dir():
         raise TrackError(f"{path}: a folder; give one CSV file of it, e.g. vehicle_tracks_000.csv")
     try:
-        with path.open("rb") as file:
+        with open_binary(path) as file:
             first = file.readline(65536)
     except FileNotFoundError:
         raise TrackError(f"{path}: no such file; check the path of the tracks") from None
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise TrackError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
     except OSError as error:
         raise TrackError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
+    if b"\r" in first.rstrip(b"\r\n"):
+        raise TrackError(f"{path}: its lines end with CR alone; save it with LF or CRLF")
     if not first.strip():
         raise TrackError(f"{path}: empty; give a CSV file with tracks")
     try:
@@ -43,10 +56,11 @@ def check_header(path: Path) -> list[str]:
 
 def _check_names(path: Path, line: str) -> list[str]:
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
-        if mark in line and "," not in line:
+        if line.count(mark) > line.count(","):
             raise TrackError(f"{path}: columns are separated by {name}; save it with commas")
     header = [name.strip().strip('"') for name in line.split(",")]
-    twice = sorted({name for name in header if header.count(name) > 1})
+    known = (*BASE_COLUMNS, *SHAPE_COLUMNS, "frame_id", "case_id")
+    twice = [name for name in known if header.count(name) > 1]
     if twice:
         raise TrackError(f"{path}: column {', '.join(twice)} is there twice; keep one")
     shapes = () if path.name.startswith("pedestrian_tracks") else SHAPE_COLUMNS
@@ -69,9 +83,9 @@ def explain_parse_error(path: Path, header: Sequence[str], numbers: Sequence[str
             value = row[header.index(name)]
             if not _is_number(value):
                 return TrackError(
-                    f"{path}: line {line}: {name} is {value!r}, not a number; repair or drop it"
+                    f"{path}: line {line}: {name} is {_short(value)}, not a number; repair or drop it"
                 )
-    return TrackError(f"{path}: not CSV ({reason.splitlines()[0]}); {_NEEDED}")
+    return TrackError(f"{path}: not CSV ({reason.splitlines()[0][:120]}); {_NEEDED}")
 
 
 def explain_bad_values(path: Path, header: Sequence[str], index: int, motor: Collection[str]) -> TrackError:
@@ -81,38 +95,59 @@ def explain_bad_values(path: Path, header: Sequence[str], index: int, motor: Col
             continue
         values = dict(zip(header, (value.strip() for value in row), strict=False))
         for name in ("track_id", "agent_type", "case_id"):
-            if name in header and not values[name]:
+            if name in header and values[name] in MISSING:
                 return TrackError(f"{path}: line {line}: {name} is missing; repair or drop the row")
         kind = values["agent_type"].lower()
         names = (*BASE_COLUMNS, *SHAPE_COLUMNS) if kind in motor else BASE_COLUMNS
         for name in names:
             if name in ("track_id", "agent_type"):
                 continue
-            value = values[name]
-            if not _is_number(value) or not value or not math.isfinite(float(value)):
-                got = repr(value) if value else "missing"
-                return TrackError(f"{path}: line {line}: {name} of a {kind} is {got}; repair or drop the row")
-            if name in ("length", "width") and float(value) <= 0.0:
-                return TrackError(f"{path}: line {line}: {name} is {value} m, must be positive")
+            wrong = _wrong(name, values.get(name, ""))
+            if wrong:
+                whose = f"{name} of a {kind[:24]}" if name not in ("length", "width") else name
+                return TrackError(f"{path}: line {line}: {whose} is {wrong}")
     return TrackError(f"{path}: data row {index + 1} has a missing value; repair or drop the row")
+
+
+def _wrong(name: str, value: str) -> str:
+    """What is wrong with a number, and the remedy; empty where nothing is."""
+    if value in MISSING:
+        got = repr(value) if value else "missing"
+        return f"{got}; repair or drop the row"
+    if not _is_number(value) or not math.isfinite(float(value)):
+        return f"{_short(value)}; repair or drop the row"
+    if name in ("length", "width") and float(value) <= 0.0:
+        return f"{value} m, must be positive"
+    largest = LARGEST.get(name, 1e4)
+    return (
+        f"{_short(value)}, beyond {largest:g}; repair or drop the row" if abs(float(value)) > largest else ""
+    )
+
+
+def _short(value: str) -> str:
+    """A value as it stands, shortened."""
+    return repr(value if len(value) <= 24 else f"{value[:24]}...")
 
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Data rows with their line numbers, blank lines left out as the fast reader does."""
-    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+    with open_text(path, errors="replace") as file:
         reader = csv.reader(file)
-        next(reader)
-        for row in reader:
-            if row:
-                yield reader.line_num, row
+        try:
+            next(reader)
+            for row in reader:
+                if row:
+                    yield reader.line_num, row
+        except csv.Error:  # a value longer than 128 KiB: the fast reader's reason has to do
+            return
 
 
 def _is_number(value: str) -> bool:
     text = value.strip()
-    if not text:
-        return True  # an empty value reads as missing
+    if text in MISSING:
+        return True
     try:
         float(text)
     except ValueError:
-        return text.lower() in ("null", "na", "n/a", "#n/a")
+        return False
     return "_" not in text

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scex_sumo.converters.formats import HIGHD, is_commonroad, is_highd, map_name
+from scex_sumo.converters.formats import (
+    HIGHD,
+    all_there,
+    is_commonroad,
+    is_highd,
+    there,
+    unpacked_name,
+)
 from scex_sumo.errors import MapError, TrackError
 
 
@@ -13,7 +20,8 @@ def find_tracks(map_path: str | Path) -> Path:
 
     Looked for, in this order: ``MAP.csv`` beside the map; then, in the folder above ``maps/`` (and in the
     map's own), ``recorded_trackfiles/MAP/vehicle_tracks_*.csv`` (the first of them), ``train/MAP_train.csv``,
-    ``val/MAP_val.csv``. A CommonRoad scenario holds its own, unless ``MAP.csv`` lies beside it.
+    ``val/MAP_val.csv``; each may be packed as ``.csv.gz``. A CommonRoad scenario holds its own, unless
+    ``MAP.csv`` lies beside it.
 
     Raises:
         MapError: the map does not exist.
@@ -23,26 +31,29 @@ def find_tracks(map_path: str | Path) -> Path:
     if not path.exists():
         raise MapError(f"{path}: no such file; check the path of the map")
     if is_highd(path):
-        return path.with_name(path.name.replace(HIGHD, "_tracks.csv"))
-    name = map_name(path)
+        own = path.with_name(unpacked_name(path).replace(HIGHD, "_tracks.csv"))
+        return there(own) or own
+    name = Path(unpacked_name(path)).stem
     # The folder above may be "..": resolve it, but show what the user can recognise.
     folders = [path.parent.parent] if path.parent.name else [path.parent.resolve().parent]
     folders.append(path.parent)
     looked = [path.with_name(f"{name}.csv")]
-    if looked[0].is_file():
-        return looked[0]
+    beside = there(looked[0])
+    if beside is not None:
+        return beside
     if is_commonroad(path):
         return path
     for folder in folders:
         recordings = folder / "recorded_trackfiles" / name
-        found = sorted(recordings.glob("vehicle_tracks_*.csv"))
+        found = all_there(recordings, "vehicle_tracks_*.csv")
         if found:
             return found[0]
         looked.append(recordings / "vehicle_tracks_*.csv")
         for split in ("train", "val"):
             file = folder / split / f"{name}_{split}.csv"
-            if file.is_file():
-                return file
+            split_file = there(file)
+            if split_file is not None:
+                return split_file
             looked.append(file)
     places = ", ".join(str(place) for place in looked[:4])
     raise TrackError(

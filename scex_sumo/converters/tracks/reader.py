@@ -9,60 +9,91 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.tracks.check import (
-    BASE_COLUMNS,
-    SHAPE_COLUMNS,
-    check_header,
-    explain_bad_values,
-    explain_parse_error,
+from scex_sumo.converters.tracks.columns import read_columns
+from scex_sumo.converters.tracks.kinds import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
+from scex_sumo.converters.tracks.rows import (
+    FLOAT_COLUMNS,
+    ROW_COLUMNS,
+    TrackRows,
+    TrackTable,
+    number_of,
+    segments_of,
 )
-from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, ROW_COLUMNS, TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
-
-__all__ = ["MOTOR_TYPES", "OBSTACLE_SIZES", "TrackRows", "TrackTable", "read_tracks", "segments_of"]
-
-MOTOR_TYPES = frozenset(
-    ("car", "truck", "bus", "van", "motorcycle", "motorbike", "trailer", "taxi", "vehicle", "truck_bus")
-)
-"""Types that become vehicles of a seed scene; every other type is an obstacle."""
-
-OBSTACLE_SIZES = {"pedestrian": (0.6, 0.6), "bicycle": (1.8, 0.7), "tram": (30.0, 2.6)}
-"""Length and width in m where the recording gives none; other types are as large as a bicycle, also
-``pedestrian/bicycle``, which may be either."""
 
 
 def read_tracks(path: str | Path) -> TrackTable:
     """Read a recording in INTERACTION format; nothing is repaired.
 
-    Rows may come in any order, unknown columns are ignored. Pedestrians and cyclists of INTERACTION v1.0 are
-    read from ``pedestrian_tracks_*.csv`` beside ``vehicle_tracks_*.csv``.
+    Rows may come in any order, unknown columns are ignored, single rows without a value left out. Pedestrians
+    and cyclists of INTERACTION v1.0 are read from ``pedestrian_tracks_*.csv`` beside
+    ``vehicle_tracks_*.csv``.
 
     Raises:
         TrackError: file missing or no CSV, column missing, value missing or not a number, no rows.
     """
     path = Path(path)
-    parts = [_read_columns(path)]
+    files = [path]
     beside = path.with_name(path.name.replace("vehicle_tracks", "pedestrian_tracks"))
     if beside != path and beside.is_file():
-        parts.append(_read_columns(beside))
-    columns, cases, labels, types = _merge(parts)
-    motor = np.array([name in MOTOR_TYPES for name in types], bool)
+        files.append(beside)
+    read = [read_columns(file) for file in files]
+    columns, cases, labels, types = _merge([part for part, _ in read])
     of_track = _majority_type(columns["track"], columns["agent_type"], len(labels))
+    of_track, unknown = with_unknown_vehicles(
+        types,
+        of_track,
+        columns["track"],
+        columns["length"],
+        columns["width"],
+        np.hypot(columns["vx"], columns["vy"]),
+    )
+    motor = np.array([name in MOTOR_TYPES for name in types], bool)
     is_vehicle = motor[of_track[columns["track"]]]
+    again = _number(path, columns, labels, [types[k] for k in of_track], motor[of_track])
     vehicles = _rows(columns, is_vehicle, cases, labels, types, of_track)
     others = _rows(columns, ~is_vehicle, cases, labels, types, of_track)
-    for k, label in enumerate(vehicles.labels):
-        if not re.fullmatch(r"-?\d+(\.0*)?", label):
-            raise TrackError(
-                f"{path}: track_id {label!r} of a {vehicles.types[k]} is not an integer; number the vehicles"
-            )
     return TrackTable(
         path=path,
         cases=tuple(sorted(cases, key=_sort_key)),
         vehicles=vehicles,
         others=others,
         step_s=_usual_step(vehicles if len(vehicles) else others),
+        notes=(*(phrase for _, notes in read for phrase in notes), *unknown, *again),
     )
+
+
+def _number(
+    path: Path, columns: dict[str, Any], labels: list[str], types: list[str], motor: BoolArray
+) -> list[str]:
+    """Give vehicles labels that are different numbers, in place; a phrase where some get new ones.
+
+    Raises:
+        TrackError: a vehicle's id is no integer, or beyond 64 bits.
+    """
+    numbered = [int(k) for k in np.flatnonzero(motor)]
+    for k in numbered:
+        if not re.fullmatch(r"-?\d+(\.0*)?", labels[k]):
+            raise TrackError(
+                f"{path}: track_id {labels[k][:24]!r} of a {types[k][:24]} is not an integer; number the "
+                "vehicles"
+            )
+        if not -(2**63) < number_of(labels[k]) < 2**63:
+            raise TrackError(f"{path}: track_id {labels[k][:24]}... is beyond 64 bits; number the vehicles")
+    _, first = np.unique(columns["track"], return_index=True)
+    used: set[tuple[int, int]] = set()
+    free = max((number_of(labels[k]) for k in numbered), default=0)
+    renamed = []
+    # Those written the shortest way keep their number.
+    for k in sorted(numbered, key=lambda i: (len(labels[i]), labels[i])):
+        case = int(columns["case"][first[k]])
+        if (case, number_of(labels[k])) in used:
+            free = free + 1 if free < 2**63 - 1 else min(n for _, n in used) - 1
+            renamed.append(f"{labels[k]} is {free}")
+            labels[k] = str(free)
+        used.add((case, number_of(labels[k])))
+    more = f" and {len(renamed) - 5} more" if len(renamed) > 5 else ""
+    return [f"track ids that are one number told apart: {', '.join(renamed[:5])}{more}"] if renamed else []
 
 
 def _usual_step(rows: TrackRows) -> float:
@@ -81,59 +112,6 @@ def _sort_key(label: str) -> tuple[bool, float, str]:
         return False, float(label), label
     except ValueError:
         return True, 0.0, label
-
-
-def _read_columns(path: Path) -> dict[str, Any]:
-    """Columns of one file; ``case_id``, ``track_id`` and ``agent_type`` as (codes, names)."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-    from pyarrow import csv
-
-    header = check_header(path)
-    numbers = [name for name in (*BASE_COLUMNS, *SHAPE_COLUMNS, "frame_id") if name in header]
-    words = [name for name in ("case_id", "track_id", "agent_type") if name in header]
-    numbers = [name for name in numbers if name not in words]
-    types = {name: pa.float64() for name in numbers} | dict.fromkeys(words, pa.string())
-    try:
-        arrow = csv.read_csv(
-            path,
-            read_options=csv.ReadOptions(column_names=header, skip_rows=1),
-            convert_options=csv.ConvertOptions(include_columns=[*numbers, *words], column_types=types),
-        )
-    except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
-        raise explain_parse_error(path, header, numbers, str(error)) from None
-    if arrow.num_rows == 0:
-        raise TrackError(f"{path}: a header and no rows; give a file with tracks")
-    columns: dict[str, Any] = {name: np.array(arrow[name].to_numpy(), np.float64) for name in numbers}
-    for name in words:
-        text = pc.utf8_trim_whitespace(arrow[name])
-        if name == "agent_type":
-            text = pc.utf8_lower(text)
-        encoded = text.combine_chunks().dictionary_encode()
-        columns[name] = encoded.indices.to_numpy().astype(np.int64), [str(n) for n in encoded.dictionary]
-    _check_values(path, header, columns)
-    return columns
-
-
-def _check_values(path: Path, header: list[str], columns: dict[str, Any]) -> None:
-    codes, names = columns["agent_type"]
-    motor = np.array([name in MOTOR_TYPES for name in names], bool)[codes]
-    bad = np.zeros(len(codes), bool)
-    for name in ("timestamp_ms", "x", "y", "vx", "vy"):
-        bad |= ~np.isfinite(columns[name])
-    for name in SHAPE_COLUMNS:
-        if name not in columns:
-            columns[name] = np.full(len(codes), np.nan)
-        bad |= motor & ~np.isfinite(columns[name])
-    for name in ("length", "width"):
-        bad |= motor & ~(columns[name] > 0.0)
-    for name in ("track_id", "agent_type", "case_id"):
-        if name in columns and "" in columns[name][1]:
-            bad |= columns[name][0] == columns[name][1].index("")
-    if bad.any():
-        raise explain_bad_values(path, header, int(np.argmax(bad)), MOTOR_TYPES)
-    if "frame_id" not in columns or not np.isfinite(columns["frame_id"]).all():
-        columns["frame_id"] = np.rint(columns["timestamp_ms"] / 100.0)
 
 
 def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list[str], list[str]]:
@@ -211,12 +189,8 @@ def _ranks(labels: list[str]) -> list[int]:
 
 def _fill_shapes(flat: dict[str, FloatArray], track: IntArray, kinds: list[str]) -> None:
     """Sizes and headings that the format leaves out for pedestrians and cyclists, in place."""
-    sizes = np.array([_obstacle_size(kind) for kind in kinds]).reshape(-1, 2)[track]
+    sizes = np.array([obstacle_size(kind) for kind in kinds]).reshape(-1, 2)[track]
     for name, default in (("length", sizes[:, 0]), ("width", sizes[:, 1])):
         flat[name] = np.where(flat[name] > 0.0, flat[name], default)
     course = np.arctan2(flat["vy"], flat["vx"])
     flat["psi_rad"] = np.where(np.isfinite(flat["psi_rad"]), flat["psi_rad"], course)
-
-
-def _obstacle_size(kind: str) -> tuple[float, float]:
-    return OBSTACLE_SIZES.get(kind, OBSTACLE_SIZES["bicycle"])

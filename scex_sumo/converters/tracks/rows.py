@@ -70,7 +70,7 @@ class TrackRows:
     @cached_property
     def track_id(self) -> IntArray:
         """(N,) track ids as numbers (of vehicles; others may have names such as P1)."""
-        return np.array([int(float(label)) for label in self.labels], np.int64)[self.track]
+        return np.array([number_of(label) for label in self.labels], np.int64)[self.track]
 
     @cached_property
     def stamps_ms(self) -> FloatArray:
@@ -140,6 +140,7 @@ class TrackTable:
         vehicles: tracks of motor vehicles.
         others: tracks of everything else.
         step_s: usual time between samples, s.
+        notes: what the reader decided or left out, one phrase each.
         recorded_step_s: the same as it was recorded, where the table has been resampled; else None.
     """
 
@@ -149,6 +150,7 @@ class TrackTable:
     others: TrackRows
     step_s: float
     recorded_step_s: float | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def rate(self) -> str:
@@ -166,6 +168,11 @@ class TrackTable:
         if not self.has_cases:
             return self
         return replace(self, vehicles=self.vehicles.of_case(index), others=self.others.of_case(index))
+
+
+def number_of(label: str) -> int:
+    """Number of a vehicle by its label, which is text: ``4.0`` is 4, and nothing goes through floats."""
+    return int(label.partition(".")[0])
 
 
 def other_rate(step_s: float) -> bool:

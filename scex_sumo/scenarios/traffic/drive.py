@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import subprocess
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +13,7 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.errors import SimulationError
+from scex_sumo.files import TemporaryFolder
 from scex_sumo.programs import environment, program
 from scex_sumo.scenarios.traffic.demand import Network, Trip, random_trips, write_curve_limits, write_trips
 from scex_sumo.scenarios.traffic.kinematics import body_states
@@ -96,7 +96,7 @@ def record(
     """
     trips = random_trips(Network(net_path), until_s=duration_s, every_s=every_s, rng=rng)
     trips = sorted([*trips, *also], key=lambda trip: trip.depart_s)
-    with tempfile.TemporaryDirectory(prefix="scex-sumo-") as folder:
+    with TemporaryFolder() as folder:
         net, routes, fcd = (Path(folder) / name for name in ("map.net.xml", "traffic.rou.xml", "fcd.csv"))
         write_curve_limits(net_path, net)
         write_trips(routes, trips)

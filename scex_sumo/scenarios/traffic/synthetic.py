@@ -35,6 +35,9 @@ class Net(Protocol):
         ...
 
 
+MOST_VEHICLES = 5_000
+
+
 def synthetic_scene(road: Road, net: Net, *, vehicles: int, seed: int = 0, name: str) -> SeedScene:
     """Populate a map by SUMO and take one moment of it, with what came before and after.
 
@@ -58,6 +61,10 @@ def synthetic_scene(road: Road, net: Net, *, vehicles: int, seed: int = 0, name:
     """
     if vehicles < 1:
         raise UsageError(f"a synthetic seed needs at least 1 vehicle, not {vehicles}")
+    if vehicles > MOST_VEHICLES:
+        raise UsageError(f"--synthetic: got {vehicles:,}, at most {MOST_VEHICLES:,} vehicles are placed")
+    if seed < 0:
+        raise UsageError(f"--seed: got {seed}, needs 0 or more")
     rng = np.random.default_rng([seed, vehicles])
     most, spare = 0, None
     for duration_s, every_s in _ATTEMPTS:

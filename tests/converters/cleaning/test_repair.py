@@ -11,7 +11,6 @@ import pytest
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.errors import TrackError
 from tests.converters.track_files import (
     CASE_COLUMNS,
     COLUMNS,
@@ -162,13 +161,41 @@ def test_of_two_frames_for_every_stamp_the_first_is_kept(tmp_path: Path) -> None
     np.testing.assert_array_equal(table.vehicles.x, [row["x"] for row in rows])
 
 
-@pytest.mark.parametrize("frames", [[12, 13], [0], range(41)])
-def test_a_track_in_two_places_at_once_is_an_error(tmp_path: Path, frames: list[int]) -> None:
-    rows = straight(1) + straight(1, frames, y=3.5)
-    table = _table(tmp_path, rows if frames != [0] else straight(1, [0]) + straight(1, [0], y=3.5))
-    first = 100 * frames[0]
-    with pytest.raises(TrackError, match=rf"track 1 is twice at {first} ms, 3\.5 m apart .* own track_id"):
-        repair_tracks(table)
+def test_while_two_road_users_share_an_id_it_is_left_out(tmp_path: Path) -> None:
+    table, said = _repaired(tmp_path, straight(1) + straight(1, [12, 13], y=3.5) + straight(2, y=8.0))
+    assert said == "one track id of two road users for a while, 2 stamps left out: 1"
+    assert len(table.vehicles) == 41 + 39
+    assert set(table.vehicles.y.tolist()) == {0.0, 8.0}
+
+
+def test_a_longer_while_leaves_two_pieces(tmp_path: Path) -> None:
+    table, said = _repaired(tmp_path, straight(1) + straight(1, range(12, 20), y=3.5))
+    assert said == "one track id of two road users for a while, 8 stamps left out: 1"
+    np.testing.assert_array_equal(table.vehicles.segment, [0] * 12 + [1] * 21)
+
+
+def test_an_id_always_shared_is_left_out(tmp_path: Path) -> None:
+    table, said = _repaired(tmp_path, straight(1) + straight(1, y=3.5) + straight(2, y=8.0))
+    assert said == "one track id of two road users for a while, 41 stamps left out: 1"
+    assert table.vehicles.labels == ("2",)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"length": 1000.0}, "longer than 60 m"),
+        ({"width": 40.0}, "wider than 8 m"),
+        ({"width": 0.001}, "under 0.1 m"),
+        ({"speed": 980.0}, "faster than 100 m/s"),
+    ],
+)
+def test_tracks_of_implausible_size_or_speed_are_left_out(
+    tmp_path: Path, changes: dict[str, float], words: str
+) -> None:
+    table, said = _repaired(tmp_path, straight(1) + straight(2, y=8.0, **changes))
+    assert table.vehicles.labels == ("1",)
+    assert words in said
+    assert said.endswith("left out: 2")
 
 
 def _stop(psi_standing: list[float]) -> list[Row]:

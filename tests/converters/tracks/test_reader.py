@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import gzip
+import os
 import random
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,6 +110,8 @@ HEADER = ",".join(COLUMNS)
         (HEADER.replace("psi_rad,", "") + "\n", ["no column psi_rad", "need"]),
         (HEADER + ",x\n", ["column x", "twice"]),
         (HEADER + "\n1,2,3\n", ["line 2", "3 values", "11 columns"]),
+        (HEADER + "\r" + "1,2,3\r" * 9000, ["lines end with CR alone"]),
+        (HEADER.replace(",", ";") + "\n1;2;1,5\n", ["semicolons", "commas"]),
     ],
 )
 def test_a_file_that_is_no_track_file_is_named_with_what_it_is(
@@ -126,10 +131,9 @@ def test_a_file_that_is_no_track_file_is_named_with_what_it_is(
     ("values", "words"),
     [
         ({"x": "abc"}, ["x is 'abc'", "not a number"]),
-        ({"x": ""}, ["x of a car is missing"]),
-        ({"vy": "nan"}, ["vy of a car is 'nan'"]),
         ({"x": "inf"}, ["x of a car is 'inf'"]),
-        ({"psi_rad": ""}, ["psi_rad of a car is missing"]),
+        ({"y": "1e300"}, ["y of a car is '1e300'", "beyond 1e+08"]),
+        ({"x": "9" * 5000}, ["x of a car is '999", "..."]),
         ({"length": -1}, ["length is -1 m", "positive"]),
         ({"track_id": ""}, ["track_id is missing"]),
         ({"agent_type": ""}, ["agent_type is missing"]),
@@ -147,8 +151,100 @@ def test_a_bad_value_is_named_with_its_line(
         assert word in str(error.value)
 
 
+@pytest.mark.parametrize("word", ["", "NA", "null", "nan", "None"])
+@pytest.mark.parametrize("column", ["x", "vy", "psi_rad", "length", "timestamp_ms"])
+def test_single_rows_without_a_value_are_left_out_and_said(tmp_path: Path, column: str, word: str) -> None:
+    table = read_tracks(_with(tmp_path, 3, **{column: word}))
+    assert len(table.vehicles) == 40
+    assert table.notes == (f"1 rows without {column} left out (first: data row 4)",)
+
+
+@pytest.mark.parametrize("word", ["", "NA", "null"])
+def test_a_column_without_values_is_an_error(tmp_path: Path, word: str) -> None:
+    path = write_rows(tmp_path / "t.csv", [row | {"vx": word} for row in straight(1)])
+    with pytest.raises(TrackError, match="line 2: vx of a car is "):
+        read_tracks(path)
+
+
+def test_a_missing_frame_number_is_told_by_the_time(tmp_path: Path) -> None:
+    table = read_tracks(_with(tmp_path, 3, frame_id="NA"))
+    assert table.vehicles.frame_id.tolist() == list(range(41))
+
+
+def test_stamps_in_seconds_are_told_from_milliseconds(tmp_path: Path) -> None:
+    rows = [row | {"timestamp_ms": row["timestamp_ms"] / 1000.0} for row in straight(1)]
+    table = read_tracks(write_rows(tmp_path / "t.csv", rows))
+    assert table.notes == ("timestamp_ms is in seconds: taken for such",)
+    np.testing.assert_allclose(table.vehicles.timestamp_ms, 100.0 * np.arange(41))
+    assert table.step_s == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e3, 1e6])
+def test_stamps_of_other_units_are_an_error(tmp_path: Path, factor: float) -> None:
+    rows = [row | {"timestamp_ms": row["timestamp_ms"] * factor} for row in straight(1)]
+    with pytest.raises(TrackError, match="give the stamps in milliseconds"):
+        read_tracks(write_rows(tmp_path / "t.csv", rows))
+
+
+@pytest.mark.parametrize("kind", ["lorry", "SUV", "van", "pickup"])
+def test_usual_words_for_vehicles_are_known(tmp_path: Path, kind: str) -> None:
+    table = read_tracks(write_rows(tmp_path / "t.csv", straight(1, kind=kind)))
+    assert table.vehicles.types == (kind.lower(),)
+    assert table.notes == ()
+
+
+def test_an_unknown_type_as_large_as_a_vehicle_that_drives_is_a_vehicle(tmp_path: Path) -> None:
+    rows = straight(1, kind="sedan") + straight(2, kind="sedan", speed=0.0, y=4.0) + straight(3, y=8.0)
+    table = read_tracks(write_rows(tmp_path / "t.csv", rows))
+    assert table.vehicles.types == ("vehicle", "vehicle", "car")
+    assert table.notes == (
+        "unknown type 'sedan': 2 tracks are as large as vehicles and drive: taken for vehicles",
+    )
+
+
+@pytest.mark.parametrize(
+    "changes", [{"length": 1.0}, {"width": 0.5}, {"speed": 1.0}, {"kind": "tram"}, {"length": ""}]
+)
+def test_small_slow_and_known_others_stay_others(tmp_path: Path, changes: dict[str, Any]) -> None:
+    table = read_tracks(write_rows(tmp_path / "t.csv", straight(1, **{"kind": "segway", **changes})))
+    assert (table.vehicles.tracks, table.others.tracks) == (0, 1)
+    assert table.notes == ()
+
+
+def test_ids_beyond_the_integers_of_floats_stay_apart(tmp_path: Path) -> None:
+    ids = [2**53, 2**53 + 1, 2**63 - 1]
+    rows = [row for k, own in enumerate(ids) for row in straight(own, y=4.0 * k)]
+    table = read_tracks(write_rows(tmp_path / "t.csv", rows))
+    assert np.unique(table.vehicles.track_id).tolist() == ids
+    with pytest.raises(TrackError, match="beyond 64 bits"):
+        read_tracks(write_rows(tmp_path / "t.csv", straight(2**63)))
+
+
+def test_ids_that_are_one_number_are_told_apart(tmp_path: Path) -> None:
+    rows = straight("4") + straight("04", y=4.0) + straight("7.0", y=8.0)
+    table = read_tracks(write_rows(tmp_path / "t.csv", rows))
+    assert sorted(np.unique(table.vehicles.track_id).tolist()) == [4, 7, 8]
+    assert table.notes == ("track ids that are one number told apart: 04 is 8",)
+
+
+def test_a_packed_file_is_read_as_it_is_unpacked(tmp_path: Path) -> None:
+    plain = write_rows(tmp_path / "t.csv", straight(1))
+    packed = tmp_path / "t.csv.gz"
+    packed.write_bytes(gzip.compress(plain.read_bytes()))
+    np.testing.assert_array_equal(read_tracks(packed).vehicles.x, read_tracks(plain).vehicles.x)
+    packed.write_bytes(packed.read_bytes()[:100])
+    with pytest.raises(TrackError, match="cannot be unpacked"):
+        read_tracks(packed)
+
+
+def test_a_path_that_is_no_utf_8_is_read(tmp_path: Path) -> None:
+    odd = tmp_path / os.fsdecode(b"caf\xe9.csv")
+    write_rows(odd, straight(1))
+    assert read_tracks(odd).vehicles.labels == ("1",)
+
+
 def test_the_line_counts_blank_lines_too(tmp_path: Path) -> None:
-    path = _with(tmp_path, 3, x="nan")
+    path = _with(tmp_path, 3, x="inf")
     path.write_text(path.read_text().replace("\n", "\n\n", 1))
     with pytest.raises(TrackError, match="line 6: x of a car"):
         read_tracks(path)

@@ -1,0 +1,82 @@
+"""Types of road users: which are motor vehicles, how large the others are, and what unknown types are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+
+MOTOR_TYPES = frozenset(
+    (
+        *("car", "truck", "bus", "van", "motorcycle", "motorbike", "trailer", "taxi", "vehicle", "truck_bus"),
+        *("ambulance", "automobile", "coach", "hgv", "lorry", "minibus", "pickup", "police", "suv"),
+    )
+)
+"""Types that become vehicles of a seed scene; known others, and unknown ones that neither are as large as a
+vehicle nor drive, are obstacles."""
+
+OTHER_TYPES = frozenset(
+    (
+        *("animal", "bicycle", "bicyclist", "bike", "cyclist", "escooter", "human", "pedestrian"),
+        *("pedestrian/bicycle", "parked", "person", "rider", "scooter", "train", "tram", "wheelchair"),
+    )
+)
+"""Types that never become vehicles, however large and fast."""
+
+OBSTACLE_SIZES = {"pedestrian": (0.6, 0.6), "bicycle": (1.8, 0.7), "tram": (30.0, 2.6)}
+"""Length and width in m where the recording gives none; other types are as large as a bicycle, also
+``pedestrian/bicycle``, which may be either."""
+
+LEAST_LENGTH_M, LEAST_WIDTH_M, DRIVEN_MPS = 2.5, 1.2, 4.0
+"""What a vehicle of an unknown type measures at least, and how fast one of its type is at some time."""
+
+
+def obstacle_size(kind: str) -> tuple[float, float]:
+    """Usual length and width of a road user that is no vehicle, m."""
+    return OBSTACLE_SIZES.get(kind, OBSTACLE_SIZES["bicycle"])
+
+
+def with_unknown_vehicles(
+    types: list[str],
+    kind: IntArray,
+    track: IntArray,
+    length: FloatArray,
+    width: FloatArray,
+    speed: FloatArray,
+) -> tuple[IntArray, tuple[str, ...]]:
+    """Types of tracks, those of an unknown type that are vehicles become ``vehicle``.
+
+    A type is a vehicle's where some of its tracks drive, and those of its tracks are vehicles that are as
+    large as one.
+
+    Args:
+        types: the names; ``vehicle`` is added where it is needed.
+        kind: (K,) index of each track's type.
+        track: (N,) track of each row.
+        length: (N,) m; nan where it is not known.
+        width: (N,) m.
+        speed: (N,) m/s.
+
+    Returns:
+        (K,) index of each track's type, and a phrase for each unknown type that has vehicles.
+    """
+    unknown = np.array([name not in MOTOR_TYPES and name not in OTHER_TYPES for name in types], bool)
+    if not unknown[kind].any():
+        return kind, ()
+    large: BoolArray = np.ones(len(kind), bool)
+    np.logical_and.at(large, track, (length >= LEAST_LENGTH_M) & (width >= LEAST_WIDTH_M))
+    fastest = np.zeros(len(kind))
+    np.maximum.at(fastest, track, speed)
+    kind, notes = kind.copy(), []
+    for number in np.unique(kind[unknown[kind]]).tolist():
+        own = (kind == number) & large
+        if not (fastest[own] >= DRIVEN_MPS).any():
+            continue
+        if "vehicle" not in types:
+            types.append("vehicle")
+        kind[own] = types.index("vehicle")
+        notes.append(
+            f"unknown type {types[number][:24]!r}: {int(own.sum())} tracks are as large as vehicles and "
+            "drive: taken for vehicles"
+        )
+    return kind, tuple(notes)

@@ -1,0 +1,136 @@
+"""Contents of ``run.json``, checked: result folders are edited, cut short, and of other programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import pyarrow as pa
+
+from scex_sumo.errors import ResultError, reason_of
+
+LARGEST: Final = 10**9
+"""No number of children, steps or vehicles is as large."""
+
+
+class Info(dict[str, Any]):
+    """An object of a JSON file; what it lacks is an error that names the file."""
+
+    def __init__(self, content: Mapping[str, Any], file: Path) -> None:
+        super().__init__({k: Info(v, file) if isinstance(v, dict) else v for k, v in content.items()})
+        self._file = file
+
+    def __missing__(self, key: str) -> Any:
+        raise ResultError(f"{self._file}: has no {key!r}; it was edited or is of another program: run again")
+
+
+@contextmanager
+def as_written(*folders: Path) -> Iterator[None]:
+    """What result folders hold is taken for what a run wrote; where it is not, that is said in one line.
+
+    Raises:
+        ResultError: a file was edited, so that it does not fit the others.
+    """
+    try:
+        yield
+    except (ValueError, LookupError, TypeError, ArithmeticError, SyntaxError, pa.ArrowException) as error:
+        where = ", ".join(str(folder) for folder in folders)
+        raise ResultError(
+            f"{where}: its files do not fit together ({reason_of(error)[:120]}); they were edited: run again"
+        ) from error
+
+
+def read_info(folder: Path) -> Info:
+    """What ``run.json`` of a finished run says.
+
+    Raises:
+        ResultError: no finished run is there, or the file is none that a run wrote.
+    """
+    file = folder / "run.json"
+    if not file.is_file():
+        if (folder / "incomplete.json").is_file():
+            raise ResultError(f"{folder}: the run was interrupted; the same command resumes it")
+        found = "no such folder" if not folder.exists() else "no run.json in it"
+        raise ResultError(f"{folder}: {found}; give the folder that 'scex-sumo run -o' wrote")
+    try:
+        content = json.loads(file.read_bytes())
+    except (ValueError, RecursionError) as error:
+        raise ResultError(f"{file}: not JSON: {str(error)[:120]}; run again") from None
+    except OSError as error:
+        raise ResultError(f"{file}: cannot be read: {error.strerror or error}") from None
+    if not isinstance(content, dict):
+        raise ResultError(f"{file}: holds no object; run again")
+    info = Info(content, file)
+    for key, fits in _CHECKS.items():
+        holder, _, name = key.rpartition(".")
+        values = info.get(holder, {}) if holder else info
+        if not isinstance(values, dict) or (name in values and not fits(values[name])):
+            got = json.dumps(values[name] if isinstance(values, dict) else values)[:40]
+            raise ResultError(f"{file}: {key} is {got}; it was edited or is of another program: run again")
+    scene = info.get("seed_scene", {})
+    if len(scene.get("track_ids", ())) not in (0, scene.get("vehicles")):
+        raise ResultError(f"{file}: has not as many track_ids as vehicles; it was edited: run again")
+    return info
+
+
+def _is_count(value: Any) -> bool:
+    return type(value) is int and 0 <= value < LARGEST
+
+
+def _is_name(value: Any) -> bool:
+    """A text that is the name of a file in the folder and of nothing elsewhere."""
+    return isinstance(value, str) and value not in ("", ".", "..") and "/" not in value and "\0" not in value
+
+
+def _is_ids(value: Any) -> bool:
+    return (
+        isinstance(value, list)
+        and all(type(i) is int and abs(i) < 2**63 for i in value)
+        and len(set(value)) == len(value)
+    )
+
+
+def _is_numbers(value: Any) -> bool:
+    return isinstance(value, dict) and all(
+        type(v) in (int, float) and math.isfinite(v) for v in value.values()
+    )
+
+
+def _is_tracks(value: Any) -> bool:
+    return isinstance(value, dict) and all(k.removeprefix("-").isdecimal() for k in value)
+
+
+def _is_texts(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(text, str) for text in value)
+
+
+def _is_metrics(value: Any) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(m, dict)
+        and all(isinstance(m.get(key, ""), str) for key in ("label", "unit"))
+        and isinstance(m.get("name"), str)
+        and m.get("critical") in ("min", "max")
+        for m in value
+    )
+
+
+_CHECKS: Final[dict[str, Callable[[Any], bool]]] = {
+    "children": _is_count,
+    "steps": _is_count,
+    "replan": _is_count,
+    "net": _is_name,
+    "thresholds": _is_numbers,
+    "under_test": _is_tracks,
+    "metrics": _is_metrics,
+    "net_notes": _is_texts,
+    "run_notes": _is_texts,
+    "models": lambda value: isinstance(value, list),
+    "seed_scene": lambda value: isinstance(value, dict),
+    "seed_scene.name": _is_name,
+    "seed_scene.vehicles": _is_count,
+    "seed_scene.track_ids": _is_ids,
+}
