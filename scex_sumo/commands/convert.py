@@ -54,12 +54,12 @@ def check_command(net_path: Path, map_path: Path, *, origin: str | None, as_json
         MapError: what is wrong with it, where something is.
     """
     from scex_sumo.converters.fidelity.report import check_net
-    from scex_sumo.converters.net.convert import LaneTable, beside
+    from scex_sumo.converters.net.convert import LaneTable, net_file
 
     if not net_path.is_file():
         raise MapError(f"{net_path}: no such file; give the SUMO net to judge")
     road = _read(map_path, origin)
-    table_path = beside(net_path, ".lanes.csv")
+    table_path = net_file(net_path, ".lanes.csv")
     table = LaneTable.read(table_path) if table_path.is_file() else None
     report = check_net(net_path, road, table)
     if as_json:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scex_sumo.errors import ScexError, UsageError
+from scex_sumo.programs import environment, program
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY
 from scex_sumo.world.colors import Rgb, model_colors
@@ -42,11 +43,8 @@ def view_command(
         raise ScexError(
             f"no display to open sumo-gui on; on a machine that has one: sumo-gui -c {shlex.quote(str(file))}"
         )
-    import sumo
-
-    gui = Path(sumo.SUMO_HOME) / "bin" / "sumo-gui"
-    environment = {"SUMO_HOME": str(sumo.SUMO_HOME), **os.environ}
-    status = subprocess.run([str(gui), "-c", str(file)], check=False, env=environment).returncode
+    command = [program("sumo-gui"), "-c", str(file)]
+    status = subprocess.run(command, check=False, env=environment()).returncode
     if status != 0:
         raise ScexError(f"sumo-gui ended with status {status}; try it by hand: sumo-gui -c {file}")
 

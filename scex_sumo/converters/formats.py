@@ -1,19 +1,17 @@
-"""Which format a file has, by its name, and what the files beside it say."""
+"""Formats of files, told apart by their names, and what the files beside them say."""
 
 from __future__ import annotations
 
 import csv
+import math
 from pathlib import Path
 
 from scex_sumo.errors import TrackError
 
 COMMONROAD = (".xml", ".xml.gz")
-
-
 OPENDRIVE = (".xodr", ".xodr.gz")
-
-
 HIGHD = "_recordingMeta.csv"
+_TRACKS = "_tracks.csv"
 
 
 def is_commonroad(map_path: str | Path) -> bool:
@@ -33,16 +31,13 @@ def map_name(map_path: str | Path) -> str:
     return Path(Path(map_path).name.removesuffix(".gz")).stem
 
 
-_TRACKS = "_tracks.csv"
-
-
 def is_levelx(path: str | Path) -> bool:
     """Whether a file is the ``NN_tracks.csv`` of such a recording."""
     path = Path(path)
-    return path.name.endswith(_TRACKS) and beside(path, "recordingMeta").is_file()
+    return path.name.endswith(_TRACKS) and recording_file(path, "recordingMeta").is_file()
 
 
-def beside(tracks_path: Path, kind: str) -> Path:
+def recording_file(tracks_path: Path, kind: str) -> Path:
     """Path of ``NN_recordingMeta.csv`` or ``NN_tracksMeta.csv`` of a recording's tracks."""
     return tracks_path.with_name(f"{tracks_path.name.removesuffix(_TRACKS)}_{kind}.csv")
 
@@ -53,13 +48,14 @@ def read_meta(path: Path) -> dict[str, str]:
     Raises:
         TrackError: it cannot be read, or has no row.
     """
-    rows = _read_rows(path)
+    rows = read_rows(path)
     if not rows:
         raise TrackError(f"{path}: no row in it; take the file as published")
     return rows[0]
 
 
-def _read_rows(path: Path) -> list[dict[str, str]]:
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file beside tracks, by the names of its columns; what is missing is empty."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.DictReader(file))
@@ -69,6 +65,14 @@ def _read_rows(path: Path) -> list[dict[str, str]]:
         raise TrackError(f"{path}: cannot be read ({error})") from None
     # A line cut short, or with too many values, has None for a value or a name.
     return [{name: row[name] or "" for name in row if name} for row in rows]
+
+
+def number(text: str | None) -> float:
+    """Number that a text is, or nan."""
+    try:
+        return float(text or "nan")
+    except ValueError:
+        return math.nan
 
 
 def has_lane_markings(meta: dict[str, str]) -> bool:

@@ -1,4 +1,4 @@
-"""The straight motorway of a highD recording, from its lane markings: highD has no maps."""
+"""Road of a highD recording: a straight motorway, from the lane markings, for highD has no maps."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.converters.datasets.seed import write_tracks
+from scex_sumo.converters.moments.writer import write_tracks
 from scex_sumo.evaluation.plans import PLANS, plans_table
 from scex_sumo.extrapolation.fallbacks import FALLBACKS
 from scex_sumo.extrapolation.job import Job

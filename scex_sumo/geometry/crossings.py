@@ -1,4 +1,4 @@
-"""Where polylines cross, for many pairs of them at once.
+"""Crossings of polylines, for many pairs of them at once.
 
 Each polyline carries a pyramid of bounding boxes (segments, blocks of segments, blocks of blocks, ...). Pairs
 are refined from the top; only the few segments whose boxes meet are intersected.
@@ -50,14 +50,10 @@ def intersect(
     """Crossing points of segments p + u r and q + w s; touching counts, parallel segments never cross.
 
     Args:
-        px: (N,) start of the first segments, m; ``py`` likewise.
-        py: (N,).
-        rx: (N,) from start to end of the first segments, m; ``ry`` likewise.
-        ry: (N,).
-        qx: (N,) start of the second segments, m; ``qy`` likewise.
-        qy: (N,).
-        sx: (N,) from start to end of the second segments, m; ``sy`` likewise.
-        sy: (N,).
+        px, py: (N,) start of the first segments, m.
+        rx, ry: (N,) from start to end of the first segments, m.
+        qx, qy: (N,) start of the second segments, m.
+        sx, sy: (N,) from start to end of the second segments, m.
     """
     area = rx * sy - ry * sx
     gx, gy = qx - px, qy - py
@@ -157,6 +153,10 @@ class Polylines:
         octagons = nodes[:, :, : count + 1]
         return cls(x=x, y=y, octagons=octagons, arc=arc, start=start, delta=delta, boxes=tuple(boxes))
 
+    def segments(self, at: tuple[IntArray, IntArray]) -> tuple[FloatArray, ...]:
+        """Start x and y and step x and y of segments, given by polyline and number, (N,) each."""
+        return self.start[0][at], self.start[1][at], self.delta[0][at], self.delta[1][at]
+
     def arc_at(self, line: IntArray, segment: IntArray, share: FloatArray) -> FloatArray:
         """(N,) length from the first node to a share of a segment, m."""
         at = (line, segment)
@@ -250,12 +250,7 @@ def polyline_crossings(
             keep = np.flatnonzero(meet)
             which, block_1, block_2 = which[keep], block_1[keep], block_2[keep]
     at_1, at_2 = (first[which], block_1), (second[which], block_2)
-    hits = intersect(
-        *(lines.start[axis][at_1] for axis in (0, 1)),
-        *(lines.delta[axis][at_1] for axis in (0, 1)),
-        *(lines.start[axis][at_2] for axis in (0, 1)),
-        *(lines.delta[axis][at_2] for axis in (0, 1)),
-    )
+    hits = intersect(*lines.segments(at_1), *lines.segments(at_2))
     found = hits.which
     hits = replace(hits, which=which[found])
     return hits, block_1[found], block_2[found]
@@ -267,10 +262,8 @@ def segment_crossings(
     """All crossing points of N segments with one polyline each.
 
     Args:
-        x: (N,) start of the segments, m; ``y`` likewise.
-        y: (N,).
-        dx: (N,) from start to end, m; ``dy`` likewise.
-        dy: (N,).
+        x, y: (N,) start of the segments, m.
+        dx, dy: (N,) from start to end, m.
         lines: the polylines.
         line: (N,) index of each segment's polyline.
 
@@ -279,14 +272,7 @@ def segment_crossings(
     """
     which, block = meeting_segments(segment_boxes(x, y, x + dx, y + dy), lines, line)
     at = (line[which], block)
-    hits = intersect(
-        x[which],
-        y[which],
-        dx[which],
-        dy[which],
-        *(lines.start[axis][at] for axis in (0, 1)),
-        *(lines.delta[axis][at] for axis in (0, 1)),
-    )
+    hits = intersect(x[which], y[which], dx[which], dy[which], *lines.segments(at))
     found = hits.which
     return replace(hits, which=which[found]), block[found]
 

@@ -1,4 +1,4 @@
-"""States as a vehicle sees them: origin at its centre now, x ahead, y to the left."""
+"""Frames of vehicles: states as they see them, origin at its centre now, x ahead, y to the left."""
 
 from __future__ import annotations
 

@@ -1,17 +1,28 @@
-"""Small geometry of polylines in the plane; points are (P, 2) arrays in metres."""
+"""Polylines in the plane: arc length, points along, cutting, joining, headings, distances, widths.
+
+Points are (P, 2) arrays in metres; neither SUMO nor the road is known here.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 
 
 def wrap(angle: Any) -> Any:
-    """The same angle in [-pi, pi]."""
+    """The same angle in [-pi, pi]; one that is there already is returned to the last bit."""
     return angle - 2 * np.pi * np.round(angle / (2 * np.pi))
+
+
+def turn(before: float, after: float) -> float:
+    """Signed change of heading in (-pi, pi], positive to the left, rad."""
+    return math.remainder(after - before, 2 * math.pi)
 
 
 def arc_lengths(points: FloatArray) -> FloatArray:
@@ -22,37 +33,37 @@ def arc_lengths(points: FloatArray) -> FloatArray:
 
 def length_of(points: FloatArray) -> float:
     """Length of a polyline, m."""
-    step = np.diff(points, axis=0)
-    return float(np.hypot(step[:, 0], step[:, 1]).sum())
+    return float(arc_lengths(points)[-1])
 
 
-def along(points: FloatArray, s: FloatArray) -> FloatArray:
-    """(n, 2) points at arc lengths, clamped to the ends."""
-    arc = arc_lengths(points)
-    return np.column_stack([np.interp(s, arc, points[:, 0]), np.interp(s, arc, points[:, 1])])
+def along(line: FloatArray, s: FloatArray | float) -> FloatArray:
+    """Points (..., 2) of a polyline at arc lengths, clamped to its ends."""
+    arc = arc_lengths(line)
+    return np.stack([np.interp(s, arc, line[:, 0]), np.interp(s, arc, line[:, 1])], axis=-1)
 
 
-def headings(points: FloatArray) -> FloatArray:
-    """(S,) directions of the segments that have a length, rad."""
-    step = np.diff(points, axis=0)
-    step = step[np.hypot(step[:, 0], step[:, 1]) > 1e-6]
-    if not len(step):
-        return np.zeros(1)
-    return np.arctan2(step[:, 1], step[:, 0])
+def samples(line: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Arc lengths (N,) and points (N, 2) along a polyline, at most ``step`` apart, ends included."""
+    total = length_of(line)
+    s = np.linspace(0.0, total, max(2, math.ceil(total / step) + 1))
+    return s, along(line, s)
 
 
-def nearest(points: FloatArray, x: float, y: float) -> float:
-    """Arc length of the point of a polyline that is nearest to a place, m."""
-    step = np.diff(points, axis=0)
-    length = np.hypot(step[:, 0], step[:, 1])
-    safe = np.where(length > 0, length, 1.0)
-    t = np.clip(((x - points[:-1, 0]) * step[:, 0] + (y - points[:-1, 1]) * step[:, 1]) / safe**2, 0.0, 1.0)
-    distance = np.hypot(points[:-1, 0] + t * step[:, 0] - x, points[:-1, 1] + t * step[:, 1] - y)
-    best = int(np.argmin(distance))
-    return float(arc_lengths(points)[best] + t[best] * length[best])
+def cut(line: FloatArray, start: float, end: float) -> FloatArray:
+    """Part of a polyline (P, 2) between two arc lengths; at least two points."""
+    arc = arc_lengths(line)
+    inside = (arc > start + 1e-6) & (arc < end - 1e-6)
+    return np.vstack([along(line, start)[None], line[inside], along(line, end)[None]])
 
 
-def join(pieces: list[FloatArray], owners: list[int]) -> tuple[FloatArray, IntArray]:
+def join(parts: Sequence[FloatArray]) -> FloatArray:
+    """Concatenation of polylines; points that repeat the previous one are dropped."""
+    line = np.vstack(parts)
+    keep = np.concatenate([[True], np.hypot(*np.diff(line, axis=0).T) > 1e-4])
+    return line[keep] if keep.sum() > 1 else line[[0, -1]]
+
+
+def join_owned(pieces: list[FloatArray], owners: list[int]) -> tuple[FloatArray, IntArray]:
     """One line out of several, without repeated points, and the owner of the line after each point."""
     points = np.vstack(pieces)
     owner = np.repeat(np.array(owners, dtype=np.int64), [len(p) for p in pieces])
@@ -83,3 +94,123 @@ def blend_over(line: FloatArray, other: FloatArray, length_m: float) -> tuple[Fl
     reached = arc_lengths(other)
     rest = np.vstack([along(other, s_other[-1:]), other[reached > s_other[-1]]])
     return np.vstack([line[arc < start], bent]), rest
+
+
+def without_repeats(points: FloatArray) -> FloatArray:
+    """Leave out points that equal the one before them.
+
+    Args:
+        points: (P, 2).
+    """
+    if len(points) < 2:
+        return points
+    moved: BoolArray = np.any(points[1:] != points[:-1], axis=1)
+    kept: FloatArray = points[np.concatenate([[True], moved])]
+    return kept
+
+
+def mean_line(lines: Sequence[FloatArray]) -> FloatArray:
+    """The line in the middle of some lines side by side, taken at equal fractions of their lengths."""
+    if len(lines) == 1:
+        return lines[0]
+    share = np.unique(np.concatenate([arc_lengths(line) / length_of(line) for line in lines]).round(9))
+    return np.asarray(np.mean([along(line, share * length_of(line)) for line in lines], axis=0))
+
+
+def headings(points: FloatArray) -> FloatArray:
+    """(S,) directions of the segments that have a length, rad."""
+    step = np.diff(points, axis=0)
+    step = step[np.hypot(step[:, 0], step[:, 1]) > 1e-6]
+    if not len(step):
+        return np.zeros(1)
+    return np.arctan2(step[:, 1], step[:, 0])
+
+
+def heading(line: FloatArray, *, end: bool, reach: float = 2.0) -> float:
+    """Heading at the start or end of a polyline, rad, over its first or last ``reach`` metres."""
+    total = length_of(line)
+    reach = min(reach, total)
+    a, b = (total - reach, total) if end else (0.0, reach)
+    (x0, y0), (x1, y1) = along(line, a), along(line, b)
+    return math.atan2(y1 - y0, x1 - x0)
+
+
+def bend(shape: FloatArray) -> float:
+    """Signed change of heading along a polyline, summed over its points, rad."""
+    steps = np.diff(shape, axis=0)
+    angles = np.arctan2(steps[:, 1], steps[:, 0])
+    return float(sum(turn(a, b) for a, b in pairwise(angles)))
+
+
+def nearest(points: FloatArray, x: float, y: float) -> float:
+    """Arc length of the point of a polyline that is nearest to a place, m."""
+    step = np.diff(points, axis=0)
+    length = np.hypot(step[:, 0], step[:, 1])
+    safe = np.where(length > 0, length, 1.0)
+    t = np.clip(((x - points[:-1, 0]) * step[:, 0] + (y - points[:-1, 1]) * step[:, 1]) / safe**2, 0.0, 1.0)
+    distance = np.hypot(points[:-1, 0] + t * step[:, 0] - x, points[:-1, 1] + t * step[:, 1] - y)
+    best = int(np.argmin(distance))
+    return float(arc_lengths(points)[best] + t[best] * length[best])
+
+
+def project(points: FloatArray, line: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Arc length (N,) of the nearest point of a polyline and distance (N,) to it."""
+    start, step = line[:-1], np.diff(line, axis=0)
+    square = np.maximum((step**2).sum(1), 1e-18)
+    offset = points[:, None, :] - start[None]
+    t = np.clip((offset * step[None]).sum(2) / square, 0.0, 1.0)
+    gap = np.hypot(*np.moveaxis(offset - t[..., None] * step[None], 2, 0))
+    best = gap.argmin(axis=1)
+    rows = np.arange(len(points))
+    return arc_lengths(line)[best] + t[rows, best] * np.sqrt(square[best]), gap[rows, best]
+
+
+def distances(points: FloatArray, line: FloatArray) -> FloatArray:
+    """(N,) distance of points (N, 2) to a polyline (P, 2), m."""
+    return project(points, line)[1]
+
+
+def width_along(left: FloatArray, right: FloatArray, centreline: FloatArray) -> float:
+    """Mean distance of two bounds measured along a centreline, m.
+
+    At each of some points of the centreline: distance to the left bound plus distance to the right one.
+    """
+    _, points = samples(centreline, 1.0)
+    return float(np.mean(distances(points, left) + distances(points, right)))
+
+
+def mean_width_m(left: FloatArray, right: FloatArray) -> float:
+    """Mean distance of two bounds: the area between them over the mean of their lengths.
+
+    Args:
+        left: (L, 2) m.
+        right: (R, 2) m, in the same direction.
+    """
+    ring = np.concatenate([left, right[::-1]])
+    x, y = (ring - ring[0]).T
+    area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
+    lengths = [float(np.hypot(*np.diff(bound, axis=0).T).sum()) for bound in (left, right)]
+    return 2 * area / sum(lengths) if sum(lengths) > 0 else 0.0
+
+
+def bounds_cross(left: FloatArray, right: FloatArray) -> bool:
+    """Whether two bounds cross each other or one crosses itself; touching is no crossing.
+
+    Args:
+        left: (L, 2) m.
+        right: (R, 2) m.
+    """
+    start = np.concatenate([left[:-1], right[:-1]])
+    end = np.concatenate([left[1:], right[1:]])
+    ahead = _side(start, end, start)  # (S, S): where each segment's start lies beside each segment
+    behind = _side(start, end, end)
+    apart = (ahead * behind) < 0
+    return bool(np.any(apart & apart.T))
+
+
+def _side(start: FloatArray, end: FloatArray, points: FloatArray) -> FloatArray:
+    """(S, P) twice the area of the triangles of S segments and P points; positive on their left."""
+    along = end - start
+    to = points[None, :, :] - start[:, None, :]
+    side: FloatArray = along[:, None, 0] * to[..., 1] - along[:, None, 1] * to[..., 0]
+    return side

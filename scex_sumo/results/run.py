@@ -100,10 +100,10 @@ class Run:
     @cached_property
     def scene(self) -> SeedScene:
         """The seed scene as kept in ``seed.csv``, vehicles in the order of the run; without its road."""
-        from scex_sumo.converters.datasets.seed import read_seed
+        from scex_sumo.converters.datasets.seed import recorded_scene
 
         known = self.info["seed_scene"]
-        scene = read_seed(
+        scene = recorded_scene(
             self.folder / known["name"], tracks=self.folder / "seed.csv", case="1.0", repair=False
         )
         where = {int(track): index for index, track in enumerate(scene.track_ids)}

@@ -1,4 +1,4 @@
-"""Where two lanes come so close that cars on them would touch, and in which way."""
+"""Conflicts: where two lanes come so close that cars on them would touch, and in which way."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.geometry.shapes import at, length, project, samples
+from scex_sumo.geometry.polylines import along, length_of, project, samples
 from scex_sumo.road import Lane
 
 CLEARANCE_M = 2.4  # centreline distance under which a wide car and a car do not pass each other
@@ -67,7 +67,7 @@ def _kin(lanes: Mapping[int, Lane], found: list[Conflict]) -> list[Conflict]:
             ):
                 found[k] = replace(c, kind="diverge")
             elif max(
-                length(x.centreline) - s[1] for x, s in zip((a, b), c.spans, strict=True)
+                length_of(x.centreline) - s[1] for x, s in zip((a, b), c.spans, strict=True)
             ) < 2 * STEP_M and _related(a.successors, b.successors, merges):
                 found[k] = replace(c, kind="merge")
             changed |= found[k] is not c
@@ -135,7 +135,7 @@ def _kind(a: Lane, b: Lane, span_a: tuple[float, float], span_b: tuple[float, fl
     """Tell crossing, merging and diverging apart by the stretch alone; chains of short lanes need that."""
     if opposed(a.centreline, b.centreline, span_a, span_b):
         return "cross"
-    ends = [length(a.centreline) - span_a[1], length(b.centreline) - span_b[1]]
+    ends = [length_of(a.centreline) - span_a[1], length_of(b.centreline) - span_b[1]]
     starts = [span_a[0], span_b[0]]
     at_start, at_end = max(starts) < 2 * STEP_M, max(ends) < 2 * STEP_M
     if at_end and set(a.successors) & set(b.successors):
@@ -154,7 +154,7 @@ def _kind(a: Lane, b: Lane, span_a: tuple[float, float], span_b: tuple[float, fl
 
 def opposed(a: FloatArray, b: FloatArray, span_a: tuple[float, float], span_b: tuple[float, float]) -> bool:
     """Whether two polylines run against each other (by more than 120 degrees) along a stretch of each."""
-    da = at(a, span_a[1]) - at(a, span_a[0])
-    db = at(b, span_b[1]) - at(b, span_b[0])
+    da = along(a, span_a[1]) - along(a, span_a[0])
+    db = along(b, span_b[1]) - along(b, span_b[0])
     size = math.hypot(*da) * math.hypot(*db)
     return size > 0 and float(da @ db) / size < -0.5

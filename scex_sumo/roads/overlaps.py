@@ -1,4 +1,4 @@
-"""Lanes whose areas overlap, for maps whose format does not say which do."""
+"""Overlaps of lanes' areas, for maps whose format does not say which do."""
 
 from __future__ import annotations
 

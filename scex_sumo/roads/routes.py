@@ -1,4 +1,4 @@
-"""Where vehicles can go: routes over lanes, and the centrelines under them.
+"""Routes of vehicles: where they can go over lanes, and the centrelines under them.
 
 Nothing here depends on a behaviour model: a route is a sequence of lane ids, a candidate path a route with
 the centreline under it.
@@ -18,8 +18,7 @@ from scex_sumo.geometry.polylines import (
     arc_lengths,
     blend_over,
     headings,
-    join,
-    length_of,
+    join_owned,
     nearest,
     wrap,
 )
@@ -109,7 +108,8 @@ def _known(road: Road) -> dict[int, Lane]:
 @lru_cache(maxsize=8)
 def _lengths(road: Road) -> dict[int, float]:
     """Lengths of the vehicle lanes, m; never zero, so that every search along them ends."""
-    return {i: max(length_of(lane.centreline), 0.01) for i, lane in _known(road).items()}
+    steps = {i: np.diff(lane.centreline, axis=0) for i, lane in _known(road).items()}
+    return {i: max(float(np.hypot(*step.T).sum()), 0.01) for i, step in steps.items()}
 
 
 @lru_cache(maxsize=8)
@@ -264,7 +264,7 @@ def centreline(
         missing -= length[before[0]]
     sequence = (*before, *extended(road, lanes, s + ahead_m))
     pieces, owners = _pieces(known, sequence)
-    points, owner = join(pieces, owners)
+    points, owner = join_owned(pieces, owners)
     start = sum(length[i] for i in before) + s - behind_m
     return _cut(points, owner, start, behind_m + ahead_m)
 

@@ -22,8 +22,3 @@ def example_path(name: str) -> Path:
     if name not in EXAMPLES:
         raise UsageError(f"unknown example seed {name!r}; known: {', '.join(EXAMPLES)}")
     return Path(str(resources.files(__name__).joinpath("data", f"{name}.osm")))
-
-
-def example_seeds() -> dict[str, Path]:
-    """Maps of all example seeds by name."""
-    return {name: example_path(name) for name in EXAMPLES}

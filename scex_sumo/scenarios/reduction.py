@@ -1,4 +1,4 @@
-"""A seed scene with fewer vehicles: those that have most to do with each other."""
+"""Reduction of a seed scene to fewer vehicles: those that have most to do with each other."""
 
 from __future__ import annotations
 

@@ -40,9 +40,9 @@ def read_seed(
         MapError: the map cannot be read.
         TrackError: the tracks cannot be read, or hold no such moment.
     """
-    from scex_sumo.converters.datasets.seed import find_tracks
-    from scex_sumo.converters.datasets.seed import read_seed as read_recorded
+    from scex_sumo.converters.datasets.seed import recorded_scene
     from scex_sumo.converters.maps import read_map
+    from scex_sumo.converters.tracks.find import find_tracks
 
     map_path = Path(map_path)
     try:
@@ -51,7 +51,7 @@ def read_seed(
         read_map(map_path)  # a file that is no map is the likelier reason, and says so
         raise
     road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False)
-    scene = read_recorded(map_path, tracks=track_path, case=case, time_s=time, road=road, align=align)
+    scene = recorded_scene(map_path, tracks=track_path, case=case, time_s=time, road=road, align=align)
     return dataclasses.replace(scene, road=road)
 
 
@@ -80,12 +80,12 @@ def synthetic_seed(
     """
     from scex_sumo.converters.maps import read_map
     from scex_sumo.converters.net.convert import convert
-    from scex_sumo.scenarios.traffic.synthetic import synthetic_seed as populate
+    from scex_sumo.scenarios.traffic.synthetic import synthetic_scene
 
     map_path = Path(map_path)
     road = read_map(map_path, origin=origin, own_corner=True)
     with tempfile.TemporaryDirectory(prefix="scex-sumo-") as folder:
         net = convert(road, Path(folder) / f"{road.name}.net.xml")
         name = f"{road.name}_synthetic{vehicles}_s{seed}"
-        scene = populate(road, net, vehicles=vehicles, seed=seed, name=name)
+        scene = synthetic_scene(road, net, vehicles=vehicles, seed=seed, name=name)
     return dataclasses.replace(scene, road=road)

@@ -12,9 +12,8 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import sumo
-
 from scex_sumo.errors import SimulationError
+from scex_sumo.programs import program, sumo_home
 from scex_sumo.scene import STEP_S
 from scex_sumo.world.colors import Rgb
 from scex_sumo.world.gui_drawings import draw_legend, frame_of
@@ -203,14 +202,14 @@ class SumoSession:
         global _open
         if _open:
             raise SimulationError("SUMO runs one simulation per process and one is open; close that world")
-        os.environ.setdefault("SUMO_HOME", sumo.SUMO_HOME)
+        os.environ.setdefault("SUMO_HOME", str(sumo_home()))
         if self._gui and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             raise SimulationError("sumo-gui needs a display and DISPLAY is not set; run without --gui")
-        program = str(Path(sumo.SUMO_HOME) / "bin" / "sumo-gui") if self._gui else "sumo"
+        binary = program("sumo-gui") if self._gui else "sumo"
         self._errors = (module.TraCIException, module.exceptions.FatalTraCIError)
         with _silence() as said:
             try:
-                module.start([program, *options, *_OPTIONS])
+                module.start([binary, *options, *_OPTIONS])
             except self._errors as error:
                 reason = next((line for line in said() if line.startswith("Error: ")), f"Error: {error}")
                 raise SimulationError(f"SUMO does not start: {reason.removeprefix('Error: ')}") from error

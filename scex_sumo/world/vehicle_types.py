@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
 from scex_sumo.errors import UsageError
+from scex_sumo.programs import sumo_home
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.gui_drawings import OTHER_RGB
 
@@ -114,9 +115,7 @@ def check_driver(model: str, parameters: Mapping[str, str]) -> None:
 
 @cache
 def _known_parameters() -> frozenset[str]:
-    import sumo
-
-    schema = ElementTree.parse(Path(sumo.SUMO_HOME) / "data" / "xsd" / "types" / "route.xsd")
+    schema = ElementTree.parse(sumo_home() / "data" / "xsd" / "types" / "route.xsd")
     xsd = "{http://www.w3.org/2001/XMLSchema}"
     types = [t for t in schema.iter(f"{xsd}complexType") if _is_vehicle_type(t.get("name", ""))]
     return frozenset(a.get("name", "") for t in types for a in t.iter(f"{xsd}attribute"))

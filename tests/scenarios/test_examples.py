@@ -9,11 +9,11 @@ import pytest
 from shapely import STRtree
 from shapely.geometry import Point, Polygon
 
-from scex_sumo.converters.datasets.seed import read_seed
+from example_maps.make_examples import draw, make
+from scex_sumo.converters.datasets.seed import recorded_scene
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.errors import UsageError
 from scex_sumo.scenarios import EXAMPLES, example_path
-from scex_sumo.scenarios.drawn.make_examples import draw, make
 from scex_sumo.scene import SeedScene
 
 
@@ -25,7 +25,7 @@ def corners(scene: SeedScene, k: int) -> Polygon:
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_examples_are_read_without_options_and_without_repairs(name: str):
-    scene = read_seed(example_path(name))
+    scene = recorded_scene(example_path(name))
     assert 8 <= scene.vehicles <= 14
     assert scene.notes == ()
     assert np.all(scene.recorded_steps == 10)
@@ -35,7 +35,7 @@ def test_examples_are_read_without_options_and_without_repairs(name: str):
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_vehicles_stand_on_lanes_and_apart_from_each_other(name: str):
-    scene, road = read_seed(example_path(name)), read_road(example_path(name))
+    scene, road = recorded_scene(example_path(name)), read_road(example_path(name))
     lanes = STRtree([Polygon([*a.left_bound, *a.right_bound[::-1]]) for a in road.vehicle_lanes.values()])
     boxes = [corners(scene, k) for k in range(scene.vehicles)]
     for k, box in enumerate(boxes):
@@ -45,7 +45,7 @@ def test_vehicles_stand_on_lanes_and_apart_from_each_other(name: str):
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_histories_agree_with_speeds(name: str):
-    states = read_seed(example_path(name)).history
+    states = recorded_scene(example_path(name)).history
     moved = np.hypot(np.diff(states.x), np.diff(states.y)) / 0.1
     # Positions are rounded to 1 mm: 0.014 m/s; a turning car's centre is faster than its axis by up to 4 %.
     assert np.abs(moved - states.speed[:, 1:]).max() < 0.1
@@ -55,14 +55,14 @@ def test_histories_agree_with_speeds(name: str):
     ("name", "limit_kmh"), [("roundabout", 50), ("urban_intersection", 50), ("motorway_merge", 120)]
 )
 def test_speeds_are_those_of_the_road(name: str, limit_kmh: float):
-    speed = read_seed(example_path(name)).now.speed
+    speed = recorded_scene(example_path(name)).now.speed
     assert speed.max() < 1.25 * limit_kmh / 3.6  # the fastest driver there is
     assert speed.max() > 0.6 * limit_kmh / 3.6
     assert (speed > 1.0).mean() > 0.5  # some wait, most drive
 
 
 def test_somebody_walks_and_somebody_cycles_at_the_intersection():
-    scene = read_seed(example_path("urban_intersection"))
+    scene = recorded_scene(example_path("urban_intersection"))
     assert scene.obstacles is not None
     speeds = sorted(scene.obstacles.states.speed[scene.obstacles.present[:, 10], 10])
     assert len(speeds) == 2
@@ -73,7 +73,7 @@ def test_the_script_makes_the_shipped_roundabout(tmp_path: Path):
     make("roundabout", tmp_path)
     for suffix in (".osm", ".csv"):
         assert (tmp_path / f"roundabout{suffix}").exists()
-    shipped, made = read_seed(example_path("roundabout")), read_seed(tmp_path / "roundabout.osm")
+    shipped, made = recorded_scene(example_path("roundabout")), recorded_scene(tmp_path / "roundabout.osm")
     # Another version of SUMO may drive differently; the number and the kind of scene stay.
     assert abs(shipped.vehicles - made.vehicles) <= 4
 

@@ -1,4 +1,4 @@
-"""Residual offset between recorded tracks and their map: estimated from where vehicles drive, and undone.
+"""Alignment of tracks to their map: a residual offset, estimated from where vehicles drive, and undone.
 
 Trackers and maps are surveyed apart, and often disagree by most of a metre and a degree: vehicles then drive
 beside their lanes. Over a whole recording the disagreement shows, for drivers keep near the middle of lanes
@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.cleaning.heading import wrap
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 
@@ -294,11 +294,4 @@ def _thinned(samples: Evidence, most: int = LIMITS.most_samples) -> Evidence:
 
 def _moved(rows: TrackRows, alignment: Alignment) -> TrackRows:
     x, y = alignment.points(rows.x, rows.y)
-    c, s = math.cos(alignment.turn), math.sin(alignment.turn)
-    return rows.with_columns(
-        x=x,
-        y=y,
-        vx=c * rows.vx - s * rows.vy,
-        vy=s * rows.vx + c * rows.vy,
-        psi_rad=wrap(rows.psi_rad + alignment.turn),
-    )
+    return rows.turned(alignment.turn).with_columns(x=x, y=y)

@@ -1,4 +1,4 @@
-"""Several samples of one track with one time stamp."""
+"""Copies: several samples of one track with one time stamp."""
 
 from __future__ import annotations
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.converters.tracks.rows import TrackRows
+from scex_sumo.geometry.polylines import wrap
 
 STANDING_MPS = 0.5
 """Slower than this a vehicle stands: trackers let standing vehicles drift by so much."""
@@ -49,12 +50,6 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
     return rows.with_columns(psi_rad=wrap(heading)), found
 
 
-def wrap(angle: FloatArray) -> FloatArray:
-    """Angles in [-pi, pi]; values already there are returned unchanged, to the last bit."""
-    inside = (angle >= -np.pi) & (angle <= np.pi)
-    return np.where(inside, angle, np.mod(angle + np.pi, 2.0 * np.pi) - np.pi)
-
-
 def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(N,) heading of the last (else next) moving sample of the segment; else the segment's usual one.
 
@@ -62,13 +57,11 @@ def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]
     135° (a flip) off the one it will start with, as it may turn while starting; without either it never is.
     """
     moving = rows.speed >= MOVING_MPS
-    start = np.append(True, np.diff(rows.segment) != 0)
-    piece = np.cumsum(start) - 1
+    piece = rows.piece
+    begin, end = rows.pieces[0][piece], rows.pieces[1][piece] + 1
     index = np.arange(len(rows))
     last = np.maximum.accumulate(np.where(moving, index, -1))
     coming = np.minimum.accumulate(np.where(moving, index, len(rows))[::-1])[::-1]
-    begin = np.flatnonzero(start)[piece]
-    end = np.append(np.flatnonzero(start)[1:], len(rows))[piece]
     source = np.where(last >= begin, last, np.where(coming < end, coming, -1))
     held = heading[source]
     for number in np.unique(piece[source < 0]):

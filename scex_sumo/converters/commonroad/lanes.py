@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.commonroad.file import CommonRoadFile, element_id
+from scex_sumo.converters.commonroad.lanelets import Lanelet
 from scex_sumo.converters.commonroad.rules import (
     CARS,
     Sign,
     drawn_as,
-    lane_kind,
+    kind_of,
     lane_tags,
     may_cross,
     priority_regulations,
@@ -22,49 +23,10 @@ from scex_sumo.converters.commonroad.rules import (
     sign_speed_mps,
 )
 from scex_sumo.converters.lanelet.tags import default_speed_mps
-from scex_sumo.geometry.bounds import bounds_cross, mean_width_m, without_repeats
+from scex_sumo.geometry.polylines import bounds_cross, mean_width_m, without_repeats
 from scex_sumo.road import Area, Lane, Marking, Regulation
 
 GAP_M = 1.0  # successors that begin farther away than this are not where their predecessor ends
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Lanelet:
-    """One lanelet as the file has it.
-
-    Attributes:
-        left: (P, 2 or 3) bound, m.
-        right: (P, 2 or 3) bound, m.
-        centre: (P, 2 or 3) half-way between the bounds, m.
-        types: ``urban``, ``highway``, ``sidewalk``, ...
-        one_way: who may use it along its direction: ``vehicle``, ``car``, ``bus``, ...
-        both_ways: who may use it in both.
-        left_marking: ``solid``, ``dashed``, ...
-        right_marking: likewise.
-        successors: ids.
-        predecessors: ids.
-        left_neighbour: lanelet to the left in the same direction.
-        right_neighbour: lanelet to the right in the same direction.
-        signs: ids of the signs that hold for it.
-        lights: ids of its traffic lights.
-        stop_line: (2, 2) ends, m.
-    """
-
-    left: FloatArray
-    right: FloatArray
-    centre: FloatArray
-    types: frozenset[str]
-    one_way: frozenset[str]
-    both_ways: frozenset[str]
-    left_marking: str
-    right_marking: str
-    successors: frozenset[int]
-    predecessors: frozenset[int]
-    left_neighbour: int | None
-    right_neighbour: int | None
-    signs: frozenset[int]
-    lights: frozenset[int]
-    stop_line: FloatArray | None
 
 
 Signs: TypeAlias = Mapping[int, tuple[Sign, ...]]
@@ -82,7 +44,7 @@ def lanes_of(file: CommonRoadFile, lanelets: Lanelets, signs: Signs) -> dict[int
             continue
         if bounds_cross(left, right):
             file.note("bounds cross each other or themselves, the lane's shape may be off", i)
-        kind = lane_kind(lanelet.types, lanelet.one_way | lanelet.both_ways)
+        kind = kind_of(lanelet.types, lanelet.one_way | lanelet.both_ways)
         tags = lane_tags(lanelet.types)
         speed = _speed(file, i, lanelet, signs)
         if speed is not None:
@@ -120,9 +82,8 @@ def _remark_limits(file: CommonRoadFile, lanes: list[Lane], limited: set[int]) -
 def _speed(file: CommonRoadFile, i: int, lanelet: Lanelet, signs: Signs) -> float | None:
     """Speed limit that the file gives, m/s."""
     elements = [sign for s in sorted(lanelet.signs) for sign in signs.get(s, ())]
-    own = file.lanelets[i].findtext("speedLimit")  # 2018b
-    if own is not None:
-        elements.append(Sign(name="MAX_SPEED", written="speedLimit", values=(own,)))
+    if lanelet.speed_limit is not None:
+        elements.append(Sign(name="MAX_SPEED", written="speedLimit", values=(lanelet.speed_limit,)))
     try:
         return sign_speed_mps(elements)
     except ValueError:
@@ -199,7 +160,7 @@ def _may_change(left: Lanelet, right: Lanelet, *, leftwards: bool) -> bool:
     return all(may_cross(line, leftwards=leftwards) for line in (left.right_marking, right.left_marking))
 
 
-def regulations(
+def rules_of(
     file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane], signs: Signs
 ) -> tuple[Regulation, ...]:
     """Signs, priority at intersections, and lights, by ascending id of their element."""
@@ -235,7 +196,7 @@ def _incoming(file: CommonRoadFile, driven: Lanelets) -> dict[int, list[tuple[in
     return found
 
 
-def markings(lanelets: Lanelets) -> tuple[Marking, ...]:
+def drawn_markings(lanelets: Lanelets) -> tuple[Marking, ...]:
     """Lines to draw; one that two lanelets share is drawn once, ids are the reader's own."""
     found: dict[bytes, tuple[str, str, FloatArray]] = {}
     for lanelet in lanelets.values():
@@ -252,7 +213,7 @@ def markings(lanelets: Lanelets) -> tuple[Marking, ...]:
     )
 
 
-def areas(lanes: Mapping[int, Lane]) -> tuple[Area, ...]:
+def drawn_areas(lanes: Mapping[int, Lane]) -> tuple[Area, ...]:
     """Regions to draw: lanelets that cars may not drive on."""
     return tuple(
         Area(area_id=i, kind=lane.subtype, outline=np.concatenate([lane.left_bound, lane.right_bound[::-1]]))

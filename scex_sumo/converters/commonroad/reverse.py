@@ -1,4 +1,4 @@
-"""The second driving direction of lanelets that cars drive both ways."""
+"""Second driving direction of lanelets that cars drive both ways."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What CommonRoad's lanelet types, road users, markings and signs mean for a lane."""
+"""Meaning of CommonRoad's lanelet types, road users, markings and signs for a lane."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Sign:
     values: tuple[str, ...] = ()
 
 
-def lane_kind(types: frozenset[str], users: frozenset[str]) -> str:
+def kind_of(types: frozenset[str], users: frozenset[str]) -> str:
     """Kind of a lane: ``vehicle``, ``bus``, ``bicycle``, ``pedestrian`` or ``other``.
 
     Args:

@@ -1,4 +1,4 @@
-"""Recorded road users of a CommonRoad scenario, as the tracks of a recording."""
+"""Road users recorded in a CommonRoad scenario, as the tracks of a recording."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.converters.cleaning.heading import FORWARD_MPS, wrap
-from scex_sumo.converters.commonroad.file import element_id, parse_commonroad
+from scex_sumo.converters.cleaning.heading import FORWARD_MPS
+from scex_sumo.converters.commonroad.file import coordinate, element_id, parse_commonroad
 from scex_sumo.converters.lanelet.file import list_ids
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
+from scex_sumo.geometry.polylines import wrap
 
 # CommonRoad's words in those of track files; other words are the same.
 _TYPES = {"priorityVehicle": "vehicle", "unknown": "vehicle", "train": "tram", "parkedVehicle": "parked"}
@@ -58,7 +59,7 @@ def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...
     """
     path = Path(path)
     root = parse_commonroad(path)
-    step_s = _number(root.get("timeStepSize"))
+    step_s = coordinate(root.get("timeStepSize"))
     if not 0.0 < step_s < 10.0:
         raise TrackError(f"{path}: timeStepSize is {root.get('timeStepSize')!r}; a time in seconds expected")
     moving, standing, broken = _tracks(root)
@@ -102,7 +103,7 @@ def repair_commonroad(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
         findings.append(f"first states of {dropped} tracks off their motion: dropped")
     turn = _common_turn(table.vehicles)
     if turn:
-        table = replace(table, vehicles=_turned(table.vehicles, turn), others=_turned(table.others, turn))
+        table = replace(table, vehicles=table.vehicles.turned(-turn), others=table.others.turned(-turn))
         findings.append(
             f"headings turned by {math.degrees(turn):.2f} degrees against the motion: turned back"
         )
@@ -115,19 +116,19 @@ def _tracks(root: ElementTree.Element) -> tuple[list[_Track], list[_Track], list
     standing: dict[int, _Track] = {}
     broken: list[int | str] = []
     for obstacle, dynamic in _obstacles(root):
-        number = element_id(obstacle)
+        own = element_id(obstacle)
         kind = (obstacle.findtext("type") or "unknown").strip()
         if (not dynamic and kind in _BESIDE_THE_ROAD) or (dynamic and obstacle.find("trajectory") is None):
             continue
         states = _states(obstacle)
         size = _size(obstacle.find("shape"))
-        if number is None or size is None or not len(states) or number in moving or number in standing:
-            broken.append(number if number is not None else obstacle.get("id", "none"))
+        if own is None or size is None or not len(states) or own in moving or own in standing:
+            broken.append(own if own is not None else obstacle.get("id", "none"))
             continue
         word = _TYPES.get(kind, kind.lower())
         motor = dynamic and word in _MOTOR
-        track = _Track(label=number, kind=word, motor=motor, length=size[0], width=size[1], states=states)
-        (moving if dynamic else standing)[number] = track
+        track = _Track(label=own, kind=word, motor=motor, length=size[0], width=size[1], states=states)
+        (moving if dynamic else standing)[own] = track
     return [moving[i] for i in sorted(moving)], [standing[i] for i in sorted(standing)], broken
 
 
@@ -154,7 +155,7 @@ def _states(obstacle: ElementTree.Element) -> FloatArray:
 def _state(element: ElementTree.Element) -> tuple[float, float, float, float, float]:
     time = _value(element.find("time"))
     point = element.find("position/point")
-    x, y = (math.nan, math.nan) if point is None else (_number(point.findtext(n)) for n in ("x", "y"))
+    x, y = (math.nan, math.nan) if point is None else (coordinate(point.findtext(n)) for n in ("x", "y"))
     return time, x, y, _value(element.find("orientation")), _value(element.find("velocity"))
 
 
@@ -163,26 +164,18 @@ def _value(element: ElementTree.Element | None) -> float:
     if element is None:
         return math.nan
     if element.find("exact") is not None:
-        return _number(element.findtext("exact"))
-    return (_number(element.findtext("intervalStart")) + _number(element.findtext("intervalEnd"))) / 2.0
-
-
-def _number(text: str | None) -> float:
-    try:
-        number = float(text or "nan")
-    except ValueError:
-        return math.nan
-    return number if abs(number) < 1e9 else math.nan
+        return coordinate(element.findtext("exact"))
+    return (coordinate(element.findtext("intervalStart")) + coordinate(element.findtext("intervalEnd"))) / 2.0
 
 
 def _size(shape: ElementTree.Element | None) -> tuple[float, float] | None:
     """Length and width of a shape, m; those of its extent for circles and polygons."""
     if shape is None:
         return None
-    size = (_number(shape.findtext("rectangle/length")), _number(shape.findtext("rectangle/width")))
+    size = (coordinate(shape.findtext("rectangle/length")), coordinate(shape.findtext("rectangle/width")))
     if shape.find("circle") is not None:
-        size = (2.0 * _number(shape.findtext("circle/radius")),) * 2
-    points = [[_number(p.findtext(n)) for n in ("x", "y")] for p in shape.findall("polygon/point")]
+        size = (2.0 * coordinate(shape.findtext("circle/radius")),) * 2
+    points = [[coordinate(p.findtext(n)) for n in ("x", "y")] for p in shape.findall("polygon/point")]
     if points:
         extent = np.ptp(np.array(points), axis=0)
         size = (float(extent[0]), float(extent[1]))
@@ -199,17 +192,17 @@ def _held(state: FloatArray, steps: FloatArray) -> FloatArray:
 
 def _rows(tracks: list[_Track], step_s: float) -> TrackRows:
     """Tracks as flat arrays; headings and speeds that the file leaves out are those of the motion."""
-    filled = [_filled(track.states, step_s) for track in tracks]
+    filled = [_filled(one.states, step_s) for one in tracks]
     flat = np.concatenate(filled) if filled else np.empty((0, 5))
     counts = [len(states) for states in filled]
-    number = np.repeat(np.arange(len(tracks)), counts)
+    track = np.repeat(np.arange(len(tracks)), counts)
     stamps = 1000.0 * step_s * flat[:, 0]
     return TrackRows(
         case=np.zeros(len(flat), np.int64),
-        track=number,
-        segment=segments_of(number, stamps),
-        labels=tuple(str(track.label) for track in tracks),
-        types=tuple(track.kind for track in tracks),
+        track=track,
+        segment=segments_of(track, stamps),
+        labels=tuple(str(one.label) for one in tracks),
+        types=tuple(one.kind for one in tracks),
         frame_id=np.rint(flat[:, 0]).astype(np.int64),
         timestamp_ms=stamps,
         x=flat[:, 1],
@@ -217,8 +210,8 @@ def _rows(tracks: list[_Track], step_s: float) -> TrackRows:
         vx=flat[:, 4] * np.cos(flat[:, 3]),
         vy=flat[:, 4] * np.sin(flat[:, 3]),
         psi_rad=wrap(flat[:, 3]),
-        length=np.repeat([track.length for track in tracks], counts).astype(np.float64),
-        width=np.repeat([track.width for track in tracks], counts).astype(np.float64),
+        length=np.repeat([one.length for one in tracks], counts).astype(np.float64),
+        width=np.repeat([one.width for one in tracks], counts).astype(np.float64),
     )
 
 
@@ -259,13 +252,3 @@ def _common_turn(rows: TrackRows) -> float:
     turn = float(np.median(off))
     agreed = np.mean(np.abs(off - turn) < AGREE_RAD) >= 0.5
     return turn if agreed and TURNED_RAD < abs(turn) < math.radians(20.0) else 0.0
-
-
-def _turned(rows: TrackRows, turn: float) -> TrackRows:
-    """Headings and velocities turned back by an angle."""
-    c, s = math.cos(turn), math.sin(turn)
-    return rows.with_columns(
-        psi_rad=wrap(rows.psi_rad - turn),
-        vx=c * rows.vx + s * rows.vy,
-        vy=c * rows.vy - s * rows.vx,
-    )

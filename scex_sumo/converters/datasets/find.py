@@ -1,4 +1,4 @@
-"""Which recordings a folder holds, by the layouts that datasets are published in."""
+"""Recordings in folders, found by the layouts that datasets are published in."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pathlib import Path
 
 from scex_sumo.converters.datasets.reader import chains, chunk_span
 from scex_sumo.converters.formats import (
-    beside,
     has_lane_markings,
     is_commonroad,
     is_levelx,
     map_name,
     read_meta,
+    recording_file,
 )
 from scex_sumo.converters.lanelet.file import read_map_file
 from scex_sumo.converters.lanelet.origin import META_DATA
@@ -143,7 +143,7 @@ def _interaction(path: Path) -> Recording | None:
 
 def _levelx(path: Path) -> Recording:
     """A recording of inD, rounD, exiD with the Lanelet2 map nearest to it, or of highD, its own map."""
-    meta_path = beside(path, "recordingMeta")
+    meta_path = recording_file(path, "recordingMeta")
     try:
         meta = read_meta(meta_path)
     except TrackError:

@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.cleaning.heading import FORWARD_MPS, wrap
-from scex_sumo.converters.formats import _read_rows, beside, has_lane_markings, read_meta
+from scex_sumo.converters.cleaning.heading import FORWARD_MPS
+from scex_sumo.converters.formats import has_lane_markings, number, read_meta, read_rows, recording_file
 from scex_sumo.converters.tracks.reader import MOTOR_TYPES, OBSTACLE_SIZES
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
+from scex_sumo.geometry.polylines import wrap
 
 _IND = ("trackId", "frame", "xCenter", "yCenter", "heading", "width", "length", "xVelocity", "yVelocity")
 _HIGHD = ("id", "frame", "x", "y", "width", "height", "xVelocity", "yVelocity")
@@ -39,14 +40,14 @@ def read_levelx(path: str | Path) -> TrackTable:
         TrackError: a file or column is missing, a value is missing or not a number, or there are no rows.
     """
     path = Path(path)
-    meta = read_meta(beside(path, "recordingMeta"))
-    rate_hz = _number(meta.get("frameRate"))
+    meta = read_meta(recording_file(path, "recordingMeta"))
+    rate_hz = number(meta.get("frameRate"))
     if not 0.0 < rate_hz <= 1000.0:
-        where = beside(path, "recordingMeta")
+        where = recording_file(path, "recordingMeta")
         raise TrackError(f"{where}: frameRate is {meta.get('frameRate')!r}; frames per second expected")
     highd = has_lane_markings(meta)
     columns = _read_columns(path, _HIGHD if highd else _IND)
-    of_track = _track_meta(beside(path, "tracksMeta"), "id" if highd else "trackId")
+    of_track = _track_meta(recording_file(path, "tracksMeta"), "id" if highd else "trackId")
     flat = _highd(columns, of_track, path) if highd else _ind(columns)
     order = np.lexsort((flat["frame"], flat["id"]))
     flat = {name: values[order] for name, values in flat.items()}
@@ -54,7 +55,7 @@ def read_levelx(path: str | Path) -> TrackTable:
     ids: IntArray = flat.pop("id").astype(np.int64)
     missing = [int(number) for number in np.unique(ids) if int(number) not in kind]
     if missing:
-        where = beside(path, "tracksMeta")
+        where = recording_file(path, "tracksMeta")
         raise TrackError(f"{where}: no row for track {missing[0]}; take the files as published")
     frame: IntArray = flat.pop("frame").astype(np.int64)
     motor = np.array([kind[int(number)] in MOTOR_TYPES for number in ids], bool)
@@ -85,9 +86,9 @@ def _highd(
     columns: dict[str, FloatArray], of_track: dict[int, dict[str, str]], path: Path
 ) -> dict[str, FloatArray]:
     vx, vy = columns["xVelocity"], -columns["yVelocity"]
-    ways = {number: _number(row.get("drivingDirection")) for number, row in of_track.items()}
+    ways = {i: number(row.get("drivingDirection")) for i, row in of_track.items()}
     if not set(ways.values()) <= {1.0, 2.0}:
-        raise TrackError(f"{beside(path, 'tracksMeta')}: drivingDirection is not 1 or 2 everywhere")
+        raise TrackError(f"{recording_file(path, 'tracksMeta')}: drivingDirection is not 1 or 2 everywhere")
     # 1: the upper lanes, to the left
     along = np.array([math.pi if ways.get(int(number)) == 1.0 else 0.0 for number in columns["id"]])
     fast = np.hypot(vx, vy) > FORWARD_MPS
@@ -133,16 +134,16 @@ def _rows(
 
 
 def _track_meta(path: Path, id_column: str) -> dict[int, dict[str, str]]:
-    rows = _read_rows(path)
+    rows = read_rows(path)
     for name in (id_column, "class"):
         if rows and name not in rows[0]:
             raise TrackError(f"{path}: no column {name}; take the file as published")
     found = {}
     for line, row in enumerate(rows, start=2):
-        number = _number(row[id_column])
-        if not number.is_integer():
+        own = number(row[id_column])
+        if not own.is_integer():
             raise TrackError(f"{path}: line {line}: {id_column} is {row[id_column]!r}, not an integer")
-        found[int(number)] = row
+        found[int(own)] = row
     return found
 
 
@@ -176,10 +177,3 @@ def _read_columns(path: Path, names: tuple[str, ...]) -> dict[str, FloatArray]:
             line = int(np.argmax(bad)) + 2
             raise TrackError(f"{path}: line {line}: {name} is missing or not finite; repair or drop the row")
     return columns
-
-
-def _number(text: str | None) -> float:
-    try:
-        return float(text or "nan")
-    except ValueError:
-        return math.nan

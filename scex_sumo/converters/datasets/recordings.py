@@ -14,7 +14,7 @@ from scex_sumo.converters.formats import map_name
 from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.moments.moments import Moment, moments
-from scex_sumo.converters.moments.scene import FUTURE_STEPS, Clean, take_scene
+from scex_sumo.converters.moments.scene import Clean, take_scene
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.errors import TrackError
 from scex_sumo.road import Road
@@ -74,7 +74,6 @@ def seed_at(
     *,
     case: str | None = None,
     min_history: int = 0,
-    future_steps: int = FUTURE_STEPS,
 ) -> SeedScene:
     """The seed scene of one moment, the same as `scex_sumo.read_seed` gives for that file and time.
 
@@ -83,7 +82,6 @@ def seed_at(
         time_s: the moment in the recording's clock, s.
         case: id of a case, of a file that holds cases; None takes the first one.
         min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
-        future_steps: how much of the recorded future is kept, in steps of 0.1 s.
 
     Returns:
         The seed scene, its ``road`` that of the recording.
@@ -98,7 +96,6 @@ def seed_at(
         case=case,
         time_s=time_s,
         min_history=min_history,
-        future_steps=future_steps,
     )
     return dataclasses.replace(scene, road=loaded.road)
 

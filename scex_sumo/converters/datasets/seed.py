@@ -1,44 +1,24 @@
-"""One moment of a recording as a seed scene."""
+"""Seed scene of one moment of a recording, by the files' paths."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.reader import chains, read_clean
 from scex_sumo.converters.formats import is_commonroad, map_name
-from scex_sumo.converters.moments.moments import Moment, busiest, moments
-from scex_sumo.converters.moments.scene import FUTURE_STEPS, recording_name, take_scene
-from scex_sumo.converters.moments.writer import write_tracks
+from scex_sumo.converters.moments.scene import recording_name, take_scene
 from scex_sumo.converters.tracks.find import find_tracks
-from scex_sumo.converters.tracks.reader import read_tracks
-from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 
-__all__ = [
-    "FUTURE_STEPS",
-    "Moment",
-    "TrackRows",
-    "TrackTable",
-    "busiest",
-    "find_tracks",
-    "moments",
-    "read_seed",
-    "read_tracks",
-    "repair_tracks",
-    "write_tracks",
-]
 
-
-def read_seed(
+def recorded_scene(
     map_path: str | Path,
     *,
     tracks: str | Path | None = None,
     case: str | float | None = None,
     time_s: float | None = None,
     min_history: int = 0,
-    future_steps: int = FUTURE_STEPS,
     repair: bool = True,
     road: Road | None = None,
     align: bool = True,
@@ -56,7 +36,6 @@ def read_seed(
         case: id of a case; ``1``, ``1.0`` and ``"1.0"`` are the same.
         time_s: the moment in the recording's clock (``timestamp_ms`` / 1000); the nearest frame is taken.
         min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
-        future_steps: how much of the recorded future is kept, in steps of 0.1 s.
         repair: whether defects are repaired, see ``repair_tracks``.
         road: the map as read; tracks that lie beside its lanes are then moved onto them.
         align: False leaves them where they are, see ``align_tracks``.
@@ -74,7 +53,6 @@ def read_seed(
         case=case,
         time_s=time_s,
         min_history=min_history,
-        future_steps=future_steps,
     )
 
 

@@ -1,4 +1,4 @@
-"""A Lanelet2 map as it stands in its file: nodes, ways and relations, before Lanelet2 reads them.
+"""Lanelet2 map as it stands in its file: nodes, ways and relations, before Lanelet2 reads them.
 
 Lanelet2 drops what it cannot use without a word, or crashes on it. What a map really says, and what is
 broken in it, is found here with the standard library alone.

@@ -1,4 +1,4 @@
-"""Where a map's coordinates begin: the latitude and longitude that its plane is projected with."""
+"""Origin of a map's coordinates: the latitude and longitude that its plane is projected with."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from scex_sumo.converters.formats import beside, is_levelx, read_meta
+import numpy as np
+
+from scex_sumo.converters.formats import is_levelx, read_meta, recording_file
 from scex_sumo.converters.lanelet.file import MapFile, read_map_file
 from scex_sumo.converters.lanelet.projection import to_degrees
 from scex_sumo.converters.lanelet.repair import STRAY_M, Place, distance_m, middle
@@ -53,7 +55,7 @@ def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = No
         MapError: a ``recordingMeta.csv`` or ``meta_data.csv`` gives an origin that is none.
     """
     if tracks_path is not None and is_levelx(tracks_path):
-        found = _levelx_origin(beside(Path(tracks_path), "recordingMeta"), Path(map_path))
+        found = _levelx_origin(recording_file(Path(tracks_path), "recordingMeta"), Path(map_path))
         if found is not None:
             return found
     paths = _meta_data_paths(Path(map_path), Path(tracks_path) if tracks_path is not None else None)
@@ -121,11 +123,14 @@ def _levelx_origin(meta_path: Path, map_path: Path) -> Place | None:
         near = middle(read_map_file(map_path))
     except ValueError:
         east, north, near = math.nan, math.nan, (math.nan, math.nan)
-    place = to_degrees((east, north), near) if _on_earth(*near) else near
+    try:
+        [place] = to_degrees(np.array([[east, north]]), near, absolute=True)
+    except RuntimeError:
+        place = np.full(2, math.nan)
     if not _on_earth(*place) or distance_m(place, near) > LOCATION_M:
         got = f"{meta['xUtmOrigin']},{meta['yUtmOrigin']}"
         raise MapError(f"{meta_path}: xUtmOrigin, yUtmOrigin {got} is not near its location; repair the file")
-    return place
+    return float(place[0]), float(place[1])
 
 
 def _read_meta_data(path: Path) -> Place | None:

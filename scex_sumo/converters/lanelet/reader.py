@@ -1,4 +1,4 @@
-"""Lanelet2 maps: the one module that imports lanelet2."""
+"""Lanelet2 maps, read by lanelet2 itself."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from scex_sumo.converters.lanelet.origin import map_origin, recorded_origin
 from scex_sumo.converters.lanelet.repair import Place, distance_m, middle, repair
 from scex_sumo.converters.lanelet.tags import default_speed_mps, lane_kind, lane_speed_mps, says_limit
 from scex_sumo.errors import MapError
-from scex_sumo.geometry.bounds import bounds_cross, mean_width_m, without_repeats
+from scex_sumo.geometry.polylines import bounds_cross, mean_width_m, without_repeats
 from scex_sumo.road import Lane, Road
 
 # lanelet2 is untyped: its maps, lanelets, rules and graphs are Any, and go no further than this module.

@@ -1,4 +1,4 @@
-"""What the tags of a lanelet and its regulatory elements say: who may use it, how fast."""
+"""Tags of a lanelet and its regulatory elements: who may use it, how fast."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which moments of a recording can be seed scenes."""
+"""Moments of a recording that can be seed scenes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.converters.cleaning.heading import STANDING_MPS
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
@@ -47,7 +46,7 @@ def moments(table: TrackTable, *, every_s: float = STEP_S) -> list[Moment]:
     if not len(rows):
         return []
     back_ms = 1000.0 * STEP_S * (HISTORY_STEPS - 1 if table.has_cases else HISTORY_STEPS)
-    first, last = segment_spans(rows.segment, rows.timestamp_ms)
+    first, last = (rows.timestamp_ms[end][rows.piece] for end in rows.pieces)
     complete = (
         (rows.speed > STANDING_MPS)
         & (first <= rows.timestamp_ms - back_ms + STAMP_MS)
@@ -72,12 +71,3 @@ def moments(table: TrackTable, *, every_s: float = STEP_S) -> list[Moment]:
 def busiest(candidates: list[Moment]) -> Moment:
     """The moment with most complete vehicles, then most vehicles; the earliest of equals."""
     return max(candidates, key=lambda moment: (moment.complete, moment.vehicles))
-
-
-def segment_spans(segment: IntArray, timestamp_ms: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(N,) first and last stamp of each row's segment, ms."""
-    start = np.append(True, np.diff(segment) != 0)
-    piece = np.cumsum(start) - 1
-    begin = np.flatnonzero(start)
-    end = np.append(begin[1:], len(segment)) - 1
-    return timestamp_ms[begin][piece], timestamp_ms[end][piece]

@@ -1,4 +1,4 @@
-"""Recorded tracks at other times than those of their samples: on the steps of a seed scene, or at 10 Hz."""
+"""Sampling of recorded tracks at other times than their own: on the steps of a seed scene, or at 10 Hz."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.cleaning.heading import wrap
 from scex_sumo.converters.moments.moments import STAMP_MS
 from scex_sumo.converters.tracks.rows import TrackRows
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import STEP_S, States
 
 

@@ -1,4 +1,4 @@
-"""One moment of a recording as a seed scene: which moment, and what it holds."""
+"""Seed scene of one moment of a recording: which moment, and what it holds."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from scex_sumo.errors import TrackError
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene
 
 FUTURE_STEPS = 50
+"""How much of the recorded future a seed scene keeps."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,9 +46,8 @@ def take_scene(
     case: str | float | None = None,
     time_s: float | None = None,
     min_history: int = 0,
-    future_steps: int = FUTURE_STEPS,
 ) -> SeedScene:
-    """The seed scene of one moment; see ``read_seed``.
+    """The seed scene of one moment; see ``recorded_scene``.
 
     Args:
         clean: the recording.
@@ -56,7 +56,6 @@ def take_scene(
         case: id of a case; None takes the one with the busiest moment.
         time_s: the moment; None takes the busiest one, of a case its frame 10.
         min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
-        future_steps: how much of the recorded future is kept, in steps of 0.1 s.
 
     Raises:
         TrackError: an unknown case, a moment outside the recording or without vehicles.
@@ -79,7 +78,7 @@ def take_scene(
             f"{table.path}: no case_id column, so no case {case}; choose the moment with --time S"
         )
     moment_ms = choose_moment(table, case_id, time_s)
-    return _build(table, name, location, case_id, moment_ms, min_history, future_steps, findings)
+    return _build(table, name, location, case_id, moment_ms, min_history, findings)
 
 
 def recording_name(map_path: Path, track_paths: tuple[Path, ...]) -> str:
@@ -115,13 +114,13 @@ def choose_case(table: TrackTable, case: str | float | None, time_s: float | Non
     if str(case) in table.cases:
         return table.cases.index(str(case))
     for index, name in enumerate(table.cases):
-        if _number(name) == _number(str(case)):
+        if _as_number(name) == _as_number(str(case)):
             return index
     examples = ", ".join(table.cases[:3]) + (", ..." if len(table.cases) > 3 else "")
     raise TrackError(f"{table.path}: no case {case}; it has {len(table.cases)} cases: {examples}")
 
 
-def _number(text: str) -> float | str:
+def _as_number(text: str) -> float | str:
     try:
         return float(text)
     except ValueError:
@@ -170,10 +169,9 @@ def _build(
     case_id: str,
     moment_ms: float,
     min_history: int,
-    future_steps: int,
     findings: tuple[str, ...],
 ) -> SeedScene:
-    steps_ms = 1000.0 * STEP_S * np.arange(-HISTORY_STEPS, future_steps + 1)
+    steps_ms = 1000.0 * STEP_S * np.arange(-HISTORY_STEPS, FUTURE_STEPS + 1)
     grid_ms: FloatArray = (moment_ms + steps_ms).astype(np.float64)
     rows = table.vehicles
     cars = sample(rows, moment_ms, grid_ms)

@@ -1,4 +1,4 @@
-"""A road becomes a SUMO net: the public face of the sumo_* modules.
+"""Conversion of a road to a SUMO net: the public face of the net writer.
 
 The net file is written directly, not by netconvert, so that every shape is the map's own. What holds ids
 and coordinates in it, for whoever copies or moves nets as text:
@@ -16,20 +16,20 @@ import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from scex_sumo.converters.net.elements import NetLayout
 from scex_sumo.converters.net.extras import extras_text
 from scex_sumo.converters.net.lane_table import LaneTable, lane_table
 from scex_sumo.converters.net.lights import Programme, fixed_programmes
 from scex_sumo.converters.net.pieces.borders import add_entries
-from scex_sumo.converters.net.pieces.gaps import fill_gaps, open_knots, split_loops
-from scex_sumo.converters.net.pieces.rows import build_rows, lay_zones
-from scex_sumo.converters.net.pieces.topology import Topology
-from scex_sumo.converters.net.plan import NetLayout
+from scex_sumo.converters.net.pieces.rows import build_rows
+from scex_sumo.converters.net.pieces.topology import Topology, cut_lanes
+from scex_sumo.converters.net.plan import plan_net
 from scex_sumo.converters.net.signals import recorded_programme
 from scex_sumo.converters.net.text import net_text
 from scex_sumo.errors import MapError
-from scex_sumo.geometry.shapes import length
+from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import Road
-from scex_sumo.roads.conflicts import Conflict, conflicts
+from scex_sumo.roads.conflicts import conflicts
 
 __all__ = ["LaneTable", "SumoNet", "convert"]
 
@@ -68,23 +68,20 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     lanes = road.vehicle_lanes
     if not lanes:
         raise MapError(f"{road.name}: no lanelet that cars may drive on; nothing to convert")
-    points = sorted(i for i, lane in lanes.items() if length(lane.centreline) < SHORTEST_M)
+    points = sorted(i for i, lane in lanes.items() if length_of(lane.centreline) < SHORTEST_M)
     if points:
         raise MapError(f"{road.name}: lanelets without length: {', '.join(map(str, points[:5]))}; drop them")
     lanes = add_entries(lanes)
     found = conflicts(lanes)
-    rows, lost = build_rows(lanes)
-    lay_zones(rows, lanes, found)
-    open_knots(rows, lanes)
-    fill_gaps(rows, lanes, Topology(rows, lanes, found).node)
-    split_loops(rows, Topology(rows, lanes, found).node)
-    plan = NetLayout(road, Topology(rows, lanes, found), found)
-    plan.add(_side_lanes(road))
-    programmes, notes = _programmes(plan, road, found, signals)
-    net_path.write_text(net_text(plan, programmes), encoding="utf-8")
-    table = lane_table(plan.places(), plan.ends(), road.lanes)
-    table.write(beside(net_path, ".lanes.csv"))
-    extras = beside(net_path, ".add.xml")
+    topology, lost = cut_lanes(lanes, found)
+    layout = plan_net(topology, road.regulations, found)
+    recorded, notes = (None, []) if signals is None else recorded_programme(layout, road.origin, signals)
+    fixed = fixed_programmes(layout, lanes, road.regulations, found)
+    layout = layout.beside(_side_lanes(road))
+    net_path.write_text(net_text(layout, _together(recorded, fixed)), encoding="utf-8")
+    table = lane_table(layout.places(), layout.ends(), road.lanes)
+    table.write(net_file(net_path, ".lanes.csv"))
+    extras = net_file(net_path, ".add.xml")
     extras.write_text(extras_text(road), encoding="utf-8")
     notes += [f"the lane change from lanelet {a} to {b} has no place in a SUMO edge" for a, b in lost]
     return SumoNet(path=net_path, extras=extras, lanes=table, notes=tuple(notes))
@@ -96,7 +93,7 @@ def open_net(net_path: Path) -> SumoNet:
     Raises:
         MapError: the net or its lane table is not there.
     """
-    table, extras = beside(net_path, ".lanes.csv"), beside(net_path, ".add.xml")
+    table, extras = net_file(net_path, ".lanes.csv"), net_file(net_path, ".add.xml")
     for file in (net_path, table):
         if not file.is_file():
             raise MapError(f"{file}: no such file; convert the map again")
@@ -127,22 +124,17 @@ def _side_lanes(road: Road) -> NetLayout:
         for i, lane in own.items()
     }
     rows, _ = build_rows(lanes)
-    return NetLayout(road, Topology(rows, lanes, []), [])
+    return plan_net(Topology(rows, lanes, []), road.regulations, [])
 
 
-def _programmes(
-    plan: NetLayout, road: Road, found: list[Conflict], signals: Path | None
-) -> tuple[list[Programme], list[str]]:
-    """The recorded lights, and fixed programmes for the elements that these leave out."""
-    recorded, notes = (None, []) if signals is None else recorded_programme(plan, road, signals)
-    programmes = [] if recorded is None else [recorded]
-    taken = {c.internal.name for p in programmes for c in p.connections}
-    for programme in fixed_programmes(plan, road, found):
-        if taken.isdisjoint(c.internal.name for c in programme.connections):
-            programmes.append(programme)
-    return programmes, notes
+def _together(recorded: Programme | None, fixed: list[Programme]) -> list[Programme]:
+    """The recorded lights, and the fixed programmes of the links that these leave out."""
+    if recorded is None:
+        return fixed
+    taken = {c.internal.name for c in recorded.connections}
+    return [recorded, *(p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))]
 
 
-def beside(net_path: Path, suffix: str) -> Path:
+def net_file(net_path: Path, suffix: str) -> Path:
     """The file that belongs to NET.net.xml with another ending: NET + suffix."""
     return net_path.with_name(net_path.name.removesuffix(".xml").removesuffix(".net") + suffix)

@@ -1,14 +1,17 @@
-"""What a SUMO net is made of: lanes, edges, connections, nodes, with names and shapes."""
+"""Elements of a SUMO net: lanes, edges, connections, nodes, with names and shapes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.pieces.rules import Link
-from scex_sumo.geometry.shapes import mean_line
+from scex_sumo.geometry.polylines import mean_line
+
+DECIMALS = 3  # millimetres: a tenth of what the 0.01 m target needs, and what SUMO's tools expect
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,9 +58,24 @@ class Edge:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Connection:
-    """A link, its internal lane and its end points (edge names and lane indices)."""
+    """A link, its internal lane and its end points (edge names and lane indices).
+
+    Attributes:
+        link: as SUMO's right of way sees it.
+        lanelets: those it runs over, from the road before to the road after, without repeats.
+        enters: whether it comes from the first piece of a lane without predecessors.
+        starts: (lanelet, arc length in m) of the lanelets under the internal lane, where it begins on them.
+        internal: its lane within the junction.
+        from_edge: name of the edge before.
+        from_lane: index.
+        to_edge: name of the edge after.
+        to_lane: index.
+    """
 
     link: Link
+    lanelets: tuple[int, ...]
+    enters: bool
+    starts: tuple[tuple[int, float], ...]
     internal: NetLane
     from_edge: str
     from_lane: int
@@ -65,11 +83,52 @@ class Connection:
     to_lane: int
 
 
-@dataclass(kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Node:
-    """A SUMO junction: its incoming lanes and its connections, in the order of link indices."""
+    """A SUMO junction: incoming lanes, connections in the order of link indices, (P, 2) outline."""
 
     name: str
-    incoming: list[str] = field(default_factory=list)
-    connections: list[Connection] = field(default_factory=list)
-    shape: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    incoming: tuple[str, ...]
+    connections: tuple[Connection, ...]
+    shape: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NetLayout:
+    """A whole net, ready to be written.
+
+    Attributes:
+        edges: road edges.
+        nodes: junctions.
+        roads: lane of an edge, the lanelet under it and the arc length at which it begins there, m.
+    """
+
+    edges: tuple[Edge, ...]
+    nodes: tuple[Node, ...]
+    roads: tuple[tuple[str, int, float], ...]
+
+    def beside(self, other: NetLayout) -> NetLayout:
+        """Both nets as one; no lane of one is connected with a lane of the other."""
+        return NetLayout(
+            edges=self.edges + other.edges, nodes=self.nodes + other.nodes, roads=self.roads + other.roads
+        )
+
+    @property
+    def connections(self) -> tuple[Connection, ...]:
+        """Connections of all junctions."""
+        return tuple(c for node in self.nodes for c in node.connections)
+
+    def places(self) -> Iterator[tuple[str, list[tuple[int, float]]]]:
+        """Each SUMO lane with the lanelets under it and the arc lengths at which it begins on them, m."""
+        yield from ((name, [(lanelet, start)]) for name, lanelet, start in self.roads)
+        yield from ((c.internal.name, list(c.starts)) for c in self.connections)
+
+    def ends(self) -> dict[str, tuple[str, str]]:
+        """For each internal lane the edges before and after it."""
+        return {c.internal.name: (c.from_edge, c.to_edge) for c in self.connections}
+
+
+def shape_text(line: FloatArray) -> str:
+    """A polyline as SUMO writes it: ``x,y x,y``."""
+    # Adding 0.0 turns a rounded -0.0 into 0.0.
+    return " ".join(f"{x:.{DECIMALS}f},{y:.{DECIMALS}f}" for x, y in np.round(line, DECIMALS) + 0.0)

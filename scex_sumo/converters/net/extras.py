@@ -1,4 +1,4 @@
-"""What a SUMO net cannot hold, for sumo-gui: markings, stop lines, crosswalks and areas as polygons."""
+"""Extras for sumo-gui that a SUMO net cannot hold: markings, stop lines, crosswalks and areas as polygons."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.geometry.shapes import cut, length, text
+from scex_sumo.converters.net.elements import shape_text
+from scex_sumo.geometry.polylines import cut, length_of
 from scex_sumo.road import Marking, Road
 
 
@@ -73,7 +74,7 @@ def _areas(road: Road) -> Iterator[str]:
         style = AREAS.get(area.kind, OTHER_AREA)
         yield (
             f'    <poly id="area.{number}" type={quoteattr(area.kind)} color="{style.color}" fill="1"'
-            f' layer="{style.layer}" shape="{text(area.outline)}"/>'
+            f' layer="{style.layer}" shape="{shape_text(area.outline)}"/>'
         )
 
 
@@ -101,7 +102,7 @@ def _stop_lines(road: Road) -> Iterator[str]:
 def _strokes(marking: Marking, style: Style) -> Iterator[FloatArray]:
     """The marking itself, or its dashes."""
     dash = style.dash or (DASH_M if "dashed" in marking.subtype else 0.0)
-    total = length(marking.points)
+    total = length_of(marking.points)
     if dash == 0.0 or total <= dash:
         yield marking.points
         return
@@ -114,5 +115,5 @@ def _strokes(marking: Marking, style: Style) -> Iterator[FloatArray]:
 def _line(name: str, kind: str, style: Style, line: FloatArray) -> str:
     return (
         f'    <poly id="{name}" type={quoteattr(kind)} color="{style.color}" fill="0" layer="{style.layer}"'
-        f' lineWidth="{style.width:.2f}" shape="{text(line)}"/>'
+        f' lineWidth="{style.width:.2f}" shape="{shape_text(line)}"/>'
     )

@@ -1,4 +1,4 @@
-"""Which SUMO lanes a lanelet became, and back."""
+"""Lane table: which SUMO lanes a lanelet became, and back."""
 
 from __future__ import annotations
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from scex_sumo.converters.net.elements import Connection
-from scex_sumo.converters.net.plan import NetLayout
-from scex_sumo.geometry.shapes import turn
-from scex_sumo.road import Regulation, Road
+from scex_sumo.converters.net.elements import Connection, NetLayout
+from scex_sumo.geometry.polylines import length_of, turn
+from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
 
 GREEN_S, YELLOW_S, ALL_RED_S = 25, 3, 2
@@ -34,16 +33,24 @@ class Programme:
     programme: str = "0"
 
 
-def fixed_programmes(plan: NetLayout, road: Road, found: Sequence[Conflict]) -> list[Programme]:
+def fixed_programmes(
+    layout: NetLayout, lanes: Mapping[int, Lane], rules: Sequence[Regulation], found: Sequence[Conflict]
+) -> list[Programme]:
     """A programme for each group of traffic_light elements whose traffic conflicts.
 
     Each element's links are green together; oncoming elements share a phase, in which left turns give way.
+
+    Args:
+        layout: the net.
+        lanes: that it was made of, by id.
+        rules: of the map.
+        found: conflicts of the lanes.
     """
-    elements = [rule for rule in road.regulations if rule.kind == "traffic_light"]
+    elements = [rule for rule in rules if rule.kind == "traffic_light"]
     clashing = {pair for c in found if c.kind != "diverge" for pair in (c.lanes, c.lanes[::-1])}
-    groups = [(rule, controlled(plan, rule, clashing)) for rule in elements]
+    groups = [(rule, controlled(layout, rule, clashing)) for rule in elements]
     groups = [(rule, links) for rule, links in groups if links]
-    ahead = [_ahead(plan, rule.lanes) for rule, _ in groups]
+    ahead = [_ahead(lanes, rule.lanes) for rule, _ in groups]
     against = [
         {j for j, b in enumerate(ahead) if j != i and any((p, q) in clashing for p in a for q in b)}
         for i, a in enumerate(ahead)
@@ -58,37 +65,36 @@ def fixed_programmes(plan: NetLayout, road: Road, found: Sequence[Conflict]) -> 
     return programmes
 
 
-def controlled(plan: NetLayout, rule: Regulation, clashing: set[tuple[int, int]]) -> list[Connection]:
+def controlled(layout: NetLayout, rule: Regulation, clashing: set[tuple[int, int]]) -> list[Connection]:
     """Links that a light controls: those that leave its lanes, or enter those in conflict.
 
     Maps differ in whether the approach or the lanelet across the intersection refers to the light.
     """
     crossing = {lane for lane, _ in clashing}
     found = []
-    for node in plan.nodes.values():
-        for c in node.connections:
-            over = plan.lanelets(c)
-            for lane in rule.lanes:
-                # A lane that begins at the map's border is entered where its first edge ends.
-                begins = over[0] == lane and plan.begins(c)
-                enters = lane in over[1:] or begins
-                leaves = over[0] == lane and len(over) > 1
-                if enters if lane in crossing else leaves:
-                    found.append(c)
-                    break
+    for c in layout.connections:
+        first, *others = c.lanelets
+        for lane in rule.lanes:
+            # A lane that begins at the map's border is entered where its first edge ends.
+            enters = lane in others or (first == lane and c.enters)
+            leaves = first == lane and bool(others)
+            if enters if lane in crossing else leaves:
+                found.append(c)
+                break
     return found
 
 
-def _ahead(plan: NetLayout, lanes: Iterable[int]) -> set[int]:
+def _ahead(lanes: Mapping[int, Lane], ids: Iterable[int]) -> set[int]:
     """Lanes and what follows them within 60 m."""
     reached: dict[int, float] = {}
-    stack = [(lane, 0.0) for lane in lanes]
+    stack = [(lane, 0.0) for lane in ids]
     while stack:
         lane, start = stack.pop()
-        if lane not in plan.lane_lengths or start > AHEAD_M or reached.get(lane, math.inf) <= start:
+        if lane not in lanes or start > AHEAD_M or reached.get(lane, math.inf) <= start:
             continue
         reached[lane] = start
-        stack += [(i, start + plan.lane_lengths[lane]) for i in plan.successors(lane)]
+        end = start + length_of(lanes[lane].centreline)
+        stack += [(i, end) for i in lanes[lane].successors]
     return set(reached)
 
 

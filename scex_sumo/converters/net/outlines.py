@@ -9,7 +9,7 @@ from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.elements import Edge
-from scex_sumo.geometry.shapes import at, cut, heading, project
+from scex_sumo.geometry.polylines import along, cut, heading, project
 from scex_sumo.road import Lane
 
 
@@ -20,7 +20,7 @@ def lane_area(lane: Lane, span: tuple[float, float]) -> Polygon:
         lane: the lane.
         span: where the stretch begins and ends on its centreline, m.
     """
-    ends = at(lane.centreline, np.array(span))
+    ends = along(lane.centreline, np.array(span))
     sides = [_between(bound, ends) for bound in (lane.left_bound, lane.right_bound)]
     return Polygon(np.vstack([sides[0], sides[1][::-1]])).buffer(0)
 
@@ -51,4 +51,6 @@ def border(node: str, edges: Iterable[Edge]) -> FloatArray:
 def _between(bound: FloatArray, ends: FloatArray) -> FloatArray:
     """Part of a bound beside a stretch of the centreline, given the stretch's two end points."""
     start, end = project(ends, bound)[0]
-    return cut(bound, start, end) if end - start > 1e-3 else np.vstack([at(bound, start), at(bound, end)])
+    return (
+        cut(bound, start, end) if end - start > 1e-3 else np.vstack([along(bound, start), along(bound, end)])
+    )

@@ -1,4 +1,4 @@
-"""Recorded signal phases (SPaT) as a SUMO traffic light that replays them.
+"""Signal phases as recorded (SPaT), as a SUMO traffic light that replays them.
 
 Format as published with the TAF-BW recordings: a CSV ``signal_group_id, timestamp_ms, movement_state`` and
 beside it a KML of the intersection whose lanes name their sinks and signal groups (SAE J2735 MAP data).
@@ -17,12 +17,10 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.lanelet.projection import to_local
-from scex_sumo.converters.net.elements import Connection
+from scex_sumo.converters.net.elements import Connection, NetLayout
 from scex_sumo.converters.net.lights import Programme, state
-from scex_sumo.converters.net.plan import NetLayout
 from scex_sumo.errors import MapError
-from scex_sumo.geometry.shapes import at, heading, length, project, turn
-from scex_sumo.road import Road
+from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
 
 # SAE J2735 movement states in SUMO's letters.
 LETTERS = {
@@ -59,8 +57,15 @@ class Movement:
     group: int
 
 
-def recorded_programme(plan: NetLayout, road: Road, signals: Path) -> tuple[Programme | None, list[str]]:
+def recorded_programme(
+    layout: NetLayout, origin: tuple[float, float], signals: Path
+) -> tuple[Programme | None, list[str]]:
     """The light that replays a recording of signal phases.
+
+    Args:
+        layout: the net.
+        origin: latitude and longitude where its coordinates begin.
+        signals: CSV of signal phases.
 
     Simulation time 0 is the recording's time 0, and the recording repeats when it is over.
 
@@ -71,15 +76,15 @@ def recorded_programme(plan: NetLayout, road: Road, signals: Path) -> tuple[Prog
         MapError: the CSV is not one of signal phases, or no KML lies beside it.
     """
     runs = read_phases(signals)
-    moves = read_movements(_kml_beside(signals), road.origin)
+    moves = read_movements(_kml_beside(signals), origin)
     groups: dict[str, int] = {}
     controlled: list[Connection] = []
-    for node in plan.nodes.values():
-        for c in node.connections:
-            matching = [move.group for move in moves if move.group in runs and _belongs(plan, c, move)]
-            if matching:
-                groups[c.internal.name] = matching[0]
-                controlled.append(c)
+    ways = _Ways(layout)
+    for c in layout.connections:
+        matching = [move.group for move in moves if move.group in runs and _belongs(ways, c, move)]
+        if matching:
+            groups[c.internal.name] = matching[0]
+            controlled.append(c)
     if not controlled:
         return None, [f"no connection of the net belongs to a movement of {signals.name}: no lights"]
     phases = _phases(controlled, groups, runs)
@@ -155,15 +160,45 @@ def read_movements(kml: Path, origin: tuple[float, float]) -> list[Movement]:
     ]
 
 
-def _belongs(plan: NetLayout, c: Connection, move: Movement) -> bool:
+class _Ways:
+    """Shapes of the lanes of a net, and what lies ahead of a connection.
+
+    Attributes:
+        shapes: by edge and index.
+    """
+
+    def __init__(self, layout: NetLayout) -> None:
+        self.shapes = {
+            (edge.name, k): lane.shape for edge in layout.edges for k, lane in enumerate(edge.lanes)
+        }
+        self._leaving: dict[tuple[str, int], list[Connection]] = {}
+        for c in layout.connections:
+            self._leaving.setdefault((c.from_edge, c.from_lane), []).append(c)
+
+    def ahead(self, connection: Connection, reach_m: float) -> list[FloatArray]:
+        """Shapes of the lanes of edges that lie behind a connection, up to a distance."""
+        shapes, stack, seen = [], [(connection, reach_m)], {connection.internal.name}
+        while stack:
+            c, left = stack.pop()
+            shape = self.shapes[c.to_edge, c.to_lane]
+            shapes.append(shape)
+            left -= c.internal.length + length_of(shape)
+            for following in self._leaving.get((c.to_edge, c.to_lane), ()):
+                if left > 0 and following.internal.name not in seen:
+                    seen.add(following.internal.name)
+                    stack.append((following, left))
+        return shapes
+
+
+def _belongs(ways: _Ways, c: Connection, move: Movement) -> bool:
     """Whether a connection leaves the movement's stop line and leads to its exit lane."""
     stop, leaving = move.source[0], turn(math.pi, heading(move.source, end=False, reach=10.0))
-    before = plan.lane_shape(c.from_edge, c.from_lane)
+    before = ways.shapes[c.from_edge, c.from_lane]
     end = before[-1]
     along, across = _offset(stop - end, heading(before, end=True))
     if abs(along) > NEAR_M or abs(across) > BESIDE_M or abs(turn(leaving, c.link.entry)) > ALIGNED:
         return False
-    return any(_leads_along(shape, move.sink) for shape in plan.ahead(c, AHEAD_M))
+    return any(_leads_along(shape, move.sink) for shape in ways.ahead(c, AHEAD_M))
 
 
 def _offset(vector: FloatArray, angle: float) -> tuple[float, float]:
@@ -173,10 +208,10 @@ def _offset(vector: FloatArray, angle: float) -> tuple[float, float]:
 
 def _leads_along(shape: FloatArray, sink: FloatArray) -> bool:
     """Whether an edge runs along the exit lane."""
-    probe = at(sink, min(5.0, length(sink)))
-    along, gap = project(probe[None], shape)
+    probe = along(sink, min(5.0, length_of(sink)))
+    reached, gap = project(probe[None], shape)
     aligned = abs(turn(heading(sink, end=False, reach=10.0), heading(shape, end=True))) < ALIGNED
-    return bool(gap[0] < BESIDE_M and aligned and along[0] > 0)
+    return bool(gap[0] < BESIDE_M and aligned and reached[0] > 0)
 
 
 def _phases(

@@ -1,4 +1,4 @@
-"""Where vehicles on two internal lanes are in each other's way, told to SUMO where it cannot see it.
+"""Stretches on which vehicles on two internal lanes are in each other's way, told to SUMO where it is blind.
 
 SUMO looks for the point where two internal lanes cross. There is none where they only pass close by, or come
 together without a common target; and one point is not enough where they run against each other.
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from scex_sumo.converters.net.elements import Connection, NetLane, Node
-from scex_sumo.geometry.shapes import distances, samples
+from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, intersect, opposed
 
 # SUMO takes a stretch for real only if it begins or ends strictly within the lane.

@@ -1,4 +1,4 @@
-"""A planned net as SUMO's net.xml."""
+"""Text of a planned net: SUMO's net.xml."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from scex_sumo.converters.net.elements import Connection, Edge, NetLane, Node
+from scex_sumo.converters.net.elements import DECIMALS, Connection, Edge, NetLane, NetLayout, Node, shape_text
 from scex_sumo.converters.net.lights import Programme
 from scex_sumo.converters.net.pieces.rules import bits, direction
-from scex_sumo.converters.net.plan import NetLayout
 from scex_sumo.converters.net.stretches import stretches
-from scex_sumo.geometry.shapes import DECIMALS, text
 
 Lights: TypeAlias = Mapping[str, tuple[str, int]]  # internal lane: its traffic light and link index there
 
@@ -22,20 +20,22 @@ ROOT = '<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1.00">'
 NOBODY = "custom2"
 
 
-def net_text(plan: NetLayout, programmes: Sequence[Programme] = (), projection: str = "!") -> str:
+def net_text(layout: NetLayout, programmes: Sequence[Programme] = (), projection: str = "!") -> str:
     """The whole file."""
     lights = {c.internal.name: (p.name, k) for p in programmes for k, c in enumerate(p.connections)}
-    return "\n".join([HEADER, "", ROOT, *_body(plan, programmes, lights, projection), "</net>", ""])
+    return "\n".join([HEADER, "", ROOT, *_body(layout, programmes, lights, projection), "</net>", ""])
 
 
-def _body(plan: NetLayout, programmes: Sequence[Programme], lights: Lights, projection: str) -> Iterator[str]:
-    points = np.vstack([lane.shape for edge in plan.edges for lane in edge.lanes])
+def _body(
+    layout: NetLayout, programmes: Sequence[Programme], lights: Lights, projection: str
+) -> Iterator[str]:
+    points = np.vstack([lane.shape for edge in layout.edges for lane in edge.lanes])
     corners = ",".join(f"{v:.2f}" for v in (*points.min(axis=0), *points.max(axis=0)))
     yield (
         f'    <location netOffset="0.00,0.00" convBoundary="{corners}" origBoundary="{corners}"'
         f' projParameter="{projection}"/>'
     )
-    nodes = [plan.nodes[name] for name in sorted(plan.nodes)]
+    nodes = sorted(layout.nodes, key=lambda node: node.name)
     told: dict[str, list[str]] = {}
     for node in nodes:
         for one, other, span in stretches(node):
@@ -43,7 +43,7 @@ def _body(plan: NetLayout, programmes: Sequence[Programme], lights: Lights, proj
     for node in nodes:
         for connection in node.connections:
             yield from _internal(connection.internal)
-    for edge in plan.edges:
+    for edge in layout.edges:
         yield from _edge(edge)
     for programme in programmes:
         name = f'id="{programme.name}" type="static" programID="{programme.programme}"'
@@ -70,7 +70,7 @@ def _lane(lane: NetLane, index: int, *, bans: bool) -> str:
     return (
         f'        <lane id="{lane.name}" index="{index}"{allow}{change} speed="{lane.speed:.4f}"'
         f' length="{max(lane.length, 0.1):.{DECIMALS}f}" width="{lane.width:.2f}"'
-        f' shape="{text(lane.shape)}"/>'
+        f' shape="{shape_text(lane.shape)}"/>'
     )
 
 
@@ -83,7 +83,7 @@ def _internal(lane: NetLane) -> Iterator[str]:
 def _edge(edge: Edge) -> Iterator[str]:
     yield (
         f'    <edge id="{edge.name}" from="{edge.start}" to="{edge.end}" priority="-1" spreadType="center"'
-        f' shape="{text(edge.shape)}">'
+        f' shape="{shape_text(edge.shape)}">'
     )
     for index, lane in enumerate(edge.lanes):
         yield _lane(lane, index, bans=len(edge.lanes) > 1)
@@ -97,7 +97,7 @@ def _junction(node: Node, lights: Lights) -> Iterator[str]:
     head = (
         f'    <junction id="{node.name}" type="{_type(node, lights)}"'
         f' x="{x:.{DECIMALS}f}" y="{y:.{DECIMALS}f}" incLanes="{" ".join(node.incoming)}"'
-        f' intLanes="{inner}" shape="{text(node.shape)}"'
+        f' intLanes="{inner}" shape="{shape_text(node.shape)}"'
     )
     if not links:
         yield f"{head}/>"

@@ -1,4 +1,4 @@
-"""What is wrong with a track file, said in one line."""
+"""Errors of a track file: what is wrong with it, in one line."""
 
 from __future__ import annotations
 

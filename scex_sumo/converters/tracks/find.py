@@ -1,4 +1,4 @@
-"""Which track file belongs to a map."""
+"""Track file that belongs to a map."""
 
 from __future__ import annotations
 

@@ -144,8 +144,8 @@ def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list
     merged: list[dict[str, Any]] = []
     for part in parts:
         size = len(part["x"])
-        case = _number(part.get("case_id", (np.zeros(size, np.int64), [""])), cases)
-        kind = _number(part["agent_type"], types)
+        case = _renumbered(part.get("case_id", (np.zeros(size, np.int64), [""])), cases)
+        kind = _renumbered(part["agent_type"], types)
         ids, names = part["track_id"]
         pair, track = np.unique(case * len(names) + ids, return_inverse=True)
         merged.append(
@@ -157,7 +157,7 @@ def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list
     return columns, list(cases), labels, list(types)
 
 
-def _number(column: tuple[IntArray, list[str]], known: dict[str, int]) -> IntArray:
+def _renumbered(column: tuple[IntArray, list[str]], known: dict[str, int]) -> IntArray:
     """(N,) numbers of the values; new names are added to the known ones."""
     codes, names = column
     return np.array([known.setdefault(name, len(known)) for name in names], np.int64)[codes]

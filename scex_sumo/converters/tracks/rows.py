@@ -1,7 +1,8 @@
-"""The samples of recorded tracks as flat arrays."""
+"""Rows of recorded tracks: their samples as flat arrays."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import STEP_S
 
 MAX_GAP_S = 0.5
@@ -83,6 +85,12 @@ class TrackRows:
         begin = np.flatnonzero(np.append(True, np.diff(self.segment) != 0))
         return begin, np.append(begin[1:], len(self)) - 1
 
+    @cached_property
+    def piece(self) -> IntArray:
+        """(N,) number of each row's segment among the S."""
+        begin, end = self.pieces
+        return np.repeat(np.arange(len(begin)), end - begin + 1)
+
     def take(self, keep: BoolArray) -> TrackRows:
         """The rows where ``keep`` (N,) is True; tracks without rows are left out."""
         used, track = np.unique(self.track[keep], return_inverse=True)
@@ -103,6 +111,13 @@ class TrackRows:
         # A track is of one case, so those of a case are consecutive numbers.
         return TrackRows(
             **columns, track=track - first, labels=self.labels[first:last], types=self.types[first:last]
+        )
+
+    def turned(self, angle: float) -> TrackRows:
+        """A copy with headings and velocities turned counter-clockwise by an angle, rad; places stay."""
+        c, s = math.cos(angle), math.sin(angle)
+        return self.with_columns(
+            psi_rad=wrap(self.psi_rad + angle), vx=c * self.vx - s * self.vy, vy=s * self.vx + c * self.vy
         )
 
     def with_columns(self, **columns: Any) -> TrackRows:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 import subprocess
 import tempfile
 from collections.abc import Sequence
@@ -12,10 +11,10 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import sumo
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.errors import SimulationError
+from scex_sumo.programs import environment, program
 from scex_sumo.scenarios.traffic.demand import Network, Trip, random_trips, write_curve_limits, write_trips
 from scex_sumo.scenarios.traffic.kinematics import body_states
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, States
@@ -126,14 +125,11 @@ def _simulate(net: Path, routes: Path, fcd: Path, *, at_most: int, duration_s: f
         "no-step-log": "true",
         "no-warnings": "true",
     }
-    home = Path(sumo.SUMO_HOME)
     command = [
-        str(home / "bin" / "sumo"),
+        program("sumo"),
         *(word for key, value in options.items() for word in (f"--{key}", str(value))),
     ]
-    done = subprocess.run(
-        command, capture_output=True, text=True, check=False, env={**os.environ, "SUMO_HOME": str(home)}
-    )
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment())
     if done.returncode:
         said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
         raise SimulationError(f"{net.name}: SUMO cannot populate it ({said[0] if said else done.returncode})")

@@ -1,4 +1,4 @@
-"""From the path of a front bumper, which is what SUMO simulates, to the poses of a car."""
+"""Kinematics of a car: its poses from the path of its front bumper, which is what SUMO simulates."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class Net(Protocol):
         ...
 
 
-def synthetic_seed(road: Road, net: Net, *, vehicles: int, seed: int = 0, name: str) -> SeedScene:
+def synthetic_scene(road: Road, net: Net, *, vehicles: int, seed: int = 0, name: str) -> SeedScene:
     """Populate a map by SUMO and take one moment of it, with what came before and after.
 
     Traffic enters on all lanes into the map at random, ever denser, and follows random routes with different

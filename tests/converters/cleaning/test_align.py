@@ -13,8 +13,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.cleaning.align import LIMITS, Evidence, align_tracks, evidence, on_lanes
-from scex_sumo.converters.cleaning.heading import wrap
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Lane, Road
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.datasets.seed import TrackTable, read_tracks, repair_tracks
+from scex_sumo.converters.cleaning.repair import repair_tracks
+from scex_sumo.converters.tracks.reader import read_tracks
+from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.errors import TrackError
 from tests.converters.track_files import (
     CASE_COLUMNS,

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from scex_sumo.converters.commonroad.tracks import read_commonroad_tracks, repair_commonroad
-from scex_sumo.converters.datasets.seed import read_seed as read_recorded
+from scex_sumo.converters.datasets.seed import recorded_scene
 from scex_sumo.errors import MapError, TrackError
 from scex_sumo.roads.routes import off_road
 from scex_sumo.scenarios.seeds import read_seed
@@ -59,10 +59,10 @@ def test_a_first_state_taken_at_another_time_is_dropped(tmp_path: Path) -> None:
 def test_headings_turned_against_the_motion_are_turned_back(tmp_path: Path) -> None:
     turned = math.radians(1.93)
     path = recorded(tmp_path, [eastbound(i, 20.0 * i, 10.0, range(30), turned) for i in (1, 2)])
-    scene = read_recorded(path, time_s=3.0)
+    scene = recorded_scene(path, time_s=3.0)
     assert_allclose(scene.now.heading, 0.0, atol=1e-9)
     assert any("headings turned by 1.93 degrees" in note for note in scene.notes)
-    raw = read_recorded(path, time_s=3.0, repair=False)
+    raw = recorded_scene(path, time_s=3.0, repair=False)
     assert_allclose(raw.now.heading, turned)
 
 
@@ -98,7 +98,7 @@ def test_pedestrians_and_parked_cars_are_obstacles(tmp_path: Path) -> None:
         '<staticObstacle id="8"><type>building</type></staticObstacle></commonRoad>'
     )
     path.write_text(path.read_text(encoding="utf-8").replace("</commonRoad>", parked), encoding="utf-8")
-    scene = read_recorded(path, time_s=3.0)
+    scene = recorded_scene(path, time_s=3.0)
     assert list(scene.track_ids) == [1]
     assert scene.obstacles is not None
     assert (scene.obstacles.ids, scene.obstacles.types) == (("5", "7"), ("pedestrian", "parked"))
@@ -123,13 +123,13 @@ def test_unusable_recordings_are_refused(old: str, new: str, said: str, tmp_path
     assert old in text
     path.write_text(text.replace(old, new), encoding="utf-8")
     with pytest.raises(TrackError, match=said) as refused:
-        read_recorded(path)
+        recorded_scene(path)
     assert "\n" not in str(refused.value)
 
 
 def test_an_unusable_vehicle_is_left_out_and_named(tmp_path: Path) -> None:
     vehicles = [eastbound(11, 0.0, 10.0, range(30)), eastbound(12, float("nan"), 10.0, range(30))]
-    scene = read_recorded(recorded(tmp_path, vehicles), time_s=3.0)
+    scene = recorded_scene(recorded(tmp_path, vehicles), time_s=3.0)
     assert list(scene.track_ids) == [11]
     assert any("states, or twice: 12: left out" in note for note in scene.notes)
 
@@ -137,10 +137,10 @@ def test_an_unusable_vehicle_is_left_out_and_named(tmp_path: Path) -> None:
 def test_a_moment_outside_the_recording_and_a_file_of_another_kind_are_refused(tmp_path: Path) -> None:
     path = recorded(tmp_path, [eastbound(11, 0.0, 10.0, range(9))])
     with pytest.raises(TrackError, match=r"no moment at 60 s, the recording spans 0\.0 to 1\.6 s"):
-        read_recorded(path, time_s=60.0)
+        recorded_scene(path, time_s=60.0)
     (tmp_path / "net.xml").write_text("<net/>", encoding="utf-8")
     with pytest.raises(MapError, match="it is a SUMO net already"):
-        read_recorded(tmp_path / "net.xml")
+        recorded_scene(tmp_path / "net.xml")
 
 
 def test_an_opendrive_map_is_refused_before_its_tracks_are_looked_for(tmp_path: Path) -> None:

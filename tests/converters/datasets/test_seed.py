@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.datasets.seed import moments, read_seed, read_tracks
+from scex_sumo.converters.datasets.seed import recorded_scene
+from scex_sumo.converters.moments.moments import moments
+from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.errors import TrackError
 from scex_sumo.scene import SeedScene
 from tests.converters.track_files import CASE_COLUMNS, Row, in_case, moving, straight, write_rows
@@ -16,7 +18,7 @@ from tests.converters.track_files import CASE_COLUMNS, Row, in_case, moving, str
 def _seed(tmp_path: Path, rows: list[Row], **options: object) -> SeedScene:
     columns = CASE_COLUMNS if "case_id" in rows[0] else CASE_COLUMNS[1:]
     tracks = write_rows(tmp_path / "vehicle_tracks_007.csv", rows, columns)
-    return read_seed(tmp_path / "town.osm", tracks=tracks, **options)  # type: ignore[arg-type]
+    return recorded_scene(tmp_path / "town.osm", tracks=tracks, **options)  # type: ignore[arg-type]
 
 
 def test_a_moment_has_its_last_second_and_its_recorded_future(tmp_path: Path) -> None:
@@ -237,7 +239,7 @@ def test_names_are_short_and_fit_for_files(tmp_path: Path) -> None:
     assert _seed(tmp_path, _cases(), case=2).name == "town_007_case2.0"
     assert _seed(tmp_path, _cases(), case=2, time_s=2.0).name == "town_007_case2.0_t2.0"
     own = write_rows(tmp_path / "town_train.csv", in_case("a/b c", straight(1)), CASE_COLUMNS)
-    scene = read_seed(tmp_path / "town.osm", tracks=own)
+    scene = recorded_scene(tmp_path / "town.osm", tracks=own)
     assert scene.name == "town_train_casea-b-c"
     assert scene.location == "town"
     assert scene.source["case"] == "a/b c"
@@ -245,7 +247,7 @@ def test_names_are_short_and_fit_for_files(tmp_path: Path) -> None:
 
 
 def test_k733_at_one_minute(data: Path) -> None:
-    scene = read_seed(data / "taf_bw/maps/k733_2020-09-15.osm", time_s=60.0)
+    scene = recorded_scene(data / "taf_bw/maps/k733_2020-09-15.osm", time_s=60.0)
     assert scene.name == "k733_2020-09-15_000_t60.0"
     assert scene.vehicles == 9
     assert scene.obstacles is not None
@@ -259,7 +261,7 @@ def test_k733_at_one_minute(data: Path) -> None:
 
 def test_every_recording_of_k729_gives_a_seed_scene(data: Path) -> None:
     for path in sorted((data / "taf_bw/recorded_trackfiles/k729_2022-03-16").glob("vehicle_tracks_*.csv")):
-        scene = read_seed(data / "taf_bw/maps/k729_2022-03-16.osm", tracks=path)
+        scene = recorded_scene(data / "taf_bw/maps/k729_2022-03-16.osm", tracks=path)
         assert scene.vehicles >= 1
         assert (scene.now.speed < 20.0).all()
         assert "tracker warm-up" in scene.notes[0]
@@ -267,7 +269,7 @@ def test_every_recording_of_k729_gives_a_seed_scene(data: Path) -> None:
 
 def test_the_cases_of_version_1_2_are_found(data: Path) -> None:
     tracks = data / "interaction/cases/v12_case_format_sample.csv"
-    scene = read_seed(data / "interaction/maps/DR_DEU_Roundabout_OF.osm", tracks=tracks, case=2)
+    scene = recorded_scene(data / "interaction/maps/DR_DEU_Roundabout_OF.osm", tracks=tracks, case=2)
     assert scene.track_ids.tolist() == [2, 3, 4, 5, 6, 7]
     assert scene.recorded_steps.tolist() == [9] * 6
     assert scene.future_valid is not None

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.datasets.seed import read_seed, write_tracks
+from scex_sumo.converters.datasets.seed import recorded_scene
+from scex_sumo.converters.moments.writer import write_tracks
 from scex_sumo.errors import ResultError
 from scex_sumo.scene import SeedScene, States
 from tests.converters.track_files import moving, straight, write_rows
@@ -53,16 +54,16 @@ def test_reading_what_was_written_gives_the_seed_back(tmp_path: Path) -> None:
         7, range(60), y=60.0, speed=0.0
     )
     tracks = write_rows(tmp_path / "t.csv", rows)
-    scene = read_seed(tmp_path / "town.osm", tracks=tracks, time_s=2.0)
+    scene = recorded_scene(tmp_path / "town.osm", tracks=tracks, time_s=2.0)
     written = write_tracks(tmp_path / "seed.csv", scene)
-    again = read_seed(tmp_path / "town.osm", tracks=written)
+    again = recorded_scene(tmp_path / "town.osm", tracks=written)
     _same(scene, again)
     assert again.time_s == 1.0  # the clock of a case
 
 
 def test_a_seed_without_future_or_obstacles_comes_back_too(tmp_path: Path) -> None:
     scene = straight_seed(3)
-    _same(scene, read_seed(tmp_path / "town.osm", tracks=write_tracks(tmp_path / "s.csv", scene)))
+    _same(scene, recorded_scene(tmp_path / "town.osm", tracks=write_tracks(tmp_path / "s.csv", scene)))
 
 
 def test_the_file_is_an_interaction_case(tmp_path: Path) -> None:
@@ -83,12 +84,12 @@ def test_an_unwritable_place_is_an_error_and_leaves_nothing(tmp_path: Path) -> N
 @pytest.mark.parametrize("time_s", [12.0, 60.0, 101.0, 140.0])
 def test_scenes_of_k733_come_back(data: Path, tmp_path: Path, time_s: float) -> None:
     the_map = data / "taf_bw/maps/k733_2020-09-15.osm"
-    scene = read_seed(the_map, time_s=time_s)
-    _same(scene, read_seed(the_map, tracks=write_tracks(tmp_path / "s.csv", scene)))
+    scene = recorded_scene(the_map, time_s=time_s)
+    _same(scene, recorded_scene(the_map, tracks=write_tracks(tmp_path / "s.csv", scene)))
 
 
 def test_scenes_of_k729_come_back(data: Path, tmp_path: Path) -> None:
     the_map = data / "taf_bw/maps/k729_2022-03-16.osm"
     for path in sorted((data / "taf_bw/recorded_trackfiles/k729_2022-03-16").glob("vehicle_tracks_*.csv")):
-        scene = read_seed(the_map, tracks=path)
-        _same(scene, read_seed(the_map, tracks=write_tracks(tmp_path / "s.csv", scene)))
+        scene = recorded_scene(the_map, tracks=path)
+        _same(scene, recorded_scene(the_map, tracks=write_tracks(tmp_path / "s.csv", scene)))

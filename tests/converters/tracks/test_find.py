@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.converters.datasets.seed import find_tracks
+from scex_sumo.converters.tracks.find import find_tracks
 from scex_sumo.errors import MapError, TrackError
 
 

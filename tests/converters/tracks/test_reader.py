@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.datasets.seed import read_tracks
+from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.errors import TrackError
 from tests.converters.track_files import CASE_COLUMNS, COLUMNS, in_case, straight, write_rows
 

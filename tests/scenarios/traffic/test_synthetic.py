@@ -15,7 +15,7 @@ from scex_sumo.converters.net.convert import SumoNet, convert
 from scex_sumo.errors import SimulationError, UsageError
 from scex_sumo.road import Road
 from scex_sumo.scenarios import EXAMPLES, example_path
-from scex_sumo.scenarios.traffic.synthetic import synthetic_seed
+from scex_sumo.scenarios.traffic.synthetic import synthetic_scene
 from scex_sumo.scene import SeedScene, States
 
 REAL = {"DR_DEU_Roundabout_OF": 11, "DR_DEU_Merging_MT": 11}
@@ -34,7 +34,7 @@ def converted(map_path: Path, folder: Path) -> tuple[Road, SumoNet]:
 
 def populate(name: str, folder: Path, vehicles: int = 10, seed: int = 0) -> SeedScene:
     road, net = converted(example_path(name), folder)
-    return synthetic_seed(road, net, vehicles=vehicles, seed=seed, name="test")
+    return synthetic_scene(road, net, vehicles=vehicles, seed=seed, name="test")
 
 
 def whole(scene: SeedScene) -> States:
@@ -88,7 +88,7 @@ def test_seeds_look_like_recordings(name: str, folder: Path):
 @pytest.mark.parametrize("name", REAL)
 def test_seeds_on_real_maps_look_like_recordings(name: str, data: Path, folder: Path):
     road, net = converted(data / "interaction" / "maps" / f"{name}.osm", folder)
-    scene = synthetic_seed(road, net, vehicles=REAL[name], seed=0, name="test")
+    scene = synthetic_scene(road, net, vehicles=REAL[name], seed=0, name="test")
     assert scene.vehicles == REAL[name]
     assert_like_a_recording(scene, road)
 

@@ -1,4 +1,4 @@
-"""Lanes that fork or join exactly where the map ends get the common piece of road that the map cut off."""
+"""Borders of the map: lanes that fork or join exactly there get the piece of road that the map cut off."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.geometry.shapes import cut, heading, length, turn
+from scex_sumo.geometry.polylines import cut, heading, length_of, turn
 from scex_sumo.road import Lane
 
 # Such lanes overlap from the border on. Without a common approach SUMO would not notice, and vehicles would
@@ -35,16 +35,16 @@ def add_entries(lanes: Mapping[int, Lane]) -> dict[int, Lane]:
         result[fresh] = _piece(first, fresh, line, successors=tuple(group))
         for i in group:
             line = result[i].centreline
-            rest = cut(line, ENTRY_M, length(line))
+            rest = cut(line, ENTRY_M, length_of(line))
             result[i] = replace(result[i], centreline=rest, predecessors=(fresh,))
         fresh += 1
     for group in _groups(result, lambda lane: not lane.successors, end=True):
         line = result[group[0]].centreline
-        last = cut(line, length(line) - ENTRY_M, length(line))
+        last = cut(line, length_of(line) - ENTRY_M, length_of(line))
         result[fresh] = _piece(result[group[0]], fresh, last, predecessors=tuple(group))
         for i in group:
             line = result[i].centreline
-            rest = cut(line, 0.0, length(line) - ENTRY_M)
+            rest = cut(line, 0.0, length_of(line) - ENTRY_M)
             result[i] = replace(result[i], centreline=rest, successors=(fresh,))
         fresh += 1
     return result
@@ -56,7 +56,7 @@ def _groups(lanes: Mapping[int, Lane], loose: Callable[[Lane], bool], *, end: bo
     for i, lane in sorted(lanes.items()):
         beside = lane.left is not None or lane.right is not None
         beside |= any(i in (other.left, other.right) for other in lanes.values())
-        if loose(lane) and not beside and length(lane.centreline) > 10 * ENTRY_M:
+        if loose(lane) and not beside and length_of(lane.centreline) > 10 * ENTRY_M:
             tip = lane.centreline[-1 if end else 0]
             tips.append((i, tip, heading(lane.centreline, end=end, reach=1.0)))
     groups: list[list[int]] = []

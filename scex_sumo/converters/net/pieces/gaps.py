@@ -1,4 +1,4 @@
-"""Which of the road pieces between conflicts stay edges, and which are left to the junction around them.
+"""Gaps between conflicts: which of them stay edges, and which are left to the junction around them.
 
 A vehicle that waits needs room: road pieces shorter than a car between two conflicts belong to the junction.
 But SUMO keeps vehicles apart only if traffic that has come together runs over an edge before it parts
@@ -7,7 +7,7 @@ again: a junction piece must not have several ways in and several ways out at on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 from scex_sumo.converters.net.pieces.rows import STUB_M, Piece, Row
@@ -21,10 +21,16 @@ CHANGE_M = 5.0  # edge cut into a row that lies wholly in a junction, so that la
 
 
 class Chains:
-    """Piece after piece along the lanes, while the rows are still being cut."""
+    """Piece after piece along the lanes; a row may be exchanged for one of the same lanes, cut otherwise.
 
-    def __init__(self, rows: list[Row], lanes: Mapping[int, Lane]) -> None:
-        self.rows = rows
+    Attributes:
+        rows: the rows.
+        lanes: the lanes by id.
+        where: (row, lane within the row) of each lane id.
+    """
+
+    def __init__(self, rows: Sequence[Row], lanes: Mapping[int, Lane]) -> None:
+        self.rows = list(rows)
         self.lanes = lanes
         self.where = {i: (r, k) for r, row in enumerate(rows) for k, i in enumerate(row.lanes)}
 
@@ -76,34 +82,38 @@ class Chains:
         return any(len(self.reach(piece, step)[1]) < 2 for step in (self.before, self.after))
 
 
-def fill_gaps(rows: list[Row], lanes: Mapping[int, Lane], node: NodeOf) -> None:
-    """Leave short road pieces between junction pieces to the junction, shortest first, where sound.
+def fill_gaps(rows: Sequence[Row], lanes: Mapping[int, Lane], node: NodeOf) -> list[Row]:
+    """Rows with short road pieces between junction pieces left to the junction, shortest first, where sound.
 
     Args:
-        rows: the rows, changed in place.
+        rows: the rows.
         lanes: the lanes by id.
         node: the junction that a cut of a row belongs to, so far. Between two junctions a gap that gives
             most of a car room stays.
     """
     chains = Chains(rows, lanes)
     for _, r, k in sorted(_gaps(chains)):
-        row = rows[r]
+        row = chains.rows[r]
         if row.size(k) > NARROW_M and node(r, k) != node(r, k + 1):
             continue
         if len(row.lanes) > 1 and row.inside.count(False) == 1:
             continue  # its only place for changing lanes
-        row.inside[k] = True
+        chains.rows[r] = row.with_inside(k, True)
         if not all(chains.is_sound((r, k, at)) for at in range(len(row.lanes))):
-            row.inside[k] = False
+            chains.rows[r] = row
+    return chains.rows
 
 
-def split_loops(rows: list[Row], node: NodeOf) -> None:
-    """Halve the road pieces that leave a junction and enter it again: netconvert refuses such edges."""
+def split_loops(rows: Sequence[Row], node: NodeOf) -> list[Row]:
+    """Rows with edges halved that leave a junction and enter it again: netconvert refuses such edges."""
+    result = []
     for r, row in enumerate(rows):
+        halved = row
         for k in reversed(range(row.pieces)):
             if not row.inside[k] and node(r, k) == node(r, k + 1):
-                row.cuts.insert(k + 1, (row.cuts[k] + row.cuts[k + 1]) / 2)
-                row.inside.insert(k + 1, False)
+                halved = halved.with_road(k, (row.cuts[k] + row.cuts[k + 1]) / 2)
+        result.append(halved)
+    return result
 
 
 def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
@@ -121,33 +131,26 @@ def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
                 yield row.size(k), r, k
 
 
-def open_knots(rows: list[Row], lanes: Mapping[int, Lane]) -> list[int]:
-    """Cut edges into junction pieces until every junction is one that SUMO can handle.
+def open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
+    """The rows with edges cut into junction pieces until every junction is one that SUMO can handle.
 
     Cut are: pieces where traffic comes together and parts again within one junction; two ways through a
     junction between the same two road pieces, which SUMO could not tell apart; rows without any place for
     changing lanes.
-
-    Returns:
-        The lanes that were cut.
     """
-    cut: list[int] = []
-    for row in rows:
-        if len(row.lanes) > 1 and all(row.inside):
-            _insert_road(row, 0, CHANGE_M)
-            cut += row.lanes
+    closed = [len(row.lanes) > 1 and all(row.inside) for row in rows]
+    rows = [_opened(row, 0, CHANGE_M) if shut else row for row, shut in zip(rows, closed, strict=True)]
     chains = Chains(rows, lanes)
     for _ in range(sum(row.pieces for row in rows)):
         knot = _knot(chains)
         twins = [] if knot else _double_way(chains)
         if knot:
-            _insert_road(rows[knot[0]], knot[1], STUB_M)
+            chains.rows[knot[0]] = _opened(chains.rows[knot[0]], knot[1], STUB_M)
         elif not twins:
             break
         for r, k in twins:
-            rows[r].inside[k] = False
-        cut += [i for r, _ in ([knot] if knot else twins) for i in rows[r].lanes]
-    return cut
+            chains.rows[r] = chains.rows[r].with_inside(k, False)
+    return chains.rows
 
 
 def _knot(chains: Chains) -> tuple[int, int] | None:
@@ -193,8 +196,8 @@ def _ways_from(chains: Chains, start: Piece) -> Iterator[tuple[Piece, tuple[Piec
                 stack.append((*way, piece))
 
 
-def _insert_road(row: Row, piece: int, size: float) -> None:
-    """A short road piece at the beginning of a junction piece, right behind where traffic has merged.
+def _opened(row: Row, piece: int, size: float) -> Row:
+    """Row with a short road piece at the beginning of a junction piece, behind where traffic has merged.
 
     Args:
         row: the row to cut.
@@ -202,5 +205,4 @@ def _insert_road(row: Row, piece: int, size: float) -> None:
         size: wanted length, m; at most a third of the piece is taken.
     """
     start, end = row.cuts[piece], row.cuts[piece + 1]
-    row.cuts.insert(piece + 1, start + (end - start) * min(size / row.size(piece), 1 / 3))
-    row.inside.insert(piece, False)
+    return row.with_road(piece, start + (end - start) * min(size / row.size(piece), 1 / 3))

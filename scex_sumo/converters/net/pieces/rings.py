@@ -1,4 +1,4 @@
-"""Which lanes go round a roundabout, for maps that do not say who gives way there."""
+"""Roundabouts: which lanes go round one, for maps that do not say who gives way there."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from scex_sumo.geometry.shapes import length
+from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import Lane
 
 LONGEST_M = 400.0  # round the largest roundabouts; blocks of houses are mostly larger
@@ -20,7 +20,7 @@ def ring_lanes(lanes: Mapping[int, Lane]) -> frozenset[int]:
 
     In a roundabout the ring has the right of way nearly everywhere, and right before left would lock it.
     """
-    sizes = {i: length(lane.centreline) for i, lane in lanes.items()}
+    sizes = {i: length_of(lane.centreline) for i, lane in lanes.items()}
     found: set[int] = set()
     for i in sorted(lanes):
         if i not in found:
@@ -53,4 +53,4 @@ def _roundness(lanes: Mapping[int, Lane], cycle: list[int]) -> float:
     closed = np.vstack([points, points[:1]])
     x, y = (closed - closed.mean(axis=0)).T
     area = abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))) / 2
-    return 4 * math.pi * area / max(length(closed), 1e-9) ** 2
+    return 4 * math.pi * area / max(length_of(closed), 1e-9) ** 2

@@ -6,13 +6,13 @@ the same fractions of their lengths, because a SUMO edge begins and ends for all
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 
-from scex_sumo.geometry.shapes import length
+from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
 
@@ -22,7 +22,7 @@ STUB_M = 2.0  # longest road piece cut off a junction piece where a lane begins 
 SNAP_M = 0.3  # road pieces shorter than this are left to the junction piece beside them
 
 
-@dataclass(kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Row:
     """Lanes side by side.
 
@@ -35,8 +35,8 @@ class Row:
 
     lanes: tuple[int, ...]
     lengths: tuple[float, ...]
-    cuts: list[float] = field(default_factory=lambda: [0.0, 1.0])
-    inside: list[bool] = field(default_factory=lambda: [False])
+    cuts: tuple[float, ...] = (0.0, 1.0)
+    inside: tuple[bool, ...] = (False,)
 
     @property
     def pieces(self) -> int:
@@ -51,18 +51,31 @@ class Row:
         """Mean length of a piece, m."""
         return (self.cuts[piece + 1] - self.cuts[piece]) * float(np.mean(self.lengths))
 
-    def set_zones(self, zones: list[tuple[float, float]]) -> None:
-        """Cut the row so that exactly the given fractions (disjoint, ascending) lie in junctions."""
-        self.cuts, self.inside = [0.0], []
+    def with_zones(self, zones: list[tuple[float, float]]) -> Row:
+        """The row cut so that exactly the given fractions (disjoint, ascending) lie in junctions."""
+        cuts, inside = [0.0], []
         for start, end in zones:
-            if start > self.cuts[-1]:
-                self.cuts.append(start)
-                self.inside.append(False)
-            self.cuts.append(end)
-            self.inside.append(True)
-        if self.cuts[-1] < 1.0:
-            self.cuts.append(1.0)
-            self.inside.append(False)
+            if start > cuts[-1]:
+                cuts.append(start)
+                inside.append(False)
+            cuts.append(end)
+            inside.append(True)
+        if cuts[-1] < 1.0:
+            cuts.append(1.0)
+            inside.append(False)
+        return replace(self, cuts=tuple(cuts), inside=tuple(inside))
+
+    def with_inside(self, piece: int, inside: bool) -> Row:
+        """The row with one piece given to the junction, or to the road."""
+        return replace(self, inside=(*self.inside[:piece], inside, *self.inside[piece + 1 :]))
+
+    def with_road(self, piece: int, cut: float) -> Row:
+        """The row with a piece cut in two; the first half is road, the second stays what the piece was."""
+        return replace(
+            self,
+            cuts=(*self.cuts[: piece + 1], cut, *self.cuts[piece + 1 :]),
+            inside=(*self.inside[:piece], False, *self.inside[piece:]),
+        )
 
 
 def build_rows(lanes: Mapping[int, Lane]) -> tuple[list[Row], list[tuple[int, int]]]:
@@ -91,7 +104,7 @@ def build_rows(lanes: Mapping[int, Lane]) -> tuple[list[Row], list[tuple[int, in
             chain = [i]
             while chain[-1] in left_of:
                 chain.append(left_of[chain[-1]])
-            lengths = tuple(length(lanes[k].centreline) for k in chain)
+            lengths = tuple(length_of(lanes[k].centreline) for k in chain)
             rows.append(Row(lanes=tuple(chain), lengths=lengths))
     return sorted(rows, key=lambda row: min(row.lanes)), lost
 
@@ -104,12 +117,13 @@ def _reaches(left_of: Mapping[int, int], start: int, goal: int) -> bool:
     return False
 
 
-def lay_zones(rows: list[Row], lanes: Mapping[int, Lane], found: list[Conflict]) -> None:
-    """Cut the rows at the conflicts; lanes that begin or end inside one keep a stub of road."""
+def lay_zones(rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Conflict]) -> list[Row]:
+    """The rows cut at the conflicts; lanes that begin or end inside one keep a stub of road."""
     spans: dict[int, list[tuple[float, float]]] = {}
     for conflict in found:
         for lane, span in zip(conflict.lanes, conflict.spans, strict=True):
             spans.setdefault(lane, []).append(span)
+    result = []
     for row in rows:
         zones = [
             (start / size, end / size)
@@ -119,7 +133,9 @@ def lay_zones(rows: list[Row], lanes: Mapping[int, Lane], found: list[Conflict])
         # A lane without predecessors can only be entered on a road piece, so the whole row begins with one.
         begins = any(not lanes[i].predecessors for i in row.lanes)
         ends = any(not lanes[i].successors for i in row.lanes)
-        row.set_zones(_tidy(zones, float(np.mean(row.lengths)), begins=begins, ends=ends))
+        zones = _tidy(zones, float(np.mean(row.lengths)), begins=begins, ends=ends)
+        result.append(row.with_zones(zones))
+    return result
 
 
 def _tidy(

@@ -1,4 +1,4 @@
-"""Who gives way to whom at a node: SUMO's foes, responses and link states from the map's rules."""
+"""Right of way at a node: SUMO's foes, responses and link states from the map's rules."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from scex_sumo.converters.net.pieces.rows import Piece
 from scex_sumo.converters.net.pieces.topology import Path, Topology
-from scex_sumo.geometry.shapes import turn
+from scex_sumo.geometry.polylines import turn
 from scex_sumo.road import Regulation
 from scex_sumo.roads.conflicts import Conflict
 

@@ -1,13 +1,14 @@
-"""From rows of pieces to the graph of a SUMO net: edges, nodes, and the paths through the nodes."""
+"""Topology of a SUMO net from rows of pieces: edges, nodes, and the paths through the nodes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
-from scex_sumo.converters.net.pieces.gaps import Chains
-from scex_sumo.converters.net.pieces.rows import Piece, Row
+from scex_sumo.converters.net.pieces.gaps import Chains, fill_gaps, open_knots, split_loops
+from scex_sumo.converters.net.pieces.rows import Piece, Row, build_rows, lay_zones
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
 
@@ -41,17 +42,20 @@ class Topology:
         rows: the rows.
         lanes: the lanes by id.
         where: (row, lane within the row) of each lane id.
-        paths: every path, ordered by start.
     """
 
-    def __init__(self, rows: list[Row], lanes: Mapping[int, Lane], found: list[Conflict]) -> None:
+    def __init__(self, rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Conflict]) -> None:
         self.rows = rows
         self.lanes = lanes
         self._chains = Chains(rows, lanes)
         self.where = self._chains.where
         self._parent: dict[Cut, Cut] = {}
         self._join_cuts(found)
-        self.paths = list(self._find_paths())
+
+    @cached_property
+    def paths(self) -> list[Path]:
+        """Every path, ordered by start."""
+        return list(self._find_paths())
 
     def lane_id(self, piece: Piece) -> int:
         """The lanelet a piece belongs to."""
@@ -86,7 +90,7 @@ class Topology:
         a, b = sorted((self.node(*a), self.node(*b)))
         self._parent[b] = a
 
-    def _join_cuts(self, found: list[Conflict]) -> None:
+    def _join_cuts(self, found: Sequence[Conflict]) -> None:
         for r, row in enumerate(self.rows):
             for k, inside in enumerate(row.inside):
                 if inside:
@@ -121,3 +125,22 @@ class Topology:
             for piece in reversed(self._chains.after(way[-1])):
                 if piece not in way:  # a ring that lies wholly inside one junction
                     stack.append((*way, piece))
+
+
+def cut_lanes(lanes: Mapping[int, Lane], found: Sequence[Conflict]) -> tuple[Topology, list[tuple[int, int]]]:
+    """Lanes as rows, cut where their conflicts and SUMO's rules for junctions want it.
+
+    Every step makes new rows; which junction a cut belongs to is found anew where a step asks for it.
+
+    Args:
+        lanes: by id.
+        found: their conflicts.
+
+    Returns:
+        The graph, and the permitted lane changes (from, to) that it cannot hold.
+    """
+    rows, lost = build_rows(lanes)
+    rows = open_knots(lay_zones(rows, lanes, found), lanes)
+    rows = fill_gaps(rows, lanes, Topology(rows, lanes, found).node)
+    rows = split_loops(rows, Topology(rows, lanes, found).node)
+    return Topology(rows, lanes, found), lost

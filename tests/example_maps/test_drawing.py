@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from example_maps.curves import Pose, clothoids
+from example_maps.drawing import DASHED, SOLID, MapDrawing, Mark
+from scex_sumo.converters.lanelet.projection import to_degrees
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.road import Road
-from scex_sumo.scenarios.drawn.curves import Pose, clothoids
-from scex_sumo.scenarios.drawn.drawing import DASHED, SOLID, MapDrawing, Mark
-from scex_sumo.scenarios.drawn.projection import to_latitude_longitude
 
 START = Pose(x=1000.0, y=1000.0, heading=0.0)
 
@@ -37,8 +37,8 @@ def test_coordinates_come_back_to_a_micrometre(tmp_path: Path):
 
 
 def test_the_equator_and_the_zero_meridian_are_the_origin():
-    latitude, longitude = to_latitude_longitude(np.array([[0.0, 0.0]]))
-    assert (latitude[0], longitude[0]) == pytest.approx((0.0, 0.0), abs=1e-12)
+    [place] = to_degrees(np.array([[0.0, 0.0]]), (0.0, 0.0))
+    assert place == pytest.approx((0.0, 0.0), abs=1e-12)
 
 
 def test_lanes_over_a_dashed_line_are_neighbours_that_may_be_changed_to(tmp_path: Path):

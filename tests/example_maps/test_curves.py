@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scex_sumo.scenarios.drawn.curves import Pose, arc, clothoids, join, smooth_step, stations
+from example_maps.curves import Pose, arc, clothoids, join, smooth_step, stations
 
 ORIGIN = Pose(x=0.0, y=0.0, heading=0.0)
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.scenarios.drawn.curves import Curve, Pose, clothoids, smooth_step
-from scex_sumo.scenarios.drawn.drawing import DASHED, SOLID, Lanelet, MapDrawing, Mark
+from example_maps.curves import Curve, Pose, clothoids, smooth_step
+from example_maps.drawing import DASHED, SOLID, Lanelet, MapDrawing, Mark
 
 LANE_M = 3.75
 START = Pose(x=700.0, y=1015.0, heading=-0.12)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from shapely.geometry import Polygon
 
-from scex_sumo.scenarios.drawn.curves import Curve, Pose, clothoids, smooth_step
-from scex_sumo.scenarios.drawn.drawing import (
+from example_maps.curves import Curve, Pose, clothoids, smooth_step
+from example_maps.drawing import (
     CURB,
     DASHED,
     SOLID,

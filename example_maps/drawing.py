@@ -13,9 +13,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from example_maps.curves import Curve, Pose, join, smooth_step, stations
 from scex_sumo.arrays import FloatArray
-from scex_sumo.scenarios.drawn.curves import Curve, Pose, join, smooth_step, stations
-from scex_sumo.scenarios.drawn.projection import to_latitude_longitude
+from scex_sumo.converters.lanelet.projection import to_degrees
 
 NODE_TOLERANCE_M = 0.005
 CURB = ("curbstone", "low")
@@ -216,8 +216,8 @@ class MapDrawing:
     def write(self, path: Path) -> None:
         """Write the map; the same drawing gives the same bytes."""
         rows = ['<?xml version="1.0"?>', '<osm version="0.6" generator="scex-sumo">']
-        latitude, longitude = to_latitude_longitude(np.array(self._nodes))
-        for i, (lat, lon) in enumerate(zip(latitude, longitude, strict=True)):
+        # As INTERACTION's maps are: projected with 0, 0 they give the tracks' own x and y.
+        for i, (lat, lon) in enumerate(to_degrees(np.array(self._nodes), (0.0, 0.0))):
             rows.append(
                 f'  <node id="{1000 + i}" visible="true" version="1" lat="{lat:.11f}" lon="{lon:.11f}" />'
             )

@@ -1,6 +1,6 @@
 """Make the example seeds: draw their maps, let SUMO drive on them, write what it recorded.
 
-Run as ``python -m scex_sumo.scenarios.drawn.make_examples [FOLDER]``; without a folder it replaces the files
+Run as ``python -m example_maps.make_examples [FOLDER]``; without a folder it replaces the files
 that the package ships.
 """
 
@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
+from example_maps import motorway_merge, roundabout, urban_intersection
+from example_maps.drawing import MapDrawing
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.errors import SimulationError, UsageError
 from scex_sumo.geometry.rectangles import rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scenarios import EXAMPLES, example_path
-from scex_sumo.scenarios.drawn import motorway_merge, roundabout, urban_intersection
-from scex_sumo.scenarios.drawn.drawing import MapDrawing
 from scex_sumo.scenarios.traffic.demand import Network, Trip
 from scex_sumo.scenarios.traffic.drive import Drive, record
 from scex_sumo.scene import STEP_S, States

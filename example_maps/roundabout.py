@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from scex_sumo.scenarios.drawn.curves import Curve, Pose, arc, clothoids, smooth_step
-from scex_sumo.scenarios.drawn.drawing import CURB, DASHED, SOLID, VIRTUAL, Lanelet, Line, MapDrawing, Mark
+from example_maps.curves import Curve, Pose, arc, clothoids, smooth_step
+from example_maps.drawing import CURB, DASHED, SOLID, VIRTUAL, Lanelet, Line, MapDrawing, Mark
 
 CENTRE = (1000.0, 1000.0)
 LANE_M = 3.5
