@@ -50,7 +50,7 @@ STAGES = {
         "scex_sumo.extrapolation.job.worst_of",
         "scex_sumo.extrapolation.writing.measure_recorded",
     ),
-    "keep parts": ("scex_sumo.extrapolation.job.save_part", "scex_sumo.results.folder.ResultFolder.collect"),
+    "keep parts": ("scex_sumo.extrapolation.job.save_part", "scex_sumo.results.parts.Parts.read"),
     "write": (
         "scex_sumo.extrapolation.extrapolate.write_tables",
         "scex_sumo.results.folder.ResultFolder.finish",

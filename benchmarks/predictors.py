@@ -30,14 +30,14 @@ from typing import Any
 import numpy as np
 import predictors_measures as measures
 from predictors_report import tables
+from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.guarded import Guarded
-from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
-from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
+from scex_sumo.behaviors.learned.models import GraphPredictor
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
 from scex_sumo.behaviors.registry import ModelSpec, build
-from scex_sumo.commands.train import TrainRequest, train_command
+from scex_sumo.commands.train import train_command
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
 from scex_sumo.training.data.samples import learnable
 
@@ -78,15 +78,13 @@ def train(out: Path, roots: Sequence[Path], wanted: Sequence[Training]) -> None:
             continue
         begun = time.process_time()
         train_command(
-            TrainRequest(
-                kind=training.kind,
-                roots=tuple(roots),
-                out=file,
-                seed=training.seed,
-                leave_out=(training.leave_out,) if training.leave_out else (),
-                edges=training.edges,
-                resume=True,
-            )
+            training.kind,
+            data=list(roots),
+            out=file,
+            seed=training.seed,
+            leave_out=[training.leave_out] if training.leave_out else [],
+            edges=training.edges,
+            resume=True,
         )
         print(f"{training.name}: {time.process_time() - begun:.0f} s of processor time", flush=True)
 

@@ -17,10 +17,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
 
 import scex_sumo
 from scex_sumo.converters.datasets.recordings import (
@@ -30,50 +29,34 @@ from scex_sumo.converters.datasets.recordings import (
     seed_at,
 )
 from scex_sumo.ranking.folder import RankFolder
-from scex_sumo.ranking.progress import Campaign
+from scex_sumo.ranking.moments import list_moments
 from scex_sumo.ranking.rank import rank
-from scex_sumo.ranking.seeds import list_seeds
-from scex_sumo.ranking.task import Settings, run_seed
-from scex_sumo.ranking.tasks import Plan, Wanted, cut
-from scex_sumo.ranking.workers import Crew, Order, Processes
+from scex_sumo.ranking.ranking_run import RankingRun
+from scex_sumo.ranking.run_moment import MomentTask, run_moment
+from scex_sumo.ranking.settings import RankSettings
+from scex_sumo.ranking.tasks import cut
+from scex_sumo.ranking.workers import DaskWorkers, LocalWorkers, MomentWorkers
 
 DATASET = scex_sumo.example_path("roundabout").parent
 MODELS = ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake")
 TEN_THOUSAND = 10_000
 
 
-def plan_of(args: argparse.Namespace, **changed: Any) -> Plan:
-    settings = {
-        "models": MODELS,
-        "weights": (),
-        "steps": 30,
-        "replan": 5,
-        "design": "balanced",
-        "seed": 0,
-        "thresholds": (("distance", 5.0), ("tq", 1.2), ("wttc", 0.26), ("ttc", 1 / 1.5)),
-        "keep": "none",
-        **changed,
-    }
-    return Plan(
-        recordings=find_recordings([args.dataset]),
-        every_s=args.every,
-        min_vehicles=2,
-        first=args.children,
-        children=args.children,
-        top=10,
-        settings=Settings(**settings),
-    )
+def settings_of(args: argparse.Namespace) -> RankSettings:
+    return RankSettings(models=MODELS, every=args.every, first=args.children, children=args.children)
 
 
-def seeds_per_minute(plan: Plan, crew: Crew) -> tuple[float, int, float]:
-    """Rate of a crew whose workers have started, the number of seeds, this process's own seconds for each."""
+def run_all(args: argparse.Namespace, workers: MomentWorkers, progress: Callable[[int, int], None]) -> None:
+    """Run all moments into a folder that is not kept, with workers that are ended after it."""
+    with closing(workers), tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}) as folder:
+        RankingRun(find_recordings([args.dataset]), settings_of(args), folder, workers, progress).run()
+
+
+def seeds_per_minute(args: argparse.Namespace, workers: MomentWorkers) -> tuple[float, int, float]:
+    """Rate of workers that have started, the number of seeds, this process's own seconds for each."""
     times: list[float] = []
     begin = time.process_time()
-    with tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}) as folder:
-        try:
-            Campaign(plan, folder, crew, lambda done, total: times.append(time.perf_counter())).run()
-        finally:
-            crew.close()
+    run_all(args, workers, lambda done, total: times.append(time.perf_counter()))
     came = times[1:]  # the first is the beginning
     own = (time.process_time() - begin) / len(came)
     return 60 * (len(came) - 1) / (came[-1] - came[0]), len(came), own
@@ -108,10 +91,8 @@ def dask_cluster(workers: int) -> Iterator[str]:
                 process.wait()
 
 
-def cluster_crew(address: str, workers: int) -> Crew:
+def cluster_workers(address: str, count: int) -> MomentWorkers:
     from distributed import Client
-
-    from scex_sumo.ranking.dask_workers import Cluster
 
     deadline = time.monotonic() + 60
     while True:
@@ -121,20 +102,19 @@ def cluster_crew(address: str, workers: int) -> Crew:
         except OSError:
             if time.monotonic() > deadline:
                 raise
-    crew = Cluster(address)
-    crew._client.wait_for_workers(workers, timeout=60)
-    return crew
+    workers = DaskWorkers(address)
+    workers._client.wait_for_workers(count, timeout=60)
+    return workers
 
 
 def throughput(args: argparse.Namespace) -> None:
-    plan = plan_of(args)
     rates: dict[tuple[str, int], list[float]] = {}
     for _ in range(args.repeat):
         for workers in (1, 2):
-            rate, seeds, own = seeds_per_minute(plan, Processes(workers))
+            rate, seeds, own = seeds_per_minute(args, LocalWorkers(workers))
             rates.setdefault(("processes", workers), []).append(rate)
             with dask_cluster(workers) as address:
-                rate, seeds, own_dask = seeds_per_minute(plan, cluster_crew(address, workers))
+                rate, seeds, own_dask = seeds_per_minute(args, cluster_workers(address, workers))
             rates.setdefault(("dask", workers), []).append(rate)
     print(f"throughput, {seeds} seeds of {args.children} children, median of {args.repeat}:")
     for kind in ("processes", "dask"):
@@ -147,40 +127,40 @@ def throughput(args: argparse.Namespace) -> None:
 
 def costs(args: argparse.Namespace) -> None:
     """What the process that hands out the seeds spends on each."""
-    plan = plan_of(args)
     begin = time.process_time()
-    loaded = [load_recording(recording) for recording in plan.recordings]
+    loaded = [load_recording(recording) for recording in find_recordings([args.dataset])]
     loading = time.process_time() - begin
     listings = {
-        one.recording.name: list_seeds(
+        one.recording.name: list_moments(
             one.recording, recording_moments(one, every_s=args.every), min_vehicles=2
         )
         for one in loaded
     }
-    refs = [(ref, one) for one in loaded for ref in listings[one.recording.name].seeds]
+    refs = [(ref, one) for one in loaded for ref in listings[one.recording.name].moments]
     begin = time.process_time()
     for ref, one in refs:
         seed_at(one, ref.time_s, case=ref.case or None)
     building = (time.process_time() - begin) / len(refs)
-    wanted = Wanted(
-        seeds=lambda listing: listing.seeds[:: max(len(listing.seeds) // 5, 1)],
-        first=0,
-        stop=args.children,
+    items = cut(
+        [one.recording for one in loaded],
+        listings,
+        settings_of(args),
+        range(args.children),
+        wanted=lambda listing: listing.moments[:: max(len(listing.moments) // 5, 1)],
         spare=lambda ref: 0,
-        settings=plan.settings,
     )
-    orders = [order for order in cut(plan, listings, wanted) if isinstance(order, Order)]
-    sent = [pickle.dumps((order.task, order.parcel)) for order in orders]
-    parts = [(order.ref, run_seed(order.task, order.parcel)) for order in orders]
+    tasks = [task for task in items if isinstance(task, MomentTask)]
+    sent = [pickle.dumps(task) for task in tasks]
+    parts = [(task.ref, run_moment(task)) for task in tasks]
     begin = time.process_time()
-    parts = [(order.ref, run_seed(order.task, order.parcel)) for order in orders]
-    running = (time.process_time() - begin) / len(orders)
+    parts = [(task.ref, run_moment(task)) for task in tasks]
+    running = (time.process_time() - begin) / len(tasks)
     back = [pickle.dumps(part) for _, part in parts]
     begin = time.process_time()
     for content in sent:
         pickle.loads(content)
-    for order in orders:
-        pickle.dumps((order.task, order.parcel))
+    for task in tasks:
+        pickle.dumps(task)
     packing = (time.process_time() - begin) / len(sent)
     with tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}) as folder:
         begin = time.process_time()
@@ -208,8 +188,7 @@ def scheduler(args: argparse.Namespace, *, to: int = 60_000, back: int = 10_000,
     from distributed import Client, as_completed
 
     with dask_cluster(2) as address:
-        crew = cluster_crew(address, 2)
-        crew.close()
+        cluster_workers(address, 2).close()
         with Client(address, set_as_default=False) as client:
             client.wait_for_workers(2, timeout=60)
             content = os.urandom(to)
@@ -236,17 +215,10 @@ def resident(pid: int) -> float:
 
 def memory(args: argparse.Namespace) -> None:
     """Resident memory of main process and worker over the seeds."""
-    plan = plan_of(args)
-    crew = Processes(1)
-    worker = crew._workers[0]._process.pid
+    workers = LocalWorkers(1)
+    worker = workers._workers._workers[0]._process.pid
     seen: list[tuple[float, float]] = []
-    with tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}) as folder:
-        try:
-            Campaign(
-                plan, folder, crew, lambda *_: seen.append((resident(os.getpid()), resident(worker)))
-            ).run()
-        finally:
-            crew.close()
+    run_all(args, workers, lambda *_: seen.append((resident(os.getpid()), resident(worker))))
     print(f"memory over {len(seen) - 1} seeds, MB:")
     for share in (0.1, 0.25, 0.5, 0.75, 1.0):
         index = max(int(share * (len(seen) - 1)), 1)

@@ -12,12 +12,12 @@ from scex_sumo.version import __version__
 
 if TYPE_CHECKING:
     from scex_sumo.behaviors.base import Behavior as Behavior
+    from scex_sumo.behaviors.learned.hetero_data import to_hetero_data as to_hetero_data
     from scex_sumo.behaviors.plug_in.inputs import Surroundings as Surroundings
     from scex_sumo.behaviors.plug_in.predictor import Predictor as Predictor
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
     from scex_sumo.behaviors.registry import predictor as predictor
-    from scex_sumo.behaviors.scene_graph.export import to_hetero_data as to_hetero_data
     from scex_sumo.behaviors.scene_graph.export import to_networkx as to_networkx
     from scex_sumo.behaviors.scene_graph.graph import SceneGraph as SceneGraph
     from scex_sumo.behaviors.scene_graph.graph import scene_graph as scene_graph
@@ -93,7 +93,7 @@ _HOMES = {
     "scene_graph": "scex_sumo.behaviors.scene_graph.graph",
     "seed_at": "scex_sumo.converters.datasets.recordings",
     "synthetic_seed": "scex_sumo.scenarios.seeds",
-    "to_hetero_data": "scex_sumo.behaviors.scene_graph.export",
+    "to_hetero_data": "scex_sumo.behaviors.learned.hetero_data",
     "to_networkx": "scex_sumo.behaviors.scene_graph.export",
 }
 

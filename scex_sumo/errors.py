@@ -31,3 +31,14 @@ class ResultError(ScexError):
 
 class MissingExtraError(ScexError):
     """An optional dependency that the request needs and that is not installed."""
+
+
+def reason_of(error: BaseException) -> str:
+    """Reason that an error gives, in one line; with its kind where it is none of ours."""
+    said = one_line(error)
+    return said if isinstance(error, ScexError) else f"{type(error).__name__}: {said}"
+
+
+def one_line(message: object) -> str:
+    """Message without line breaks."""
+    return " ".join(str(message).split()) or "no message"

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from scex_sumo.errors import ResultError
 
-
 _WRITING = ".writing"
 
 

@@ -26,6 +26,14 @@ def data() -> Path:
     return folder
 
 
+@pytest.fixture
+def registered_models(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
+    """The models that a test registers, by name; forgotten after it."""
+    models: dict[str, object] = {}
+    monkeypatch.setattr("scex_sumo.behaviors.registry._registered", models)
+    return models
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """One line for each reason that tests were skipped for: what was not tested is not hidden."""
     skipped = terminalreporter.stats.get("skipped", [])

@@ -34,6 +34,13 @@ def _another(folder: Path) -> subprocess.Popen[str]:
     return process
 
 
+def _lets_in(folder: Path) -> bool:
+    """Whether another process can hold the folder now."""
+    command = [sys.executable, "-c", HOLDING, str(folder)]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    return done.stdout == "held\n"
+
+
 def test_a_folder_that_another_process_writes_is_refused_until_that_dies(tmp_path: Path) -> None:
     with _another(tmp_path) as other:
         with pytest.raises(ResultError, match="another process is writing"):
@@ -41,6 +48,7 @@ def test_a_folder_that_another_process_writes_is_refused_until_that_dies(tmp_pat
         assert not any(tmp_path.iterdir())
         other.kill()
     folder = ResultFolder(tmp_path, {"seed": 1})
+    assert not _lets_in(tmp_path)
     folder.finish({})
 
 
@@ -52,19 +60,20 @@ def test_two_rankings_never_write_one_folder(tmp_path: Path) -> None:
         other.kill()
     with RankFolder(tmp_path, {"seed": 1}):
         pass
-    with _another(tmp_path) as other:  # let in without a word
-        other.kill()
+    assert _lets_in(tmp_path)
 
 
 def test_a_run_that_failed_can_be_repeated_in_the_same_process(tmp_path: Path) -> None:
-    ResultFolder(tmp_path, {"seed": 1})
-    ResultFolder(tmp_path, {"seed": 1}).finish({})
+    failed = ResultFolder(tmp_path, {"seed": 1})
+    again = ResultFolder(tmp_path, {"seed": 1})
+    again.finish({})
+    assert again.identity == failed.identity
+    assert (tmp_path / "run.json").is_file()
 
 
 def test_a_finished_run_lets_others_in(tmp_path: Path) -> None:
     ResultFolder(tmp_path, {"seed": 1}).finish({})
-    with _another(tmp_path) as other:
-        other.kill()
+    assert _lets_in(tmp_path)
 
 
 def test_letting_go_of_what_is_not_locked_does_nothing(tmp_path: Path) -> None:
@@ -72,6 +81,7 @@ def test_letting_go_of_what_is_not_locked_does_nothing(tmp_path: Path) -> None:
     lock(tmp_path)
     unlock(tmp_path)
     unlock(tmp_path)
+    assert _lets_in(tmp_path)
 
 
 def test_what_fails_on_the_way_leaves_the_file_as_it_was(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What a behaviour model is."""
+"""Behaviour model: the protocol that all of them follow."""
 
 from __future__ import annotations
 

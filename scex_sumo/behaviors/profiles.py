@@ -1,4 +1,4 @@
-"""The one table of every model's defaults.
+"""Defaults of every model, in one table.
 
 ``standard_driver`` and ``risky_driver`` are the two profiles of the scene extrapolation paper (Zipfl,
 Schütt, Zöllner 2024); it does not state a_max, ours is 1.5 m/s² for the standard and 3.0 m/s² for the risky

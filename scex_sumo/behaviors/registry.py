@@ -1,10 +1,9 @@
-"""Behaviour models by name: parsing what the user asks for, building it, registering further ones."""
+"""Registry of behaviour models: parsing what the user asks for, building it, registering further ones."""
 
 from __future__ import annotations
 
 import dataclasses
 import importlib.metadata
-import inspect
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,22 +11,22 @@ from typing import Any, TypeVar
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.guarded import Guarded
-from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
-from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
+from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
 from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity
 from scex_sumo.behaviors.models.emergency_brake import EmergencyBrake
 from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.behaviors.models.replay import Replay
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.plug_in.loading import as_constructor, is_import_path, load_model
-from scex_sumo.behaviors.plug_in.predictor import PredictorMaker
+from scex_sumo.behaviors.plug_in.files import FILES
+from scex_sumo.behaviors.plug_in.loading import is_import_path, load_model
 from scex_sumo.behaviors.plug_in.single import SingleVehicle, SingleVehicleBehavior
-from scex_sumo.behaviors.plug_in.usable import reason_of
+from scex_sumo.behaviors.plug_in.usable import reason_in_model
+from scex_sumo.behaviors.plug_in.user_model import UserModel, predictor_model, user_model
 from scex_sumo.behaviors.profiles import DEFAULTS
-from scex_sumo.behaviors.spec import GUARD, LEARNED, converted, keywords, profile_of, shown, user_arguments
+from scex_sumo.behaviors.spec import GUARD, LEARNED, converted, profile_of, shown, user_arguments
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 from scex_sumo.errors import ScexError, UsageError
-from scex_sumo.world.vehicle_types import SUMO_MODELS, check_driver
+from scex_sumo.sumo_models import SUMO_MODELS, check_driver
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 ENTRY_POINTS = "scex_sumo.behaviors"
@@ -35,11 +34,6 @@ SUMO = "sumo"
 # Names for several models at once. The default has no learned ones, though the paper does: what a run gives
 # must not depend on which extras are installed, and torch takes longer to load than such a run.
 SETS: Mapping[str, str] = {"rules": DEFAULT_MODELS, "paper": ",".join((DEFAULT_MODELS, *LEARNED))}
-
-# Models that cannot fail; what they raise is an error of ours. All others may fall back.
-RULE_BASED = frozenset(
-    {"standard_driver", "risky_driver", "calibrated_driver", "constant_velocity", "emergency_brake", "replay"}
-)
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -63,22 +57,16 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], str]] = {
     ),
     "constant_velocity": (ConstantVelocity, "keeps its speed along its path, whatever is in the way"),
     "emergency_brake": (EmergencyBrake, "brakes to a standstill along its path"),
-    "graph_predictor": (
-        GraphPredictor,
-        "learned: motion along its path, from the semantic scene graph",
-    ),
+    "graph_predictor": (GraphPredictor, "learned: motion along its path, from the semantic scene graph"),
     "graph_image_predictor": (
         GraphImagePredictor,
         "learned: motion from the scene graph and the road seen from above, weighed by attention",
     ),
     "replay": (Replay, "repeats the recorded future, then constant velocity along its path"),
 }
-# Predictors from files: functions that make them, with the file as a parameter.
-_FILES: Mapping[str, str] = {
-    "torchscript": "scex_sumo.behaviors.plug_in.files:torchscript",
-    "onnx": "scex_sumo.behaviors.plug_in.files:onnx",
-}
-_registered: dict[str, Callable[..., Any]] = {}
+# Models that cannot fail; what they raise is an error of ours. All others may fall back.
+RULE_BASED = frozenset(_MODELS) - frozenset(LEARNED)
+_registered: dict[str, UserModel] = {}
 
 
 def behavior(name: str) -> Callable[[T], T]:
@@ -92,13 +80,13 @@ def behavior(name: str) -> Callable[[T], T]:
     """
 
     def register(constructor: T) -> T:
-        if name in _MODELS or name == SUMO or name in _FILES or name in SETS:
+        if name in _MODELS or name == SUMO or name in FILES or name in SETS:
             raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
         if not name or any(c in name for c in ",:@= \t\n"):
             raise UsageError(f"behavior {name!r}: a name has none of , : @ = and no spaces")
         if not callable(constructor):
             raise UsageError(f"behavior {name!r}: register a class or a function that makes a model")
-        _registered[name] = as_constructor(constructor, name)
+        _registered[name] = user_model(constructor, name)
         return constructor
 
     return register
@@ -121,28 +109,21 @@ def known_names() -> list[str]:
 
 def known_models() -> list[ModelInfo]:
     """All models with parameters, defaults and a sentence each."""
-    infos = [
-        ModelInfo(
-            name=name,
-            parameters=shown({**dataclasses.asdict(DEFAULTS[name]), GUARD: False}),
-            summary=summary,
-        )
-        for name, (_, summary) in _MODELS.items()
-    ]
-    for model in SUMO_MODELS:
-        summary = f"SUMO's own {model}; parameters are SUMO's vehicle type attributes, e.g. tau"
-        infos.append(ModelInfo(name=f"{SUMO}:{model}", parameters=("path=straight",), summary=summary))
+    infos = []
+    for name, (_, summary) in _MODELS.items():
+        parameters = shown({**dataclasses.asdict(DEFAULTS[name]), GUARD: False})
+        infos.append(ModelInfo(name=name, parameters=parameters, summary=summary))
+    for sumo in SUMO_MODELS:
+        summary = f"SUMO's own {sumo}; parameters are SUMO's vehicle type attributes, e.g. tau"
+        infos.append(ModelInfo(name=f"{SUMO}:{sumo}", parameters=("path=straight",), summary=summary))
     for name in _further():
         try:
-            constructor = _user_model(name)
+            model = _user_model(name)
         except UsageError as error:  # another package's trouble; the others can be listed
             infos.append(ModelInfo(name=name, parameters=(), summary=str(error).removeprefix(f"{name}: ")))
             continue
-        words = (inspect.getdoc(constructor) or "").strip().splitlines()
-        parameters = {k: p.default for k, p in keywords(constructor).items()} | {GUARD: False}
-        infos.append(
-            ModelInfo(name=name, parameters=shown(parameters), summary=words[0] if words else "registered")
-        )
+        parameters = shown({**model.parameters, GUARD: False})
+        infos.append(ModelInfo(name=name, parameters=parameters, summary=model.summary))
     return infos
 
 
@@ -204,8 +185,7 @@ def _check(spec: ModelSpec) -> None:
     """Raise a `UsageError` for an unknown name, parameter or value."""
     spec, _ = _without_guard(spec)
     if spec.name.startswith(f"{SUMO}:"):
-        given = {k: str(v) for k, v in spec.parameters.items() if k != "path"}
-        check_driver(spec.name.partition(":")[2], given)
+        check_driver(*_sumo(spec))
     elif spec.name in _MODELS:
         profile_of(spec)
     elif ":" in spec.name or spec.name in _further():
@@ -246,19 +226,18 @@ def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:
 def _build(spec: ModelSpec) -> Behavior:
     """The model without its guard; the spec has been checked."""
     if spec.name.startswith(f"{SUMO}:"):
-        given = {k: str(v) for k, v in spec.parameters.items() if k != "path"}
         path = converted(spec, "path", "straight", spec.parameters.get("path", "straight"))
-        return SumoDriver(spec.name.partition(":")[2], given, path=path)
+        return SumoDriver(*_sumo(spec), path=path)
     if spec.name in _MODELS:
         return _MODELS[spec.name][0](profile_of(spec))
-    constructor = _user_model(spec.name)
-    arguments = user_arguments(spec, constructor)
+    own = _user_model(spec.name)
+    arguments = user_arguments(spec, own)
     try:
-        model = constructor(**arguments)
+        model = own.make(**arguments)
     except ScexError:
         raise
     except Exception as error:  # whatever a user's constructor raises
-        raise UsageError(f"{spec.name}: making it {reason_of(error)}") from error
+        raise UsageError(f"{spec.name}: making it {reason_in_model(error)}") from error
     if isinstance(model, Behavior):
         return model
     if isinstance(model, SingleVehicleBehavior):
@@ -269,26 +248,33 @@ def _build(spec: ModelSpec) -> Behavior:
     )
 
 
+def _sumo(spec: ModelSpec) -> tuple[str, dict[str, str]]:
+    """SUMO's name of a model, and its parameters as SUMO takes them."""
+    given = {key: str(value) for key, value in spec.parameters.items() if key != "path"}
+    return spec.name.partition(":")[2], given
+
+
 def _further() -> list[str]:
     """Models from files, registered ones, and those of other packages."""
-    return [*_FILES, *sorted({*_registered, *_entry_points()})]
+    return [*FILES, *sorted({*_registered, *_entry_points()})]
 
 
 def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:
     return {point.name: point for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
 
 
-def _user_model(name: str) -> Callable[..., Any]:
-    if name in _registered:
-        return _registered[name]
-    if name in _FILES or ":" in name:
-        return load_model(_FILES.get(name, name))
+def _user_model(name: str) -> UserModel:
+    known = _registered.get(name) or FILES.get(name)
+    if known is not None:
+        return known
+    if ":" in name:
+        return load_model(name)
     point = _entry_points()[name]
     try:
         loaded = point.load()
     except Exception as error:  # anything can go wrong in another package's import
         raise UsageError(f"{name}: entry point {point.value} cannot be loaded: {error}") from error
-    return as_constructor(loaded, name)
+    return user_model(loaded, name)
 
 
 def predictor(name: str | None = None, *, batched: bool = False, **surroundings: Any) -> Callable[[F], F]:
@@ -304,11 +290,9 @@ def predictor(name: str | None = None, *, batched: bool = False, **surroundings:
     """
 
     def register(function: F) -> F:
-        maker = PredictorMaker(function, batched=batched, **surroundings)
-        maker()  # says what is wrong with it where it is written
-        if name is not None:
-            behavior(name)(maker)
-        function.__scex_predictor__ = maker  # type: ignore[attr-defined]
-        return function
+        model = predictor_model(function, batched=batched, **surroundings)
+        model.make()  # says what is wrong with it where it is written
+        function.__scex_predictor__ = model  # type: ignore[attr-defined]
+        return function if name is None else behavior(name)(function)
 
     return register

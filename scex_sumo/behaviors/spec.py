@@ -1,4 +1,4 @@
-"""A model as asked for, and the values of its parameters as the model needs them."""
+"""Model specification: a model as asked for, and the values of its parameters as the model needs them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from scex_sumo.behaviors.plug_in.user_model import EMPTY, UserModel
 from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.errors import UsageError
 
@@ -79,37 +80,26 @@ def _number(spec: ModelSpec, key: str, value: str, kind: Callable[[str], Any], w
         raise UsageError(f"{spec.name}: {key}={value} is not {wanted}") from None
 
 
-def keywords(constructor: Callable[..., Any]) -> dict[str, inspect.Parameter]:
-    """Parameters of a constructor that can be given by name."""
-    try:
-        found = inspect.signature(constructor).parameters
-    except (TypeError, ValueError):
-        return {}
-    by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    return {key: p for key, p in found.items() if p.kind in by_name}
-
-
-def user_arguments(spec: ModelSpec, constructor: Callable[..., Any]) -> dict[str, Any]:
-    """What a constructor is called with.
+def user_arguments(spec: ModelSpec, model: UserModel) -> dict[str, Any]:
+    """What a model of the user's own is made with.
 
     Raises:
         UsageError: a parameter that it does not have, or one without a value.
     """
-    known = keywords(constructor)
+    known = model.parameters
     known_parameter(spec, tuple(known))
-    missing = [k for k, p in known.items() if p.default is p.empty and k not in spec.parameters]
+    missing = [key for key, default in known.items() if default is EMPTY and key not in spec.parameters]
     if missing:
-        own = inspect.isfunction(constructor)
+        own = inspect.isfunction(model.make)
         hint = "; a function that predicts names its inputs, e.g. history" if own else ""
         raise UsageError(
             f"{spec.name}: parameter {missing[0]} has no default; give it as {missing[0]}=value{hint}"
         )
-    return {key: converted(spec, key, known[key].default, value) for key, value in spec.parameters.items()}
+    return {key: converted(spec, key, known[key], value) for key, value in spec.parameters.items()}
 
 
 def shown(parameters: Mapping[str, Any]) -> tuple[str, ...]:
     """Parameters as ``name=default``, or the name alone where there is none."""
-    empty = inspect.Parameter.empty
     words = {True: "true", False: "false"}  # as on the command line
     written = {k: words[v] if isinstance(v, bool) else v for k, v in parameters.items()}
-    return tuple(key if value is empty else f"{key}={value}" for key, value in written.items())
+    return tuple(key if value is EMPTY else f"{key}={value}" for key, value in written.items())

@@ -1,10 +1,11 @@
-"""How commands talk: results on standard output, everything else on standard error."""
+"""Console of the commands: results go to standard output, everything else to standard error."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 Tick = Callable[[int, int], None]
 
@@ -32,3 +33,17 @@ def progress_bar(label: str) -> Iterator[Tick | None]:
             bar.update(task, completed=done, total=total)
 
         yield tick
+
+
+@contextmanager
+def resumable(what: str, out: Path) -> Iterator[None]:
+    """Ctrl-C ends the command and says that what is finished is kept.
+
+    Raises:
+        SystemExit: with status 130.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f"interrupted; finished {what} are kept in {out}, the same command goes on", file=sys.stderr)
+        raise SystemExit(130) from None

@@ -5,9 +5,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Option
 
 from scex_sumo.commands.metrics import write_table
+from scex_sumo.commands.options import Result
 from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
@@ -20,8 +23,15 @@ if TYPE_CHECKING:
 _SHOWN_PAIRS = 6
 
 
-def explain_command(folder: Path, *, metric: str | None, worst: int, plots: bool) -> None:
-    """Print, write and draw where the values of a run come from."""
+def explain_command(
+    folder: Result,
+    metric: Annotated[
+        str | None, Option(metavar="METRIC", help="Print this one, with all its worst children.")
+    ] = None,
+    worst: Annotated[int, Option(metavar="N", help="How many of the worst children are named.")] = 5,
+    plots: Annotated[bool, Option(help="Draw the shares.")] = True,
+) -> None:
+    """Say which vehicles' drivers make a scene critical, and how."""
     from rich.console import Console
 
     from scex_sumo.results.run import open_run

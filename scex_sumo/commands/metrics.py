@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Argument, Option
 
 from scex_sumo.commands.console import warn
-from scex_sumo.errors import MapError, ResultError, UsageError
+from scex_sumo.errors import ResultError, UsageError
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -16,16 +18,22 @@ SUFFIXES = (".parquet", ".csv")
 
 
 def metrics_command(
-    source: Path,
-    *,
-    map_path: Path | None,
-    level: str,
-    preset: str,
-    metrics: str | None,
-    by_type: str | None,
-    out: Path | None,
+    source: Annotated[
+        Path, Argument(metavar="TRACKS|OUT", help="Tracks in INTERACTION format, or a result folder.")
+    ],
+    level: Annotated[str, Option(metavar="pair|scene|scenario|worst", help="Rows.")] = "scenario",
+    preset: Annotated[str, Option(metavar="paper|path", help="Who follows whom.")] = "paper",
+    metrics: Annotated[
+        str | None, Option(metavar="NAME,...", help="These only; else the paper's six.")
+    ] = None,
+    wttc_limits: Annotated[
+        str | None, Option(metavar="TYPE=M/S2,...", help="Largest accelerations by type, for WTTC.")
+    ] = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="FILE", help="FILE.parquet or .csv; else CSV here.")
+    ] = None,
 ) -> None:
-    """Evaluate and write a table; as CSV to standard output where no file is given."""
+    """Evaluate criticality metrics of recorded or simulated tracks."""
     from scex_sumo.evaluation.plans import PLANS, read_plans
     from scex_sumo.evaluation.sources import read_source
     from scex_sumo.evaluation.tables import recording_table
@@ -33,10 +41,8 @@ def metrics_command(
 
     if out is not None and out.suffix not in SUFFIXES:
         raise UsageError(f"-o {out}: unknown format {out.suffix!r}; known: {', '.join(SUFFIXES)}")
-    if map_path is not None and not map_path.is_file():
-        raise MapError(f"{map_path}: no such file; the metrics need no map, leave --map out")
     names = None if metrics is None else tuple(name.strip() for name in metrics.split(","))
-    parameters = MetricParameters(max_acceleration_by_type=_limits(by_type))
+    parameters = MetricParameters(max_acceleration_by_type=_limits(wttc_limits))
     tracks, history = read_source(source)
     plans = read_plans(source) if source.is_dir() else None
     if source.is_dir() and plans is None:

@@ -1,13 +1,13 @@
-"""``scex-sumo models``: what can drive."""
+"""``scex-sumo models``: the behaviour models that can drive."""
 
 from __future__ import annotations
 
-from rich.console import Console
-from rich.table import Table
-
 
 def models_command() -> None:
-    """Print the behaviour models, their parameters and defaults."""
+    """List the behaviour models and their parameters."""
+    from rich.console import Console
+    from rich.table import Table
+
     from scex_sumo.behaviors.registry import SETS, known_models
 
     table = Table(show_lines=False, box=None, pad_edge=False)

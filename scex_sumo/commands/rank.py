@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from scex_sumo.commands.console import progress_bar, warn
+from typer import Argument, Option
+
+from scex_sumo.commands.console import progress_bar, resumable, warn
+from scex_sumo.commands.options import Models, Processes, Seed, Thresholds, parse_thresholds
 
 if TYPE_CHECKING:
     from scex_sumo.ranking.rank import Ranking
@@ -15,56 +17,53 @@ if TYPE_CHECKING:
 _SHOWN_FAILURES = 3
 
 
-@dataclass(frozen=True, kw_only=True)
-class RankRequest:
-    """The options of ``scex-sumo rank`` as given; see its help."""
-
-    roots: tuple[Path, ...]
-    every: float
-    children: int
-    first: int
-    min_vehicles: int
-    models: str | None
-    thresholds: tuple[str, ...]
-    keep: str
-    top: int
-    seed: int
-    workers: int
-    cluster: str | None
-    overwrite: bool
-    out: Path | None
-
-
-def rank_command(request: RankRequest) -> None:
-    """Rank, print the top, say where the page is."""
+def rank_command(
+    roots: Annotated[
+        list[Path], Argument(metavar="DATASET...", help="Folders of recordings.", show_default=False)
+    ],
+    every: Annotated[float, Option(metavar="S", help="Least time between two seed scenes.")] = 1.0,
+    children: Annotated[int, Option(help="Children of a seed scene at most.")] = 96,
+    first: Annotated[int, Option(help="Children of every seed scene; more where ranks are close.")] = 32,
+    min_vehicles: Annotated[int, Option(help="Fewer moving vehicles make no seed scene.")] = 2,
+    models: Models = None,
+    threshold: Thresholds = None,
+    keep: Annotated[
+        str, Option(metavar="none|critical|all", help="Children whose tracks are kept.")
+    ] = "none",
+    top: Annotated[int, Option(help="Moments on the page.")] = 10,
+    seed: Seed = 0,
+    workers: Processes = 1,
+    cluster: Annotated[
+        str | None, Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
+    ] = None,
+    overwrite: Annotated[bool, Option("--overwrite", help="Replace another ranking.")] = False,
+    out: Annotated[
+        Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)
+    ] = Path("out") / "ranking",
+) -> None:
+    """Run all moments of a dataset, and rank them: which are worth testing."""
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
-    from scex_sumo.commands.run import parse_thresholds
     from scex_sumo.ranking.rank import rank
 
-    out = request.out if request.out is not None else Path("out") / "ranking"
-    with progress_bar("children") as tick:
-        try:
-            ranking = rank(
-                request.roots,
-                out=out,
-                every=request.every,
-                children=request.children,
-                first=request.first,
-                min_vehicles=request.min_vehicles,
-                models=request.models if request.models is not None else DEFAULT_MODELS,
-                thresholds=parse_thresholds(request.thresholds),
-                keep=request.keep,
-                top=request.top,
-                seed=request.seed,
-                workers=request.workers,
-                cluster=request.cluster,
-                overwrite=request.overwrite,
-                command=["scex-sumo", *sys.argv[1:]],
-                progress=tick,
-            )
-        except KeyboardInterrupt:
-            print(f"interrupted; finished seeds are kept in {out}, the same command goes on", file=sys.stderr)
-            raise SystemExit(130) from None
+    with progress_bar("children") as tick, resumable("seeds", out):
+        ranking = rank(
+            roots,
+            out=out,
+            every=every,
+            children=children,
+            first=first,
+            min_vehicles=min_vehicles,
+            models=models if models is not None else DEFAULT_MODELS,
+            thresholds=parse_thresholds(threshold),
+            keep=keep,
+            top=top,
+            seed=seed,
+            workers=workers,
+            cluster=cluster,
+            overwrite=overwrite,
+            command=["scex-sumo", *sys.argv[1:]],
+            progress=tick,
+        )
     warn(ranking.info["notes"])
     if ranking.info["fallbacks"]:
         warn([f"{ranking.info['fallbacks']} plans are not the models' own; see column fallbacks"])

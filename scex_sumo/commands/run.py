@@ -2,136 +2,150 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 import sys
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from scex_sumo.commands.console import progress_bar, warn
-from scex_sumo.commands.seed import SeedRequest, seed_scene
+from typer import Option
+
+from scex_sumo.commands.console import progress_bar, resumable, warn
+from scex_sumo.commands.options import (
+    Case,
+    MapPath,
+    Models,
+    Origin,
+    Overwrite,
+    Processes,
+    ResultPath,
+    Seed,
+    Synthetic,
+    Thresholds,
+    Time,
+    Tracks,
+    parse_thresholds,
+)
+from scex_sumo.commands.seed import seed_scene
 from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
-    from scex_sumo.extrapolation.workers import Workers
     from scex_sumo.results.run import Run
     from scex_sumo.scene import SeedScene
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunRequest(SeedRequest):
-    """The options of ``scex-sumo run`` as given; see its help."""
-
-    children: str | None
-    steps: int
-    replan: int
-    models: str | None
-    assign: tuple[str, ...]
-    under_test: tuple[str, ...]
-    baseline: bool
-    thresholds: tuple[str, ...]
-    design: str | None
-    until_band: float | None
-    workers: int
-    batch: int | None
-    gui: bool
-    plots: bool
-    overwrite: bool
-    keep_plans: bool
-    out: Path | None
-
-
-def run_command(request: RunRequest) -> None:
-    """Run, print the summary, say where the result is."""
+def run_command(
+    map_path: MapPath,
+    tracks: Tracks = None,
+    case: Case = None,
+    time: Time = None,
+    synthetic: Synthetic = None,
+    origin: Origin = None,
+    children: Annotated[
+        str | None,
+        Option(metavar="N|all", help="Number of child scenarios: 385; at most 10000 with --until-band."),
+    ] = None,
+    steps: Annotated[int, Option(help="Steps of 0.1 s per child.")] = 30,
+    replan: Annotated[int, Option(help="Steps that a plan is followed.")] = 5,
+    models: Models = None,
+    assign: Annotated[
+        list[str] | None, Option(metavar="TRACK=MODEL", help="A vehicle's model; repeatable.")
+    ] = None,
+    under_test: Annotated[
+        list[str] | None,
+        Option(metavar="TRACK=MODEL", help="A driving function under test, told apart; repeatable."),
+    ] = None,
+    baseline: Annotated[bool, Option(help="Run the children without the models under test, too.")] = True,
+    design: Annotated[
+        str | None, Option(metavar="NAME", help="How assignments are drawn: balanced (default), random, ...")
+    ] = None,
+    until_band: Annotated[
+        float | None, Option(metavar="W", help="Go on until all 95 % bands are within +-W, e.g. 0.05.")
+    ] = None,
+    metrics: Annotated[
+        str | None, Option(metavar="NAME,...", help="These metrics, also of your own; else the paper's six.")
+    ] = None,
+    threshold: Thresholds = None,
+    seed: Seed = 0,
+    workers: Processes = 1,
+    batch: Annotated[int | None, Option(help="Children side by side in one SUMO; else chosen.")] = None,
+    gui: Annotated[bool, Option("--gui", help="Show the run live in sumo-gui.")] = False,
+    plots: Annotated[bool, Option(help="Draw the densities.")] = True,
+    keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = True,
+    overwrite: Overwrite = False,
+    out: ResultPath = None,
+) -> None:
+    """Let one moment of traffic run on many times, and measure every child scenario."""
     from scex_sumo.extrapolation.workers import Workers
 
-    if request.workers < 1:
-        raise UsageError(f"--workers: got {request.workers}, needs at least 1")
-    with Workers(_processes(request)) as workers:  # they start while this process imports and reads
-        scene, out, run = _run(request, workers)
-    _tell(request, scene, out, run)
+    useful = max(int(children), 1) if children and children.isdecimal() else workers
+    with Workers(1 if gui else min(workers, useful)) as pool:  # they start while this process reads
+        from scex_sumo.extrapolation.extrapolate import extrapolate
+        from scex_sumo.statistics.bands import MOST_CHILDREN
 
-
-def _processes(request: RunRequest) -> int:
-    """How many processes can be of use."""
-    if request.gui:
-        return 1
-    children = request.children or ""
-    return min(request.workers, max(int(children), 1)) if children.isdecimal() else request.workers
-
-
-def _run(request: RunRequest, workers: Workers) -> tuple[SeedScene, Path, Run]:
-    from scex_sumo.behaviors.registry import DEFAULT_MODELS
-    from scex_sumo.extrapolation.extrapolate import DEFAULT_CHILDREN, extrapolate
-    from scex_sumo.statistics.bands import MOST_CHILDREN
-    from scex_sumo.statistics.designs import DEFAULT_DESIGN
-
-    assign = parse_assign(request.assign)
-    under_test = parse_under_test(request.under_test)
-    thresholds = parse_thresholds(request.thresholds)
-    scene = seed_scene(request)
-    out = request.out if request.out is not None else Path("out") / scene.name
-    with progress_bar(f"{scene.name}") as tick:
-        try:
-            run = extrapolate(
+        if until_band is not None and children is None:
+            children = str(MOST_CHILDREN)
+        given = {"models": models, "children": children, "design": design}
+        settings = {
+            **{name: value for name, value in given.items() if value is not None},
+            "assign": parse_assign(assign or ()),
+            "under_test": parse_under_test(under_test or ()),
+            "baseline": baseline,
+            "until_band": until_band,
+            "steps": steps,
+            "replan": replan,
+            "seed": seed,
+            "metrics": None if metrics is None else [name.strip() for name in metrics.split(",")],
+            "thresholds": parse_thresholds(threshold),
+            "keep_plans": keep_plans,
+        }
+        scene = seed_scene(
+            map_path, tracks=tracks, case=case, time=time, synthetic=synthetic, origin=origin, seed=seed
+        )
+        folder = out if out is not None else Path("out") / scene.name
+        with progress_bar(scene.name) as tick, resumable("children", folder):
+            result = extrapolate(
                 scene,
-                models=request.models if request.models is not None else DEFAULT_MODELS,
-                children=request.children or (MOST_CHILDREN if request.until_band else DEFAULT_CHILDREN),
-                assign=assign,
-                under_test=under_test,
-                baseline=request.baseline,
-                thresholds=thresholds,
-                steps=request.steps,
-                replan=request.replan,
-                design=request.design if request.design is not None else DEFAULT_DESIGN,
-                until_band=request.until_band,
-                seed=request.seed,
-                workers=workers,
-                batch=request.batch,
-                out=out,
-                overwrite=request.overwrite,
-                keep_plans=request.keep_plans,
-                gui=request.gui,
-                command=["scex-sumo", *sys.argv[1:]],
+                out=folder,
+                overwrite=overwrite,
+                workers=pool,
+                batch=batch,
+                gui=gui,
                 progress=tick,
+                command=["scex-sumo", *sys.argv[1:]],
+                **settings,
             )
-        except KeyboardInterrupt:
-            print(
-                f"interrupted; finished children are kept in {out}, the same command goes on", file=sys.stderr
-            )
-            raise SystemExit(130) from None
-    return scene, out, run
+    _tell(result, scene, folder, plots=plots)
 
 
-def _tell(request: RunRequest, scene: SeedScene, out: Path, run: Run) -> None:
+def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
+    """Print the summary, draw the pictures, say where the result is."""
     from rich.console import Console
 
     from scex_sumo.reports.run_table import print_summary
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
     print_summary(run, Console(width=None if sys.stdout.isatty() else 110))
-    if request.until_band is not None:
+    if run.info["band"] is not None:
         _print_band(run.info["band"])
     tested = run.baseline is not None
     if tested:
         from scex_sumo.reports.under_test_table import print_under_test
 
         print_under_test(run.under_test, Console(width=None if sys.stdout.isatty() else 110))
-    if request.plots:
-        from scex_sumo.commands.view import write_critical
+    pictures = ""
+    if plots:
         from scex_sumo.reports.run_pictures import draw_run
+        from scex_sumo.views.children import write_critical
 
         drawn = draw_run(run, scene)
         if tested:
             from scex_sumo.reports.under_test_picture import draw_under_test
 
             drawn += draw_under_test(run, run.folder / "under_test")
-        pictures = [file.name for file in drawn if file.suffix == ".png"]
         write_critical(run)
-        print(f"result: {out}; pictures in it: {', '.join(pictures)}")
-    else:
-        print(f"result: {out}")
+        pictures = "; pictures in it: " + ", ".join(file.name for file in drawn if file.suffix == ".png")
+    print(f"result: {out}{pictures}")
     print(f"look:   scex-sumo view {shlex.quote(str(out))} {_which_child(run)}")
 
 
@@ -151,7 +165,7 @@ def _print_band(band: dict[str, Any]) -> None:
     )
 
 
-def parse_assign(entries: tuple[str, ...], option: str = "--assign") -> dict[int, str]:
+def parse_assign(entries: Sequence[str], option: str = "--assign") -> dict[int, str]:
     """``TRACK=MODEL`` entries as a mapping.
 
     Args:
@@ -172,37 +186,15 @@ def parse_assign(entries: tuple[str, ...], option: str = "--assign") -> dict[int
     return result
 
 
-def parse_under_test(entries: tuple[str, ...]) -> dict[int, str | None]:
+def parse_under_test(entries: Sequence[str]) -> dict[int, str | None]:
     """``TRACK=MODEL`` entries, or ``TRACK`` alone for a vehicle that is driven as drawn, as a mapping.
 
     Raises:
         UsageError: an entry is not of that form, or names a vehicle again.
     """
     alone = [entry for entry in entries if entry.strip().isdigit()]
-    models = parse_assign(tuple(entry for entry in entries if entry not in alone), "--under-test")
+    models = parse_assign([entry for entry in entries if entry not in alone], "--under-test")
     for entry in alone:
         if int(entry) in models:
             raise UsageError(f"--under-test {entry}: vehicle {int(entry)} is given twice; give it once")
     return {**models, **{int(entry): None for entry in alone}}
-
-
-def parse_thresholds(entries: tuple[str, ...]) -> dict[str, float]:
-    """``METRIC=VALUE`` entries as a mapping.
-
-    Raises:
-        UsageError: an entry is not of that form, or names no metric column.
-    """
-    from scex_sumo.metrics.registry import COLUMNS
-
-    result = {}
-    for entry in entries:
-        column, _, value = entry.partition("=")
-        try:
-            result[column] = float(value)
-        except ValueError:
-            raise UsageError(f"--threshold {entry}: needs METRIC=VALUE, e.g. --threshold ttc=0.5") from None
-        if column not in COLUMNS:
-            raise UsageError(f"--threshold {entry}: unknown metric {column!r}; known: {', '.join(COLUMNS)}")
-        if not math.isfinite(result[column]):
-            raise UsageError(f"--threshold {entry}: {value} is no threshold; give a number")
-    return result

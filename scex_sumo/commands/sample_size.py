@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import sys
-import time
-from dataclasses import dataclass
+import time as clock
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Option
 
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.metrics import write_table
-from scex_sumo.commands.seed import SeedRequest, seed_scene
+from scex_sumo.commands.options import (
+    Case,
+    MapPath,
+    Origin,
+    Overwrite,
+    Processes,
+    ResultPath,
+    Seed,
+    Synthetic,
+    Time,
+    Tracks,
+)
+from scex_sumo.commands.seed import seed_scene
 from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
@@ -19,71 +32,85 @@ if TYPE_CHECKING:
     from scex_sumo.results.run import Run
 
 
-@dataclass(frozen=True, kw_only=True)
-class StudyRequest(SeedRequest):
-    """The options of ``scex-sumo sample-size`` as given; see its help."""
-
-    vehicles: int
-    models: str | None
-    sizes: str
-    draws: int
-    designs: str
-    workers: int
-    plots: bool
-    overwrite: bool
-    out: Path | None
-
-
-def sample_size_command(request: StudyRequest) -> None:
-    """Run all assignments, compare samples with them, print the table, write it and draw it."""
+def sample_size_command(
+    map_path: MapPath,
+    tracks: Tracks = None,
+    case: Case = None,
+    time: Time = None,
+    synthetic: Synthetic = None,
+    origin: Origin = None,
+    vehicles: Annotated[int, Option(help="How many take part, those nearest to each other.")] = 5,
+    models: Annotated[
+        str | None, Option(metavar="MODEL,...", help="Models; else six as in the paper's study.")
+    ] = None,
+    sizes: Annotated[str, Option(metavar="N,...", help="Sizes of the samples.")] = "1000,385,100,10",
+    draws: Annotated[int, Option(help="Samples of each size.")] = 200,
+    designs: Annotated[
+        str, Option(metavar="NAME,...", help="random: subsets; others as --design of run.")
+    ] = "random",
+    seed: Seed = 0,
+    workers: Processes = 1,
+    plots: Annotated[bool, Option(help="Draw the densities and errors.")] = True,
+    overwrite: Overwrite = False,
+    out: ResultPath = None,
+) -> None:
+    """Run every assignment of a small seed scene, and see how few of them would have been enough."""
     import pyarrow as pa
     from rich.console import Console
 
     from scex_sumo.scenarios.reduction import choose_vehicles, reduced
-    from scex_sumo.studies.sample_size import MODELS, study, subsets, truth
+    from scex_sumo.studies.sample_size import MODELS, study, truth
 
-    sizes = _sizes(request.sizes)
-    designs = [d.strip() for d in request.designs.split(",") if d.strip()]
-    if request.draws < 1:
-        raise UsageError(f"--draws: got {request.draws}, needs at least 1")
-    whole = seed_scene(request)
-    scene = reduced(whole, choose_vehicles(whole, request.vehicles))
+    wanted = _sizes(sizes)
+    if draws < 1:
+        raise UsageError(f"--draws: got {draws}, needs at least 1")
+    whole = seed_scene(
+        map_path, tracks=tracks, case=case, time=time, synthetic=synthetic, origin=origin, seed=seed
+    )
+    scene = reduced(whole, choose_vehicles(whole, vehicles))
     if scene.vehicles < whole.vehicles:
         kept = ", ".join(str(t) for t in scene.track_ids)
         warn(
             [f"{scene.vehicles} of {whole.vehicles} vehicles take part, those nearest to each other: {kept}"]
         )
-    out = request.out if request.out is not None else Path("out") / f"{scene.name}_sample_size"
-    started = time.perf_counter()
+    folder = out if out is not None else Path("out") / f"{scene.name}_sample_size"
+    started = clock.perf_counter()
     with progress_bar(f"{scene.name}: all assignments") as tick:
         run = truth(
             scene,
-            out,
-            models=request.models if request.models is not None else MODELS,
-            seed=request.seed,
-            workers=request.workers,
-            overwrite=request.overwrite,
+            folder,
+            models=models if models is not None else MODELS,
+            seed=seed,
+            workers=workers,
+            overwrite=overwrite,
             command=["scex-sumo", *sys.argv[1:]],
             progress=tick,
         )
-    simulated = time.perf_counter()
+    simulated = clock.perf_counter()
+    names = [d.strip() for d in designs.split(",") if d.strip()]
     with progress_bar("samples") as tick:
-        rows = study(run, sizes=sizes, draws=request.draws, designs=designs, seed=request.seed, progress=tick)
+        rows = study(run, sizes=wanted, draws=draws, designs=names, seed=seed, progress=tick)
     table = pa.Table.from_pylist(rows)
     for name in ("sample_size.parquet", "sample_size.csv"):
-        write_table(table, out / name)
-    Console(width=None if sys.stdout.isatty() else 110).print(_table(rows, run, request.draws))
-    if request.plots:
-        from scex_sumo.reports.statistics_pictures import draw_errors, draw_subsets
-
-        one = {n: subsets(run.children, n, 1, seed=request.seed)[0] for n in sizes if n <= run.children}
-        draw_subsets(run, one, out / "sample_size")
-        draw_errors(rows, run, out / "sample_size_error")
+        write_table(table, folder / name)
+    Console(width=None if sys.stdout.isatty() else 110).print(_table(rows, run, draws))
+    if plots:
+        _draw(rows, run, wanted, seed, folder)
     print(
         f"all {run.children} assignments: {simulated - started:.0f} s; "
-        f"samples: {time.perf_counter() - simulated:.0f} s"
+        f"samples: {clock.perf_counter() - simulated:.0f} s"
     )
-    print(f"result: {out / 'sample_size.csv'}")
+    print(f"result: {folder / 'sample_size.csv'}")
+
+
+def _draw(rows: list[dict[str, Any]], run: Run, sizes: tuple[int, ...], seed: int, folder: Path) -> None:
+    """One sample of each size, and the errors of all."""
+    from scex_sumo.reports.statistics_pictures import draw_errors, draw_subsets
+    from scex_sumo.studies.sample_size import subsets
+
+    one = {n: subsets(run.children, n, 1, seed=seed)[0] for n in sizes if n <= run.children}
+    draw_subsets(run, one, folder / "sample_size")
+    draw_errors(rows, run, folder / "sample_size_error")
 
 
 def _sizes(text: str) -> tuple[int, ...]:

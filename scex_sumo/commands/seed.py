@@ -1,30 +1,27 @@
-"""The seed scene that a command asks for, and what its reader should know about it."""
+"""Seed scene that a command asks for, and what its reader should know about it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from scex_sumo.commands.console import warn
-from scex_sumo.converters.lanelet.origin import parse_origin
 from scex_sumo.errors import TrackError, UsageError
-from scex_sumo.scene import SeedScene
+
+if TYPE_CHECKING:
+    from scex_sumo.scene import SeedScene
 
 
-@dataclass(frozen=True, kw_only=True)
-class SeedRequest:
-    """The options that name a seed scene, as given; see the help of ``scex-sumo run``."""
-
-    map_path: Path
-    tracks: Path | None
-    case: str | None
-    time_s: float | None
-    synthetic: int | None
-    origin: str | None
-    seed: int
-
-
-def seed_scene(request: SeedRequest) -> SeedScene:
+def seed_scene(
+    map_path: Path,
+    *,
+    tracks: Path | None,
+    case: str | None,
+    time: float | None,
+    synthetic: int | None,
+    origin: str | None,
+    seed: int,
+) -> SeedScene:
     """Read or populate the seed scene; notes of map and tracks go to standard error.
 
     Raises:
@@ -32,35 +29,23 @@ def seed_scene(request: SeedRequest) -> SeedScene:
         TrackError: no vehicle is on a mapped lane.
         ScexError: map or tracks cannot be read.
     """
+    from scex_sumo.converters.lanelet.origin import parse_origin
     from scex_sumo.roads.routes import off_road
+    from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
 
-    scene = _read(request)
+    zero = parse_origin(origin) if origin is not None else None
+    if synthetic is None:
+        scene = read_seed(map_path, tracks=tracks, case=case, time=time, origin=zero)
+    else:
+        options = {"--tracks": tracks, "--case": case, "--time": time}
+        given = [name for name, value in options.items() if value is not None]
+        if given:
+            raise UsageError(f"--synthetic: makes its own tracks; leave out {', '.join(given)}")
+        scene = synthetic_seed(map_path, vehicles=synthetic, seed=seed, origin=zero)
     assert scene.road is not None
     warn([*scene.road.notes, *scene.notes])
     _warn_off_road(scene, off_road(scene.road, scene))
     return scene
-
-
-def _read(request: SeedRequest) -> SeedScene:
-    from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
-
-    origin = parse_origin(request.origin) if request.origin is not None else None
-    if request.synthetic is None:
-        return read_seed(
-            request.map_path,
-            tracks=request.tracks,
-            case=request.case,
-            time=request.time_s,
-            origin=origin,
-        )
-    given = [
-        n
-        for n, v in (("--tracks", request.tracks), ("--case", request.case), ("--time", request.time_s))
-        if v is not None
-    ]
-    if given:
-        raise UsageError(f"--synthetic: makes its own tracks; leave out {', '.join(given)}")
-    return synthetic_seed(request.map_path, vehicles=request.synthetic, seed=request.seed, origin=origin)
 
 
 def _warn_off_road(scene: SeedScene, off: list[int]) -> None:

@@ -5,64 +5,71 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Argument, Option
 
 from scex_sumo.behaviors.learned.extra import check_libraries
 from scex_sumo.commands.console import progress_bar, warn
+from scex_sumo.commands.options import Seed
 from scex_sumo.errors import ResultError, UsageError
 
 if TYPE_CHECKING:
-    import torch
-
     from scex_sumo.training.data.dataset import Dataset
     from scex_sumo.training.train import Progress, Trainer
 
 KINDS = ("graph", "hybrid")
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrainRequest:
-    """What the user asked for; see ``scex-sumo train --help``."""
-
-    kind: str
-    roots: tuple[Path, ...]
-    out: Path | None
-    seed: int = 0
-    epochs: int | None = None
-    rounds: int | None = None
-    minutes: float = 0.0
-    device: str = "auto"
-    resume: bool = False
-    every_s: float = 0.5
-    leave_out: tuple[str, ...] = ()
-    edges: bool = True
-    cache: Path | None = None
-    overwrite: bool = False
-
-
-def train_command(request: TrainRequest) -> None:
-    """Make the samples, train, write the weights, and say how well they predict the validation part."""
-    _check(request)
+def train_command(
+    kind: Annotated[str, Argument(metavar="graph|hybrid", help="Network.", show_default=False)],
+    data: Annotated[
+        list[Path] | None, Option(metavar="ROOT", help="Folder with recordings; repeatable.")
+    ] = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="WEIGHTS", help="File of weights to write.")
+    ] = None,
+    seed: Seed = 0,
+    epochs: Annotated[int | None, Option(help="Passes over all samples; else as shipped.")] = None,
+    rounds: Annotated[int | None, Option(help="Rounds in closed loop; else as shipped.")] = None,
+    minutes: Annotated[float, Option(help="Stop after so many minutes; 0 does not.")] = 0.0,
+    every: Annotated[float, Option(metavar="S", help="Seconds between two scenes.")] = 0.5,
+    leave_out: Annotated[
+        list[str] | None, Option(metavar="SITE", help="Do not train on this site; repeatable.")
+    ] = None,
+    edges: Annotated[bool, Option(help="Vehicles see each other through the graph.")] = True,
+    device: Annotated[str, Option(metavar="auto|cpu|cuda", help="Where to train.")] = "auto",
+    resume: Annotated[bool, Option("--resume", help="Go on from the checkpoint beside --out.")] = False,
+    cache: Annotated[
+        Path | None, Option(metavar="FOLDER", help="Samples are kept here; else ~/.cache/scex-sumo.")
+    ] = None,
+    overwrite: Annotated[bool, Option("--overwrite", help="Replace the weights.")] = False,
+) -> None:
+    """Train a learned driver on recordings: INTERACTION, TAF-BW, CommonRoad, inD and its family."""
+    weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
+    if every <= 0 or minutes < 0:
+        raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
+    if (epochs is not None and epochs < 1) or (rounds or 0) < 0:
+        raise UsageError("train: --epochs needs at least 1, --rounds at least 0")
     check_libraries("train")
+    from scex_sumo.training.device import device_of
     from scex_sumo.training.options import TrainOptions
     from scex_sumo.training.train import Trainer
 
-    assert request.out is not None
-    device = _device(request.device)
-    dataset, rooms = _dataset(request)
+    where = device_of(device)
+    dataset, rooms = _dataset(data or [], every, leave_out or [], cache)
     options = TrainOptions(
-        kind=request.kind,  # type: ignore[arg-type]  # checked above
-        seed=request.seed,
-        minutes=request.minutes,
-        epochs=TrainOptions.epochs if request.epochs is None else request.epochs,
-        rounds=TrainOptions.rounds if request.rounds is None else request.rounds,
-        sizes={} if request.edges else {"edges": False},
+        kind=kind,  # type: ignore[arg-type]  # checked above
+        seed=seed,
+        minutes=minutes,
+        epochs=TrainOptions.epochs if epochs is None else epochs,
+        rounds=TrainOptions.rounds if rounds is None else rounds,
+        sizes={} if edges else {"edges": False},
     )
-    folder = _checkpoints(request.out)
-    run = Trainer(dataset, options, device=device, drift=rooms(options), folder=folder)
-    if request.resume:
+    folder = _checkpoints(weights)
+    run = Trainer(dataset, options, device=where, drift=rooms(options), folder=folder)
+    if resume:
         if not run.resume():
             warn([f"{folder}: no checkpoint in it; training from the beginning"])
     elif folder.exists():
@@ -72,29 +79,37 @@ def train_command(request: TrainRequest) -> None:
     except KeyboardInterrupt:
         warn([f"{folder}: has the checkpoint after epoch {run.epoch}; go on with --resume"])
         raise
-    _finish(run, request)
+    words = [  # the command line without what the result does not depend on
+        f"scex-sumo train {kind}",
+        *(f"--data {root.name}" for root in data or ()),
+        f"--seed {seed}",
+        *([f"--epochs {epochs}"] if epochs is not None else []),
+        *([f"--rounds {rounds}"] if rounds is not None else []),
+        *(f"--leave-out {site}" for site in leave_out or ()),
+        *(["--no-edges"] if not edges else []),
+        f"--every {every:g}",
+    ]
+    _finish(run, weights, " ".join(words))
     shutil.rmtree(folder)
 
 
-def _check(request: TrainRequest) -> None:
-    if request.kind not in KINDS:
-        raise UsageError(f"train {request.kind}: unknown network; known: {', '.join(KINDS)}")
-    if request.out is None:
+def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, overwrite: bool) -> Path:
+    """The file of weights to write, where it can be made of the network and recordings asked for."""
+    if kind not in KINDS:
+        raise UsageError(f"train {kind}: unknown network; known: {', '.join(KINDS)}")
+    if out is None:
         raise UsageError("train: needs --out FILE.pt for the weights")
-    if not request.roots:
+    if not roots:
         raise UsageError("train: needs --data ROOT, a folder with recordings; repeatable")
-    missing = next((root for root in request.roots if not root.exists()), None)
+    missing = next((root for root in roots if not root.exists()), None)
     if missing is not None:
         raise UsageError(f"--data {missing}: no such folder")
-    goes_on = request.resume and _checkpoints(request.out).exists()  # a finished training has none
-    if request.out.exists() and not (request.overwrite or goes_on):
-        raise ResultError(f"{request.out}: exists; --overwrite replaces it")
-    if not request.out.parent.is_dir():
-        raise ResultError(f"{request.out}: folder {request.out.parent} does not exist; make it first")
-    if request.every_s <= 0 or request.minutes < 0:
-        raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
-    if (request.epochs is not None and request.epochs < 1) or (request.rounds or 0) < 0:
-        raise UsageError("train: --epochs needs at least 1, --rounds at least 0")
+    goes_on = resume and _checkpoints(out).exists()  # a finished training has none
+    if out.exists() and not (overwrite or goes_on):
+        raise ResultError(f"{out}: exists; --overwrite replaces it")
+    if not out.parent.is_dir():
+        raise ResultError(f"{out}: folder {out.parent} does not exist; make it first")
+    return out
 
 
 def _checkpoints(out: Path) -> Path:
@@ -102,38 +117,25 @@ def _checkpoints(out: Path) -> Path:
     return out.with_name(out.name + ".training")
 
 
-def _device(name: str) -> torch.device:
-    import torch
-
-    if name == "auto":
-        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    try:
-        device = torch.device(name)
-        torch.zeros(1, device=device)
-    except (RuntimeError, AssertionError) as error:
-        words = str(error).splitlines()[0]
-        raise UsageError(f"--device {name}: cannot be used ({words}); give cpu, cuda or auto") from None
-    return device
-
-
-def _dataset(request: TrainRequest) -> tuple[Dataset, Any]:
+def _dataset(
+    roots: Sequence[Path], every_s: float, leave_out: Sequence[str], cache: Path | None
+) -> tuple[Dataset, Any]:
     """The samples, and a function of the options that gives what drives in closed loop."""
     from scex_sumo.converters.datasets.recordings import find_recordings
     from scex_sumo.training.data.dataset import SampleOptions, default_cache, make_dataset
     from scex_sumo.training.drift import closed_loop
 
-    recordings = find_recordings(request.roots)
+    recordings = find_recordings(roots)
     sites = sorted({recording.site for recording in recordings})
-    unknown = [name for name in request.leave_out if name not in sites]
+    unknown = [name for name in leave_out if name not in sites]
     if unknown:
         raise UsageError(f"--leave-out {unknown[0]}: no such site; known: {', '.join(sites)}")
-    kept = tuple(r for r in recordings if r.site not in request.leave_out)
+    kept = tuple(r for r in recordings if r.site not in leave_out)
     if not kept:
         raise UsageError("--leave-out: leaves no recording to train on")
-    sampling = SampleOptions(every_s=request.every_s)
-    cache = default_cache() if request.cache is None else request.cache
+    sampling = SampleOptions(every_s=every_s)
     with progress_bar("samples") as tick:
-        dataset = make_dataset(kept, sampling, cache=cache, tick=tick)
+        dataset = make_dataset(kept, sampling, cache=cache or default_cache(), tick=tick)
 
     def loop(options: Any) -> Any:
         return closed_loop(kept, sampling, dataset.sites, options)
@@ -163,11 +165,10 @@ def _train(run: Trainer) -> None:
         run.run(report, tick)
 
 
-def _finish(run: Trainer, request: TrainRequest) -> None:
+def _finish(run: Trainer, out: Path, command: str) -> None:
     from scex_sumo.behaviors.learned.weights import save_weights
     from scex_sumo.training.validate import validate
 
-    assert request.out is not None
     run.mean.load_state_dict(run.best)
     score = validate(run.predict_mean, run.validation, run.options.weights)
     sites = run.dataset.sites
@@ -176,7 +177,7 @@ def _finish(run: Trainer, request: TrainRequest) -> None:
         for s in score.ade
     }
     meta = {
-        "command": _words(request),
+        "command": command,
         "sites": list(sites),
         "datasets": sorted(set(run.dataset.kinds)),
         "samples": run.dataset.digest,
@@ -185,26 +186,10 @@ def _finish(run: Trainer, request: TrainRequest) -> None:
         "seconds": round(run.seconds),
         "validation": figures,
     }
-    save_weights(request.out, run.finished(), meta)
-    print(f"{request.out}: {run.options.kind}, epoch {run.best_epoch}, {run.seconds:.0f} s")
+    save_weights(out, run.finished(), meta)
+    print(f"{out}: {run.options.kind}, epoch {run.best_epoch}, {run.seconds:.0f} s")
     for site, found in figures.items():
         print(
             f"  {site}: ADE {found['ade_m']:.2f} m, FDE {found['fde_m']:.2f} m, "
             f"best of six {found['best_of_6_m']:.2f} m"
         )
-
-
-def _words(request: TrainRequest) -> str:
-    """The command line without what the result does not depend on."""
-    words: Sequence[str] = [
-        "scex-sumo train",
-        request.kind,
-        *(f"--data {root.name}" for root in request.roots),
-        f"--seed {request.seed}",
-        *([f"--epochs {request.epochs}"] if request.epochs is not None else []),
-        *([f"--rounds {request.rounds}"] if request.rounds is not None else []),
-        *(f"--leave-out {site}" for site in request.leave_out),
-        *(["--no-edges"] if not request.edges else []),
-        f"--every {request.every_s:g}",
-    ]
-    return " ".join(words)

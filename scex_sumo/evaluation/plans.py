@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import ResultError
 from scex_sumo.metrics.base import PlannedPaths
-from scex_sumo.results.folder import Part
+from scex_sumo.results.parts import Part
 from scex_sumo.scene import SeedScene
 
 PLANS = "plans.parquet"

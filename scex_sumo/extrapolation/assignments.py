@@ -8,7 +8,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import UsageError
-from scex_sumo.statistics.designs import DESIGNS, check_design
+from scex_sumo.statistics.designs import DESIGNS
 
 MAX_COMBINATIONS = 1_000_000
 _ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM = range(4)
@@ -116,9 +116,8 @@ def assignments(
         (C, V) index of the model.
 
     Raises:
-        UsageError: an unknown track id or design, no children, or too many combinations.
+        UsageError: an unknown track id, or too many combinations.
     """
-    check_design(design)
     ids = [int(t) for t in track_ids]
     fixed = dict(fixed or {})
     unknown = sorted(set(fixed) - set(ids))
@@ -128,16 +127,13 @@ def assignments(
         drawn = [i for i, weight in enumerate(weights) if weight > 0]
         picked = all_assignments([1 if t in fixed else len(drawn) for t in ids])
         result = np.asarray(drawn, dtype=np.int64)[picked]
+    elif design == "random":
+        result = random_assignments(weights, range(children), len(ids), seed=seed)
     else:
-        if children < 1:
-            raise UsageError(f"--children: got {children}, needs at least 1 (or 'all')")
-        if design == "random":
-            result = random_assignments(weights, range(children), len(ids), seed=seed)
-        else:
-            free = [v for v, t in enumerate(ids) if t not in fixed]
-            result = np.zeros((children, len(ids)), dtype=np.int64)
-            if free:
-                result[:, free] = designed_assignments(weights, children, len(free), seed=seed, design=design)
+        free = [v for v, t in enumerate(ids) if t not in fixed]
+        result = np.zeros((children, len(ids)), dtype=np.int64)
+        if free:
+            result[:, free] = designed_assignments(weights, children, len(free), seed=seed, design=design)
     for track, model in fixed.items():
         result[:, ids.index(track)] = model
     return result

@@ -1,4 +1,4 @@
-"""How often models of a run had no usable plan: a table of those plans, and counts in words."""
+"""Fallbacks: how often models of a run had no usable plan, as a table of those plans and in words."""
 
 from __future__ import annotations
 

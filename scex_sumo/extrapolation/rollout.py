@@ -1,4 +1,4 @@
-"""The closed loop: models plan, the world steps, models see the outcome. Knows neither SUMO nor metrics."""
+"""Rollout in closed loop: models plan, the world steps, models see the outcome."""
 
 from __future__ import annotations
 

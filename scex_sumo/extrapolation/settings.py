@@ -1,192 +1,156 @@
-"""What is asked of an extrapolation, checked, and with its drivers made."""
+"""Settings of a run: all that decides on its values, checked."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any, TypeAlias
 
-from scex_sumo.arrays import IntArray
-from scex_sumo.behaviors.base import Behavior
-from scex_sumo.converters.net.convert import SumoNet
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, parse_models
 from scex_sumo.errors import UsageError
-from scex_sumo.extrapolation.casting import (
-    Casting,
-    Models,
-    cast_models,
-    draw_assignments,
-    drivers,
-    number_of_children,
-    put_under_test,
-    sources_of,
-    weights_of,
-)
-from scex_sumo.extrapolation.job import Job
-from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.metrics.evaluate import PAPER_PRESET
-from scex_sumo.scene import SeedScene
+from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.registry import COLUMNS, columns_of, describe_metrics, metrics_named
 from scex_sumo.statistics.bands import check_band
-from scex_sumo.world.colors import model_colors
+from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 
-MAX_REPLAN = 30  # models plan at least 30 steps
-
-Progress: TypeAlias = Callable[[int, int], None]
+Models: TypeAlias = str | Sequence[str | ModelSpec]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Request:
-    """The arguments of `scex_sumo.extrapolate`, where they are described."""
-
-    scene: SeedScene
-    models: Models
-    children: int | str
-    assign: Mapping[int, str]
-    under_test: Mapping[int, str | None]
-    baseline: bool
-    steps: int
-    replan: int
-    design: str
-    until_band: float | None
-    seed: int
-    workers: int | Workers
-    batch: int | None
-    out: str | Path | None
-    overwrite: bool
-    keep_plans: bool
-    gui: bool
-    thresholds: Mapping[str, float]
-    command: Sequence[str] | None
-    progress: Progress | None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Prepared:
-    """A request that makes sense.
+class RunSettings:
+    """All that decides on the values of a run, but for the seed scene.
 
     Attributes:
-        request: as it came.
-        casting: its models.
-        drivers: the models themselves, by index.
-        assign: model by track id of vehicles that are not drawn.
-        tested: model by track id of vehicles under test; None where one is driven as drawn.
-        most: number of children, with ``until_band`` the largest; None for every combination.
+        models: behaviour models to draw from, ``name[:parameter=value]...[@weight]``, comma-separated
+            or a list.
+        assign: model by track id for vehicles that are not to be drawn; a model of your own is under test.
+        under_test: model by track id for vehicles whose own encounters are measured apart, see
+            `Run.under_test`; None leaves a vehicle to what is drawn.
+        baseline: run every child a second time without the models under test, to compare with.
+        children: number of children, 385 as in the paper: a 95 % interval of +-5 % around a share of one
+            half; ``"all"`` for every combination.
+        design: how the assignments are drawn, one of `scex_sumo.statistics.designs.DESIGNS`.
+        until_band: go on until the 95 % bands of all cumulative distributions have this half-width, see
+            `scex_sumo.statistics.bands.Bands`; ``children`` is then the most that are run.
+        steps: steps of 0.1 s per child.
+        replan: steps that a plan is followed before the next, 1 to 30.
+        seed: the same seed gives the same result.
+        metrics: names, import paths or metrics, after the check the latter; ``paper`` stands for the six
+            of the paper, which are the default.
+        thresholds: by metric column, on top of the defaults.
+        keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
+
+    Raises:
+        UsageError: one makes no sense.
     """
 
-    request: Request
-    casting: Casting
-    drivers: tuple[Behavior, ...]
-    assign: dict[int, str]
-    tested: dict[int, str | None]
-    most: int | None
+    models: Models = DEFAULT_MODELS
+    assign: Mapping[int, str] = field(default_factory=dict)
+    under_test: Mapping[int, str | None] = field(default_factory=dict)
+    baseline: bool = True
+    children: int | str = 385
+    design: str = DEFAULT_DESIGN
+    until_band: float | None = None
+    steps: int = 30
+    replan: int = 5
+    seed: int = 0
+    metrics: Sequence[str | Metric] | None = None
+    thresholds: Mapping[str, float] = field(default_factory=dict)
+    keep_plans: bool = True
+
+    def __post_init__(self) -> None:
+        if self.steps < 1:
+            raise UsageError(f"--steps: got {self.steps}, needs at least 1")
+        if not 1 <= self.replan <= PLAN_STEPS:
+            raise UsageError(
+                f"--replan: got {self.replan}, needs 1 to {PLAN_STEPS} (models plan {PLAN_STEPS} steps)"
+            )
+        if self.seed < 0:
+            raise UsageError(f"--seed: got {self.seed}, needs 0 or more")
+        self._put_under_test()
+        if not self.drawn:
+            raise UsageError("--models: names no model")
+        if self.count is not None and self.count < 1:
+            raise UsageError(f"--children: got {self.count}, needs at least 1 (or 'all')")
+        check_design(self.design)
+        if self.until_band is not None:
+            check_band(self.until_band)
+            if self.count is None:
+                raise UsageError(
+                    "--until-band: all combinations leave nothing to estimate; give no --children all"
+                )
+        # Metrics, not their names, go to the workers: what is registered here is not registered there.
+        object.__setattr__(self, "metrics", metrics_named(self.metrics))
+        object.__setattr__(self, "thresholds", dict(self.thresholds or {}))
+        check_thresholds(self.thresholds, self.columns)
+
+    def _put_under_test(self) -> None:
+        """A vehicle whose assigned model is the user's own is under test, too, where it is compared."""
+        assign, under_test = self.assign or {}, self.under_test or {}
+        twice = sorted(set(under_test) & set(assign))
+        if twice:
+            raise UsageError(f"--under-test {twice[0]}: --assign names this vehicle too; give one of them")
+        own = {
+            t: text for t, text in assign.items() if self.baseline and any(map(is_own, parse_models(text)))
+        }
+        object.__setattr__(self, "assign", {t: text for t, text in assign.items() if t not in own})
+        object.__setattr__(self, "under_test", {**under_test, **own})
+
+    @cached_property
+    def drawn(self) -> tuple[ModelSpec, ...]:
+        """The models to draw from."""
+        entries = [self.models] if isinstance(self.models, str) else self.models
+        return tuple(s for e in entries for s in (parse_models(e) if isinstance(e, str) else [e]))
+
+    @cached_property
+    def count(self) -> int | None:
+        """Number of children, with ``until_band`` the largest; None for every combination."""
+        if self.children == "all":
+            return None
+        try:
+            return int(self.children)
+        except ValueError:
+            raise UsageError(f"--children: got {self.children!r}, needs a number or 'all'") from None
+
+    @property
+    def measured(self) -> tuple[Metric, ...]:
+        """The metrics that are evaluated."""
+        return metrics_named(self.metrics)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The metric columns of a child."""
+        return columns_of(self.measured)
 
     @property
     def compared(self) -> bool:
         """Whether every child runs a second time, without the models under test."""
-        return self.request.baseline and any(model is not None for model in self.tested.values())
+        return self.baseline and any(model is not None for model in self.under_test.values())
 
-    @cached_property
-    def weights(self) -> dict[str, str]:
-        """SHA-256 of the weights of each learned model, by its name."""
-        return weights_of(self.casting, self.drivers)
-
-    def draw(self, children: int | None) -> IntArray:
-        """(C, V) model of every vehicle in each of so many children."""
-        request = self.request
-        return draw_assignments(
-            self.casting,
-            request.scene.track_ids,
-            children=children,
-            seed=request.seed,
-            design=request.design,
-        )
-
-    def first_draw(self) -> IntArray:
-        """(C, V) all children; one, where their number will show."""
-        return self.draw(self.most if self.request.until_band is None else 1)
-
-    def settings(self, assignment: IntArray) -> dict[str, Any]:
-        """All that decides on the result, but for the seed scene, as ``run.json`` has it.
-
-        Args:
-            assignment: the first draw.
-        """
-        request, names = self.request, self.casting.names
+    def to_json(self) -> dict[str, Any]:
+        """What ``run.json`` says of them beside the models, see `ModelSet.to_json`."""
+        described = describe_metrics(self.measured)
         return {
-            "models": [{"model": str(s), "weight": s.weight} for s in self.casting.drawn],
-            "weights": self.weights,
-            "sources": sources_of(self.casting, self.drivers),
-            "assign": {str(t): names[m] for t, m in sorted(self.casting.fixed.items())},
-            "under_test": {str(t): model for t, model in sorted(self.tested.items())},
-            "children": len(assignment) if request.until_band is None else self.most,
-            "steps": request.steps,
-            "replan": request.replan,
-            "design": "all" if self.most is None else request.design,
-            "until_band": request.until_band,
-            "seed": request.seed,
+            **({"metrics": described} if described else {}),
+            "children": self.children if self.count is None else self.count,
+            "steps": self.steps,
+            "replan": self.replan,
+            "design": self.design if self.count is not None else "all",
+            "until_band": self.until_band,
+            "seed": self.seed,
             "preset": PAPER_PRESET,
-            "keep_plans": request.keep_plans,
+            "keep_plans": self.keep_plans,
         }
 
-    def job(self, net: SumoNet, assignment: IntArray, folder: Path) -> Job:
-        """What the processes get to know.
 
-        Args:
-            net: the seed scene's road.
-            assignment: (C, V) the children.
-            folder: the result folder.
-        """
-        request, names = self.request, self.casting.names
-        tracks = request.scene.track_ids.tolist()
-        return Job(
-            scene=request.scene,
-            net=net,
-            models=self.drivers,
-            names=names,
-            colors=model_colors(names),
-            assignment=assignment,
-            seed=request.seed,
-            steps=request.steps,
-            replan=request.replan,
-            folder=folder,
-            keep_plans=request.keep_plans,
-            gui=request.gui,
-            tested=tuple(v for v, track in enumerate(tracks) if track in self.tested),
-        )
-
-
-def prepare(request: Request) -> Prepared:
-    """Check a request and make its drivers.
-
-    Raises:
-        UsageError: an argument that makes no sense.
-    """
-    _check(request)
-    assign, tested = put_under_test(request.assign, request.under_test, own=request.baseline)
-    casting, most = cast_models(request.models, assign, tested), number_of_children(request.children)
-    if request.until_band is not None:
-        check_band(request.until_band)
-        if most is None:
-            raise UsageError(
-                "--until-band: all combinations leave nothing to estimate; give no --children all"
-            )
-    return Prepared(
-        request=request, casting=casting, drivers=drivers(casting), assign=assign, tested=tested, most=most
-    )
-
-
-def _check(request: Request) -> None:
-    steps, replan, batch, workers = request.steps, request.replan, request.batch, request.workers
-    if request.scene.road is None:
-        raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
-    if steps < 1:
-        raise UsageError(f"--steps: got {steps}, needs at least 1")
-    if not 1 <= replan <= MAX_REPLAN:
-        raise UsageError(f"--replan: got {replan}, needs 1 to {MAX_REPLAN} (models plan {MAX_REPLAN} steps)")
-    if request.seed < 0:
-        raise UsageError(f"--seed: got {request.seed}, needs 0 or more")
-    if isinstance(workers, int) and workers < 1:
-        raise UsageError(f"--workers: got {workers}, needs at least 1")
-    if batch is not None and batch < 1:
-        raise UsageError(f"--batch: got {batch}, needs at least 1")
+def check_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] = COLUMNS) -> None:
+    """Raise a `UsageError` where a threshold is no number, or that of no metric."""
+    for column, value in thresholds.items():
+        if column not in columns:
+            raise UsageError(f"--threshold: unknown metric {column!r}; known: {', '.join(columns)}")
+        if not math.isfinite(value):
+            raise UsageError(f"--threshold {column}={value}: is no threshold; give a number")

@@ -1,7 +1,7 @@
-"""Processes that share the batches of a run: this one, and helpers that start while it still reads.
+"""Pool of worker processes, which start while this one still reads: batches of a run, moments of a ranking.
 
-Whoever is free takes the next batch, so that nobody waits for another, and what a batch gives depends on
-nothing but its children. A helper that dies is started again once for the batch that it had.
+Whoever is free takes the next task, so that nobody waits for another, and what a task gives depends on
+nothing but itself. A worker that dies is replaced, and the task that it had is done again once.
 """
 
 from __future__ import annotations
@@ -11,67 +11,78 @@ import pickle
 import queue
 import sys
 import tempfile
-import threading
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import AbstractContextManager, ExitStack, suppress
 from functools import partial
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
-from scex_sumo.errors import SimulationError
-from scex_sumo.extrapolation.helper_process import DIED, HelperProcess, served_streams, write
+from scex_sumo.errors import SimulationError, UsageError
+from scex_sumo.extrapolation.worker_process import DIED, WorkerProcess, pack, served_streams, write
 
 if TYPE_CHECKING:
     from scex_sumo.arrays import IntArray
     from scex_sumo.extrapolation.job import Job
 
+TRIES = 2
+
+T = TypeVar("T")
 OnStep: TypeAlias = Callable[[int], None]
-Report: TypeAlias = tuple[Literal["ready", "tick", "done", "failed"], Any]
+Work: TypeAlias = Callable[[], AbstractContextManager[Callable[[Any, OnStep], Any]]]
+"""Opens what tasks have in common, such as a world; gives the function that does a task."""
+Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
+
+
+class WorkersDied(Exception):
+    """All workers died that tried one task: what they were at, and how each ended."""
 
 
 class Workers:
-    """Processes that run batches of children; a context manager. Helpers start at once, unasked."""
+    """Processes that do tasks; a context manager. They start at once, unasked."""
 
     def __init__(self, processes: int) -> None:
         """Start all but one of the processes; this one is the other.
 
         Args:
-            processes: how many there shall be, at least 1.
+            processes: how many there shall be.
+
+        Raises:
+            UsageError: fewer than one.
         """
+        if processes < 1:
+            raise UsageError(f"--workers: got {processes}, needs at least 1")
         self.processes = processes
         self.deaths: list[str] = []
-        """One phrase for each helper that died and was started again."""
-        self._folder = tempfile.TemporaryDirectory(prefix="scex-workers-") if processes > 1 else None
-        self._helpers = [_Helper(self._folder.name) for _ in range(processes - 1)] if self._folder else []
+        """One phrase for each task whose worker died and was replaced."""
+        self._folder = tempfile.TemporaryDirectory(prefix="scex-workers-", ignore_cleanup_errors=True)
+        self._workers = [_Worker(self._folder.name) for _ in range(processes - 1)]
 
     def __enter__(self) -> Workers:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def prepare(self, modules: Sequence[str]) -> None:
-        """Have helpers import what the first job will need while this process does so."""
-        for helper in self._helpers:
-            helper.serve(partial(helper.prepare, modules))
+        """Have workers import what the first tasks will need while this process does so."""
+        for worker in self._workers:
+            worker.thread.submit(worker.prepare, modules)
 
     def close(self) -> None:
-        """End the helpers at once, whatever they are at; may be called again."""
-        for helper in self._helpers:
-            helper.kill()
-        for helper in self._helpers:
-            helper.bury()
-        if self._folder is not None:
-            self._folder.cleanup()
+        """End the workers at once, whatever they are at; may be called again."""
+        for worker in self._workers:
+            worker.kill()
+        for worker in self._workers:
+            worker.thread.shutdown(cancel_futures=True)
+            worker.wait_for_exit()
+        self._folder.cleanup()
 
     def run(
         self, job: Job, batches: Sequence[IntArray], *, on_step: OnStep | None = None
     ) -> Iterator[IntArray]:
-        """Run batches of children and keep their parts in the result folder.
+        """Run batches of children, here and in the workers, and keep their parts in the result folder.
 
         Args:
             job: the run.
@@ -82,69 +93,108 @@ class Workers:
             The children of each batch when it is finished, in any order.
 
         Raises:
-            SimulationError: a helper died twice over the same batch.
+            SimulationError: a worker died twice over the same batch.
             Exception: whatever a batch raises, wherever it runs.
         """
-        from scex_sumo.extrapolation.job import run_batches
+        from scex_sumo.extrapolation.job import batch_runner
 
         left, reports = deque(batches), queue.SimpleQueue[Report]()
         slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
-        busy = self._helpers[: max(len(batches) - 1, 0)]
-        payload = _packed((job, slots)) if busy else b""
-        for helper in busy:
-            helper.serve(partial(self._serve, helper, payload, left, reports))
+        work, tick = partial(batch_runner, job, slots), on_step or (lambda children: None)
+        busy = self._workers[: max(len(batches) - 1, 0)]
+        packed = pack(work) if busy else b""
+        for worker in busy:
+            worker.thread.submit(self._share, worker, packed, left, reports)
         unfinished = len(batches)
 
         def read() -> Iterator[IntArray]:
             nonlocal unfinished
             kind, content = reports.get()
-            if kind == "tick" and on_step is not None:
-                on_step(content)
-            elif kind == "done":
+            if kind == "step":
+                tick(content)
+            elif kind == "failed":
+                raise content
+            else:
                 unfinished -= 1
                 yield content
-            elif kind == "failed":
-                left.clear()
-                raise content[0] from content[1]
 
-        with closing(run_batches(job, _taken(left), slots=slots, on_step=on_step)) as own:
-            for batch in own:
-                unfinished -= 1
-                yield batch
-                while not reports.empty():
-                    yield from read()
-        while unfinished:
-            yield from read()
+        try:
+            with work() as run_here:
+                for batch in _taken(left):
+                    yield run_here(batch, tick)
+                    unfinished -= 1
+                    while not reports.empty():
+                        yield from read()
+            while unfinished:
+                yield from read()
+        finally:
+            left.clear()
 
-    def _serve(
-        self, helper: _Helper, payload: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
+    def _share(
+        self, worker: _Worker, work: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
     ) -> None:
-        """Hand batches to a helper as long as there are any, the first when it is ready for it."""
-        try:
-            going = self._twice(helper, "before its first children", partial(helper.hire, payload, reports))
-            for batch in _taken(left) if going else ():
-                where = f"over children {int(batch[0])} to {int(batch[-1])}"
-                if not self._twice(helper, where, partial(helper.work, payload, batch, reports)):
-                    return
-        except BaseException as error:  # raised again where the batches are waited for
-            reports.put(("failed", (error, None)))
+        """Give a worker batches as long as there are any, the first when it is ready for it."""
 
-    def _twice(self, helper: _Helper, where: str, order: Callable[[], bool]) -> bool:
-        """What an order gives, from another process where the first one dies."""
+        def tick(children: int) -> None:
+            reports.put(("step", children))
+
         try:
-            return order()
-        except DIED:
-            if helper.ended:
-                raise
-            self.deaths.append(f"a worker died {where} ({helper.fate()}) and was replaced")
-        helper.start()
-        try:
-            return order()
-        except DIED:
-            raise SimulationError(
-                f"a worker died twice {where} ({helper.fate()}); finished children are kept, "
-                "the same command goes on"
-            ) from None
+            self._twice(worker, "before its first children", partial(worker.open, work))
+            for batch in _taken(left):
+                where = f"over children {int(batch[0])} to {int(batch[-1])}"
+                reports.put(("done", self._twice(worker, where, partial(worker.do, work, batch, tick))))
+        except WorkersDied as died:
+            where, ends = died.args
+            reason = f"a worker died twice {where} ({ends[-1]})"
+            left_over = "finished children are kept, the same command goes on"
+            reports.put(("failed", SimulationError(f"{reason}; {left_over}")))
+        except BaseException as error:  # raised again where the batches are waited for
+            reports.put(("failed", error))
+
+    def run_each(
+        self, work: Work, tasks: Iterable[T], *, where: Callable[[T], str]
+    ) -> Iterator[tuple[T, Future[Any]]]:
+        """Do tasks in the workers alone, each taken when there is a worker for it.
+
+        Args:
+            work: does one.
+            tasks: asked for in the caller's thread.
+            where: the words for one, should its worker die.
+
+        Yields:
+            Each with its finished future, in the order in which they finish; that of a task of which two
+            workers died raises `WorkersDied`.
+        """
+        waiting, idle, packed = iter(tasks), deque(self._workers), pack(work)
+        running: dict[Future[Any], tuple[T, _Worker]] = {}
+        while True:
+            while idle and (task := next(waiting, None)) is not None:
+                worker = idle.popleft()
+                order = partial(worker.do, packed, task, lambda children: None)
+                running[worker.thread.submit(self._twice, worker, where(task), order)] = task, worker
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                task, worker = running.pop(future)
+                idle.append(worker)
+                yield task, future
+
+    def _twice(self, worker: _Worker, where: str, order: Callable[[], Report]) -> Any:
+        """What an order gives, from another process where the first one dies; raises what it raised."""
+        reasons: list[str] = []
+        while len(reasons) < TRIES:
+            try:
+                kind, content = order()
+            except DIED:
+                reasons.append(worker.exit_reason())
+            else:
+                if kind == "failed":
+                    raise content[0] from content[1]
+                return content
+            worker.start()  # EOFError where the workers have been closed
+            if len(reasons) == 1:
+                self.deaths.append(f"a worker died {where} ({reasons[0]}) and was replaced")
+        raise WorkersDied(where, reasons)
 
 
 def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
@@ -154,100 +204,89 @@ def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
             yield left.popleft()
 
 
-class _Helper(HelperProcess):
-    """One more process that runs batches, one thread of this one at a time giving it orders."""
+class _Worker(WorkerProcess):
+    """A worker process, to which one thread gives tasks.
+
+    Attributes:
+        thread: does what is submitted to it, one after the other.
+    """
 
     def __init__(self, folder: str) -> None:
-        self._thread: threading.Thread | None = None
+        self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")
         super().__init__(__name__, folder)
 
     def start(self) -> None:
-        """Start the process, which knows of no job."""
-        self._job: bytes | None = None
+        """Start the process, which has nothing open."""
+        self._work: bytes | None = None
         super().start()
 
-    def serve(self, orders: Callable[[], None]) -> None:
-        """Have a thread give it orders, when the one before it has none left."""
-        before = self._thread
-
-        def give() -> None:
-            if before is not None:
-                before.join()
-            orders()
-
-        self._thread = threading.Thread(target=give, name="scex-helper", daemon=True)
-        self._thread.start()
-
     def prepare(self, modules: Sequence[str]) -> None:
-        """Have it import modules that a job will need; nothing happens where it has died."""
+        """Have it import modules that tasks will need; nothing happens where it has died."""
         with suppress(*DIED):
             self.send(("import", modules))
 
-    def hire(self, job: bytes, reports: queue.SimpleQueue[Report]) -> bool:
-        """Wait until it is ready for a job; whether it is. Raises one of `DIED` where it dies."""
+    def open(self, work: bytes) -> Report:
+        """Its report when it is ready for the tasks of a work. Raises one of `DIED` where it dies."""
+        if self._work is work:
+            return "done", None
         # As the path is now, with the folder of the user's own models.
-        self.send(("job", (sys.path, job)))
-        self._job = job
-        return self._answers(reports) == "ready"
+        self.send(("open", (sys.path, work)))
+        self._work = work
+        return self._answer(lambda children: None)
 
-    def work(self, job: bytes, batch: IntArray, reports: queue.SimpleQueue[Report]) -> bool:
-        """Have it run a batch; whether it did. Raises one of `DIED` where it dies."""
-        if self._job is not job and not self.hire(job, reports):
-            return False
-        self.send(("batch", batch))
-        return self._answers(reports) == "done"
+    def do(self, work: bytes, task: Any, on_step: OnStep) -> Report:
+        """Its report when a task is done, or failed. Raises one of `DIED` where it dies."""
+        report = self.open(work)
+        if report[0] == "failed":
+            return report
+        self.send(("task", task))
+        return self._answer(on_step)
 
-    def _answers(self, reports: queue.SimpleQueue[Report]) -> str:
-        kind = "tick"
-        while kind == "tick":
+    def _answer(self, on_step: OnStep) -> Report:
+        while True:
             report: Report = self.receive()
-            reports.put(report)
-            kind = report[0]
-        return kind
+            if report[0] != "step":
+                self._work = self._work if report[0] == "done" else None
+                return report
+            on_step(report[1])
 
 
 class _Elsewhere(Exception):
-    """The traceback of an error in a helper, as text."""
+    """The traceback of an error in a worker, as text."""
 
     def __str__(self) -> str:
         return f"\n{self.args[0]}"
 
 
 def serve() -> None:
-    """What a helper does: run the batches that come in on standard input until it closes."""
+    """What a worker process does: the tasks that come in on standard input until it closes."""
     orders, reports = served_streams()
-    from scex_sumo.extrapolation.job import run_batches
     from scex_sumo.world.sumo import load_sumo
 
-    load_sumo()  # there is time before the first order
-    order: tuple[str, Any] = ("", None)
+    load_sumo()  # there is time before the first task
 
-    def batches() -> Iterator[IntArray]:
-        nonlocal order
-        write(reports, ("ready", None))
-        while (order := pickle.load(orders))[0] == "batch":
-            yield order[1]
+    def report(kind: str, content: Any) -> None:
+        write(reports, (kind, content))
 
-    def tick(children: int) -> None:
-        write(reports, ("tick", children))
-
-    with suppress(EOFError, BrokenPipeError):
-        order = pickle.load(orders)
-        try:
-            while True:
-                if order[0] == "import":
-                    for module in order[1]:
-                        importlib.import_module(module)
-                    order = pickle.load(orders)
-                    continue
-                sys.path[:], packed = order[1]
-                job, slots = pickle.loads(packed)
-                for children in run_batches(job, batches(), slots=slots, on_step=tick):
-                    write(reports, ("done", children))
-        except (EOFError, BrokenPipeError):
-            raise
-        except Exception as error:
-            write(reports, ("failed", (_sendable(error), _Elsewhere(traceback.format_exc()))))
+    with suppress(EOFError, BrokenPipeError), ExitStack() as opened:
+        while True:
+            kind, content = pickle.load(orders)
+            try:
+                if kind == "import":  # unasked: what is missing is said where it is used
+                    with suppress(ImportError):
+                        deque(map(importlib.import_module, content), maxlen=0)
+                elif kind == "open":
+                    opened.close()
+                    sys.path[:], packed = content
+                    do = opened.enter_context(pickle.loads(packed)())
+                    report("done", None)
+                else:
+                    report("done", do(content, partial(report, "step")))
+            except (EOFError, BrokenPipeError):
+                raise
+            except Exception as error:
+                opened.close()
+                report("failed", (_sendable(error), _Elsewhere(traceback.format_exc())))
 
 
 def _sendable(error: Exception) -> Exception:
@@ -256,17 +295,3 @@ def _sendable(error: Exception) -> Exception:
     except Exception:  # pickling runs code of the error's own
         return SimulationError(f"a worker failed: {type(error).__name__}: {error}")
     return error
-
-
-def _packed(content: Any) -> bytes:
-    """Pickled; classes of the user's own script by value, since a helper does not run the script."""
-    try:
-        packed = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
-    except (pickle.PicklingError, AttributeError, TypeError):
-        packed = b"__main__"
-    if b"__main__" not in packed:
-        return packed
-    import cloudpickle
-
-    by_value: bytes = cloudpickle.dumps(content)
-    return by_value

@@ -1,4 +1,4 @@
-"""The folder of a ranking: parts of seeds are added whole, never changed, and found again after a crash."""
+"""Folder of a ranking: parts of moments are added whole, never changed, and found again after a crash."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import json
 import re
 import shutil
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +18,8 @@ import pyarrow.parquet as pq
 from scex_sumo.errors import ResultError
 from scex_sumo.files import lock, unlock, write_atomic
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.ranking.seeds import Failure, Listing, SeedRef, plain
-from scex_sumo.ranking.task import SeedPart
+from scex_sumo.ranking.moments import Failure, Listing, MomentRef, as_row, from_row, plain
+from scex_sumo.ranking.run_moment import MomentPart
 
 INFO = "rank.json"
 _PENDING = "incomplete.json"
@@ -113,62 +112,68 @@ class RankFolder:
         self.close()
 
     def listing(self, recording: str) -> Listing | None:
-        """The seeds of a recording, or None where it has not been looked at."""
+        """The moments of a recording, or None where it has not been looked at."""
         file = self._listing_file(recording)
         if not file.is_file():
             return None
-        return Listing.from_json(json.loads(file.read_text()))
+        rows = json.loads(file.read_text())["seeds"]
+        return Listing(recording=recording, moments=tuple(MomentRef(**from_row(row)) for row in rows))
 
     def save_listing(self, listing: Listing) -> None:
-        """Keep the seeds of a recording."""
-        write_atomic(self._listing_file(listing.recording), _json(listing.to_json()).encode())
+        """Keep the moments of a recording."""
+        rows = [as_row(ref) for ref in listing.moments]
+        content = {"recording": listing.recording, "seeds": rows, "failure": None}
+        write_atomic(self._listing_file(listing.recording), _json(content).encode())
 
     def _listing_file(self, recording: str) -> Path:
         return self.path / _SEEDS / f"{plain(recording)}.json"
 
-    def has(self, ref: SeedRef, first: int) -> bool:
-        """Whether the part of a seed that begins with a child is there."""
-        return first in self._parts.get(ref.seed, {})
+    def has(self, ref: MomentRef, first: int) -> bool:
+        """Whether the part of a moment that begins with a child is there."""
+        return first in self._parts.get(ref.moment, {})
 
-    def append(self, ref: SeedRef, part: SeedPart) -> None:
-        """Add children of a seed; those that are there stay as they are."""
+    def append(self, ref: MomentRef, part: MomentPart) -> None:
+        """Add children of a moment; those that are there stay as they are."""
         first, last = int(part.children[0]), int(part.children[-1])
         if self.has(ref, first):
             return
         if part.tracks is not None:
             _write(self._part_file(_TRACKS, ref, first, last), part.tracks)
         _write(self._part_file(_CHILDREN, ref, first, last), children_table(part))
-        self._parts.setdefault(ref.seed, {})[first] = last + 1
+        self._parts.setdefault(ref.moment, {})[first] = last + 1
 
-    def _part_file(self, kind: str, ref: SeedRef, first: int, last: int) -> Path:
+    def _part_file(self, kind: str, ref: MomentRef, first: int, last: int) -> Path:
         name = f"children-{first:05d}-{last:05d}.parquet"
-        return self.path / kind / f"location={ref.location}" / f"seed={ref.seed}" / name
+        return self.path / kind / f"location={ref.location}" / f"seed={ref.moment}" / name
 
-    def read(self, ref: SeedRef, first: int) -> pa.Table:
-        """The part of a seed that begins with a child: columns of `children_table`.
+    def read(self, ref: MomentRef, first: int) -> pa.Table:
+        """The part of a moment that begins with a child: columns of `children_table`.
 
         Raises:
             ResultError: it cannot be read.
         """
-        file = self._part_file(_CHILDREN, ref, first, self._parts[ref.seed][first] - 1)
+        file = self._part_file(_CHILDREN, ref, first, self._parts[ref.moment][first] - 1)
         try:
             return pq.ParquetFile(file).read()
         except (OSError, pa.ArrowException) as error:
             raise ResultError(f"{file}: cannot be read: {error}; remove it and run again") from None
 
     def fail(self, failure: Failure) -> None:
-        """Record that a seed has no result."""
-        write_atomic(self.path / _FAILED / f"{failure.seed}.json", _json(asdict(failure)).encode())
+        """Record that a moment has no result."""
+        write_atomic(self._failure_file(failure.moment), _json(as_row(failure)).encode())
 
     def failures(self) -> dict[str, Failure]:
-        """What failed, by seed."""
+        """What failed, by moment."""
         files = sorted((self.path / _FAILED).glob("*.json"))
-        found = [Failure(**json.loads(file.read_text())) for file in files]
-        return {failure.seed: failure for failure in found}
+        found = [Failure(**from_row(json.loads(file.read_text()))) for file in files]
+        return {failure.moment: failure for failure in found}
 
-    def forgive(self, seed: str) -> None:
-        """Let a seed be tried again."""
-        (self.path / _FAILED / f"{seed}.json").unlink(missing_ok=True)
+    def clear_failure(self, moment: str) -> None:
+        """Let a moment be tried again."""
+        self._failure_file(moment).unlink(missing_ok=True)
+
+    def _failure_file(self, moment: str) -> Path:
+        return self.path / _FAILED / f"{moment}.json"
 
     def finish(self, info: Mapping[str, Any]) -> None:
         """Write ``rank.json``: from now on the folder is a result."""
@@ -178,8 +183,8 @@ class RankFolder:
             (self.path / _PENDING).unlink()
 
 
-def children_table(part: SeedPart) -> pa.Table:
-    """Rows of a seed's children.
+def children_table(part: MomentPart) -> pa.Table:
+    """Rows of a moment's children.
 
     Columns: child, the 12 metrics, fallbacks, kept, and the lists track_id and model, one of each for every
     vehicle.

@@ -1,8 +1,9 @@
-"""The page of a ranking: the moments most worth testing, with pictures, in one file."""
+"""Page of a ranking: the moments most worth testing, with pictures, in one file."""
 
 from __future__ import annotations
 
 import base64
+import dataclasses
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,14 +18,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.extrapolation.casting import cast_models
 from scex_sumo.files import write_atomic
 from scex_sumo.metrics.registry import metric_of
-from scex_sumo.ranking.progress import Campaign
-from scex_sumo.ranking.rounds import distinct, nearby
-from scex_sumo.ranking.seeds import SeedRef
-from scex_sumo.ranking.tasks import Plan
-from scex_sumo.ranking.workers import Outcome
+from scex_sumo.ranking.moments import MomentRef
+from scex_sumo.ranking.places import distinct, nearby
+from scex_sumo.ranking.ranking_run import RankingRun
+from scex_sumo.ranking.run_moment import MomentPart, MomentTask, unpack_road
+from scex_sumo.ranking.settings import written
 from scex_sumo.reports.run_table import counted
 from scex_sumo.scene import LOGGED_HISTORY
 
@@ -44,87 +44,75 @@ class _Top:
     command: str
 
 
-def write_page(plan: Plan, folder: Path, campaign: Campaign, table: pa.Table) -> list[str]:
+def write_page(run: RankingRun, folder: Path, table: pa.Table) -> list[str]:
     """Draw the best distinct moments and write the page.
 
     Args:
-        plan: the ranking.
+        run: the ranking; runs the children that are drawn.
         folder: where to write.
-        campaign: runs the children that are drawn.
-        table: the seeds, the best first, then what failed.
+        table: the moments, the best first, then what failed.
 
     Returns:
-        The seeds on the page, best first.
+        The moments on the page, best first.
     """
-    by_name = {ref.seed: ref for ref in campaign.refs}
+    settings = run.settings
+    by_name = {ref.moment: ref for ref in run.refs}
     refs = [by_name[name] for name in table["seed"].to_pylist()[: len(by_name)]]
-    chosen = distinct(refs, range(len(refs)), plan.top)
-    pictures = {
-        found.order.ref.seed: draw(found)
-        for found in campaign.look_at([refs[i] for i in chosen], min(_DRAWN_CHILDREN, plan.first))
-        if found.part is not None
-    }
+    chosen = distinct(refs, range(len(refs)), settings.top)
+    rerun = run.rerun([refs[i] for i in chosen], min(_DRAWN_CHILDREN, settings.first))
+    pictures = {task.ref.moment: draw(task, part) for task, part in rerun}
     tops = [
         _Top(
             row=table.slice(i, 1).to_pylist()[0],
-            picture=pictures.get(refs[i].seed),
+            picture=pictures.get(refs[i].moment),
             beside=sum(nearby(refs[i], other) for other in refs) - 1,
-            command=_command(plan, refs[i]),
+            command=_command(run, refs[i]),
         )
         for i in chosen
     ]
-    content = _template().substitute(
+    limits = settings.thresholds
+    content = Template(files("scex_sumo.ranking").joinpath("page.html").read_text("utf-8")).substitute(
         title="Moments worth testing",
-        summary=_summary(plan, campaign, table),
-        cards="\n".join(_card(top, dict(plan.settings.thresholds)) for top in tops),
+        summary=_summary(run, table),
+        cards="\n".join(_card(top, limits) for top in tops),
         strips=_strips(table, [top.row for top in tops]),
-        head=_head(dict(plan.settings.thresholds)),
-        rows="\n".join(
-            _row(row, dict(plan.settings.thresholds)) for row in table.slice(0, _ROWS).to_pylist()
-        ),
-        more=_more(len(campaign.refs)),
+        head=_head(limits),
+        rows="\n".join(_row(row, limits) for row in table.slice(0, _ROWS).to_pylist()),
+        more=_more(len(refs)),
         failures=_failures(table),
     )
     write_atomic(folder / HTML, content.encode())
-    return [refs[i].seed for i in chosen]
+    return [refs[i].moment for i in chosen]
 
 
-def _template() -> Template:
-    return Template(files("scex_sumo.ranking").joinpath("page.html").read_text(encoding="utf-8"))
-
-
-def draw(found: Outcome) -> bytes:
-    """The picture of a seed whose children have run with all their tracks."""
+def draw(task: MomentTask, part: MomentPart) -> bytes:
+    """The picture of a moment whose children have run with all their tracks."""
     from scex_sumo.reports.ranking_picture import futures_of, scene_png
 
-    part = found.part
-    assert part is not None and part.tracks is not None
+    assert task.road is not None and part.tracks is not None
     shape = (len(part.children), len(part.track_ids), -1)
     x, y = (np.asarray(part.tracks[name]).reshape(shape)[:, :, LOGGED_HISTORY - 1 :] for name in ("x", "y"))
-    scene = found.order.scene()
-    return scene_png(scene, futures_of(x, y))
+    return scene_png(dataclasses.replace(task.scene, road=unpack_road(task.road)), futures_of(x, y))
 
 
-def _command(plan: Plan, ref: SeedRef) -> str:
+def _command(run: RankingRun, ref: MomentRef) -> str:
     """The command that looks at a moment more closely."""
-    recording = next(r for r in plan.recordings if r.name == ref.recording)
-    files = recording.track_paths
+    recording = next(r for r in run.recordings if r.name == ref.recording)
+    paths, models = recording.track_paths, run.settings.models
     words = ["scex-sumo", "run", str(recording.map_path)]
-    words += ["--tracks", str(files[0] if len(files) == 1 else files[0].parent)]
+    words += ["--tracks", str(paths[0] if len(paths) == 1 else paths[0].parent)]
     words += ["--case", ref.case] if ref.case else []
-    words += ["--time", f"{ref.time_s:g}", "--seed", str(plan.settings.seed)]
-    if plan.settings.models != tuple(str(spec) for spec in cast_models(DEFAULT_MODELS, {}).drawn):
-        words += ["--models", ",".join(plan.settings.models)]
-    return shlex.join([*words, "-o", f"out/{ref.seed}"])
+    words += ["--time", f"{ref.time_s:g}", "--seed", str(run.settings.seed)]
+    words += ["--models", ",".join(models)] if models != written(DEFAULT_MODELS) else []
+    return shlex.join([*words, "-o", f"out/{ref.moment}"])
 
 
-def _summary(plan: Plan, campaign: Campaign, table: pa.Table) -> str:
-    sites = len({ref.location for ref in campaign.refs})
-    ran = sum(t.children for tallies in campaign.tallies.values() for t in tallies)
-    failed = len(table) - len(campaign.refs)
+def _summary(run: RankingRun, table: pa.Table) -> str:
+    ran = sum(tally.children for tallies in run.tallies.values() for tally in tallies)
+    failed = len(table) - len(run.refs)
     return (
-        f"{counted(len(campaign.refs), 'seed scene')} of {counted(len(plan.recordings), 'recording')} at "
-        f"{counted(sites, 'site')}, {counted(ran, 'child scenario')}"
+        f"{counted(len(run.refs), 'seed scene')} of {counted(len(run.recordings), 'recording')} at "
+        f"{counted(len({ref.location for ref in run.refs}), 'site')}, {counted(ran, 'child scenario')}"
         + (f"; {failed} failed" if failed else "")
         + "."
     )

@@ -1,10 +1,9 @@
-"""The table of a ranking: one row for each seed, the most critical first, then what failed."""
+"""Table of a ranking: one row for each moment, the most critical first, then what failed."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -15,18 +14,47 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.errors import TrackError
 from scex_sumo.files import write_atomic
 from scex_sumo.metrics.registry import COLUMNS, side_of
-from scex_sumo.ranking.scores import place
-from scex_sumo.ranking.seeds import Failure, SeedRef
+from scex_sumo.ranking.moments import Failure, MomentRef, as_row
+from scex_sumo.ranking.places import place
+from scex_sumo.ranking.ranking_run import RankingRun
 from scex_sumo.statistics.density import p_critical
 
 PARQUET, CSV = "ranking.parquet", "ranking.csv"
 _ROWS_AT_ONCE = 500
 
 
+def ranking_table(run: RankingRun) -> pa.Table:
+    """Table of a ranking whose moments have all run.
+
+    Raises:
+        TrackError: no moment has a result.
+    """
+    refs, settings = run.refs, run.settings
+    limits = settings.thresholds
+    if not refs:
+        failed = [*run.unreadable.values(), *run.failures.values()]
+        reason = f"; the first of {len(failed)} failures: {failed[0].reason}" if failed else ""
+        raise TrackError(
+            f"none of {len(run.recordings)} recordings has a moment with {settings.min_vehicles} moving "
+            f"vehicles that could be run{reason}; lower --min-vehicles or look at the recordings"
+        )
+    rows = (moment_row(ref, run.parts(ref), limits) for ref in refs)
+    table = placed(tabulate(rows, limits), limits, seed=settings.seed)
+    known = {ref.moment for ref in refs}
+    late = {name: failure.reason for name, failure in run.failures.items() if name in known}
+    if late:  # they have their first children, but not those that were asked for later
+        reasons = pa.array([late.get(name) for name in table["seed"].to_pylist()], pa.string())
+        table = table.set_column(table.schema.get_field_index("failure"), "failure", reasons)
+    failed = [*run.unreadable.values()]
+    failed += [failure for name, failure in sorted(run.failures.items()) if name not in known]
+    return pa.concat_tables([table, tabulate(map(failed_row, failed), limits)]).combine_chunks()
+
+
 def schema(thresholds: Mapping[str, float]) -> pa.Schema:
-    """The columns: places, the seed, the medians of the 12 metrics, shares of critical children, failure."""
+    """Columns: places, the moment, the medians of the 12 metrics, shares of critical children, failure."""
     fields = [("rank", pa.int64()), ("rank_low", pa.int64()), ("rank_high", pa.int64())]
     fields += [("score", pa.float64())]
     fields += [(name, pa.string()) for name in ("seed", "location", "recording", "case")]
@@ -39,15 +67,15 @@ def schema(thresholds: Mapping[str, float]) -> pa.Schema:
     return pa.schema([*fields, ("failure", pa.string())])
 
 
-def seed_row(ref: SeedRef, parts: Sequence[pa.Table], thresholds: Mapping[str, float]) -> dict[str, Any]:
-    """The row of a seed, but for its place.
+def moment_row(ref: MomentRef, parts: Sequence[pa.Table], thresholds: Mapping[str, float]) -> dict[str, Any]:
+    """Row of a moment, but for its place.
 
     Args:
-        ref: the seed.
+        ref: the moment.
         parts: its children.
         thresholds: by metric column.
     """
-    row: dict[str, Any] = asdict(ref) | {"children": sum(part.num_rows for part in parts)}
+    row: dict[str, Any] = as_row(ref) | {"children": sum(part.num_rows for part in parts)}
     row["fallbacks"] = sum(int(np.asarray(part["fallbacks"]).sum()) for part in parts)
     for column in COLUMNS:
         chunks = [np.asarray(part[column].drop_null(), dtype=np.float64) for part in parts]
@@ -63,10 +91,8 @@ def seed_row(ref: SeedRef, parts: Sequence[pa.Table], thresholds: Mapping[str, f
 
 
 def failed_row(failure: Failure) -> dict[str, Any]:
-    """The row of a seed, or recording, that has no result."""
-    known = asdict(failure)
-    names = ("seed", "location", "recording", "case", "time_s", "vehicles")
-    return {**{name: known[name] for name in names}, "children": 0, "failure": failure.reason}
+    """Row of a moment, or recording, that has no result."""
+    return as_row(failure) | {"children": 0, "failure": failure.reason}
 
 
 def tabulate(rows: Iterable[dict[str, Any]], thresholds: Mapping[str, float]) -> pa.Table:
@@ -79,10 +105,10 @@ def tabulate(rows: Iterable[dict[str, Any]], thresholds: Mapping[str, float]) ->
 
 
 def placed(table: pa.Table, thresholds: Mapping[str, float], *, seed: int) -> pa.Table:
-    """The rows of seeds with their places, the most critical first; equals in the order given.
+    """The rows of moments with their places, the most critical first; equals in the order given.
 
     Args:
-        table: rows of seeds, as `seed_row` makes them.
+        table: rows of moments, as `moment_row` makes them.
         thresholds: by metric column.
         seed: of the draws of the intervals.
     """

@@ -1,88 +1,63 @@
-"""Recordings become orders: loaded one after the other, cut into seed scenes, packed for workers."""
+"""Tasks of a ranking: recordings loaded one after the other, ahead, and cut into moments for the workers."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import queue
+import threading
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from typing import TypeVar
 
 from scex_sumo.converters.datasets.recordings import Recording, load_recording, recording_moments, seed_at
-from scex_sumo.ranking.seeds import Failure, Listing, SeedRef, list_seeds, reason_of, unreadable
-from scex_sumo.ranking.task import Parcel, SeedTask, Settings
-from scex_sumo.ranking.workers import Order
+from scex_sumo.errors import reason_of
+from scex_sumo.ranking.moments import Failure, Listing, MomentRef, list_moments, unreadable
+from scex_sumo.ranking.run_moment import MomentTask, pack_road
+from scex_sumo.ranking.settings import RankSettings
+
+T = TypeVar("T")
+
+_LOOK_S = 0.1  # how often a waiting thread looks whether it is still wanted
 
 
-@dataclass(frozen=True, kw_only=True)
-class Plan:
-    """What a ranking does.
-
-    Attributes:
-        recordings: the dataset.
-        every_s: least time between two seeds of a recording.
-        min_vehicles: fewer moving vehicles make no seed.
-        first: children of every seed.
-        children: children of a seed at most.
-        top: moments on the page.
-        settings: of the runs.
-    """
-
-    recordings: tuple[Recording, ...]
-    every_s: float
-    min_vehicles: int
-    first: int
-    children: int
-    top: int
-    settings: Settings
-
-
-@dataclass(frozen=True, kw_only=True)
-class Wanted:
-    """What shall be run.
-
-    Attributes:
-        seeds: those of a recording that shall.
-        first: number of their first child.
-        stop: one more than that of the last.
-        spare: how many more children of a seed may have their tracks kept.
-        settings: of the runs.
-    """
-
-    seeds: Callable[[Listing], Sequence[SeedRef]]
-    first: int
-    stop: int
-    spare: Callable[[SeedRef], int]
-    settings: Settings
-
-
-def cut(plan: Plan, listings: Mapping[str, Listing], wanted: Wanted) -> Iterator[Listing | Failure | Order]:
-    """Everything that is wanted, recording by recording; what is wrong with one stops none of the others.
+def cut(
+    recordings: Sequence[Recording],
+    listings: Mapping[str, Listing],
+    settings: RankSettings,
+    children: range,
+    *,
+    wanted: Callable[[Listing], Sequence[MomentRef]],
+    spare: Callable[[MomentRef], int],
+) -> Iterator[Listing | Failure | MomentTask]:
+    """Tasks of all moments that are wanted; what is wrong with one stops none of the others.
 
     Args:
-        plan: the ranking.
+        recordings: the dataset, or some of it.
         listings: by recording, those looked at before; recordings of which nothing is wanted are not loaded.
-        wanted: what shall be run.
+        settings: those of the ranking.
+        children: numbers of the children to run.
+        wanted: the moments of a recording that shall run.
+        spare: how many more children of a moment may have their tracks kept.
 
     Yields:
-        The listing of each recording that had none, then its orders; failures in their place.
+        The listing of each recording that had none, then its tasks; failures in their place.
     """
-    for recording in plan.recordings:
+    for recording in recordings:
         listing = listings.get(recording.name)
-        todo = () if listing is None else wanted.seeds(listing)
+        todo = () if listing is None else wanted(listing)
         if listing is not None and not todo:
             continue
         try:
             loaded = load_recording(recording)
-            parcel = Parcel.of(loaded.road)
+            road = pack_road(loaded.road)
             if listing is None:
-                moments = recording_moments(loaded, every_s=plan.every_s)
-                listing = list_seeds(recording, moments, min_vehicles=plan.min_vehicles)
+                moments = recording_moments(loaded, every_s=settings.every)
+                listing = list_moments(recording, moments, min_vehicles=settings.min_vehicles)
                 yield listing
-                todo = wanted.seeds(listing)
+                todo = wanted(listing)
         except Exception as error:
             if listing is None:
                 yield unreadable(recording, reason_of(error))
-            for ref in todo:
-                yield Failure.of(ref, reason_of(error))
+            yield from (Failure.of(ref, reason_of(error)) for ref in todo)
             continue
         for ref in todo:
             try:
@@ -90,12 +65,47 @@ def cut(plan: Plan, listings: Mapping[str, Listing], wanted: Wanted) -> Iterator
             except Exception as error:
                 yield Failure.of(ref, reason_of(error))
                 continue
-            task = SeedTask(
-                seed=ref.seed,
+            yield MomentTask(
+                ref=ref,
                 scene=dataclasses.replace(scene, road=None),
-                first=wanted.first,
-                stop=wanted.stop,
-                spare=wanted.spare(ref),
-                settings=wanted.settings,
+                road=road,
+                children=children,
+                spare=spare(ref),
+                settings=settings,
             )
-            yield Order(ref=ref, task=task, parcel=parcel)
+
+
+def read_ahead(items: Iterator[T], size: int) -> Generator[T, None, None]:
+    """The same items in the same order, up to ``size`` of them made ahead in a thread.
+
+    An error of the items is raised where it would have come. Closing the result ends the thread after the
+    item that it is at.
+    """
+    buffer: queue.Queue[tuple[T] | BaseException | None] = queue.Queue(maxsize=size)
+    unwanted = threading.Event()
+
+    def put(item: tuple[T] | BaseException | None) -> None:
+        while not unwanted.is_set():
+            try:
+                return buffer.put(item, timeout=_LOOK_S)
+            except queue.Full:
+                continue
+
+    def work() -> None:
+        try:
+            for item in items:
+                put((item,))
+                if unwanted.is_set():
+                    return
+            put(None)
+        except BaseException as error:
+            put(error)
+
+    threading.Thread(target=work, name="read ahead", daemon=True).start()
+    try:
+        while (got := buffer.get()) is not None:
+            if isinstance(got, BaseException):
+                raise got
+            yield got[0]
+    finally:
+        unwanted.set()

@@ -1,141 +1,232 @@
-"""Who runs the seeds: processes of this machine. Each is one of libsumo's, and dies alone."""
+"""Workers of a ranking: processes of this machine, or those of a Dask cluster.
+
+Dask schedules by itself, and gives a dead worker's moments to others.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-import pickle
-import tempfile
-from collections import deque
-from collections.abc import Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import suppress
-from dataclasses import dataclass
-from typing import Protocol
+import hashlib
+import logging
+import socket
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
-from scex_sumo.extrapolation.helper_process import DIED, HelperProcess, served_streams, write
-from scex_sumo.ranking.seeds import SeedRef
-from scex_sumo.ranking.task import Parcel, SeedPart, SeedTask, run_seed
-from scex_sumo.scene import SeedScene
+from scex_sumo.errors import MissingExtraError, ScexError, UsageError, one_line, reason_of
+from scex_sumo.extrapolation.workers import Workers, WorkersDied
+from scex_sumo.ranking.moments import Failure
+from scex_sumo.ranking.run_moment import MomentPart, MomentTask, run_moment
+from scex_sumo.version import __version__
 
-TRIES = 2
+if TYPE_CHECKING:
+    from distributed import Client, Future
 
+Found: TypeAlias = tuple[MomentTask, MomentPart | Failure]
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Order:
-    """A task on its way to a worker, with the road that it needs."""
-
-    ref: SeedRef
-    task: SeedTask
-    parcel: Parcel
-
-    def scene(self) -> SeedScene:
-        """The seed scene with its road."""
-        return dataclasses.replace(self.task.scene, road=self.parcel.road())
+_CONNECT_S = 20
+_ASK_S = 2.0  # how often the number of workers is looked up
+_AHEAD = 2
+"""Tasks for each thread of the cluster: one that runs, one that waits for it."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Outcome:
-    """What became of an order.
-
-    Attributes:
-        order: what was asked for.
-        part: the children, or None where they failed.
-        reason: why.
-        died: a worker died of it, twice.
-    """
-
-    order: Order
-    part: SeedPart | None = None
-    reason: str = ""
-    died: bool = False
-
-
-class Crew(Protocol):
+class MomentWorkers(Protocol):
     """Workers, wherever they are."""
 
-    @property
     def notes(self) -> list[str]:
         """What the user should know of them."""
 
-    def run(self, orders: Iterable[Order]) -> Iterator[Outcome]:
-        """Run orders as they come, a few at a time; their outcomes in the order in which they finish."""
+    def run(self, tasks: Iterable[MomentTask]) -> Iterator[Found]:
+        """Run tasks as they come, a few at a time, and give them in the order in which they finish."""
 
     def close(self) -> None:
         """End the workers, whatever they do."""
 
 
-def outcome(order: Order, result: SeedPart | str) -> Outcome:
-    """The outcome of an order whose worker answered."""
-    if isinstance(result, str):
-        return Outcome(order=order, reason=result)
-    return Outcome(order=order, part=result)
-
-
-class Processes:
-    """Worker processes of this machine, one seed at a time each; what a dead one had is done again once."""
+class LocalWorkers:
+    """Worker processes of this machine, one moment at a time each."""
 
     def __init__(self, count: int) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="scex-rank-", ignore_cleanup_errors=True)
-        self._workers = [_Worker(self._folder.name) for _ in range(count)]
-        self._threads = ThreadPoolExecutor(count, thread_name_prefix="scex-rank")
+        if count < 1:
+            raise UsageError(f"--workers: got {count}, needs at least 1")
+        self._workers = Workers(count + 1)  # this process loads recordings and writes
 
-    @property
     def notes(self) -> list[str]:
-        """See `Crew`."""
-        return []
+        """See `MomentWorkers`."""
+        return self._workers.deaths
 
-    def run(self, orders: Iterable[Order]) -> Iterator[Outcome]:
-        """See `Crew`."""
-        waiting, idle = iter(orders), deque(self._workers)
-        running: dict[Future[Outcome], _Worker] = {}
-        while True:
-            while idle and (order := next(waiting, None)) is not None:
-                worker = idle.popleft()
-                running[self._threads.submit(worker.work, order)] = worker
-            if not running:
-                return
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                idle.append(running.pop(future))
-                yield future.result()
+    def run(self, tasks: Iterable[MomentTask]) -> Iterator[Found]:
+        """See `MomentWorkers`."""
+        for task, future in self._workers.run_each(
+            _runner, tasks, where=lambda task: f"at {task.ref.moment}"
+        ):
+            try:
+                yield task, future.result()
+            except WorkersDied as error:
+                _, ends = error.args
+                died = f"its worker died {len(ends)} times ({', '.join(ends)})"
+                reason = f"{died}: out of memory, killed, or a crash"
+                yield task, Failure.of(task.ref, reason, died=True)
 
     def close(self) -> None:
-        """See `Crew`."""
-        for worker in self._workers:
-            worker.kill()
-        self._threads.shutdown()
-        for worker in self._workers:
-            worker.bury()
-        self._folder.cleanup()
+        """See `MomentWorkers`."""
+        self._workers.close()
 
 
-class _Worker(HelperProcess):
-    """A worker process, as this one sees it."""
-
-    def __init__(self, folder: str) -> None:
-        super().__init__(__name__, folder)
-
-    def work(self, order: Order) -> Outcome:
-        """Have it run an order; where it dies, once more."""
-        fates = []
-        for _ in range(TRIES):
-            try:
-                return outcome(order, self._ask(order))
-            except DIED:
-                fates.append(self.fate())
-                with suppress(EOFError):
-                    self.start()
-        reason = f"its worker died {TRIES} times ({', '.join(fates)}): out of memory, killed, or a crash"
-        return Outcome(order=order, reason=reason, died=True)
-
-    def _ask(self, order: Order) -> SeedPart | str:
-        self.send((order.task, order.parcel))
-        answer: SeedPart | str = self.receive()
-        return answer
+def _runner() -> AbstractContextManager[Callable[[MomentTask, object], MomentPart | Failure]]:
+    """What a worker process opens: nothing."""
+    return nullcontext(lambda task, _: run_moment(task))
 
 
-def serve() -> None:
-    """What a worker process does: run what comes in on standard input until it closes."""
-    orders, answers = served_streams()
-    with suppress(EOFError, BrokenPipeError):
+class DaskWorkers:
+    """The workers behind a Dask scheduler.
+
+    Roads are tasks of their own, which only pass on what the scheduler has of them: where the workers that
+    hold one die, the scheduler makes it again.
+    """
+
+    def __init__(self, address: str) -> None:
+        """Connect.
+
+        Raises:
+            MissingExtraError: distributed is not installed.
+            UsageError: nobody answers at the address, or no worker joins.
+        """
+        try:
+            from distributed import Client
+        except ImportError:
+            raise MissingExtraError(
+                "--cluster: distributed is not installed; pip install 'scex-sumo[cluster]'"
+            ) from None
+        _check_reachable(address)
+        # Its tracebacks; what is wrong is said here in one line.
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL + 1)
+        try:
+            self._client: Client = Client(address, timeout=_CONNECT_S, set_as_default=False)
+        except (OSError, ValueError) as error:  # a timeout is an OSError
+            raise _no_scheduler(address, error) from None
+        try:
+            self._client.wait_for_workers(1, timeout=_CONNECT_S)
+        except TimeoutError:
+            self.close()
+            raise UsageError(
+                f"--cluster {address}: no worker has joined it; start some with "
+                f"'dask worker {address} --nthreads 1'"
+            ) from None
+        several = sum(count > 1 for count in self._client.nthreads().values())
+        self._notes = [
+            f"{several} Dask workers have several threads, and one SUMO each, which they wait for; "
+            "start workers with --nthreads 1"
+        ][: several > 0]
+        self._roads: dict[bytes, Future] = {}
+        self._threads, self._asked = 1, -_ASK_S
+
+    def notes(self) -> list[str]:
+        """See `MomentWorkers`."""
+        return self._notes
+
+    def _room(self) -> int:
+        """How many tasks the cluster shall have; workers come and go, so it is asked now and then."""
+        now = time.monotonic()
+        if now - self._asked > _ASK_S:
+            with _answering():
+                self._threads = sum(self._client.nthreads().values())
+            self._asked = now
+        return _AHEAD * max(self._threads, 1)
+
+    def run(self, tasks: Iterable[MomentTask]) -> Iterator[Found]:
+        """See `MomentWorkers`."""
+        from distributed import as_completed
+
+        waiting = iter(tasks)
+        running: dict[str, MomentTask] = {}
+        finished = as_completed(loop=self._client.loop)
         while True:
-            write(answers, run_seed(*pickle.load(orders)))
+            room = self._room()
+            while len(running) < room and (task := next(waiting, None)) is not None:
+                with _answering():
+                    future = self._submit(task)
+                running[future.key] = task
+                finished.add(future)
+            if not running:
+                return
+            with _answering():
+                future = next(finished)
+            task = running.pop(future.key)
+            yield task, _result(task, future)
+            future.release()
+
+    def _submit(self, task: MomentTask) -> Future:
+        road = task.road
+        assert road is not None
+        if road not in self._roads:
+            key = f"scex-road-{hashlib.sha256(road).hexdigest()[:32]}"
+            self._roads[road] = self._client.submit(publish_road, road, key=key)
+        bare = dataclasses.replace(task, road=None)
+        return self._client.submit(run_moment, bare, self._roads[road], pure=False)
+
+    def close(self) -> None:
+        """See `MomentWorkers`; the cluster goes on without us."""
+        self._client.close(timeout=1)
+
+
+def _check_reachable(address: str) -> None:
+    """Ask whether anybody listens, which Dask would go on trying for a while, and not in one line.
+
+    Raises:
+        UsageError: nobody does, or it is no address.
+    """
+    host, _, port = address.rpartition("://")[2].rpartition(":")
+    if not host or not port.isdigit():
+        raise UsageError(f"--cluster {address}: needs the address of a Dask scheduler, e.g. tcp://host:8786")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=_CONNECT_S).close()
+    except (OSError, OverflowError) as error:
+        raise _no_scheduler(address, error) from None
+
+
+def _no_scheduler(address: str, error: Exception) -> UsageError:
+    return UsageError(
+        f"--cluster {address}: no Dask scheduler answers: {one_line(error)}; start one with "
+        "'dask scheduler' and give the address that it prints"
+    )
+
+
+def publish_road(road: bytes) -> bytes:
+    """Dask's task that brings a road to the workers."""
+    return road
+
+
+@contextmanager
+def _answering() -> Iterator[None]:
+    """Turn what Dask says of a scheduler that is gone into our words."""
+    try:
+        yield
+    except (OSError, CancelledError):
+        raise ScexError(
+            "the Dask scheduler went away; finished seeds are kept, the same command goes on"
+        ) from None
+
+
+def _result(task: MomentTask, future: Future) -> MomentPart | Failure:
+    """What became of a task.
+
+    Raises:
+        ScexError: it is the cluster that failed.
+    """
+    from distributed import KilledWorker
+
+    try:
+        with _answering():
+            found: MomentPart | Failure = future.result()
+            return found
+    except ScexError:
+        raise
+    except KilledWorker as error:
+        return Failure.of(task.ref, f"its workers died: {one_line(error)}", died=True)
+    except Exception as error:  # not from the moment, whose errors come back as words
+        raise ScexError(
+            f"a Dask worker cannot run seeds: {reason_of(error)}; all need scex-sumo {__version__}"
+        ) from error

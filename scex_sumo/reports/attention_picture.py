@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib.pyplot as plt
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap
@@ -13,7 +13,8 @@ from matplotlib.colors import Colormap
 from scex_sumo.arrays import FloatArray
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import UsageError
-from scex_sumo.reports.run_pictures import STYLE, draw_road, vehicle_boxes
+from scex_sumo.reports.run_pictures import draw_road, look_at, vehicle_boxes
+from scex_sumo.reports.sheet import sheet
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, States, Who
 
 VALUES = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -57,21 +58,18 @@ def plot_attention(
     order = _most_different(plans)
     centre = _middle(scene, plans, order[0])
     order = [v for v in order if np.abs(_middle(scene, plans, v) - centre).max() < around_m][:SHOWN]
-    palette = plt.get_cmap("plasma")
-    with plt.rc_context(STYLE):
-        figure = plt.figure(figsize=(9, 5.4), layout="constrained")
+    palette = mpl.colormaps["plasma"]
+    with sheet(9, 5.4) as figure:
         grid = figure.add_gridspec(len(order), 2, width_ratios=[1.7, 1])
         whole = figure.add_subplot(grid[:, 0])
         _scene(whole, scene, plans, values, order, palette)
-        low, high = centre - around_m, centre + around_m
-        whole.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        look_at(whole, centre - around_m, centre + around_m)
         for place, vehicle in enumerate(order):
             axes = figure.add_subplot(grid[place, 1])
             _speeds(axes, scene, plans, values, vehicle, palette)
             axes.set_title("ABC"[place], loc="left", fontweight="bold")
         figure.axes[-1].set_xlabel("time [s]")
         figure.savefig(path, dpi=130)
-        plt.close(figure)
     return Path(path)
 
 
@@ -113,7 +111,6 @@ def _scene(
     for name, vehicle in zip("ABC", order, strict=False):
         at = (float(scene.now.x[vehicle]), float(scene.now.y[vehicle]))
         axes.annotate(name, at, xytext=(9, 9), textcoords="offset points", fontweight="bold", zorder=7)
-    axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.set_title("plans of 3 s; w = 1 looks at the scene graph alone, w = 0 at the road alone", loc="left")
     axes.legend(loc="best", frameon=True, framealpha=0.9)
 

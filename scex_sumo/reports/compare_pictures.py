@@ -4,20 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.metrics.registry import metric_of
-from scex_sumo.reports.run_pictures import axis_label
+from scex_sumo.reports import sheet
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import BANDWIDTH, density
 from scex_sumo.statistics.distances import Scale
@@ -26,13 +20,6 @@ from scex_sumo.studies.compare import Comparison
 
 _COLORS = ("#1f77b4", "#d95f02", "#2a9d5c", "#8e44ad", "#b8860b", "#c2185b", "#00838f", "#6d4c41")
 _JOINING, _BRANCH, _THRESHOLD, _TEXT = "#b0b0b0", "#333333", "#c0392b", "#444444"
-_STYLE: dict[Any, Any] = {
-    "font.size": 8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "svg.hashsalt": "scex-sumo",  # the same picture has the same bytes
-    "figure.dpi": 100,
-}
 _TICKS = (0, 0.05, 0.2, 0.5, 1, 2, 4, 8, 16)  # of the tree, far enough apart on its axis
 _LARGE_ROWS_UP_TO = 30
 _NUMBERS_UP_TO = 14  # runs whose distances are written into the heat map
@@ -57,12 +44,10 @@ def draw_dendrogram(
         title: above the picture.
     """
     count = len(comparison.labels)
-    with plt.rc_context(_STYLE):
-        row_height, font = (0.24, 8.0) if count <= _LARGE_ROWS_UP_TO else (0.15, 6.0)
-        height = max(2.2, row_height * count) + 1.3
-        figure, (tree, map_) = plt.subplots(
-            1, 2, figsize=(5.6 + height, height), layout="constrained", width_ratios=(3.4, height)
-        )
+    row_height, font = (0.24, 8.0) if count <= _LARGE_ROWS_UP_TO else (0.15, 6.0)
+    height = max(2.2, row_height * count) + 1.3
+    with sheet.sheet(5.6 + height, height) as figure:
+        tree, map_ = figure.subplots(1, 2, width_ratios=(3.4, height))
         _draw_tree(tree, comparison, grouping, colored=kinds is None)
         _draw_matrix(figure, map_, comparison, grouping, kinds)
         map_.tick_params(labelsize=font)
@@ -72,7 +57,7 @@ def draw_dendrogram(
         reading = f"yellow: alike, dark: far apart; {colors}; grey: what chance alone makes"
         figure.suptitle(f"{title or plain}\n{reading}", x=0.01, ha="left", fontsize=9)
         _kind_legend(figure, kinds)
-        return _save(figure, stem)
+        return sheet.save(figure, stem)
 
 
 def _draw_tree(axes: Axes, comparison: Comparison, grouping: Grouping, *, colored: bool) -> None:
@@ -117,10 +102,7 @@ def _draw_matrix(
     order = grouping.order
     total = comparison.total[np.ix_(order, order)]
     image = axes.imshow(total, cmap="viridis_r", vmin=0, aspect="auto", interpolation="nearest")
-    colors = _label_colors(grouping, kinds)
-    axes.set_yticks(range(len(order)), [comparison.labels[r] for r in order])
-    for tick, run in zip(axes.get_yticklabels(), order, strict=True):
-        tick.set_color(colors[run])
+    _name_rows(axes, comparison, grouping, _label_colors(grouping, kinds))
     axes.set_xticks([])
     for side in axes.spines.values():
         side.set_visible(False)
@@ -159,24 +141,20 @@ def draw_compared_densities(
     colors = _label_colors(grouping, kinds)
     count, metrics = len(runs), comparison.metrics
     row_height = float(np.clip(5.0 / count, 0.26, 0.8))
-    with plt.rc_context(_STYLE):
-        size = (1.5 + 1.15 * len(metrics), 1.5 + row_height * count)
-        figure, grid = plt.subplots(1, len(metrics), figsize=size, layout="constrained", sharey=True)
-        for m, axes in enumerate(grid):
-            metric = metrics[m]
+    with sheet.sheet(1.5 + 1.15 * len(metrics), 1.5 + row_height * count) as figure:
+        grid = figure.subplots(1, len(metrics), sharey=True)
+        for axes, metric, scale in zip(grid, metrics, comparison.scales, strict=True):
             columns = [run.samples(metric) for run in runs]
-            left, right = _view(columns, comparison.scales[m])
+            span = _view(columns, scale)
             for row, run in enumerate(grouping.order):
                 share = len(columns[run]) / runs[run].children
-                _ridge(axes, columns[run], share, row=row, span=(left, right), color=colors[run])
-            _finish_column(axes, metric, (left, right), runs[0].thresholds)
+                _ridge(axes, columns[run], share, row=row, span=span, color=colors[run])
+            _finish_column(axes, metric, span, runs[0].thresholds)
         grid[0].set_ylim(count - 0.85, -1.0)
-        grid[0].set_yticks(range(count), [comparison.labels[r] for r in grouping.order])
-        for tick, run in zip(grid[0].get_yticklabels(), grouping.order, strict=True):
-            tick.set_color(colors[run])
+        _name_rows(grid[0], comparison, grouping, colors)
         figure.suptitle(_READING, x=0.01, ha="left", fontsize=8.5)
         _kind_legend(figure, kinds)
-        return _save(figure, stem)
+        return sheet.save(figure, stem)
 
 
 _READING = (
@@ -225,7 +203,7 @@ def _finish_column(
 ) -> None:
     axes.set_xlim(span)
     known = metric_of(metric)
-    axes.set_xlabel(axis_label(metric))
+    axes.set_xlabel(known.titled("–"))
     axes.set_title(f"{known.name}\n{'mean' if metric.endswith('_mean') else known.critical}", fontsize=8)
     threshold = thresholds.get(metric)
     if threshold is not None and span[0] <= threshold <= span[1]:
@@ -246,18 +224,15 @@ def _label_colors(grouping: Grouping, kinds: Sequence[str] | None) -> list[str]:
     return [group_color(names.index(kind) + 1) for kind in kinds]
 
 
+def _name_rows(axes: Axes, comparison: Comparison, grouping: Grouping, colors: Sequence[str]) -> None:
+    """Names of the runs beside the rows, in their colours."""
+    axes.set_yticks(range(len(grouping.order)), [comparison.labels[r] for r in grouping.order])
+    for tick, run in zip(axes.get_yticklabels(), grouping.order, strict=True):
+        tick.set_color(colors[run])
+
+
 def _kind_legend(figure: Figure, kinds: Sequence[str] | None) -> None:
-    if kinds is None:
-        return
-    names = sorted(set(kinds))
-    handles = [Line2D([], [], color=group_color(n + 1), linewidth=4) for n in range(len(names))]
-    figure.legend(handles, names, loc="outside lower left", ncols=len(names), frameon=False)
-
-
-def _save(figure: Figure, stem: Path) -> list[Path]:
-    stem.parent.mkdir(parents=True, exist_ok=True)
-    files = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
-    figure.savefig(files[0], metadata={"Date": None})
-    figure.savefig(files[1], dpi=150)
-    plt.close(figure)
-    return files
+    names = sorted(set(kinds or ()))
+    lines = [(name, {"color": group_color(n + 1), "linewidth": 4}) for n, name in enumerate(names)]
+    if lines:
+        sheet.legend(figure, lines, loc="outside lower left")

@@ -5,14 +5,11 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.reports.run_pictures import scene_panel
+from scex_sumo.reports.run_pictures import look_at, scene_panel
+from scex_sumo.reports.sheet import sheet
 from scex_sumo.scene import SeedScene
 
 _WIDTH_IN = 5.6
@@ -27,24 +24,16 @@ def scene_png(scene: SeedScene, futures: Sequence[FloatArray]) -> bytes:
         futures: V arrays (C, T, 2) of the vehicles' centres in the children, m.
     """
     assert scene.road is not None
-    with plt.rc_context({"font.size": 8, "axes.spines.top": False, "axes.spines.right": False}):
-        figure, axes = plt.subplots(figsize=(_WIDTH_IN, _WIDTH_IN), layout="constrained")
+    with sheet(_WIDTH_IN, _WIDTH_IN) as figure:
+        axes = figure.subplots()
         scene_panel(axes, scene.road, scene, futures)
         # A square keeps a street that runs across it large, where the scene alone would be a thin strip.
-        x, y = axes.get_xlim(), axes.get_ylim()
-        half = max(x[1] - x[0], y[1] - y[0]) / 2
-        middle = (x[0] + x[1]) / 2, (y[0] + y[1]) / 2
-        squash = (
-            min(max((y[1] - y[0]) / (2 * half), 0.45), 1.0),
-            min(max((x[1] - x[0]) / (2 * half), 0.45), 1.0),
-        )
-        axes.set_xlim(middle[0] - half * squash[1], middle[0] + half * squash[1])
-        axes.set_ylim(middle[1] - half * squash[0], middle[1] + half * squash[0])
-        figure.set_size_inches(_WIDTH_IN * squash[1] + 0.5, _WIDTH_IN * squash[0] + 0.5)
-        axes.set(xlabel="x [m]", ylabel="y [m]")
+        low, high = np.array([axes.get_xlim(), axes.get_ylim()]).T
+        size = max(high - low) * np.clip((high - low) / max(high - low), 0.45, 1.0)
+        look_at(axes, (low + high - size) / 2, (low + high + size) / 2)
+        figure.set_size_inches(_WIDTH_IN * size / max(size) + 0.5)
         sink = io.BytesIO()
         figure.savefig(sink, format="png", dpi=_DPI, metadata={"Software": None})
-        plt.close(figure)
     return sink.getvalue()
 
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
-from scex_sumo.arrays import FloatArray
 from scex_sumo.behaviors.scene_graph.graph import RADIUS_M, SceneGraph, scene_graph
-from scex_sumo.reports.run_pictures import draw_road, vehicle_boxes
+from scex_sumo.reports.run_pictures import draw_road, draw_vehicles, extent, look_at, vehicle_boxes
+from scex_sumo.reports.sheet import sheet
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, SeedScene
+from scex_sumo.scene import SeedScene
 
 # Each relation once per pair: `ahead` seen from the other end is `behind`, the other two are mutual.
 _STYLES: dict[int, tuple[str, str, Any]] = {
@@ -51,17 +50,14 @@ def plot_scene_graph(
     graph = scene_graph(scene, road, radius=radius)
     road = scene.road if road is None else road
     assert road is not None  # or there would be no graph
-    low, high = _extent(scene)
+    low, high = extent(scene, _MARGIN_M)
     wide, tall = (high - low) * 9 / max(high - low)
-    with plt.rc_context({"font.size": 8, "svg.fonttype": "none"}):
-        figure, axes = plt.subplots(figsize=(max(wide, 5.0), max(tall, 2.0) + 0.9), layout="constrained")
+    with sheet(max(wide, 5.0), max(tall, 2.0) + 0.9) as figure:
+        axes = figure.subplots()
         scene_graph_panel(axes, road, scene, graph)
-        axes.set(
-            xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]"
-        )
+        look_at(axes, low, high)
         axes.set_title(title or _title(scene, graph), loc="left")
         figure.savefig(path, dpi=150, bbox_inches="tight")
-        plt.close(figure)
     return Path(path)
 
 
@@ -73,10 +69,7 @@ def scene_graph_panel(axes: Axes, road: Road, scene: SeedScene, graph: SceneGrap
     related = np.zeros(mine.sum(), dtype=np.bool_)
     related[graph.edge_index[graph.edge_index < len(related)]] = True
     colors = [_BOX if some else _ALONE for some in related]
-    boxes = list(vehicle_boxes(scene))
-    axes.add_collection(
-        PolyCollection(boxes, facecolors=colors, edgecolors="#3a3a3a", linewidths=0.6, zorder=3)
-    )
+    draw_vehicles(axes, scene, facecolors=colors, edgecolors="#3a3a3a", zorder=3)
     _noses(axes, scene)
     axes.scatter(scene.now.x, scene.now.y, s=9, color="#222222", zorder=6)
     for v in range(scene.vehicles):
@@ -89,11 +82,6 @@ def scene_graph_panel(axes: Axes, road: Road, scene: SeedScene, graph: SceneGrap
             zorder=7,
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75},
         )
-    others = scene.obstacles
-    if others is not None:
-        here = others.present[:, HISTORY_STEPS]
-        at = others.states[here, HISTORY_STEPS]
-        axes.scatter(at.x, at.y, s=14, color="#d6189c", edgecolors="white", linewidths=0.5, zorder=6)
     axes.legend(handles=_legend(graph), loc="upper left", framealpha=0.9, fontsize=7)
 
 
@@ -106,22 +94,12 @@ def draw_edges(axes: Axes, scene: SeedScene, graph: SceneGraph) -> None:
             chosen &= source < target
         tails, heads = (target, source) if kind == 0 else (source, target)
         for a, b in zip(tails[chosen], heads[chosen], strict=True):
-            axes.add_patch(
-                FancyArrowPatch(
-                    (scene.now.x[a], scene.now.y[a]),
-                    (scene.now.x[b], scene.now.y[b]),
-                    arrowstyle="-|>" if kind == 0 else "-",
-                    connectionstyle=f"arc3,rad={_BEND}",
-                    mutation_scale=8,
-                    shrinkA=2,
-                    shrinkB=2,
-                    color=color,
-                    linestyle=line,
-                    linewidth=1.0,
-                    alpha=0.85,
-                    zorder=5,
-                )
-            )
+            ends = [(scene.now.x[v], scene.now.y[v]) for v in (a, b)]
+            style = {"arrowstyle": "-|>" if kind == 0 else "-", "mutation_scale": 8, "linestyle": line}
+            bend = f"arc3,rad={_BEND}"
+            edge = FancyArrowPatch(*ends, connectionstyle=bend, shrinkA=2, shrinkB=2, **style)
+            edge.set(color=color, linewidth=1.0, alpha=0.85, zorder=5)
+            axes.add_patch(edge)
 
 
 def _noses(axes: Axes, scene: SeedScene) -> None:
@@ -134,18 +112,10 @@ def _noses(axes: Axes, scene: SeedScene) -> None:
 
 
 def _legend(graph: SceneGraph) -> list[Line2D]:
-    counts = {
-        kind: int((graph.edge_kind[graph.child[graph.edge_index[1]] == 0] == kind).sum()) for kind in _STYLES
-    }
+    kinds = graph.edge_kind[graph.child[graph.edge_index[1]] == 0]
+    counts = {kind: int((kinds == kind).sum()) // (1 if kind == 0 else 2) for kind in _STYLES}
     return [
-        Line2D(
-            [],
-            [],
-            color=color,
-            linestyle=line,
-            linewidth=1.4,
-            label=f"{name} ({counts[kind] if kind == 0 else counts[kind] // 2})",
-        )
+        Line2D([], [], color=color, linestyle=line, linewidth=1.4, label=f"{name} ({counts[kind]})")
         for kind, (name, color, line) in _STYLES.items()
     ]
 
@@ -153,9 +123,3 @@ def _legend(graph: SceneGraph) -> list[Line2D]:
 def _title(scene: SeedScene, graph: SceneGraph) -> str:
     off = int((~graph.on_road).sum())
     return f"{scene.name}: {scene.vehicles} vehicles{f', {off} off the mapped lanes' if off else ''}"
-
-
-def _extent(scene: SeedScene) -> tuple[FloatArray, FloatArray]:
-    """Lower left and upper right corner of what there is to see, m."""
-    centres = np.column_stack([scene.now.x, scene.now.y])
-    return centres.min(axis=0) - _MARGIN_M, centres.max(axis=0) + _MARGIN_M

@@ -17,10 +17,8 @@ import pyarrow.parquet as pq
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import ResultError
 from scex_sumo.files import lock, remove_unfinished, replacing, unlock, write_atomic
-from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken, save_part
+from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
-
-__all__ = ["Part", "ResultFolder", "save_part"]
 
 _PENDING = "incomplete.json"
 
@@ -87,28 +85,8 @@ class ResultFolder:
         for name in (PARTS, "sumo", "baseline"):
             shutil.rmtree(self.path / name, ignore_errors=True)
 
-    def save_part(self, part: Part) -> None:
-        """Keep a batch of children until the run is finished."""
-        save_part(self.path, part)
-
-    def done(self) -> set[int]:
-        """Numbers of the children that need not run again."""
-        return set(Parts(self.path).children.tolist())
-
-    def values(self, children: int) -> tuple[FloatArray, BoolArray]:
-        """(C, 12) metric values of the first children and where they are defined, all of them finished."""
-        return Parts(self.path).values(children)
-
-    def collect(self, children: int) -> Part:
-        """All children in order, whatever the batches they ran in.
-
-        Raises:
-            ResultError: some are missing.
-        """
-        return next(self.in_order(children, size=children))
-
     def in_order(self, children: int, *, size: int) -> Iterator[Part]:
-        """The same, some at a time: memory does not grow with their number.
+        """All children in order, whatever the batches they ran in; some at a time, to spare memory.
 
         Args:
             children: how many there are.

@@ -1,4 +1,4 @@
-"""Parts of a run: finished batches of children, kept in a hidden folder of the result until the run is finished."""
+"""Parts of a run: finished batches of children, kept in a hidden folder until the run is finished."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A finished run, read from its result folder."""
+"""Run that is finished, read from its result folder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.metrics.registry import learn_metrics, side_of
-from scex_sumo.results.under_test import UNDER_TEST, UnderTest
+from scex_sumo.results.under_test import BASELINE, UNDER_TEST, UnderTest
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import Density, Interval, density, p_critical
 
@@ -48,32 +48,32 @@ class Run:
     @cached_property
     def metrics(self) -> pa.Table:
         """One row per child: ``child`` and the 12 metric columns, null where undefined."""
-        return self._table("metrics.parquet")
+        return self.table("metrics.parquet")
 
     @cached_property
     def recorded(self) -> pa.Table | None:
         """The same 12 columns for what really happened, one row; None where nothing was recorded."""
-        return self._table("recorded.parquet") if (self.folder / "recorded.parquet").exists() else None
+        return self.table("recorded.parquet") if (self.folder / "recorded.parquet").exists() else None
 
     @cached_property
     def assignments(self) -> pa.Table:
         """``child``, ``track_id``, ``model``: who drove whom."""
-        return self._table("assignments.parquet")
+        return self.table("assignments.parquet")
 
     @cached_property
     def tracks(self) -> pa.Table:
         """States of all children in INTERACTION columns; ``case_id`` is the child."""
-        return self._table("tracks.parquet")
+        return self.table("tracks.parquet")
 
     @cached_property
     def worst(self) -> pa.Table:
         """Where each extremum came from: child, metric, timestamp_ms, track_id, other_id, value."""
-        return self._table("worst.parquet")
+        return self.table("worst.parquet")
 
     @cached_property
     def baseline(self) -> Run | None:
         """The same children without the models under test; None where there are none, or it was not run."""
-        folder = self.folder / "baseline"
+        folder = self.folder / BASELINE
         return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
 
     @cached_property
@@ -208,9 +208,6 @@ class Run:
         Raises:
             ResultError: it cannot be read.
         """
-        return self._table(name)
-
-    def _table(self, name: str) -> pa.Table:
         try:
             return pq.read_table(self.folder / name)
         except (OSError, pa.ArrowException) as error:

@@ -1,4 +1,4 @@
-"""A driving function under test: how critical its vehicle's own encounters are, with it and without it.
+"""Vehicles under test: how critical their own encounters are, with the models under test and without.
 
 Metrics are restricted to pairs that involve a vehicle under test. The baseline are the same children - the
 same models for all others, the same random numbers - in which those vehicles are driven as drawn, so that

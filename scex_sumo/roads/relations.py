@@ -1,4 +1,4 @@
-"""How the lanes of a road relate: behind one another, side by side, meeting ahead. Tables for all pairs."""
+"""Relations of the lanes of a road: behind one another, side by side, meeting ahead. Tables for all pairs."""
 
 from __future__ import annotations
 

@@ -7,12 +7,12 @@ the centreline under it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import (
     along,
     arc_lengths,
@@ -100,19 +100,19 @@ def onward(lanes: dict[int, Lane], route: tuple[int, ...]) -> tuple[list[int], b
     return [i for i in beside if lanes[i].successors][:1], False
 
 
-@lru_cache(maxsize=8)
+@derived
 def _known(road: Road) -> dict[int, Lane]:
     return road.vehicle_lanes
 
 
-@lru_cache(maxsize=8)
+@derived
 def _lengths(road: Road) -> dict[int, float]:
     """Lengths of the vehicle lanes, m; never zero, so that every search along them ends."""
     steps = {i: np.diff(lane.centreline, axis=0) for i, lane in _known(road).items()}
     return {i: max(float(np.hypot(*step.T).sum()), 0.01) for i, step in steps.items()}
 
 
-@lru_cache(maxsize=8)
+@derived
 def _turns(road: Road) -> dict[tuple[int, int], float]:
     return {}
 

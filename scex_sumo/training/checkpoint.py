@@ -53,7 +53,7 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint, drifted: list[Samples
         file = folder / f"round{number}.npz"
         if not file.exists():
             buffer = io.BytesIO()
-            np.savez(buffer, **{f.name: getattr(samples, f.name) for f in fields(Samples)})
+            np.savez(buffer, **samples.columns())
             write_atomic(file, buffer.getvalue())
     buffer = io.BytesIO()
     torch.save({f.name: getattr(checkpoint, f.name) for f in fields(Checkpoint)}, buffer)

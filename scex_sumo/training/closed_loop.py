@@ -1,4 +1,4 @@
-"""Driving without SUMO: a world of arrays, and what a driver should have done from where it drifted to."""
+"""Closed loop without SUMO: driving, and what a driver should have done from where it drifted to."""
 
 from __future__ import annotations
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
-from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
+from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
 from scex_sumo.road import Road

@@ -1,4 +1,4 @@
-"""What a network is trained for.
+"""Loss that a network is trained for.
 
 Modes: the one nearest to the recorded future is pulled there, the others a little (soft winner takes all),
 and mode 0, the expected one, always. Their probabilities: cross-entropy against how near each came. Paths:

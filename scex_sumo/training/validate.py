@@ -1,4 +1,4 @@
-"""How well a network predicts the validation part, without driving."""
+"""Validation: how well a network predicts that part of the recordings, without driving."""
 
 from __future__ import annotations
 

@@ -4,37 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
-from scex_sumo.errors import UsageError
-from scex_sumo.programs import sumo_home
 from scex_sumo.scene import SeedScene
+from scex_sumo.sumo_models import RANDOM_MODELS, RANDOM_PARAMETERS, check_driver
 from scex_sumo.world.gui_drawings import OTHER_RGB
-
-SUMO_MODELS = ("Krauss", "KraussPS", "IDM", "IDMM", "EIDM", "ACC", "CACC", "W99")
-"""SUMO's car-following models that repeat themselves in their tile; all but W99 do the same in any tile."""
-
-_RANDOM_MODELS = frozenset({"W99"})  # its randomness cannot be switched off
-
-# SUMO draws random numbers per lane: a driver who uses them would depend on the tile it drives in.
-_STOCHASTIC = (
-    "sigma",
-    "sigmaleader",
-    "sigmagap",
-    "sigmaerror",
-    "speedDev",
-    "lcSigma",
-    "jmSigmaMinor",
-    "jmIgnoreFoeProb",
-    "jmIgnoreJunctionFoeProb",
-)
-# A driver state or a time between driver actions brings back random errors or depends on the clock.
-_REFUSED = frozenset(
-    {"hasDriverState", "applyDriverState", "actionStepLength", "id", "length", "width", "carFollowModel"}
-)
 
 _GUI_SHAPES = (
     ("pedestrian/bicycle", "bicycle"),
@@ -88,41 +63,9 @@ def driven_type(
     check_driver(model, parameters)
     shape = gui_shape(kind)
     attributes = {"vClass": _CLASSES.get(shape, "passenger"), "guiShape": shape, "carFollowModel": model}
-    return _element(name, length, width, {**attributes, **dict.fromkeys(_STOCHASTIC, "0"), **parameters})
-
-
-def check_driver(model: str, parameters: Mapping[str, str]) -> None:
-    """Check a SUMO model's name and parameters.
-
-    Raises:
-        UsageError: as ``driven_type``.
-    """
-    if model not in SUMO_MODELS:
-        raise UsageError(f"unknown SUMO model {model!r}; known: {', '.join(SUMO_MODELS)}")
-    for key, value in parameters.items():
-        if key in _STOCHASTIC and value not in ("0", "0.0"):
-            raise UsageError(
-                f"sumo:{model}: {key}={value} makes the driver random, and SUMO's random numbers depend on "
-                f"where a child is simulated; leave {key} at 0"
-            )
-        if key in _REFUSED or key not in _known_parameters():
-            raise UsageError(f"sumo:{model}: unknown parameter {key!r}; SUMO's own names are meant, e.g. tau")
-        try:
-            float(value)
-        except ValueError:
-            raise UsageError(f"sumo:{model}: {key}={value} is not a number") from None
-
-
-@cache
-def _known_parameters() -> frozenset[str]:
-    schema = ElementTree.parse(sumo_home() / "data" / "xsd" / "types" / "route.xsd")
-    xsd = "{http://www.w3.org/2001/XMLSchema}"
-    types = [t for t in schema.iter(f"{xsd}complexType") if _is_vehicle_type(t.get("name", ""))]
-    return frozenset(a.get("name", "") for t in types for a in t.iter(f"{xsd}attribute"))
-
-
-def _is_vehicle_type(name: str) -> bool:
-    return name == "vTypeBaseType" or (name.startswith("cf") and name.endswith("Type"))
+    return _element(
+        name, length, width, {**attributes, **dict.fromkeys(RANDOM_PARAMETERS, "0"), **parameters}
+    )
 
 
 def _element(name: str, length: float, width: float, attributes: Mapping[str, str]) -> str:
@@ -154,7 +97,7 @@ class TypeBook:
     @property
     def random(self) -> bool:
         """Whether a driver draws random numbers of SUMO's."""
-        return any(model in _RANDOM_MODELS for model, _ in self._drivers)
+        return any(model in RANDOM_MODELS for model, _ in self._drivers)
 
     def enter(self, model: str, parameters: Mapping[str, str]) -> None:
         """Make a SUMO driver known.

@@ -6,12 +6,11 @@ import importlib.metadata
 import importlib.util
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors import registry
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.learned import extra
 from scex_sumo.behaviors.models.idm import IdmDriver
@@ -146,14 +145,6 @@ def test_every_known_model_is_described_with_its_defaults() -> None:
     assert all(info.summary and "\n" not in info.summary for info in infos.values())
 
 
-@pytest.fixture
-def clean() -> Iterator[None]:
-    before = dict(registry._registered)
-    yield
-    registry._registered.clear()
-    registry._registered.update(before)
-
-
 class Parked:
     """Stays where it is."""
 
@@ -166,7 +157,7 @@ class Parked:
         return Plan(x=x, y=y, heading=heading, speed=np.zeros_like(x))
 
 
-@pytest.mark.usefixtures("clean")
+@pytest.mark.usefixtures("registered_models")
 def test_a_class_of_ones_own_becomes_a_model() -> None:
     assert behavior("parked")(Parked) is Parked
     built = build(parse_models("parked:steps=40:loud=true")[0])
@@ -207,7 +198,7 @@ def test_an_entry_point_that_cannot_be_imported_says_so(monkeypatch: pytest.Monk
     assert info.summary.startswith("entry point no_such_package:Model cannot be loaded: No module named")
 
 
-@pytest.mark.usefixtures("clean")
+@pytest.mark.usefixtures("registered_models")
 def test_names_that_are_taken_or_cannot_be_written_are_refused() -> None:
     for name in ("standard_driver", "graph_predictor", "sumo"):
         with pytest.raises(UsageError, match="belongs to a built-in model"):
@@ -217,7 +208,7 @@ def test_names_that_are_taken_or_cannot_be_written_are_refused() -> None:
             behavior(name)(Parked)
 
 
-@pytest.mark.usefixtures("clean")
+@pytest.mark.usefixtures("registered_models")
 def test_a_class_without_plan_is_refused_when_it_is_built() -> None:
     behavior("nothing")(object)
     with pytest.raises(UsageError, match="nothing: object has neither plan nor plan_one"):
@@ -251,7 +242,7 @@ class Drift:
         )
 
 
-@pytest.mark.usefixtures("clean")
+@pytest.mark.usefixtures("registered_models")
 def test_a_model_for_one_vehicle_plans_for_each_in_turn_and_sees_its_own_surroundings() -> None:
     behavior("drift")(Drift)
     built = build(parse_models("drift")[0])
@@ -282,7 +273,7 @@ class FromFile:
         raise NotImplementedError
 
 
-@pytest.mark.usefixtures("clean")
+@pytest.mark.usefixtures("registered_models")
 def test_a_path_of_ones_own_model_may_be_a_file() -> None:
     behavior("from_file")(FromFile)
     assert build(parse_models("from_file:path=weights/other.bin")[0]).path == "weights/other.bin"  # type: ignore[attr-defined]

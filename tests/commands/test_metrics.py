@@ -93,7 +93,6 @@ def test_limits_by_type_reach_wttc(tracks: Path, tmp_path: Path, monkeypatch: py
         (["--wttc-limits", "car"], 2, "'car' is not TYPE=M/S2"),
         (["--wttc-limits", "car=-1"], 1, "largest acceleration of type 'car' is -1.0"),
         (["-o", "out.xlsx"], 2, "unknown format '.xlsx'"),
-        (["--map", "nowhere.osm"], 1, "nowhere.osm: no such file"),
     ],
 )
 def test_mistakes_are_told_in_one_line(

@@ -12,7 +12,8 @@ import pytest
 
 from scex_sumo.errors import ResultError
 from scex_sumo.evaluation.plans import plans_table, read_plans
-from scex_sumo.results.folder import Part, ResultFolder
+from scex_sumo.results.folder import ResultFolder
+from scex_sumo.results.parts import Part
 from scex_sumo.scene import States
 from tests.seeds import straight_seed
 

@@ -211,9 +211,9 @@ def test_planned_paths_of_a_recording_are_the_driven_tracks(tmp_path: Path) -> N
 def test_files_are_written_by_their_ending(
     tmp_path: Path, two_cars: TrackTable, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    options = {"map_path": None, "level": "pair", "preset": "paper", "metrics": None, "by_type": None}
+    options = {"level": "pair", "preset": "paper"}
     for name in ("out.parquet", "out.csv"):
-        metrics_command(two_cars.path, out=tmp_path / name, **options)  # type: ignore[arg-type]
+        metrics_command(two_cars.path, out=tmp_path / name, **options)
     read = pq.read_table(tmp_path / "out.parquet")
     assert read.num_rows == recording_table(two_cars, level="pair").num_rows
     assert read.schema.metadata[b"preset"] == b"paper"
@@ -221,9 +221,9 @@ def test_files_are_written_by_their_ending(
     assert text.count("\n") == read.num_rows + 1
     assert "level pair, preset paper" in capsys.readouterr().out
     with pytest.raises(UsageError, match=r"known: \.parquet, \.csv"):
-        metrics_command(two_cars.path, out=tmp_path / "out.json", **options)  # type: ignore[arg-type]
+        metrics_command(two_cars.path, out=tmp_path / "out.json", **options)
     with pytest.raises(ResultError, match="cannot write"):
-        metrics_command(two_cars.path, out=two_cars.path / "x.csv", **options)  # type: ignore[arg-type]
+        metrics_command(two_cars.path, out=two_cars.path / "x.csv", **options)
 
 
 def test_tracks_as_parquet_are_read_like_csv(tmp_path: Path) -> None:

@@ -68,12 +68,6 @@ def test_an_unknown_vehicle_is_refused_with_the_known_ones() -> None:
         assignments([1], [1, 2], children=3, seed=0, fixed={5: 0})
 
 
-@pytest.mark.parametrize("children", [0, -3])
-def test_fewer_than_one_child_is_refused(children: int) -> None:
-    with pytest.raises(UsageError, match="at least 1"):
-        assignments([1], [1], children=children, seed=0)
-
-
 def test_route_draws_are_fixed_per_child_and_apart_from_the_plans_draws() -> None:
     draws = route_draws([3, 4], 6, seed=2)
     assert np.array_equal(draws[1], route_draws([4], 6, seed=2)[0])

@@ -9,6 +9,7 @@ import numpy as np
 from scex_sumo.extrapolation.fallbacks import count_fallbacks, fallback_lines, fallbacks_table
 from scex_sumo.extrapolation.rollout import Replaced
 from scex_sumo.results.folder import ResultFolder
+from scex_sumo.results.parts import save_part
 from tests.results.test_folder import part_of
 
 NAMES = ["standard_driver", "mine"]
@@ -68,8 +69,8 @@ def test_batches_of_any_size_leave_the_same_table(tmp_path: Path) -> None:
         folder = ResultFolder(tmp_path / name, {"seed": 1})
         for batch in batches:
             own = table_of(batch, *(row for row in rows if row[0] in batch))
-            folder.save_part(dataclasses.replace(part_of(batch), fallbacks=own))
-        return folder.collect(3).fallbacks
+            save_part(folder.path, dataclasses.replace(part_of(batch), fallbacks=own))
+        return next(folder.in_order(3, size=3)).fallbacks
 
     whole = collected("whole", [0, 1, 2])
     assert whole.num_rows == 3

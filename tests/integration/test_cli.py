@@ -278,8 +278,11 @@ def test_tracks_far_from_the_map_name_the_origin_as_likely_cause(tmp_path: Path)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_interrupted_while_it_reads_says_so_and_fails(tmp_path: Path, number: int) -> None:
     code = (
-        "import os, sys, scex_sumo.scenarios.seeds, scex_sumo.cli\n"
-        f"scex_sumo.scenarios.seeds.read_seed = lambda *given, **named: os.kill(os.getpid(), {int(number)})\n"
+        "import os, sys, time, scex_sumo.scenarios.seeds, scex_sumo.cli\n"
+        "def reading(*given, **named):\n"
+        f"    os.kill(os.getpid(), {int(number)})\n"
+        "    time.sleep(30)  # the signal may take a moment\n"
+        "scex_sumo.scenarios.seeds.read_seed = reading\n"
         f"sys.argv = ['scex-sumo', 'run', {str(ROUNDABOUT)!r}]\n"
         "scex_sumo.cli.main()\n"
     )

@@ -14,8 +14,8 @@ import pytest
 
 from scex_sumo.errors import SimulationError, UsageError
 from scex_sumo.scene import Obstacles, SeedScene, States
+from scex_sumo.sumo_models import SUMO_MODELS
 from scex_sumo.world.sumo import SumoDriven, SumoWorld
-from scex_sumo.world.vehicle_types import SUMO_MODELS
 
 STRAIGHT = ("w_in", "e_out")
 

@@ -1,4 +1,4 @@
-"""Results of seeds as workers give them, made by hand."""
+"""Results of moments as workers give them, made by hand."""
 
 from __future__ import annotations
 
@@ -6,22 +6,24 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.ranking.seeds import SeedRef
-from scex_sumo.ranking.task import SeedPart
+from scex_sumo.ranking.moments import MomentRef
+from scex_sumo.ranking.run_moment import MomentPart
 
 
-def seed_ref(seed: str, location: str = "here", time_s: float = 1.0) -> SeedRef:
-    return SeedRef(seed=seed, location=location, recording="recording", case="", time_s=time_s, vehicles=3)
+def moment_ref(moment: str, location: str = "here", time_s: float = 1.0) -> MomentRef:
+    return MomentRef(
+        moment=moment, location=location, recording="recording", case="", time_s=time_s, vehicles=3
+    )
 
 
-def seed_part(first: int, stop: int, *, tracks: pa.Table | None = None) -> SeedPart:
+def moment_part(first: int, stop: int, *, tracks: pa.Table | None = None) -> MomentPart:
     """Children with values 100 child + column; the last column is undefined in the first child."""
     children = np.arange(first, stop)
     values = 100.0 * children[:, None] + np.arange(len(COLUMNS))
     defined = np.ones(values.shape, dtype=bool)
     defined[0, -1] = False
     values[0, -1] = np.nan
-    return SeedPart(
+    return MomentPart(
         children=children,
         values=values,
         defined=defined,

@@ -11,20 +11,20 @@ import pytest
 from scex_sumo.errors import ResultError
 from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.folder import RankFolder
-from scex_sumo.ranking.seeds import Failure, Listing
-from tests.ranking.parts import seed_part, seed_ref
+from scex_sumo.ranking.moments import Failure, Listing
+from tests.ranking.parts import moment_part, moment_ref
 
 PLAN = {"children": 4, "seed": 0}
-ONE, TWO = seed_ref("one_t1.0"), seed_ref("two_t1.0", "there")
+ONE, TWO = moment_ref("one_t1.0"), moment_ref("two_t1.0", "there")
 
 
 @pytest.fixture
 def filled(tmp_path: Path) -> Path:
     """Two seeds of two sites, one with a second part."""
     with RankFolder(tmp_path / "out", PLAN) as folder:
-        folder.append(ONE, seed_part(0, 4))
-        folder.append(ONE, seed_part(4, 8))
-        folder.append(TWO, seed_part(0, 4))
+        folder.append(ONE, moment_part(0, 4))
+        folder.append(ONE, moment_part(4, 8))
+        folder.append(TWO, moment_part(0, 4))
     return tmp_path / "out"
 
 
@@ -50,7 +50,7 @@ def test_a_part_that_is_there_is_never_written_again(filled: Path) -> None:
     (file,) = filled.glob("children/location=there/seed=two_t1.0/*.parquet")
     before = file.stat().st_mtime_ns
     with RankFolder(filled, PLAN) as folder:
-        folder.append(TWO, seed_part(0, 4))
+        folder.append(TWO, moment_part(0, 4))
     assert file.stat().st_mtime_ns == before
 
 
@@ -59,7 +59,7 @@ def test_a_part_cut_off_in_the_writing_does_not_count(filled: Path) -> None:
     file.rename(file.with_name(f".{file.name}.writing"))
     with RankFolder(filled, PLAN) as folder:
         assert not folder.has(TWO, 0)
-        folder.append(TWO, seed_part(0, 4))
+        folder.append(TWO, moment_part(0, 4))
     assert [path.name for path in file.parent.iterdir()] == [file.name]
 
 
@@ -93,15 +93,15 @@ def test_an_unwritable_place_is_said(tmp_path: Path) -> None:
 
 def test_failures_and_listings_are_kept(tmp_path: Path) -> None:
     failure = Failure.of(ONE, "off the map")
-    listing = Listing(recording="recording", seeds=(ONE, TWO))
+    listing = Listing(recording="recording", moments=(ONE, TWO))
     with RankFolder(tmp_path / "out", PLAN) as folder:
         folder.fail(failure)
         folder.save_listing(listing)
     with RankFolder(tmp_path / "out", PLAN) as folder:
-        assert folder.failures() == {ONE.seed: failure}
+        assert folder.failures() == {ONE.moment: failure}
         assert folder.listing("recording") == listing
         assert folder.listing("another") is None
-        folder.forgive(ONE.seed)
+        folder.clear_failure(ONE.moment)
         assert folder.failures() == {}
 
 
@@ -123,7 +123,7 @@ def test_tracks_come_before_the_children_they_belong_to(
     replace = Path.replace
     monkeypatch.setattr(Path, "replace", lambda path, to: written.append(to.parts[-4]) or replace(path, to))
     with RankFolder(tmp_path / "out", PLAN) as folder:
-        folder.append(ONE, seed_part(0, 4, tracks=tracks))
+        folder.append(ONE, moment_part(0, 4, tracks=tracks))
     assert written[-2:] == ["tracks", "children"]
 
 

@@ -10,21 +10,21 @@ import pyarrow.parquet as pq
 
 from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.folder import children_table
-from scex_sumo.ranking.seeds import Failure
-from scex_sumo.ranking.table import failed_row, placed, seed_row, tabulate, write_ranking
-from tests.ranking.parts import seed_part, seed_ref
+from scex_sumo.ranking.moments import Failure
+from scex_sumo.ranking.table import failed_row, moment_row, placed, tabulate, write_ranking
+from tests.ranking.parts import moment_part, moment_ref
 
 LIMITS = {"distance": 150.0, "ttc_mean": 250.0}
 
 
 def row(seed: str, first: int, stop: int) -> dict[str, object]:
-    return seed_row(seed_ref(seed), [children_table(seed_part(first, stop))], LIMITS)
+    return moment_row(moment_ref(seed), [children_table(moment_part(first, stop))], LIMITS)
 
 
 def test_a_row_has_medians_and_shares_over_all_parts() -> None:
     """Children 0 to 3: distance 0, 100, 200, 300; ttc_mean undefined, 111, 211, 311."""
-    parts = [children_table(seed_part(0, 2)), children_table(seed_part(2, 4))]
-    found = seed_row(seed_ref("s"), parts, LIMITS)
+    parts = [children_table(moment_part(0, 2)), children_table(moment_part(2, 4))]
+    found = moment_row(moment_ref("s"), parts, LIMITS)
     assert found["children"] == 4
     assert found["fallbacks"] == 0 + 1 + 0 + 1  # each part counts from 0
     assert found["median_distance"] == 150.0
@@ -52,7 +52,7 @@ def test_of_equal_seeds_the_one_with_the_worse_median_is_first() -> None:
 
 
 def test_what_failed_is_in_the_table_with_its_reason(tmp_path: Path) -> None:
-    rows = [row("s", 0, 4), failed_row(Failure.of(seed_ref("bad"), "off the map"))]
+    rows = [row("s", 0, 4), failed_row(Failure.of(moment_ref("bad"), "off the map"))]
     write_ranking(tmp_path, tabulate(rows, LIMITS))
     table = pq.read_table(tmp_path / "ranking.parquet")
     assert table["failure"].to_pylist() == [None, "off the map"]
@@ -63,8 +63,8 @@ def test_what_failed_is_in_the_table_with_its_reason(tmp_path: Path) -> None:
 
 
 def test_a_metric_defined_in_no_child_has_no_median_and_no_share() -> None:
-    part = seed_part(0, 1)  # its only child has no ttc_mean
-    found = seed_row(seed_ref("s"), [children_table(part)], LIMITS)
+    part = moment_part(0, 1)  # its only child has no ttc_mean
+    found = moment_row(moment_ref("s"), [children_table(part)], LIMITS)
     assert (found["median_ttc_mean"], found["p_ttc_mean"], found["defined_ttc_mean"]) == (None, None, 0)
     assert np.isfinite(found["median_distance"])
 

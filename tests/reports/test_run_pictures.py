@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -121,3 +123,15 @@ def test_the_summary_shows_shares_and_dashes(run: Run) -> None:
 def test_models_keep_their_colours() -> None:
     assert model_colors(["risky_driver", "mine"]) == model_colors(["risky_driver:time_headway=1", "mine:a=2"])
     assert len(set(model_colors(["mine", "yours", "sumo:EIDM", "standard_driver"]))) == 4
+
+
+def test_pictures_leave_the_users_matplotlib_alone(run: Run, tmp_path: Path) -> None:
+    code = (
+        "import sys, matplotlib; matplotlib.use('svg'); from pathlib import Path\n"
+        "from scex_sumo.reports import compare_pictures, run_pictures, statistics_pictures\n"
+        "from scex_sumo.results.run import open_run\n"
+        "run_pictures.draw_densities(open_run(Path(sys.argv[1])), Path(sys.argv[2]))\n"
+        "assert matplotlib.get_backend() == 'svg' and 'matplotlib.pyplot' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code, str(run.folder), str(tmp_path / "densities")], check=True)
+    assert (tmp_path / "densities.png").exists()

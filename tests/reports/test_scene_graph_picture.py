@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 
 import scex_sumo as scex
@@ -19,7 +19,7 @@ SCENE = scene_of((50.0, 0.0, 0.0, 9.0), (70.0, 0.0, 0.0, 7.0), (55.0, 3.5, 0.0, 
 
 def test_each_relation_is_one_line_and_arrows_point_ahead() -> None:
     graph = scex.scene_graph(SCENE, PARALLEL)
-    figure, axes = plt.subplots()
+    axes = Figure().subplots()
     scene_graph_panel(axes, PARALLEL, SCENE, graph)
     drawn = [patch for patch in axes.patches if isinstance(patch, FancyArrowPatch)]
     assert len(drawn) == 3 == len(graph.edge_kind) / 2
@@ -28,7 +28,6 @@ def test_each_relation_is_one_line_and_arrows_point_ahead() -> None:
     assert [tuple(end) for end in ends] == [(50.0, 0.0), (70.0, 0.0)]
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert labels == ["longitudinal (1)", "lateral (2)", "intersecting (0)"]
-    plt.close(figure)
 
 
 def test_the_title_counts_who_is_off_the_map(tmp_path: Path) -> None:

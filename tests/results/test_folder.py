@@ -11,8 +11,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.errors import ResultError
-from scex_sumo.results.folder import Part, ResultFolder, assignments_table, tracks_table, values_table
-from scex_sumo.results.parts import PARTS, joined
+from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
+from scex_sumo.results.parts import PARTS, Part, Parts, joined, save_part
 from scex_sumo.results.run import open_run
 from scex_sumo.scene import States
 from tests.seeds import straight_seed
@@ -32,9 +32,9 @@ def part_of(children: list[int], steps: int = 3, vehicles: int = 2) -> Part:
 
 def test_parts_are_collected_in_order_of_the_children(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
-    folder.save_part(part_of([3, 4]))
-    folder.save_part(part_of([0, 1, 2]))
-    whole = folder.collect(5)
+    save_part(folder.path, part_of([3, 4]))
+    save_part(folder.path, part_of([0, 1, 2]))
+    whole = next(folder.in_order(5, size=5))
     assert whole.children.tolist() == [0, 1, 2, 3, 4]
     assert whole.states.x[:, 0, 0].tolist() == [0, 100, 200, 300, 400]
     assert whole.worst["child"].to_pylist() == [0, 1, 2, 3, 4]
@@ -44,8 +44,8 @@ def test_plans_are_collected_like_the_children_that_made_them(tmp_path: Path) ->
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
     for numbers in ([3, 4], [0, 1, 2]):
         plan = np.broadcast_to(np.array(numbers, float)[:, None, None, None], (len(numbers), 2, 2, 30))
-        folder.save_part(dataclasses.replace(part_of(numbers), plan_x=plan, plan_y=plan + 0.5))
-    whole = folder.collect(5)
+        save_part(folder.path, dataclasses.replace(part_of(numbers), plan_x=plan, plan_y=plan + 0.5))
+    whole = next(folder.in_order(5, size=5))
     assert whole.plan_x is not None
     assert whole.plan_y is not None
     assert whole.plan_x.shape == (5, 2, 2, 30)
@@ -57,7 +57,7 @@ def test_children_are_read_some_at_a_time_in_order_from_parts_that_interlock(tmp
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
     for numbers in ([0, 2, 6], [1, 4], [3, 5]):
         tested = np.stack([np.full((len(numbers), 12), 1.0), part_of(numbers).values])
-        folder.save_part(dataclasses.replace(part_of(numbers), tested=tested))
+        save_part(folder.path, dataclasses.replace(part_of(numbers), tested=tested))
     pieces = list(folder.in_order(7, size=3))
     assert [piece.children.tolist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
     assert [piece.worst["child"].to_pylist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
@@ -84,37 +84,38 @@ def test_a_table_written_in_pieces_is_there_whole_or_not_at_all(tmp_path: Path) 
 
 def test_parts_without_plans_are_collected_without(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
-    folder.save_part(part_of([0, 1]))
-    assert folder.collect(2).plan_x is None
+    save_part(folder.path, part_of([0, 1]))
+    assert next(folder.in_order(2, size=2)).plan_x is None
 
 
 def test_missing_children_are_counted(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
-    folder.save_part(part_of([0, 1]))
+    save_part(folder.path, part_of([0, 1]))
     with pytest.raises(ResultError, match="2 of 5 children are there"):
-        folder.collect(5)
+        next(folder.in_order(5, size=5))
 
 
 def test_the_same_run_goes_on_after_an_interruption(tmp_path: Path) -> None:
-    ResultFolder(tmp_path / "out", {"seed": 1}).save_part(part_of([0, 1]))
+    save_part(ResultFolder(tmp_path / "out", {"seed": 1}).path, part_of([0, 1]))
     with pytest.raises(ResultError, match="interrupted; the same command resumes it"):
         open_run(tmp_path / "out")
     again = ResultFolder(tmp_path / "out", {"seed": 1})
-    assert again.done() == {0, 1}
+    assert Parts(again.path).children.tolist() == [0, 1]
 
 
 @pytest.mark.parametrize("damage", ["empty", "cut", "flipped"])
 def test_a_part_that_a_power_loss_left_broken_is_run_again(tmp_path: Path, damage: str) -> None:
-    folder = ResultFolder(tmp_path / "out", {"seed": 1})
-    folder.save_part(part_of([0, 1]))
-    folder.save_part(part_of([2, 3]))
+    ResultFolder(tmp_path / "out", {"seed": 1})
+    save_part(tmp_path / "out", part_of([0, 1]))
+    save_part(tmp_path / "out", part_of([2, 3]))
     broken = sorted((tmp_path / "out" / PARTS).glob("*.npz"))[1]
     content = bytearray(broken.read_bytes())
     content[len(content) // 2] ^= 0xFF
     left = {"empty": b"", "cut": bytes(content[: len(content) // 2]), "flipped": bytes(content)}
     broken.write_bytes(left[damage])
     (broken.parent / ".00000004-00000005.npz.writing").write_bytes(b"half")
-    assert ResultFolder(tmp_path / "out", {"seed": 1}).done() == {0, 1}
+    ResultFolder(tmp_path / "out", {"seed": 1})
+    assert Parts(tmp_path / "out").children.tolist() == [0, 1]
     assert len(list(broken.parent.iterdir())) == 1
 
 
@@ -122,7 +123,8 @@ def test_another_runs_result_is_not_overwritten_unasked(tmp_path: Path) -> None:
     ResultFolder(tmp_path / "out", {"seed": 1}).finish({})
     with pytest.raises(ResultError, match="another run; give another folder"):
         ResultFolder(tmp_path / "out", {"seed": 2})
-    assert ResultFolder(tmp_path / "out", {"seed": 2}, overwrite=True).done() == set()
+    other = ResultFolder(tmp_path / "out", {"seed": 2}, overwrite=True)
+    assert len(Parts(other.path).children) == 0
 
 
 def test_a_folder_of_other_files_is_never_touched(tmp_path: Path) -> None:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import scex_sumo as scex
-from scex_sumo.road import Lane, Road
+from scex_sumo.road import Lane
 from scex_sumo.roads.index import road_index
-from scex_sumo.roads.matching import Matches, match
 from scex_sumo.roads.relations import LaneRelations, lane_relations
 from tests.behaviors.roads import lane, road
 
@@ -180,48 +177,8 @@ def test_oncoming_traffic_on_one_strip_of_road_meets_in_the_middle() -> None:
     assert relate(*pair).meeting[0, 1, 0].tolist() == pytest.approx([50.0, 50.0])
 
 
-def poses(where: Road, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """On the lanes, beside them, across them and a few far away."""
-    rng = np.random.default_rng(seed)
-    points = np.vstack([one.centreline for one in where.vehicle_lanes.values()])
-    x, y = (points[rng.integers(len(points), size=count)] + rng.normal(0, 2.5, (count, 2))).T
-    turn = np.concatenate([np.arctan2(*np.diff(one.centreline, axis=0)[0, ::-1])[None]
-                           for one in where.vehicle_lanes.values()])  # fmt: skip
-    heading = rng.choice(turn, count) + rng.normal(0, 0.4, count)
-    x[::50] += 500.0
-    return x, y, heading
-
-
-def same(found: Matches, expected: Matches) -> bool:
-    return all(np.array_equal(getattr(found, f.name), getattr(expected, f.name)) for f in fields(Matches))
-
-
-@pytest.mark.parametrize("name", ["roundabout", "urban_intersection", "motorway_merge"])
-def test_matches_are_those_of_the_plain_matching(name: str) -> None:
-    where = scex.read_map(scex.example_path(name))
-    x, y, heading = poses(where, 600, 0)
-    expected = match(where, x, y, heading)
-    assert len(expected.vehicle) > 200
-    assert same(road_index(where).match(x, y, heading), expected)
-
-
-@pytest.mark.parametrize("name", ["interaction/maps/DR_DEU_Roundabout_OF", "taf_bw/maps/k733_2020-09-15"])
-def test_matches_on_real_maps_are_those_of_the_plain_matching(data: Path, name: str) -> None:
-    where = scex.read_map(data / f"{name}.osm")
-    x, y, heading = poses(where, 600, 1)
-    assert same(road_index(where).match(x, y, heading), match(where, x, y, heading))
-
-
-def test_a_pose_that_is_no_number_or_far_away_matches_nothing() -> None:
-    index = road_index(road(*CHAIN))
-    found = index.match(np.array([np.nan, 10.0, 1e9, -1e9]), np.array([0.0, 0.0, 0.0, np.inf]), np.zeros(4))
-    assert found.vehicle.tolist() == [1]
-
-
-def test_a_road_without_vehicle_lanes_matches_nothing() -> None:
-    index = road_index(road(lane(1, [(0.0, 0.0), (9.0, 0.0)], kind="pedestrian")))
-    assert len(index.match(np.zeros(3), np.zeros(3), np.zeros(3)).vehicle) == 0
-    assert len(index.lane_id) == 0
+def test_a_road_without_vehicle_lanes_has_an_empty_index() -> None:
+    assert len(road_index(road(lane(1, [(0.0, 0.0), (9.0, 0.0)], kind="pedestrian"))).lane_id) == 0
 
 
 def test_the_index_of_a_road_is_made_once() -> None:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import scex_sumo as scex
 from scex_sumo.road import Road
-from scex_sumo.roads.matching import match, off_road
+from scex_sumo.roads.matching import Matches, match, off_road
 from tests.behaviors import roads
+from tests.roads.plain_matching import plain_match
 
 
 def one(where: Road, x: float, y: float, heading: float) -> list[tuple[int, float, float, float]]:
@@ -84,6 +89,50 @@ def test_many_vehicles_at_once_match_as_each_alone() -> None:
         assert list(zip(together.lane_id[mine], together.s[mine], strict=True)) == [
             m[:2] for m in one(TWO_WAY, x[v], y[v], heading[v])
         ]
+
+
+def poses(where: Road, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """On the lanes, beside them, across them and a few far away."""
+    rng = np.random.default_rng(seed)
+    points = np.vstack([one.centreline for one in where.vehicle_lanes.values()])
+    x, y = (points[rng.integers(len(points), size=count)] + rng.normal(0, 2.5, (count, 2))).T
+    turn = np.concatenate([np.arctan2(*np.diff(one.centreline, axis=0)[0, ::-1])[None]
+                           for one in where.vehicle_lanes.values()])  # fmt: skip
+    heading = rng.choice(turn, count) + rng.normal(0, 0.4, count)
+    x[::50] += 500.0
+    return x, y, heading
+
+
+def same(found: Matches, expected: Matches) -> bool:
+    return all(np.array_equal(getattr(found, f.name), getattr(expected, f.name)) for f in fields(Matches))
+
+
+@pytest.mark.parametrize("name", ["roundabout", "urban_intersection", "motorway_merge"])
+def test_matches_are_those_of_the_plain_matching(name: str) -> None:
+    where = scex.read_map(scex.example_path(name))
+    x, y, heading = poses(where, 600, 0)
+    expected = plain_match(where, x, y, heading)
+    assert len(expected.vehicle) > 200
+    assert same(match(where, x, y, heading), expected)
+
+
+@pytest.mark.parametrize("name", ["interaction/maps/DR_DEU_Roundabout_OF", "taf_bw/maps/k733_2020-09-15"])
+def test_matches_on_real_maps_are_those_of_the_plain_matching(data: Path, name: str) -> None:
+    where = scex.read_map(data / f"{name}.osm")
+    x, y, heading = poses(where, 600, 1)
+    assert same(match(where, x, y, heading), plain_match(where, x, y, heading))
+
+
+def test_a_pose_that_is_no_number_or_far_away_matches_nothing() -> None:
+    x, y = np.array([np.nan, 10.0, 1e9, -1e9]), np.array([0.0, 0.0, 0.0, np.inf])
+    found = match(roads.straight(), x, y, np.zeros(4))
+    assert found.vehicle.tolist() == [1]
+
+
+def test_a_road_without_vehicle_lanes_matches_nothing() -> None:
+    footpath = roads.road(roads.lane(1, [(0.0, 0.0), (9.0, 0.0)], kind="pedestrian"))
+    assert len(match(footpath, np.zeros(3), np.zeros(3), np.zeros(3)).vehicle) == 0
+    assert len(match(roads.straight(), np.zeros(0), np.zeros(0), np.zeros(0)).vehicle) == 0
 
 
 def test_off_road_names_the_vehicles_without_a_lane() -> None:

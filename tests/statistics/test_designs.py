@@ -10,6 +10,7 @@ import pytest
 from scex_sumo.arrays import IntArray
 from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.assignments import assignments
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.statistics.designs import DESIGNS, balanced
 
 SIX = [1 / 6] * 6
@@ -91,7 +92,7 @@ def test_a_fixed_vehicle_takes_no_part_in_a_design(design: str) -> None:
 
 def test_an_unknown_design_is_refused_with_the_known_ones() -> None:
     with pytest.raises(UsageError, match="unknown design 'best'; known: random, balanced"):
-        assignments([1], [1], children=3, seed=0, design="best")
+        RunSettings(design="best")
 
 
 def test_a_decay_outside_0_to_1_is_refused() -> None:

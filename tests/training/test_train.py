@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("torch_geometric")
 
 from scex_sumo.behaviors.learned.weights import load_weights  # noqa: E402
-from scex_sumo.commands.train import TrainRequest, train_command  # noqa: E402
+from scex_sumo.commands.train import train_command  # noqa: E402
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording  # noqa: E402
 from scex_sumo.errors import ResultError, TrackError, UsageError  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
@@ -182,26 +183,25 @@ def test_a_recording_too_short_says_so() -> None:
 
 
 def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
-    def request(**given: object) -> TrainRequest:
-        usual = {"kind": "graph", "roots": (tmp_path,), "out": tmp_path / "w.pt"}
-        return TrainRequest(**{**usual, **given})
+    def train(**given: Any) -> None:
+        train_command(**{"kind": "graph", "data": [tmp_path], "out": tmp_path / "w.pt", **given})
 
     with pytest.raises(UsageError, match="unknown network; known: graph, hybrid"):
-        train_command(request(kind="transformer"))
+        train(kind="transformer")
     with pytest.raises(UsageError, match="needs --out"):
-        train_command(request(out=None))
+        train(out=None)
     with pytest.raises(UsageError, match="needs --data"):
-        train_command(request(roots=()))
+        train(data=[])
     with pytest.raises(UsageError, match="no such folder"):
-        train_command(request(roots=(tmp_path / "nowhere",)))
+        train(data=[tmp_path / "nowhere"])
     (tmp_path / "w.pt").write_bytes(b"")
     with pytest.raises(ResultError, match="--overwrite"):
-        train_command(request())
+        train()
     with pytest.raises(ResultError, match="--overwrite"):  # finished: there is nothing to go on from
-        train_command(request(resume=True))
+        train(resume=True)
     for few in ({"epochs": 0}, {"rounds": -1}):
         with pytest.raises(UsageError, match="--epochs needs at least 1"):
-            train_command(request(out=tmp_path / "other.pt", **few))
+            train(out=tmp_path / "other.pt", **few)
 
 
 def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monkeypatch) -> None:
@@ -214,9 +214,7 @@ def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monke
         source = example_path("motorway_merge").with_suffix(suffix)
         (folder / source.name).write_bytes(source.read_bytes())
     out = tmp_path / "mine.pt"
-    train_command(
-        TrainRequest(kind="graph", roots=(folder,), out=out, epochs=2, rounds=1, cache=tmp_path / "cache")
-    )
+    train_command("graph", [folder], out, epochs=2, rounds=1, cache=tmp_path / "cache")
     _, meta = load_weights(out, "graph")
     assert meta["sites"] == ["motorway_merge"]
     assert meta["command"] == "scex-sumo train graph --data data --seed 0 --epochs 2 --rounds 1 --every 0.5"

@@ -1,4 +1,4 @@
-"""Who is in front: the next vehicle or obstacle along each driver's path."""
+"""Leaders: the next vehicle or obstacle along each driver's path."""
 
 from __future__ import annotations
 

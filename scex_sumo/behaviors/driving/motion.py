@@ -1,4 +1,4 @@
-"""How a car moves along its path: a kinematic bicycle that joins the path and keeps to it.
+"""Motion of a car along its path: a kinematic bicycle that joins the path and keeps to it.
 
 The reference point of the bicycle is the rear axle, `REAR_AXLE_SHARE` of the vehicle's length behind its
 centre. Each step is an arc of constant curvature, so that the heading follows the motion of the rear axle
@@ -20,9 +20,10 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.driving.paths import SeedPaths
+from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import bend_at, clipped, expected_way, project, refine, sample
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, Who
 
 REAR_AXLE_SHARE = 0.3  # of the length, behind the centre; a 4.5 m car has it 1.35 m behind
@@ -137,6 +138,32 @@ def drive(
         s, v = s + moved, np.maximum(following, 0.0)
         out[0, step], out[1, step], out[2, step], out[3, step] = x, y, heading, v
     return _centres(out, length)
+
+
+def drive_along(
+    history: SceneHistory,
+    road: Road,
+    who: Who,
+    path: PathChoice,
+    accelerate: Accelerate | None = None,
+    *,
+    start: States | None = None,
+) -> Plan:
+    """Drive vehicles along the paths that they choose; see `drive`.
+
+    Args:
+        history: the present.
+        road: the map.
+        who: the n vehicles.
+        path: the choice, as in `SeedPaths.choose`.
+        accelerate: gives (n,) accelerations for a step; None keeps the speed.
+        start: (n,) states to start from, the present ones by default.
+
+    Returns:
+        (n, 30).
+    """
+    paths, row = chosen_paths(history, road, who, path)
+    return drive(history, who, paths, row, accelerate or (lambda _, v, *__: np.zeros_like(v)), start=start)
 
 
 def _along_arc(

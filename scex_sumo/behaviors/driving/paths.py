@@ -1,4 +1,4 @@
-"""The paths of a seed scene as tables: everything that models need of the map, computed once per seed.
+"""Paths of a seed scene as tables: everything that models need of the map, computed once per seed.
 
 A path belongs to a vehicle of the seed scene and follows from its pose at that moment; it stays the same
 through a child. Paths of all vehicles lie in one table, so that a step of a whole batch is one look-up.
@@ -7,7 +7,7 @@ through a child. Paths of all vehicles lie in one table, so that a step of a who
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import ceil
 from typing import Literal, TypeAlias
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.smoothing import drivable, resample
+from scex_sumo.derived import derived
 from scex_sumo.errors import UsageError
 from scex_sumo.geometry.polylines import arc_lengths, nearest
 from scex_sumo.road import Road
@@ -124,14 +125,14 @@ def chosen_paths(history: SceneHistory, road: Road, who: Who, path: PathChoice) 
     return paths, paths.choose(path, who.vehicle, history.route_draw[who.child, who.vehicle])
 
 
-@lru_cache(maxsize=16)
+@derived
 def seed_paths(
     scene: SeedScene,
     road: Road,
     given: tuple[int, ...] | tuple[tuple[float, float], ...] | None = None,
     horizon_s: float = FIRST_HORIZON_S,
 ) -> SeedPaths:
-    """Candidate paths of a seed scene, smoothed and tabulated; remembered for the last seeds.
+    """Candidate paths of a seed scene, smoothed and tabulated; kept with the seed scene.
 
     Args:
         scene: the seed scene.
@@ -151,13 +152,8 @@ def seed_paths(
             mine = [_given(road, given, pose, ahead)]
         else:
             mine = [
-                _Line(
-                    *centreline(road, path.lanes, path.s, BEHIND_M, ahead),
-                    path.lanes,
-                    path.probability,
-                    path.angle,
-                )
-                for path in candidates[v]
+                _Line(*centreline(road, p.lanes, p.s, BEHIND_M, ahead), p.lanes, p.probability, p.angle)
+                for p in candidates[v]
             ] or [_straight(pose, ahead)]
         count[v] = len(mine)
         lines += mine
@@ -228,13 +224,12 @@ def _tabulate(
     some = even[:, ::COARSE] - centre
     first = np.cumsum(count) - count
     shares = np.array([line.share for line in lines])
-    edges = np.concatenate([np.cumsum(shares[f : f + n]) / shares[f : f + n].sum()
-                            for f, n in zip(first, count, strict=True)])  # fmt: skip
+    parts = [slice(f, f + n) for f, n in zip(first, count, strict=True)]
     return SeedPaths(
         first=first,
         count=count,
-        straight=np.array([_straightest(lines[f : f + n]) for f, n in zip(first, count, strict=True)]),
-        draw_edges=edges,
+        straight=np.array([_straightest(lines[part]) for part in parts]),
+        draw_edges=np.concatenate([np.cumsum(shares[part]) / shares[part].sum() for part in parts]),
         lanes=tuple(line.lanes for line in lines),
         on_road=np.array([line.on_road for line in lines])[first],
         table=_columns(even).reshape(-1, 2 * len(COLUMNS)),
@@ -266,20 +261,14 @@ def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> 
 
 def _columns(even: FloatArray) -> FloatArray:
     """(P, N, 12) the rows of the table from evenly spaced points (P, N, 2)."""
-    heading = _sample_headings(even)
+    step = np.gradient(even, axis=1)
+    heading = np.unwrap(np.arctan2(step[..., 1], step[..., 0]), axis=1)  # without jumps of 2 pi
     curvature = np.gradient(heading, DS_M, axis=1)
     columns = np.stack([even[..., 0], even[..., 1], np.cos(heading), np.sin(heading), heading, curvature], -1)
     slope = np.diff(columns, axis=1, append=columns[:, -1:])
     # The last step goes on straight: positions past the end are extrapolated from it.
     slope[:, -1, :2] = DS_M * columns[:, -1, 2:4]
     return np.concatenate([columns, slope], -1)
-
-
-def _sample_headings(points: FloatArray) -> FloatArray:
-    """(P, N) headings along paths, without jumps of 2 pi."""
-    step = np.gradient(points, axis=1)
-    heading: FloatArray = np.unwrap(np.arctan2(step[..., 1], step[..., 0]), axis=1)
-    return heading
 
 
 def planned_lanes(

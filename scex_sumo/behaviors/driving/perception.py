@@ -1,4 +1,4 @@
-"""What a vehicle sees: the others in its own coordinates, and the road around it."""
+"""Perception: everyone on the road in one set of arrays, and the map around one vehicle."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
-from scex_sumo.scene import SceneHistory, States, Who
+from scex_sumo.scene import SceneHistory, States
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,33 +30,6 @@ class Everyone:
     width: FloatArray
     obstacle: BoolArray
     longest: float
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LocalView:
-    """Others as n vehicles see them: x ahead, y to the left, headings relative to their own.
-
-    Columns are the V vehicles of the seed scene, then its O obstacles; M = V + O.
-
-    Attributes:
-        x: (n, M) centre, m.
-        y: (n, M) centre, m.
-        heading: (n, M) rad in [-pi, pi].
-        vx: (n, M) velocity over ground along the own heading, m/s (not relative to the own velocity).
-        vy: (n, M) velocity over ground to the left, m/s.
-        length: (M,) m.
-        width: (M,) m.
-        seen: (n, M) present, within the radius and not the vehicle itself. Values elsewhere are arbitrary.
-    """
-
-    x: FloatArray
-    y: FloatArray
-    heading: FloatArray
-    vx: FloatArray
-    vy: FloatArray
-    length: FloatArray
-    width: FloatArray
-    seen: BoolArray
 
 
 def everyone(history: SceneHistory) -> Everyone:
@@ -83,34 +55,6 @@ def everyone(history: SceneHistory) -> Everyone:
     obstacle = np.arange(len(length)) >= scene.vehicles
     return Everyone(
         states=now, present=present, length=length, width=width, obstacle=obstacle, longest=longest
-    )
-
-
-def local_view(history: SceneHistory, who: Who, radius: float = np.inf) -> LocalView:
-    """The others in the own coordinates of each vehicle.
-
-    Args:
-        history: the present.
-        who: the n vehicles that look.
-        radius: how far they see, m, centre to centre.
-    """
-    others = everyone(history)
-    own = history.now[who.child, who.vehicle]
-    them = others.states[who.child]
-    cos, sin = np.cos(own.heading)[:, None], np.sin(own.heading)[:, None]
-    dx, dy = them.x - own.x[:, None], them.y - own.y[:, None]
-    turn = wrap(them.heading - own.heading[:, None])
-    seen = others.present[who.child] & (dx**2 + dy**2 <= radius**2)
-    seen[np.arange(len(who)), who.vehicle] = False
-    return LocalView(
-        x=cos * dx + sin * dy,
-        y=cos * dy - sin * dx,
-        heading=turn,
-        vx=them.speed * np.cos(turn),
-        vy=them.speed * np.sin(turn),
-        length=others.length,
-        width=others.width,
-        seen=seen,
     )
 
 

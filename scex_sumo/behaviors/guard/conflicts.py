@@ -1,19 +1,16 @@
-"""What holds a guarded vehicle back: leaders in its corridor, crossings that another one reaches first."""
+"""Conflicts that hold a vehicle back: leaders in its corridor, crossings that another one reaches first."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.guard.profile import GuardProfile
 from scex_sumo.behaviors.guard.ways import SAMPLE_S, SAMPLES, Expected, PlannedWays, expected
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, Who
-
-if TYPE_CHECKING:
-    from scex_sumo.behaviors.guard.profile import GuardProfile
 
 MOST_PAIRS = 256  # at a time: bounds the memory, and stays near the processor
 SAME_WAY = 0.5  # cosine above which two go the same way: one follows the other instead of waiting for it
@@ -63,6 +60,17 @@ class Holds:
         return Holds(**values)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _View:
+    """What is looked at to find the holds of n vehicles, as in `find_holds`."""
+
+    paths: PlannedWays
+    around: Expected
+    history: SceneHistory
+    who: Who
+    profile: GuardProfile
+
+
 def find_holds(
     paths: PlannedWays, history: SceneHistory, road: Road, who: Who, profile: GuardProfile
 ) -> Holds:
@@ -75,22 +83,20 @@ def find_holds(
         who: the n vehicles.
         profile: the guard's parameters.
     """
-    around = expected(history, road)
-    i, j = _near_pairs(paths, around, history, who, profile)
-    size = max(1, MOST_PAIRS)
+    view = _View(paths=paths, around=expected(history, road), history=history, who=who, profile=profile)
+    i, j = _near_pairs(view)
     parts = [
-        _holds_of(paths, around, history, who, profile, i[k : k + size], j[k : k + size])
-        for k in range(0, max(1, len(i)), size)
+        _holds_of(view, i[k : k + MOST_PAIRS], j[k : k + MOST_PAIRS])
+        for k in range(0, max(1, len(i)), MOST_PAIRS)
     ]
     return Holds(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Holds)})
 
 
-def _near_pairs(
-    paths: PlannedWays, around: Expected, history: SceneHistory, who: Who, profile: GuardProfile
-) -> tuple[IntArray, IntArray]:
+def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
     """Who moves and can meet whom, by boxes around what both will cover."""
+    paths, around, scene, who = view.paths, view.around, view.history.scene, view.who
     others = around.others
-    own_reach = np.sqrt(history.scene.length**2 + history.scene.width**2)[who.vehicle] / 2 + profile.margin
+    own_reach = np.sqrt(scene.length**2 + scene.width**2)[who.vehicle] / 2 + view.profile.margin
     reach = own_reach[:, None] + (np.sqrt(others.length**2 + others.width**2) / 2)[None]
     near = others.present[who.child] & (paths.arc[:, -1] > 0.0)[:, None]
     for mine, theirs in ((paths.corner_x, around.x), (paths.corner_y, around.y)):
@@ -123,17 +129,10 @@ class _Blocked:
     high: FloatArray
 
 
-def _holds_of(
-    paths: PlannedWays,
-    around: Expected,
-    history: SceneHistory,
-    who: Who,
-    profile: GuardProfile,
-    i: IntArray,
-    j: IntArray,
-) -> Holds:
+def _holds_of(view: _View, i: IntArray, j: IntArray) -> Holds:
     """Holds of pairs: vehicle i of the n, other j of the M."""
-    blocked = _blocked(paths, around, history, who, profile, i, j)
+    paths, around, who, profile = view.paths, view.around, view.who, view.profile
+    blocked = _blocked(view, i, j)
     some = blocked.inside.any(axis=1)
     i, j = i[some], j[some]
     blocked = _Blocked(**{f.name: getattr(blocked, f.name)[some] for f in fields(_Blocked)})
@@ -250,23 +249,16 @@ def _yields(
     return result
 
 
-def _blocked(
-    paths: PlannedWays,
-    around: Expected,
-    history: SceneHistory,
-    who: Who,
-    profile: GuardProfile,
-    i: IntArray,
-    j: IntArray,
-) -> _Blocked:
+def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
     """How the others j cover the corridors of the vehicles i."""
-    child, vehicle = who.child[i], who.vehicle[i]
+    paths, around, profile = view.paths, view.around, view.profile
+    child, vehicle = view.who.child[i], view.who.vehicle[i]
     x, y, heading = around.x[child, j], around.y[child, j], around.heading[child, j]
     s, offset, line_cos, line_sin, swing = _onto(paths, i, x, y)
     ahead, left = np.cos(heading), np.sin(heading)
     cos, sin = ahead * line_cos + left * line_sin, left * line_cos - ahead * line_sin
     half_length, half_width = around.others.length[j][:, None] / 2, around.others.width[j][:, None] / 2
-    own_length, own_width = history.scene.length[vehicle], history.scene.width[vehicle]
+    own_length, own_width = view.history.scene.length[vehicle], view.history.scene.width[vehicle]
     extent = np.abs(cos) * half_length + np.abs(sin) * half_width + own_length[:, None] / 2
     body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width - own_width[:, None] / 2
     low, high = s - extent, s + extent
@@ -274,14 +266,8 @@ def _blocked(
     beside = (low[:, 0] < 0) & (high[:, 0] > 0)
     margin = np.where(beside[:, None] | (cos < TOWARDS), profile.alongside_margin, profile.margin)
     reach = paths.corner_arc[i, -1:]
-    return _Blocked(
-        inside=(body <= margin + swing) & (low <= reach),
-        s=s,
-        offset=offset,
-        cos=cos,
-        low=low,
-        high=high,
-    )
+    inside = (body <= margin + swing) & (low <= reach)
+    return _Blocked(inside=inside, s=s, offset=offset, cos=cos, low=low, high=high)
 
 
 def _onto(

@@ -1,4 +1,4 @@
-"""A safe-speed bound around any of our models: the planned way stays, the speed on it comes down."""
+"""Guard around any of our models, a safe-speed bound: the planned way stays, the speed on it comes down."""
 
 from __future__ import annotations
 

@@ -1,10 +1,8 @@
-"""The guard's view of motion: the planned ways of its own vehicles, the expected ways of all others."""
+"""Ways as the guard sees them: the planned ways of its own vehicles, the expected ways of all others."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,12 +11,11 @@ from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, rear_axle
 from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.perception import Everyone, everyone
 from scex_sumo.behaviors.driving.projection import expected_way, project, sample
+from scex_sumo.behaviors.guard.profile import GuardProfile
+from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, Who
-
-if TYPE_CHECKING:
-    from scex_sumo.behaviors.guard.profile import GuardProfile
 
 SAMPLE_S = 0.4  # a car that crosses at 15 m/s is in the corridor for longer than that
 SAMPLES = 11  # the present, and 4 s ahead
@@ -174,11 +171,11 @@ class Expected:
     braking: FloatArray
 
 
-@lru_cache(maxsize=2)
+@derived
 def expected(history: SceneHistory, road: Road) -> Expected:
     """Everyone at its present speed: vehicles along their paths, pedestrians and cyclists straight on.
 
-    Remembered for the last histories, since every guarded model of a batch asks for the same.
+    Kept with the history, since every guarded model of a batch asks for the same.
     """
     others = everyone(history)
     now = others.states

@@ -1,4 +1,4 @@
-"""From what a network predicts to plans that a car can drive."""
+"""Plans from what a network predicts: accelerations and offsets along a path, or free trajectories."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scex_sumo.behaviors.driving.projection import expected_way, project
 from scex_sumo.behaviors.learned.seen.surface import path_room
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
 
 RETURN_S = 3.0  # a driver who does not steer otherwise comes back to the path with this time constant
 EDGE_MARGIN_M = 0.15  # of the box to the edge of the drivable surface
@@ -29,8 +29,6 @@ def plan_along(
     offset: FloatArray | None,
     *,
     road: Road | None = None,
-    start: States | None = None,
-    return_s: float = RETURN_S,
 ) -> Plan:
     """Drive along paths with given accelerations and offsets.
 
@@ -41,19 +39,17 @@ def plan_along(
         row: (n,) path of each.
         acceleration: (n, H) m/s²; who would reverse stops.
         offset: (n, H) wanted distance left of the path after each step, m; None comes back to the path from
-            the present offset like exp(-t / return_s).
+            the present offset like exp(-t / RETURN_S).
         road: keeps the box of every vehicle on the drivable surface of this map; None does not.
-        start: (n,) states to start from, the present ones by default.
-        return_s: s, see `offset`.
 
     Returns:
         (n, H).
     """
-    own = history.now[who.child, who.vehicle] if start is None else start
+    own = history.now[who.child, who.vehicle]
     s, present, _ = project(paths, row, own.x, own.y, expected_way(history, who))
     steps, way = acceleration.shape[1], way_of(own.speed, acceleration)
     if offset is None:
-        wanted = present[:, None] * np.exp(-STEP_S / return_s * np.arange(steps + 1))
+        wanted = present[:, None] * np.exp(-STEP_S / RETURN_S * np.arange(steps + 1))
     else:
         wanted = np.concatenate([present[:, None], offset], axis=1)
     if road is None:
@@ -67,10 +63,7 @@ def plan_along(
     # What follows the path is the rear axle.
     wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(wanted, way)
 
-    def accelerate(step: int, v: FloatArray, travelled: FloatArray, at: FloatArray) -> FloatArray:
-        return acceleration[:, step]
-
-    return drive(history, who, paths, row, accelerate, start=start, steps=steps, aside=wanted)
+    return drive(history, who, paths, row, lambda step, *_: acceleration[:, step], steps=steps, aside=wanted)
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:
@@ -123,7 +116,7 @@ def bounds_along(
         way: (n, H + 1) further way now and after each step, m.
         half_width: (n,) m.
     """
-    left, right = path_room(road, paths).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
+    left, right = path_room(paths, road).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
     most, least = (
         _ahead_of_narrows(left) - half_width[:, None],
         half_width[:, None] - _ahead_of_narrows(right),

@@ -1,8 +1,7 @@
-"""What both learned drivers share: choose a path and a mode, ask the network, drive."""
+"""Driver that both learned models share: choose a path and a mode, ask the network, drive."""
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ from scex_sumo.behaviors.learned.seen.inputs import PathInputs, path_inputs
 from scex_sumo.behaviors.learned.weights import load_weights, sha256_of
 from scex_sumo.behaviors.models.path_follower import follow_path
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
+from scex_sumo.derived import derived
 from scex_sumo.errors import InputError
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, Who
@@ -44,22 +44,17 @@ class Loaded:
     Attributes:
         net: exact, see `layers`.
         meta: of its file.
-        maps: raster and features of the last maps.
     """
 
     net: GraphPredictorNet | GraphImageNet
     meta: dict[str, Any]
-    maps: OrderedDict[Road, MapImage]
 
-    def image_of(self, road: Road) -> MapImage:
-        """A map as the network sees it; made once."""
-        assert isinstance(self.net, GraphImageNet)
-        if road not in self.maps:
-            image = map_image(road)
-            self.maps[road] = image._replace(features=self.net.image.features_in_strips(image.raster))
-            while len(self.maps) > 4:
-                self.maps.popitem(last=False)
-        return self.maps[road]
+
+@derived
+def image_of(road: Road, net: GraphImageNet) -> MapImage:
+    """A map as a network sees it, with its features."""
+    image = map_image(road)
+    return image._replace(features=net.image.features_in_strips(image.raster))
 
 
 @lru_cache(maxsize=4)
@@ -76,7 +71,7 @@ def loaded(file: Path, kind: str, sha256: str) -> Loaded:
     share = make_exact(net)
     if not share < 1:
         raise InputError(f"{file}: weights add up to {share:.0f} times the most that is exact; train again")
-    return Loaded(net, meta, OrderedDict())
+    return Loaded(net, meta)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,11 +110,6 @@ class LearnedDriver:
         self.sha256 = sha256_of(file) if file.is_file() else ""
         if free and not self._loaded.net.sizes.free:
             raise InputError(f"{file}: trained without the head for free trajectories; use head=bounded")
-        self._choices: OrderedDict[tuple[SeedScene, Road], _Choice] = OrderedDict()
-
-    def __getstate__(self) -> dict[str, Any]:
-        # A worker loads the network itself.
-        return {**self.__dict__, "_choices": OrderedDict()}
 
     @property
     def _loaded(self) -> Loaded:
@@ -155,15 +145,9 @@ class LearnedDriver:
         with torch.inference_mode(), _one_thread():
             scene, path = scene_batch(graph), path_batch(inputs)
             if isinstance(net, GraphImageNet):
-                image = self._image(history, road, who)
+                image = _image(history, image_of(road, net), who)
                 return inputs, net(scene, path, image, torch.full((len(who),), self.attention).double())
             return inputs, net(scene, path)
-
-    def _image(self, history: SceneHistory, road: Road, who: Who) -> ImageBatch:
-        own = history.now[who.child, who.vehicle]
-        pose = torch.from_numpy(np.stack([own.x, own.y, own.heading], 1))
-        none = torch.zeros(len(who), dtype=torch.int64)
-        return ImageBatch((self._loaded.image_of(road),), none, pose, torch.arange(len(who)))
 
     def _drive(
         self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray
@@ -195,38 +179,42 @@ class LearnedDriver:
     def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
         paths, row = chosen_paths(history, road, who, _plain(self.profile.path))
         if self.profile.path == "likeliest":
-            row = self._choice(history.scene, road).likeliest[who.vehicle]
+            row = choice_of(history.scene, self, road).likeliest[who.vehicle]
         return paths, row
 
     def _modes(self, history: SceneHistory, road: Road, who: Who, row: IntArray, modes: Modes) -> IntArray:
         """(n,) mode that each vehicle drives."""
         if self.profile.mode == "draw":
-            upper = self._choice(history.scene, road).modes[row]
+            upper = choice_of(history.scene, self, road).modes[row]
             draw = history.route_draw[who.child, who.vehicle] * DRAW_DIGITS % 1.0
             return np.asarray((draw[:, None] >= upper[:, :-1]).sum(1))
         if self.meta.get("best", "expected") == "likeliest":
             return np.asarray(_rounded(modes.logits).argmax(1))
         return np.zeros(len(who), dtype=np.int64)
 
-    def _choice(self, scene: SeedScene, road: Road) -> _Choice:
-        """Paths and modes as the network sees them in the seed scene."""
-        key = scene, road
-        if key not in self._choices:
-            history = SceneHistory.of_scene(scene)
-            everyone = Who(child=np.zeros(scene.vehicles, np.int64), vehicle=np.arange(scene.vehicles))
-            paths, _ = chosen_paths(history, road, everyone, _plain(self.profile.path))
-            vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
-            pairs = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
-            _, modes = self.predict(history, road, pairs, paths, np.arange(len(vehicle)))
-            logit = np.nan_to_num(_rounded(modes.path_logit), nan=-np.inf)
-            ends = np.cumsum(paths.count)
-            best = [int(f + np.argmax(logit[f:e])) for f, e in zip(paths.first, ends, strict=True)]
-            weight = np.exp(_rounded(modes.logits) - _rounded(modes.logits).max(1, keepdims=True))
-            upper = np.cumsum(weight, 1) / weight.sum(1, keepdims=True)
-            self._choices[key] = _Choice(np.array(best, dtype=np.int64), upper)
-            while len(self._choices) > 8:
-                self._choices.popitem(last=False)
-        return self._choices[key]
+
+@derived
+def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
+    """Paths and modes as the network sees them in the seed scene."""
+    history = SceneHistory.of_scene(scene)
+    everyone = Who(child=np.zeros(scene.vehicles, np.int64), vehicle=np.arange(scene.vehicles))
+    paths, _ = chosen_paths(history, road, everyone, _plain(driver.profile.path))
+    vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
+    pairs = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+    _, modes = driver.predict(history, road, pairs, paths, np.arange(len(vehicle)))
+    logit = np.nan_to_num(_rounded(modes.path_logit), nan=-np.inf)
+    ends = np.cumsum(paths.count)
+    best = [int(f + np.argmax(logit[f:e])) for f, e in zip(paths.first, ends, strict=True)]
+    weight = np.exp(_rounded(modes.logits) - _rounded(modes.logits).max(1, keepdims=True))
+    upper = np.cumsum(weight, 1) / weight.sum(1, keepdims=True)
+    return _Choice(np.array(best, dtype=np.int64), upper)
+
+
+def _image(history: SceneHistory, image: MapImage, who: Who) -> ImageBatch:
+    own = history.now[who.child, who.vehicle]
+    pose = torch.from_numpy(np.stack([own.x, own.y, own.heading], 1))
+    none = torch.zeros(len(who), dtype=torch.int64)
+    return ImageBatch((image,), none, pose, torch.arange(len(who)))
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""The optional libraries that learned drivers need."""
+"""Optional libraries that learned drivers need."""
 
 from __future__ import annotations
 

@@ -11,9 +11,8 @@ from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.errors import UsageError
 
 SHIPPED = Path(__file__).parents[1] / "weights"
-
-
 MODES = ("best", "draw")
+HEADS = ("bounded", "free")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,9 +51,6 @@ def check_learned(profile: Any) -> None:
 def weights_file(name: str, given: str) -> Path:
     """The file of weights of a learned driver: the user's, else the shipped one."""
     return Path(given).expanduser().absolute() if given else SHIPPED / f"{name}.pt"
-
-
-HEADS = ("bounded", "free")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Keeps the speed of the seed scene along the path, whatever stands in the way."""
+"""Constant velocity: the speed of the seed scene along the path, whatever stands in the way."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.behaviors.driving.motion import drive
-from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
+from scex_sumo.behaviors.driving.motion import drive_along
+from scex_sumo.behaviors.driving.paths import PathChoice
 from scex_sumo.behaviors.parameters import check_path
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
@@ -37,11 +36,6 @@ class ConstantVelocity:
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
-        paths, row = chosen_paths(history, road, who, self.profile.path)
         target = np.maximum(history.scene.now.speed[who.vehicle], 0.0)
-
-        def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-            # Zero but for rounding, unless something else moved the vehicle before.
-            return (target - v) / STEP_S
-
-        return drive(history, who, paths, row, accelerate)
+        # Zero but for rounding, unless something else moved the vehicle before.
+        return drive_along(history, road, who, self.profile.path, lambda _, v, *__: (target - v) / STEP_S)

@@ -1,4 +1,4 @@
-"""Full braking along the path to a standstill."""
+"""Emergency brake: braking along the path to a standstill."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.behaviors.driving.motion import drive
-from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
+from scex_sumo.behaviors.driving.motion import drive_along
+from scex_sumo.behaviors.driving.paths import PathChoice
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
@@ -40,10 +39,5 @@ class EmergencyBrake:
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
-        paths, row = chosen_paths(history, road, who, self.profile.path)
         braking = np.full(len(who), -self.profile.deceleration)
-
-        def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-            return braking
-
-        return drive(history, who, paths, row, accelerate)
+        return drive_along(history, road, who, self.profile.path, lambda *_: braking)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import expected_way, project
 from scex_sumo.behaviors.parameters import check_path, check_positive
+from scex_sumo.derived import derived
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
 
@@ -237,7 +237,7 @@ def desired_speed(
     return bounded
 
 
-@lru_cache(maxsize=32)
+@derived
 def desired_speeds(paths: SeedPaths, speed: float, factor: float) -> FloatArray:
     """(P * N,) desired speed along all paths, m/s: the speed limit times a factor, or a given speed."""
     wished = np.full_like(paths.speed_limit, speed) if speed > 0 else factor * paths.speed_limit
@@ -246,7 +246,7 @@ def desired_speeds(paths: SeedPaths, speed: float, factor: float) -> FloatArray:
     return np.where(off[:, None], paths.speed_limit, wished).ravel()
 
 
-@lru_cache(maxsize=32)
+@derived
 def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> FloatArray:
     """(P * N,) highest speed along all paths, m/s, from which the driver comes through every curve ahead.
 

@@ -1,4 +1,4 @@
-"""Who drives where a model has no plan: ``calibrated_driver`` along the path that the vehicle is on."""
+"""Path-following driver, for who has no plan: ``calibrated_driver`` along the path that the vehicle is on."""
 
 from __future__ import annotations
 
@@ -14,17 +14,9 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
 
 OFF_PATH_M = 5.0  # a vehicle further from all its paths, or across them, drives straight on
-
-
 AGAINST_PATH_RAD = np.pi / 2
-
-
 TURN_WEIGHT_M = 5.0  # metres beside a path that count as much as one radian across it
-
-
 STRAIGHT_BONUS_M = 0.5  # by how much another path must be nearer than the straight one
-
-
 STATES = ("x", "y", "heading", "speed")
 
 

@@ -1,4 +1,4 @@
-"""What really happened, for comparison."""
+"""Replay of the recorded future, for comparison."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.driving.motion import drive
-from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
+from scex_sumo.behaviors.driving.motion import drive_along
+from scex_sumo.behaviors.driving.paths import PathChoice
 from scex_sumo.behaviors.parameters import check_path
 from scex_sumo.errors import UsageError
 from scex_sumo.road import Road
@@ -55,8 +55,7 @@ class Replay:
         recorded = scene.future[who.vehicle]
         last = history.step + left - 1
         end = _pick(recorded, np.maximum(last, 0), left > 0, history.now[who.child, who.vehicle])
-        paths, row = chosen_paths(history, road, who, self.profile.path)
-        rest = drive(history, who, paths, row, _no_acceleration, start=end)
+        rest = drive_along(history, road, who, self.profile.path, start=end)
         h = np.arange(PLAN_STEPS)
         driven = h >= left[:, None]
         in_recording = np.minimum(history.step + h, recorded.shape[1] - 1)
@@ -71,10 +70,6 @@ class Replay:
             heading=merge(rest.heading, recorded.heading),
             speed=merge(rest.speed, recorded.speed),
         )
-
-
-def _no_acceleration(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-    return np.zeros_like(v)
 
 
 def _pick(recorded: States, column: IntArray, there: BoolArray, otherwise: States) -> States:

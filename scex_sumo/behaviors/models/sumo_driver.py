@@ -1,4 +1,4 @@
-"""Vehicles that SUMO's own car-following models drive, in the same world as the others."""
+"""SUMO's own car-following models, whose vehicles drive in the same world as the others."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.behaviors.driving.motion import drive
-from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths, planned_lanes
+from scex_sumo.behaviors.driving.motion import drive_along
+from scex_sumo.behaviors.driving.paths import PathChoice, planned_lanes
 from scex_sumo.behaviors.parameters import check_path
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, Who
-from scex_sumo.world.vehicle_types import check_driver
+from scex_sumo.sumo_models import check_driver
 
 
 class SumoDriver:
@@ -53,9 +53,4 @@ class SumoDriver:
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """The path that the vehicle is expected to take, at its present speed: for metrics only."""
-        paths, row = chosen_paths(history, road, who, self.path)
-
-        def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-            return np.zeros_like(v)
-
-        return drive(history, who, paths, row, accelerate)
+        return drive_along(history, road, who, self.path)

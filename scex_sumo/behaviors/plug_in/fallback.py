@@ -1,4 +1,4 @@
-"""A model that may fail always has a usable plan: the path-following driver's, where its own is none."""
+"""Fallback planner: who has no usable plan of its own model is driven by the path-following driver."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scex_sumo.arrays import BoolArray, IntArray
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
 from scex_sumo.behaviors.models.path_follower import STATES, follow_path
 from scex_sumo.behaviors.plug_in.single import SingleVehicle
-from scex_sumo.behaviors.plug_in.usable import checked_shape, reason_of, where_from, wrong_with
+from scex_sumo.behaviors.plug_in.usable import checked_shape, reason_in_model, where_from, wrong_with
 from scex_sumo.errors import ScexError
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
@@ -67,7 +67,7 @@ class Fallible:
             wrong = wrong_with(made, history, who)
         except (Exception, SystemExit) as error:  # whatever a user's code raises
             if len(who) == 1:
-                return _blank(1), [reason_of(error)], np.ones(1, dtype=np.bool_)
+                return _blank(1), [reason_in_model(error)], np.ones(1, dtype=np.bool_)
             for child, state in zip(asked, before, strict=True):
                 rng[child].bit_generator.state = state
             parts = np.unique(who.child, return_inverse=True)[1] if len(asked) > 1 else np.arange(len(who))

@@ -3,87 +3,64 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable
+import inspect
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from scex_sumo.behaviors.plug_in.file_function import FileFunction
 from scex_sumo.behaviors.plug_in.inputs import ARRAYS, Surroundings
 from scex_sumo.behaviors.plug_in.predictor import Predictor
+from scex_sumo.behaviors.plug_in.user_model import UserModel
 from scex_sumo.errors import InputError, MissingExtraError
 
+_PACKAGES = {"torchscript": ("torch", "learned"), "onnx": ("onnxruntime", "onnx")}  # needed, and its extra
 
-def torchscript(
-    *,
-    file: str,
-    neighbours: int = 16,
-    radius: float = 50.0,
-    lanes: int = 32,
-    points: int = 10,
-    spacing: float = 2.0,
-) -> Predictor:
-    """A TorchScript file that predicts trajectories; its forward names its inputs.
 
-    Args:
-        file: as ``torch.jit.save`` wrote it.
-        neighbours: K, as in `Surroundings`.
-        radius: m.
-        lanes: L.
-        points: P.
-        spacing: m.
+def _predictor(kind: str, file: str, surroundings: Mapping[str, Any]) -> Predictor:
+    """The predictor in a file; how much it sees is as given, else as the file says, else the default.
 
     Raises:
-        MissingExtraError: torch is not installed.
+        MissingExtraError: what it needs is not installed.
         InputError: the file is none, or asks for inputs that there are not.
     """
-    _there(file, "torchscript", "torch", "learned")
-    from scex_sumo.behaviors.plug_in.torchscript_file import ScriptedFunction
-
-    function = ScriptedFunction(file)
-    return _predictor(
-        function,
-        function.inputs,
-        file,
-        Surroundings(neighbours=neighbours, radius=radius, lanes=lanes, points=points, spacing=spacing),
-    )
-
-
-def onnx(*, file: str, neighbours: int = 0, radius: float = 50.0, lanes: int = 0, points: int = 0,
-         spacing: float = 2.0) -> Predictor:  # fmt: skip
-    """An ONNX file that predicts trajectories; the names of its inputs say what it is given.
-
-    Args:
-        file: ONNX model.
-        neighbours: K, as in `Surroundings`; 0 takes what the file declares, else 16.
-        radius: m.
-        lanes: L; 0 takes what the file declares, else 32.
-        points: P; 0 takes what the file declares, else 10.
-        spacing: m.
-
-    Raises:
-        MissingExtraError: onnxruntime is not installed.
-        InputError: the file is none, or asks for inputs that there are not.
-    """
-    _there(file, "onnx", "onnxruntime", "onnx")
-    from scex_sumo.behaviors.plug_in.onnx_file import OnnxFunction
-
-    function = OnnxFunction(file)
-    given = {"neighbours": neighbours, "lanes": lanes, "points": points}
-    sizes = function.sizes | {name: value for name, value in given.items() if value}
-    return _predictor(function, function.inputs, file, Surroundings(radius=radius, spacing=spacing, **sizes))
-
-
-def _there(file: str, model: str, package: str, extra: str) -> None:
+    package, extra = _PACKAGES[kind]
     if importlib.util.find_spec(package) is None:
-        raise MissingExtraError(f"{model}: needs {package}; install it with pip install 'scex-sumo[{extra}]'")
+        raise MissingExtraError(f"{kind}: needs {package}; install it with pip install 'scex-sumo[{extra}]'")
     if not Path(file).is_file():
-        raise InputError(f"{model}: file={file}: no such file")
+        raise InputError(f"{kind}: file={file}: no such file")
+    function: FileFunction
+    if kind == "onnx":
+        from scex_sumo.behaviors.plug_in.onnx_file import OnnxFunction
 
+        function = OnnxFunction(file)
+    else:
+        from scex_sumo.behaviors.plug_in.torchscript_file import ScriptedFunction
 
-def _predictor(
-    function: Callable[..., Any], inputs: tuple[str, ...], file: str, surroundings: Surroundings
-) -> Predictor:
-    unknown = [name for name in inputs if name not in ARRAYS]
-    if unknown or not inputs:
+        function = ScriptedFunction(file)
+    unknown = [name for name in function.inputs if name not in ARRAYS]
+    if unknown or not function.inputs:
         asks = f"asks for an input {unknown[0]!r}" if unknown else "has no inputs"
         raise InputError(f"{file}: {asks}; there are: {', '.join(ARRAYS)}")
-    return Predictor(function, inputs=inputs, surroundings=surroundings)
+    around = Surroundings(**(function.sizes | dict(surroundings)))
+    return Predictor(function, inputs=function.inputs, surroundings=around)
+
+
+def _model(kind: str, summary: str) -> UserModel:
+    def make(file: str, **surroundings: Any) -> Predictor:
+        return _predictor(kind, file, surroundings)
+
+    parameters = {"file": inspect.Parameter.empty, **asdict(Surroundings())}
+    return UserModel(make=make, parameters=parameters, summary=summary)
+
+
+FILES: Mapping[str, UserModel] = {
+    "torchscript": _model(
+        "torchscript", "A TorchScript file that predicts trajectories; its forward names its inputs."
+    ),
+    "onnx": _model(
+        "onnx", "An ONNX file that predicts trajectories; the names of its inputs say what it is given."
+    ),
+}
+"""Models from files by the name that they have on the command line; the file is a parameter."""

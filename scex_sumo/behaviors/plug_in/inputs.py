@@ -1,4 +1,4 @@
-"""What a predictor may ask for: each vehicle's last second, the others, the lanes, in the vehicle's frame.
+"""Inputs of predictors: each vehicle's last second, the others, the lanes, in the vehicle's frame.
 
 The frame of a vehicle: origin at its centre now, x ahead, y to the left; angles relative to its heading.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.parameters import check_positive
+from scex_sumo.derived import derived
 from scex_sumo.errors import UsageError
 from scex_sumo.geometry.frames import seen_from
 from scex_sumo.geometry.polylines import arc_lengths
@@ -173,9 +173,9 @@ def _lanes(road: Road, now: States, surroundings: Surroundings) -> dict[str, NDA
     }
 
 
-@lru_cache(maxsize=16)
+@derived
 def lane_pieces(road: Road, points: int, spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Centrelines of the vehicle lanes cut into equal pieces, remembered for the last roads.
+    """Centrelines of the vehicle lanes cut into equal pieces, kept with the road.
 
     Args:
         road: the map.

@@ -1,14 +1,14 @@
-"""An ONNX file as a function of named arrays. Only here: onnxruntime."""
+"""ONNX files as functions of named arrays: the one module that imports onnxruntime."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
+from scex_sumo.behaviors.plug_in.file_function import FileFunction
 from scex_sumo.errors import InputError
 
 _DTYPES: Final = {
@@ -27,13 +27,8 @@ _SIZES: Final = {
 }
 
 
-class OnnxFunction:
-    """Calls an ONNX file: arrays in, its first output out, one thread. Another process loads the file again.
-
-    Attributes:
-        inputs: names of the file's inputs.
-        sizes: of the `Surroundings`, as far as the file's shapes say.
-    """
+class OnnxFunction(FileFunction):
+    """Calls an ONNX file on one thread; its first output are the trajectories."""
 
     def __init__(self, file: str) -> None:
         """Load the file.
@@ -41,9 +36,8 @@ class OnnxFunction:
         Raises:
             InputError: it is no ONNX file, or takes only so many vehicles at once.
         """
-        self.file = str(Path(file).resolve())
-        self._session: onnxruntime.InferenceSession | None = None
-        declared = self.session.get_inputs()
+        super().__init__(file)
+        declared = self.loaded.get_inputs()
         self.inputs = tuple(entry.name for entry in declared)
         self._dtypes = {entry.name: _DTYPES.get(entry.type, np.float32) for entry in declared}
         shapes = {entry.name: list(entry.shape) for entry in declared}
@@ -53,35 +47,25 @@ class OnnxFunction:
                 f"{file}: input {fixed} has shape {shapes[fixed]}, for {shapes[fixed][0]} vehicles only; "
                 "export it with a free first dimension (dynamic_axes or dynamic_shapes)"
             )
-        self.sizes: dict[str, int] = {}
         for size, places in _SIZES.items():
             for name, axis in places:
                 shape = shapes.get(name, [])
                 if len(shape) > axis and isinstance(shape[axis], int):
                     self.sizes[size] = shape[axis]
 
-    @property
-    def session(self) -> Any:
-        """The loaded file."""
-        if self._session is None:
-            options = onnxruntime.SessionOptions()
-            options.intra_op_num_threads = 1
-            options.inter_op_num_threads = 1
-            options.log_severity_level = 3
-            try:
-                self._session = onnxruntime.InferenceSession(
-                    self.file, options, providers=["CPUExecutionProvider"]
-                )
-            except Exception as error:  # its errors have no common class
-                raise InputError(f"{self.file}: no ONNX file: {' '.join(str(error).split())}") from None
-        return self._session
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_session": None}
+    def _load(self) -> Any:
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = 1
+        options.inter_op_num_threads = 1
+        options.log_severity_level = 3
+        try:
+            return onnxruntime.InferenceSession(self.file, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # its errors have no common class
+            raise InputError(f"{self.file}: no ONNX file: {' '.join(str(error).split())}") from None
 
     def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
         """Trajectories; see `Predictor`."""
         given: dict[str, NDArray[Any]] = {
-            name: np.ascontiguousarray(values, dtype=self._dtypes[name]) for name, values in arrays.items()
+            key: np.ascontiguousarray(values, self._dtypes[key]) for key, values in arrays.items()
         }
-        return np.asarray(self.session.run(None, given)[0], dtype=np.float64)
+        return np.asarray(self.loaded.run(None, given)[0], dtype=np.float64)

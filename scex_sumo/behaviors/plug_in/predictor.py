@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import asdict, replace
-from functools import partial
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -92,10 +91,8 @@ class Predictor:
                 given["rng"] = rng[child]
             predicted.append(trajectories(self.function(**given), len(at)))
         whole = np.zeros((len(who), PLAN_STEPS, 4))
-        for columns in {values.shape[2] for values in predicted}:  # one, but for a strange function
-            same = [k for k, values in enumerate(predicted) if values.shape[2] == columns]
-            rows = np.concatenate([calls[k] for k in same])
-            whole[rows] = completed(np.concatenate([predicted[k] for k in same]))
+        if calls:
+            whole[np.concatenate(calls)] = completed(np.concatenate(predicted))
         return _in_the_map(whole, history, who)
 
     def _calls(self, who: Who) -> list[IntArray]:
@@ -202,49 +199,3 @@ def wanted_inputs(function: Callable[..., Any]) -> tuple[str, ...]:
     empty = inspect.Parameter.empty
     named = inspect.signature(function).parameters.values()
     return tuple(p.name for p in named if p.name in INPUTS or p.default is empty)
-
-
-def is_predictor(found: Any) -> bool:
-    """Whether something is a function of a vehicle's history, and not a class or one that makes a model."""
-    if inspect.isclass(found) or not callable(found):
-        return False
-    try:
-        parameters = inspect.signature(found).parameters.values()
-        return any(p.name in INPUTS and p.default is p.empty for p in parameters)
-    except (TypeError, ValueError):
-        return False
-
-
-class PredictorMaker:
-    """Makes `Predictor` of a function: its surroundings and the function's own parameters are the model's.
-
-    The function's own parameters are those with a default that are no inputs.
-    """
-
-    def __init__(self, function: Callable[..., Any], *, batched: bool = False, **surroundings: Any) -> None:
-        self.function = function
-        self.batched = batched
-        self.defaults = asdict(Surroundings(**surroundings))
-        self.__doc__ = function.__doc__ or f"Predictor {name_of(function)}"
-        own = [
-            p.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-            for p in inspect.signature(function).parameters.values()
-            if p.name not in INPUTS and p.default is not p.empty
-        ]
-        self.own = tuple(p.name for p in own)
-        further = [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=value)
-            for name, value in self.defaults.items()
-        ]
-        self.__signature__ = inspect.Signature([*own, *further])
-
-    def __call__(self, **given: Any) -> Predictor:
-        """Make the model."""
-        own = {name: value for name, value in given.items() if name in self.own}
-        rest = {name: value for name, value in given.items() if name not in self.own}
-        return Predictor(
-            partial(self.function, **own) if own else self.function,
-            inputs=wanted_inputs(self.function),
-            batched=self.batched,
-            surroundings=Surroundings(**(self.defaults | rest)),
-        )

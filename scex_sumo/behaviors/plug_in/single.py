@@ -1,4 +1,4 @@
-"""Models that plan for one vehicle at a time, such as a driving function under test."""
+"""Single-vehicle models, which plan for one vehicle at a time, such as a driving function under test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with a plan, in words that its author can use."""
+"""Plan check: what is wrong with a plan of a user's own model, and where its author finds the cause."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.arrays import FloatArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.plug_in.single import SingleVehicle
-from scex_sumo.errors import ScexError
+from scex_sumo.errors import ScexError, reason_of
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
 
 JUMP_M = 5.0  # off the motion so far, within one step: 500 m/s², which no vehicle can do
@@ -80,14 +80,13 @@ def _off_the_motion(made: Plan, history: SceneHistory, who: Who) -> FloatArray:
     return off
 
 
-def reason_of(error: BaseException) -> str:
-    """What an exception of a model says, and where in the model's own code it was raised; one line."""
-    words = " ".join(str(error).split()) or "no message"
+def reason_in_model(error: BaseException) -> str:
+    """Reason of an error of a model, with the line of the model's own code where it was raised."""
     if isinstance(error, ScexError):
-        return _short(words)
+        return _short(reason_of(error))
     frame = _authors_frame(error)
     place = f" ({Path(frame.filename).name}, line {frame.lineno})" if frame is not None else ""
-    return _short(f"raised {type(error).__name__}: {words}") + place
+    return _short(f"raised {reason_of(error)}") + place
 
 
 def _authors_frame(error: BaseException) -> traceback.FrameSummary | None:

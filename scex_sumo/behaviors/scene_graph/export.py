@@ -1,4 +1,4 @@
-"""Semantic scene graphs for other libraries: networkx and PyTorch Geometric."""
+"""Semantic scene graphs for networkx."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from scex_sumo.errors import MissingExtraError, UsageError
 
 if TYPE_CHECKING:
     from networkx import DiGraph
-    from torch_geometric.data import HeteroData
 
 
 def to_networkx(graph: SceneGraph, child: int = 0) -> DiGraph[int]:
@@ -33,7 +32,9 @@ def to_networkx(graph: SceneGraph, child: int = 0) -> DiGraph[int]:
     try:
         import networkx
     except ImportError as error:
-        raise MissingExtraError(_missing("networkx", "networkx")) from error
+        raise MissingExtraError(
+            "this export needs networkx; pip install 'scex-sumo[learned]' or networkx"
+        ) from error
     rows = np.flatnonzero(graph.child == child)
     if not len(rows):
         count = len(np.unique(graph.child))
@@ -59,43 +60,5 @@ def to_networkx(graph: SceneGraph, child: int = 0) -> DiGraph[int]:
     return made
 
 
-def to_hetero_data(graph: SceneGraph) -> HeteroData:
-    """The graphs of all children as one `torch_geometric.data.HeteroData`.
-
-    Node type ``vehicle`` with ``x`` (N, F), ``history`` (N, 11, 5), ``child`` (N,) and ``vehicle`` (N,); one
-    edge type ``("vehicle", kind, "vehicle")`` for each of `KINDS`, also where there is no such edge, with
-    ``edge_index`` (2, E) and ``edge_attr`` (E, G). Floats are float32, in SI units. The names of the columns
-    are in ``node_columns``, ``history_columns`` and ``edge_columns``.
-
-    Args:
-        graph: of a batch.
-
-    Raises:
-        MissingExtraError: torch or torch-geometric is not installed.
-    """
-    try:
-        import torch
-        from torch_geometric.data import HeteroData
-    except ImportError as error:
-        raise MissingExtraError(_missing("PyTorch Geometric", "torch-geometric")) from error
-    data = HeteroData()
-    nodes: Any = data["vehicle"]
-    nodes.x = torch.tensor(graph.node, dtype=torch.float32)
-    nodes.history = torch.tensor(graph.history, dtype=torch.float32)
-    nodes.child, nodes.vehicle = torch.tensor(graph.child), torch.tensor(graph.vehicle)
-    for number, kind in enumerate(KINDS):
-        mine = graph.edge_kind == number
-        edges: Any = data["vehicle", kind, "vehicle"]
-        edges.edge_index = torch.tensor(graph.edge_index[:, mine])
-        edges.edge_attr = torch.tensor(graph.edge[mine], dtype=torch.float32)
-    data.node_columns, data.history_columns = graph.node_columns, graph.history_columns
-    data.edge_columns = graph.edge_columns
-    return data
-
-
 def _named(columns: tuple[str, ...], values: Any) -> dict[str, float]:
     return dict(zip(columns, values.tolist(), strict=True))
-
-
-def _missing(what: str, package: str) -> str:
-    return f"this export needs {what}; pip install 'scex-sumo[learned]' or {package}"

@@ -6,17 +6,17 @@ All children of a batch make one graph, without an edge between children. Units 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.scene_graph.edges import EDGE_COLUMNS, KINDS, Edges, Located, scene_edges
 from scex_sumo.behaviors.scene_graph.nodes import HISTORY_COLUMNS, NODE_COLUMNS, node_features, node_history
+from scex_sumo.derived import derived
 from scex_sumo.errors import UsageError
 from scex_sumo.road import Road
 from scex_sumo.roads.index import RoadIndex, road_index
+from scex_sumo.roads.matching import Matches, match
 from scex_sumo.scene import SceneHistory, SeedScene, States
 
 __all__ = ["EDGE_COLUMNS", "HISTORY_COLUMNS", "KINDS", "NODE_COLUMNS", "SceneGraph", "scene_graph"]
@@ -62,9 +62,6 @@ class SceneGraph:
     arc: FloatArray
 
 
-_remembered: WeakKeyDictionary[SceneHistory, dict[tuple[Road, float], SceneGraph]] = WeakKeyDictionary()
-
-
 def scene_graph(
     history: SceneHistory | SeedScene, road: Road | None = None, *, radius: float = RADIUS_M
 ) -> SceneGraph:
@@ -80,32 +77,22 @@ def scene_graph(
     Raises:
         UsageError: there is no road, or the radius is no length.
     """
-    if isinstance(history, SeedScene):
-        history = _alone(history)
-    road = history.scene.road if road is None else road
+    scene = history if isinstance(history, SeedScene) else history.scene
+    road = scene.road if road is None else road
     if road is None:
-        raise UsageError(
-            f"scene graph of {history.scene.name}: the scene has no road; give road=read_map(...)"
-        )
+        raise UsageError(f"scene graph of {scene.name}: the scene has no road; give road=read_map(...)")
     if not radius > 0:
         raise UsageError(f"scene graph: radius is {radius}; needs a length above 0 m")
-    graphs = _remembered.setdefault(history, {})
-    if (road, radius) not in graphs:
-        graphs[road, radius] = _build(history, road, radius)
-    return graphs[road, radius]
+    return _build(history, road, radius)
 
 
-@lru_cache(maxsize=4)
-def _alone(scene: SeedScene) -> SceneHistory:
-    """Kept, as graphs are kept by history."""
-    return SceneHistory.of_scene(scene)
-
-
-def _build(history: SceneHistory, road: Road, radius: float) -> SceneGraph:
+@derived
+def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneGraph:
+    history = SceneHistory.of_scene(given) if isinstance(given, SeedScene) else given
     children, vehicles = history.now.shape
     now = history.now.map(np.ravel)
     index = road_index(road)
-    place = _locate(index, now)
+    place = _locate(index, match(road, now.x, now.y, now.heading), len(now.x))
     edges = _edges(history, now, place, index, radius)
     return SceneGraph(
         child=np.repeat(np.arange(children), vehicles),
@@ -124,10 +111,9 @@ def _build(history: SceneHistory, road: Road, radius: float) -> SceneGraph:
     )
 
 
-def _locate(index: RoadIndex, now: States) -> Located:
-    """The two most probable lanes of each vehicle."""
-    found = index.match(now.x, now.y, now.heading)
-    place = Located.nowhere(len(now.x))
+def _locate(index: RoadIndex, found: Matches, count: int) -> Located:
+    """The two most probable lanes of each of N vehicles."""
+    place = Located.nowhere(count)
     rank = np.arange(len(found.vehicle)) - np.searchsorted(found.vehicle, found.vehicle)
     for k in range(len(place.lane)):
         row = rank == k

@@ -1,4 +1,4 @@
-"""Which lanelets are in each other's way, from their geometry alone: crossing, merging, overlapping.
+"""Conflicts of lanelets, from their geometry alone: crossing, merging, overlapping.
 
 The net writer has its own classification; this one shares nothing with it, so that either can find the other
 wrong.
@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.converters.fidelity.matching import headings, sample
+from scex_sumo.converters.fidelity.matching import headings, sample, turn
 from scex_sumo.road import Lane
 
 NEAR_M = 1.5  # centrelines this near: two cars (1.8 m wide) cannot pass there side by side
@@ -30,18 +30,15 @@ class Conflict:
     """Two lanelets that cannot be driven at once.
 
     Attributes:
-        first: the smaller id.
-        second: the greater id.
+        first: the smaller id; ``second`` is the greater.
         kind: ``cross``, ``merge`` or ``overlap`` (side by side but too near, with no point in common).
         turn_rad: heading of the second minus that of the first where they come together, in [-pi, pi].
-        at_ends: the lanelets touch only with their last metres.
     """
 
     first: int
     second: int
     kind: str
     turn_rad: float
-    at_ends: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,9 +47,17 @@ class _Trace:
 
     lane: Lane
     points: FloatArray
-    directions: FloatArray
     line: shapely.LineString
-    area: shapely.Polygon
+
+    def near(self, line: shapely.LineString) -> FloatArray:
+        """Distance of each point to a line, m."""
+        off: FloatArray = shapely.distance(shapely.points(self.points), line)
+        return off
+
+    def area(self) -> shapely.Polygon:
+        return shapely.Polygon(np.concatenate([self.lane.left_bound, self.lane.right_bound[::-1]])).buffer(
+            0.0
+        )
 
 
 def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[Conflict, ...]:
@@ -62,65 +67,47 @@ def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[Conflict, ...]:
     conflict; nor are lanelets that run against each other without crossing, or that the map's reader holds to
     lie on different levels (they cross here and are not among ``Lane.conflicts``).
     """
-    traces = {
-        i: _trace(lane) for i, lane in lanes.items() if shapely.LineString(lane.centreline).length > 0.0
-    }
-    ids = list(traces)
-    lines = [traces[i].line for i in ids]
-    if not lines:
+    lines = {i: shapely.LineString(lane.centreline) for i, lane in lanes.items()}
+    traces = [
+        _Trace(lane=lanes[i], points=sample(lanes[i].centreline, LOOK_M), line=line)
+        for i, line in lines.items()
+        if line.length > 0.0
+    ]
+    if not traces:
         return ()
-    near = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=NEAR_M)
-    found = []
-    for one, other in near.T:
-        first, second = ids[one], ids[other]
-        if first < second and not _related(lanes[first], lanes[second]):
-            conflict = _classify(lanes, traces[first], traces[second])
-            if conflict is not None:
-                found.append(conflict)
-    return tuple(sorted(found, key=lambda conflict: (conflict.first, conflict.second)))
-
-
-def _trace(lane: Lane) -> _Trace:
-    points = sample(lane.centreline, LOOK_M)
-    area = shapely.Polygon(np.concatenate([lane.left_bound, lane.right_bound[::-1]])).buffer(0.0)
-    return _Trace(
-        lane=lane,
-        points=points,
-        directions=headings(points),
-        line=shapely.LineString(lane.centreline),
-        area=area,
+    of_traces = [trace.line for trace in traces]
+    near = shapely.STRtree(of_traces).query(of_traces, predicate="dwithin", distance=NEAR_M)
+    pairs = ((traces[i], traces[j]) for i, j in near.T)
+    found = (
+        _classify(lanes, one, other)
+        for one, other in pairs
+        if one.lane.lane_id < other.lane.lane_id and not _beside(one.lane, other.lane)
     )
+    return tuple(sorted((c for c in found if c is not None), key=lambda c: (c.first, c.second)))
 
 
-def _related(one: Lane, other: Lane) -> bool:
-    beside = (one.adjacent_left, one.adjacent_right, one.left, one.right)
-    beside_other = (other.adjacent_left, other.adjacent_right, other.left, other.right)
-    return other.lane_id in beside or one.lane_id in beside_other
+def _beside(one: Lane, other: Lane) -> bool:
+    mine, theirs = ({n.adjacent_left, n.adjacent_right, n.left, n.right} for n in (one, other))
+    return other.lane_id in mine or one.lane_id in theirs
 
 
 def _classify(lanes: Mapping[int, Lane], one: _Trace, other: _Trace) -> Conflict | None:
-    off = shapely.distance(shapely.points(one.points), other.line)
-    runs = _runs(off <= NEAR_M)
-    best: tuple[int, str, int, bool] | None = None
-    ranks = {"cross": 3, "merge": 2, "overlap": 1}
-    for start, end in runs:
-        kind, at_ends = _kind_of_run(lanes, one, other, start, end)
-        if kind in ranks and (best is None or ranks[kind] > best[0]):
-            best = ranks[kind], kind, start + int(np.argmin(off[start : end + 1])), at_ends
-    if best is None:
+    off = one.near(other.line)
+    runs = [(_kind_of_run(lanes, one, other, start, end), start, end) for start, end in _runs(off <= NEAR_M)]
+    kind = next((k for k in ("cross", "merge", "overlap") if any(k == run[0] for run in runs)), None)
+    if kind is None:
         return None
-    _, kind, at, at_ends = best
+    start, end = next((start, end) for found, start, end in runs if found == kind)
+    at = start + int(np.argmin(off[start : end + 1]))
     partner = int(np.argmin(np.hypot(*(other.points - one.points[at]).T)))
-    turn = float(np.angle(np.exp(1j * (other.directions[partner] - one.directions[at]))))
-    if abs(turn) > BACK_TO_BACK_RAD and (kind == "overlap" or not one.line.crosses(other.line)):
+    turned = float(turn(headings(one.points)[at], headings(other.points)[partner]))
+    if abs(turned) > BACK_TO_BACK_RAD and (kind == "overlap" or not one.line.crosses(other.line)):
         return None  # no right of way helps where two lanelets run against each other
     if kind != "merge" and other.lane.lane_id not in one.lane.conflicts:
         return None  # a bridge: the reader has seen heights, which are no longer there
-    if kind == "overlap" and one.area.intersection(other.area).area < OVERLAP_M2:
+    if kind == "overlap" and one.area().intersection(other.area()).area < OVERLAP_M2:
         return None
-    return Conflict(
-        first=one.lane.lane_id, second=other.lane.lane_id, kind=kind, turn_rad=turn, at_ends=at_ends
-    )
+    return Conflict(first=one.lane.lane_id, second=other.lane.lane_id, kind=kind, turn_rad=turned)
 
 
 def _runs(near: BoolArray) -> list[tuple[int, int]]:
@@ -129,31 +116,26 @@ def _runs(near: BoolArray) -> list[tuple[int, int]]:
     return [(int(start), int(end) - 1) for start, end in edges.reshape(-1, 2)]
 
 
-def _kind_of_run(
-    lanes: Mapping[int, Lane], one: _Trace, other: _Trace, start: int, end: int
-) -> tuple[str, bool]:
-    """What the two lanelets do between two samples of the first; also whether only at their ends."""
+def _kind_of_run(lanes: Mapping[int, Lane], one: _Trace, other: _Trace, start: int, end: int) -> str:
+    """What the two lanelets do between two samples of the first."""
     a, b = one.lane, other.lane
     piece = shapely.LineString(one.points[[start, end] if end - start < 1 else slice(start, end + 1)])
-    theirs = shapely.distance(shapely.points(other.points), piece) <= NEAR_M
-    span = np.flatnonzero(theirs)
+    span = np.flatnonzero(other.near(piece) <= NEAR_M)
     if not len(span):
-        return "touch", False
+        return "touch"
     begins = start == 0 or span[0] == 0
     ends = end == len(one.points) - 1 or span[-1] == len(other.points) - 1
     if begins and ends and (_in_a_row(lanes, a, b, CHAIN) or _in_a_row(lanes, b, a, CHAIN)):
-        return "follow", False
-    if ends and _merged(lanes, a, b, CHAIN):
-        length = min((end - start) * LOOK_M, len(span) * LOOK_M)
-        direct = _share_end(a, b)
-        at_ends = length < 2 * BRUSH_M + NEAR_M
-        return ("merge" if direct or length >= BRUSH_M else "touch"), at_ends
-    if begins and _parted(lanes, a, b, CHAIN):
-        return "diverge", False
+        return "follow"
+    if ends and _joined(lanes, a, b, CHAIN, end=True):
+        length = min(end - start, len(span)) * LOOK_M
+        return "merge" if length >= BRUSH_M or _share(a, b, end=True) else "touch"
+    if begins and _joined(lanes, a, b, CHAIN, end=False):
+        return "diverge"
     middle = one.line.intersection(other.line)
     if middle.length < NEAR_M and not middle.is_empty and piece.distance(middle) <= NEAR_M:
-        return "cross", False
-    return "overlap", False
+        return "cross"
+    return "overlap"
 
 
 def _in_a_row(lanes: Mapping[int, Lane], a: Lane, b: Lane, depth: int) -> bool:
@@ -165,52 +147,27 @@ def _in_a_row(lanes: Mapping[int, Lane], a: Lane, b: Lane, depth: int) -> bool:
     return depth > 0 and any(_in_a_row(lanes, lane, b, depth - 1) for lane in short)
 
 
-def _share_end(a: Lane, b: Lane) -> bool:
-    together = float(np.hypot(*(a.centreline[-1] - b.centreline[-1]))) <= JOINT_M
-    together &= _turn(a.centreline[-2:], b.centreline[-2:]) < BACK_TO_BACK_RAD
-    return together or bool(set(a.successors) & set(b.successors))
-
-
-def _share_start(a: Lane, b: Lane) -> bool:
-    together = float(np.hypot(*(a.centreline[0] - b.centreline[0]))) <= JOINT_M
-    together &= _turn(a.centreline[:2], b.centreline[:2]) < BACK_TO_BACK_RAD
-    return together or bool(set(a.predecessors) & set(b.predecessors))
-
-
-def _merged(lanes: Mapping[int, Lane], a: Lane, b: Lane, depth: int) -> bool:
-    """Whether both lead into one lanelet while they stay near each other."""
-    if _share_end(a, b):
+def _joined(lanes: Mapping[int, Lane], a: Lane, b: Lane, depth: int, *, end: bool) -> bool:
+    """Whether both lead into one lanelet, or come from one fork, and stay near each other until there."""
+    if _share(a, b, end=end):
         return True
-    return depth > 0 and (_merges_ahead(lanes, a, b, depth) or _merges_ahead(lanes, b, a, depth))
+    for one, other in ((a, b), (b, a)) if depth > 0 else ():
+        tip = shapely.Point(one.centreline[-1 if end else 0])
+        if tip.distance(shapely.LineString(other.centreline)) <= NEAR_M:
+            onward = (i for i in _next(one, end=end) if i in lanes and i != other.lane_id)
+            if any(_joined(lanes, lanes[i], other, depth - 1, end=end) for i in onward):
+                return True
+    return False
 
 
-def _merges_ahead(lanes: Mapping[int, Lane], a: Lane, b: Lane, depth: int) -> bool:
-    if _gap(a.centreline[-1], b) > NEAR_M:
-        return False
-    ahead = (lanes[i] for i in a.successors if i in lanes and i != b.lane_id)
-    return any(_merged(lanes, lane, b, depth - 1) for lane in ahead)
+def _share(a: Lane, b: Lane, *, end: bool) -> bool:
+    """Whether two lanelets end, or begin, in one place, or have the next one in common."""
+    tips = [lane.centreline[-2:] if end else lane.centreline[:2] for lane in (a, b)]
+    apart = float(np.hypot(*(tips[0] - tips[1])[-1 if end else 0]))
+    ways = [np.arctan2(*(tip[1] - tip[0])[::-1]) for tip in tips]
+    together = apart <= JOINT_M and abs(float(turn(*ways))) < BACK_TO_BACK_RAD
+    return together or bool(set(_next(a, end=end)) & set(_next(b, end=end)))
 
 
-def _parted(lanes: Mapping[int, Lane], a: Lane, b: Lane, depth: int) -> bool:
-    """Whether both come from one fork and have stayed near each other since."""
-    if _share_start(a, b):
-        return True
-    return depth > 0 and (_parts_behind(lanes, a, b, depth) or _parts_behind(lanes, b, a, depth))
-
-
-def _parts_behind(lanes: Mapping[int, Lane], a: Lane, b: Lane, depth: int) -> bool:
-    if _gap(a.centreline[0], b) > NEAR_M:
-        return False
-    behind = (lanes[i] for i in a.predecessors if i in lanes and i != b.lane_id)
-    return any(_parted(lanes, lane, b, depth - 1) for lane in behind)
-
-
-def _gap(point: FloatArray, lane: Lane) -> float:
-    return float(shapely.distance(shapely.Point(point), shapely.LineString(lane.centreline)))
-
-
-def _turn(one: FloatArray, other: FloatArray) -> float:
-    """Angle in [0, pi] between two pieces of line."""
-    ways = (one[-1] - one[0], other[-1] - other[0])
-    angles = [float(np.arctan2(way[1], way[0])) for way in ways]
-    return abs(float(np.angle(np.exp(1j * (angles[1] - angles[0])))))
+def _next(lane: Lane, *, end: bool) -> tuple[int, ...]:
+    return lane.successors if end else lane.predecessors

@@ -1,11 +1,10 @@
-"""How SUMO's own vehicles fare on a net: everyone arrives, nobody overlaps, nobody is teleported."""
+"""Driving test of a net: SUMO's own vehicles all arrive, none overlap, none is teleported."""
 
 from __future__ import annotations
 
 import subprocess
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import shapely
 
+from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.fidelity.loading import sumo_binary
 from scex_sumo.converters.fidelity.net import Net, read_net
 from scex_sumo.errors import SimulationError
@@ -29,12 +29,7 @@ DRAIN_S = 900.0  # for the last vehicles to arrive, a deadlock included
 LIMIT_S = 300.0  # wall clock
 EMERGENCY = "emergency braking"
 STANDOFF = "Suspicious right_before_left junction"
-COUNTED = (
-    "collision",
-    "eleport",
-    EMERGENCY,
-    STANDOFF,
-)  # in SUMO's warnings about what has a figure of its own
+COUNTED = ("collision", "eleport", EMERGENCY, STANDOFF)  # warnings about what has a figure of its own
 NAMED = 6
 
 
@@ -43,12 +38,10 @@ class DrivingReport:
     """How the vehicles fared.
 
     Attributes:
-        vehicles: asked to drive.
+        vehicles: asked to drive; ``inserted`` those that entered the net, ``arrived`` those at their end.
         routes: different routes among them.
-        inserted: entered the net.
-        arrived: reached the end of their route.
         teleports: vehicles that SUMO gave up on.
-        collisions: collisions that SUMO reports.
+        collisions: those that SUMO reports.
         overlapping_pairs: pairs of vehicles whose footprints overlapped at some time.
         overlaps: (vehicle, lane, vehicle, lane, time in s) where each pair first did.
         emergency_brakings: vehicles that had to brake beyond their comfort's limit; SUMO's drivers do.
@@ -77,21 +70,16 @@ class DrivingReport:
 
     def problems(self) -> list[str]:
         """What went wrong, one line each."""
-        found = []
-        if self.arrived < self.vehicles:
-            found.append(f"{self.vehicles - self.arrived} of {self.vehicles} vehicles did not arrive")
-        if self.teleports:
-            found.append(f"{self.teleports} teleports")
-        if self.collisions:
-            found.append(f"{self.collisions} collisions reported by SUMO")
-        if self.overlapping_pairs:
-            named = "; ".join(
-                f"{a} on {x} and {b} on {y} at {t:.1f} s" for a, x, b, y, t in self.overlaps[:NAMED]
-            )
-            found.append(f"{self.overlapping_pairs} pairs of vehicles overlap: {named}")
-        if self.warnings:
-            found.append(f"{len(self.warnings)} warnings while driving: {self.warnings[0]}")
-        return found
+        overlaps = (f"{a} on {x} and {b} on {y} at {t:.1f} s" for a, x, b, y, t in self.overlaps[:NAMED])
+        found = {
+            f"{self.vehicles - self.arrived} of {self.vehicles} vehicles did not arrive": self.vehicles
+            > self.arrived,
+            f"{self.teleports} teleports": self.teleports,
+            f"{self.collisions} collisions reported by SUMO": self.collisions,
+            f"{self.overlapping_pairs} pairs of vehicles overlap: {'; '.join(overlaps)}": self.overlaps,
+            f"{len(self.warnings)} warnings while driving: {''.join(self.warnings[:1])}": self.warnings,
+        }
+        return [words for words, wrong in found.items() if wrong]
 
 
 def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0, seed: int = 0) -> DrivingReport:
@@ -118,9 +106,7 @@ def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0, se
         said = _simulate(net_path, demand, Path(folder), seed, vehicles * headway_s + DRAIN_S)
         overlaps = _overlaps(Path(folder) / "fcd.xml")
         counts = ElementTree.parse(Path(folder) / "statistics.xml").getroot()
-        trips = [
-            trip for trip in ElementTree.parse(Path(folder) / "trips.xml").getroot() if trip.tag == "tripinfo"
-        ]
+        trips = ElementTree.parse(Path(folder) / "trips.xml").getroot().findall("tripinfo")
     return DrivingReport(
         vehicles=vehicles,
         routes=len(set(order.tolist())),
@@ -143,46 +129,41 @@ def border_routes(net: Net) -> list[tuple[str, ...]]:
     Cars change lanes where the net permits; a net without borders starts and ends anywhere.
     """
     edges = {lane.edge_id for lane in net.car_lanes.values() if not lane.internal}
-    links = [link for link in net.links if net.lanes[link.from_lane].cars and net.lanes[link.to_lane].cars]
-    entered = {net.lanes[link.to_lane].edge_id for link in links}
-    left = {net.lanes[link.from_lane].edge_id for link in links}
+    entered = {net.lanes[link.to_lane].edge_id for link in net.car_links}
+    left = {net.lanes[link.from_lane].edge_id for link in net.car_links}
     starts, ends = edges - entered or edges, edges - left or edges
     moves = _lane_moves(net)
     alone = edges - entered - left
-    routes = []
-    for start in sorted(starts):
-        routes += [
-            path
-            for end, path in sorted(_paths(net, moves, start).items())
-            if end in ends and (end != start or start in alone)
-        ]
-    return routes
+    return [
+        path
+        for start in sorted(starts)
+        for end, path in sorted(_paths(net, moves, start).items())
+        if end in ends and (end != start or start in alone)
+    ]
 
 
 def _lane_moves(net: Net) -> dict[str, list[str]]:
     moves: dict[str, list[str]] = defaultdict(list)
-    for link in net.links:
-        if net.lanes[link.from_lane].cars and net.lanes[link.to_lane].cars:
-            moves[link.from_lane].append(link.to_lane)
-    for lanes in net.edges.values():
-        for right, left in pairwise(lanes):
-            if net.lanes[right].cars and net.lanes[left].cars and not net.lanes[right].internal:
-                moves[right] += [left] if net.lanes[right].change_left else []
-                moves[left] += [right] if net.lanes[left].change_right else []
+    for link in net.car_links:
+        moves[link.from_lane].append(link.to_lane)
+    for names in net.edges.values():
+        for right, left in pairwise(net.lanes[name] for name in names):
+            if right.cars and left.cars and not right.internal:
+                moves[right.lane_id] += [left.lane_id] if right.change_left else []
+                moves[left.lane_id] += [right.lane_id] if left.change_right else []
     return moves
 
 
 def _paths(net: Net, moves: dict[str, list[str]], start: str) -> dict[str, tuple[str, ...]]:
     """Edges passed from a start edge to every edge in reach, fewest moves first."""
-    sources = [lane for lane in net.edges[start] if net.lanes[lane].cars]
-    passed: dict[str, tuple[str, ...]] = {lane: (start,) for lane in sources}
+    queue = [name for name in net.edges[start] if net.lanes[name].cars]
+    passed: dict[str, tuple[str, ...]] = {name: (start,) for name in queue}
     paths: dict[str, tuple[str, ...]] = {start: (start,)}
-    queue = list(sources)
-    for lane in queue:
-        for ahead in moves.get(lane, ()):
+    for name in queue:
+        for ahead in moves.get(name, ()):
             edge = net.lanes[ahead].edge_id
             if ahead not in passed:
-                passed[ahead] = passed[lane] if edge == passed[lane][-1] else (*passed[lane], edge)
+                passed[ahead] = passed[name] if edge == passed[name][-1] else (*passed[name], edge)
                 paths.setdefault(edge, passed[ahead])
                 queue.append(ahead)
     return paths
@@ -237,40 +218,30 @@ def _count(root: ElementTree.Element, tag: str, name: str) -> int:
 def _overlaps(fcd: Path) -> list[tuple[str, str, str, str, float]]:
     """Each pair of vehicles whose footprints overlap, where and when they first do."""
     found: dict[tuple[str, str], tuple[str, str, str, str, float]] = {}
-    for time_s, names, lanes, poses in _moments(fcd):
-        boxes = shapely.polygons(_corners(poses))
-        near = shapely.STRtree(boxes).query(boxes, predicate="intersects")
-        for i, j in near.T:
-            if i < j:
-                pair = (names[i], names[j])
-                found.setdefault(pair, (names[i], lanes[i], names[j], lanes[j], time_s))
-    return list(found.values())
-
-
-def _moments(fcd: Path) -> Iterator[tuple[float, list[str], list[str], np.ndarray[Any, Any]]]:
     for _, element in ElementTree.iterparse(fcd):
         if element.tag != "timestep":
             continue
-        cars = list(element)
-        if len(cars) > 1:
-            poses = np.array([[float(car.attrib[key]) for key in ("x", "y", "angle")] for car in cars])
-            yield (
-                float(element.attrib["time"]),
-                [car.attrib["id"] for car in cars],
-                [car.attrib["lane"] for car in cars],
-                poses,
-            )
+        cars = [dict(car.attrib) for car in element]
+        time_s = float(element.attrib["time"])
         element.clear()
+        if len(cars) < 2:
+            continue
+        poses = np.array([[float(car[key]) for key in ("x", "y", "angle")] for car in cars])
+        boxes = shapely.polygons(_corners(poses))
+        for i, j in shapely.STRtree(boxes).query(boxes, predicate="intersects").T:
+            one, other = cars[i], cars[j]
+            if i < j:
+                overlap = (one["id"], one["lane"], other["id"], other["lane"], time_s)
+                found.setdefault((one["id"], other["id"]), overlap)
+    return list(found.values())
 
 
-def _corners(poses: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def _corners(poses: FloatArray) -> FloatArray:
     """(n, 4, 2) corners of the footprints; SUMO's position is the middle of the front bumper."""
     heading = np.deg2rad(90.0 - poses[:, 2])  # SUMO: 0 = north, clockwise
-    ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)
-    along = np.array([-SHRINK_M, -SHRINK_M, SHRINK_M - LENGTH_M, SHRINK_M - LENGTH_M])
-    across = np.array([0.5, -0.5, -0.5, 0.5]) * (WIDTH_M - 2 * SHRINK_M)
-    corners: np.ndarray[Any, Any] = (
-        poses[:, None, :2] + along[:, None] * ahead[:, None] + across[:, None] * left[:, None]
-    )
+    ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)[:, None]
+    left = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)[:, None]
+    along = np.array([-SHRINK_M, -SHRINK_M, SHRINK_M - LENGTH_M, SHRINK_M - LENGTH_M])[:, None]
+    across = np.array([0.5, -0.5, -0.5, 0.5])[:, None] * (WIDTH_M - 2 * SHRINK_M)
+    corners: FloatArray = poses[:, None, :2] + along * ahead + across * left
     return corners

@@ -1,4 +1,4 @@
-"""Whether SUMO itself takes a net: load warnings, sumolib, and where moveToXY puts a car.
+"""Loading figures of a net: warnings of SUMO and sumolib, netconvert, and where moveToXY puts a car.
 
 SUMO runs as a process of its own here, never as libsumo: that allows one simulation per process, and a judge
 must not take the caller's.
@@ -12,7 +12,7 @@ import os
 import subprocess
 import sys
 import warnings
-from dataclasses import dataclass
+from collections import Counter
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -21,7 +21,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.fidelity.matching import AHEAD_RAD, Matching, headings, sample
+from scex_sumo.converters.fidelity.matching import AHEAD_RAD, Matching, headings, sample, turn
 from scex_sumo.converters.fidelity.net import Net
 from scex_sumo.errors import SimulationError
 from scex_sumo.road import Road
@@ -33,27 +33,6 @@ SAME_PLACE_M = 0.05  # branches of a fork lie on each other at first; either is 
 LOAD_LIMIT_S = 60.0
 RETRY_S = 0.05  # a small net takes SUMO a tenth of a second to load
 RETRIES = int(LOAD_LIMIT_S / RETRY_S)
-
-
-@dataclass(frozen=True, kw_only=True)
-class LoadingFigures:
-    """What SUMO says to the net.
-
-    Attributes:
-        sumo_warnings: lines that ``sumo`` writes to its error stream when it loads the net and does a step.
-        sumolib_warnings: what sumolib says, internal lanes included.
-        netconvert_errors: why netconvert, and with it netedit and every export, refuses the net.
-        probes: centreline points of vehicle lanelets that moveToXY was asked for.
-        probe_hits: those where it found a SUMO lane of the lanelet.
-        lost_probes: (lanelet, misses) of the others, the most first.
-    """
-
-    sumo_warnings: tuple[str, ...]
-    sumolib_warnings: tuple[str, ...]
-    netconvert_errors: tuple[str, ...]
-    probes: int
-    probe_hits: int
-    lost_probes: tuple[tuple[int, int], ...]
 
 
 def sumo_binary(name: str = "sumo") -> str:
@@ -70,42 +49,40 @@ def sumo_binary(name: str = "sumo") -> str:
     return str(program)
 
 
-def judge_loading(net: Net, road: Road, matching: Matching) -> LoadingFigures:
-    """Load the net with sumo and sumolib, and drop a car on every lanelet's centreline."""
-    said = _sumo_warnings(net.path)
+def judge_loading(matching: Matching) -> dict[str, Any]:
+    """Load the net with sumo, sumolib and netconvert, and drop a car on every lanelet's centreline.
+
+    netconvert stands for netedit and every export; lost probes are (lanelet, misses), the most first.
+    """
+    net = matching.net
+    said = _run("sumo", "-n", str(net.path), "--no-step-log", "--end", "1", "--xml-validation", "never")
     fatal = any(line.startswith("Error") for line in said)
-    points, owners, directions = _probe_points(road)
+    refused = _run("netconvert", "-s", str(net.path), "-o", os.devnull, "--offset.disable-normalization")
+    points, owners, directions = _probe_points(matching.road)
     found = [""] * len(owners) if fatal else _ask_sumo(net, points, directions)
-    misses: dict[int, int] = {}
-    for point, direction, owner, lane in zip(points, directions, owners, found, strict=True):
-        if not _mapped(net, matching, owner, lane, point, direction):
-            misses[owner] = misses.get(owner, 0) + 1
-    return LoadingFigures(
-        sumo_warnings=said,
-        sumolib_warnings=_sumolib_warnings(net.path),
-        netconvert_errors=_netconvert_errors(net.path),
-        probes=len(owners),
-        probe_hits=len(owners) - sum(misses.values()),
-        lost_probes=tuple(sorted(misses.items(), key=lambda entry: (-entry[1], entry[0]))),
+    misses = Counter(
+        owner
+        for point, direction, owner, lane in zip(points, directions, owners, found, strict=True)
+        if not _mapped(matching, owner, lane, point, direction)
     )
+    return {
+        "sumo_warnings": said,
+        "sumolib_warnings": _sumolib_warnings(net.path),
+        "netconvert_errors": tuple(line for line in refused if line.startswith("Error")),
+        "probes": len(owners),
+        "probe_hits": len(owners) - misses.total(),
+        "lost_probes": tuple(sorted(misses.items(), key=lambda entry: (-entry[1], entry[0]))),
+    }
 
 
-def _sumo_warnings(path: Path) -> tuple[str, ...]:
-    command = [sumo_binary(), "-n", str(path), "--no-step-log", "--end", "1", "--xml-validation", "never"]
+def _run(program: str, *arguments: str) -> tuple[str, ...]:
+    """What a program of SUMO writes to its error stream."""
+    command = [sumo_binary(program), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LOAD_LIMIT_S, check=False)
     lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-    if done.returncode != 0 and not lines:
-        lines = [f"Error: sumo ended with status {done.returncode}"]
+    if done.returncode != 0 and not any(line.startswith("Error") for line in lines):
+        lines.append(f"Error: {program} ended with status {done.returncode}")
     return tuple(lines)
-
-
-def _netconvert_errors(path: Path) -> tuple[str, ...]:
-    command = [sumo_binary("netconvert"), "-s", str(path), "-o", os.devnull, "--offset.disable-normalization"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=LOAD_LIMIT_S, check=False)
-    if done.returncode == 0:
-        return ()
-    said = [line.strip() for line in done.stderr.splitlines() if line.startswith("Error")]
-    return tuple(said or [f"Error: netconvert ended with status {done.returncode}"])
 
 
 def _sumolib_warnings(path: Path) -> tuple[str, ...]:
@@ -118,9 +95,7 @@ def _sumolib_warnings(path: Path) -> tuple[str, ...]:
             sumolib.net.readNet(str(path), withInternal=True)
         except (KeyError, ValueError, IndexError, AttributeError, TypeError, ElementTree.ParseError) as error:
             return (f"Error: sumolib cannot read it: {type(error).__name__}: {error}",)
-    said = [
-        str(warning.message) for warning in caught if not issubclass(warning.category, DeprecationWarning)
-    ]
+    said = [str(one.message) for one in caught if not issubclass(one.category, DeprecationWarning)]
     return tuple(said + [line for line in heard.getvalue().splitlines() if line.strip()])
 
 
@@ -166,10 +141,9 @@ def _drop_cars(connection: Any, edge: str, points: FloatArray, directions: Float
     """Lane of a car dropped at each point; one car at a time, or they would be in each other's way."""
     found = []
     connection.route.add("r", [edge])
-    for number, (point, direction) in enumerate(zip(points, directions, strict=True)):
+    for number, ((x, y), direction) in enumerate(zip(points.tolist(), directions, strict=True)):
         name = str(number)
         angle = 90.0 - float(np.rad2deg(direction))  # SUMO: 0 = north, clockwise
-        x, y = float(point[0]), float(point[1])
         connection.vehicle.add(name, "r")
         connection.vehicle.moveToXY(name, "", -1, x, y, angle, 2, MATCH_THRESHOLD_M)
         connection.simulationStep()
@@ -180,26 +154,15 @@ def _drop_cars(connection: Any, edge: str, points: FloatArray, directions: Float
     return found
 
 
-def _mapped(
-    net: Net, matching: Matching, owner: int, found: str, point: FloatArray, direction: float
-) -> bool:
+def _mapped(matching: Matching, owner: int, found: str, point: FloatArray, direction: float) -> bool:
     """Whether the lane found stands for the lanelet, or runs through the very same place the same way."""
-    own = [stretch.sumo_lane for stretch in matching.by_lanelet.get(owner, ())]
-    if found in own:
-        return True
-    if (
-        found not in net.lanes
-        or _off(net, own, point) > SAME_PLACE_M
-        or _off(net, [found], point) > SAME_PLACE_M
-    ):
+    lanes, own, place = matching.net.lanes, matching.names(owner), shapely.Point(point)
+    if found in own or found not in lanes:
+        return found in own
+    if min((lanes[name].line.distance(place) for name in own), default=np.inf) > SAME_PLACE_M:
         return False
-    lane = sample(net.lanes[found].shape, 0.2)
-    off = np.hypot(*(lane - point).T)
-    turn = headings(lane)[int(np.argmin(off))] - direction
-    return bool(abs(np.angle(np.exp(1j * turn))) < AHEAD_RAD)
-
-
-def _off(net: Net, lanes: list[str], point: FloatArray) -> float:
-    """Distance of a point to the nearest of some SUMO lanes, m."""
-    place = shapely.Point(point)
-    return min((shapely.LineString(net.lanes[name].shape).distance(place) for name in lanes), default=np.inf)
+    if lanes[found].line.distance(place) > SAME_PLACE_M:
+        return False
+    line = sample(lanes[found].shape, 0.2)
+    heading = headings(line)[int(np.argmin(np.hypot(*(line - point).T)))]
+    return bool(abs(turn(direction, heading)) < AHEAD_RAD)

@@ -1,9 +1,9 @@
-"""Which stretch of which SUMO lane stands for which lanelet: from a lane table, or found by geometry."""
+"""Matching of SUMO lanes to lanelets: from a lane table, or found by geometry."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -18,9 +18,7 @@ SAMPLE_M = 0.5
 # Found by geometry, a SUMO lane follows a lanelet when it stays this near; larger radii are for foreign nets,
 # and tried only for lanelets that the smaller ones leave uncovered.
 RADII_M = (0.05, 0.3, 1.0, 2.0)
-ENDS_NEAR_M = (
-    2.5  # a lanelet begins or ends beside a SUMO lane when it does so within this, above every radius
-)
+ENDS_NEAR_M = 2.5  # a lanelet begins or ends beside a SUMO lane when it does so within this; above all radii
 CONNECTOR_M = 0.25  # shorter SUMO lanes only join others; they lie on every lanelet that begins there
 COVERED = 0.9  # share of a lanelet's length from which it counts as covered
 AHEAD_RAD = np.deg2rad(60.0)
@@ -39,8 +37,6 @@ class Stretch:
     """A piece of a SUMO lane that stands for one lanelet.
 
     Attributes:
-        lane_id: the lanelet.
-        sumo_lane: the SUMO lane.
         start_m: where the lanelet begins along the SUMO lane's shape.
         end_m: where it ends; not greater than ``start_m`` where the two run against each other.
     """
@@ -53,22 +49,26 @@ class Stretch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matching:
-    """All stretches, by lanelet and by SUMO lane (there in driving order)."""
+    """A net beside its map, and all stretches by lanelet and by SUMO lane (there in driving order)."""
 
+    net: Net
+    road: Road
     by_lanelet: Mapping[int, tuple[Stretch, ...]]
     by_sumo_lane: Mapping[str, tuple[Stretch, ...]]
 
-    @property
-    def pairs(self) -> Iterable[Stretch]:
-        """Every stretch once."""
-        return (stretch for stretches in self.by_lanelet.values() for stretch in stretches)
+    def names(self, lane_id: int) -> list[str]:
+        """SUMO lanes of a lanelet."""
+        return [stretch.sumo_lane for stretch in self.by_lanelet.get(lane_id, ())]
+
+    def lanelets(self, sumo_lane: str) -> set[int]:
+        """Lanelets that a SUMO lane stands for."""
+        return {stretch.lane_id for stretch in self.by_sumo_lane.get(sumo_lane, ())}
 
 
 def sample(points: FloatArray, step_m: float = SAMPLE_M) -> FloatArray:
     """(N, 2) points along a polyline, at most ``step_m`` apart, both ends included."""
     line = shapely.LineString(points)
-    count = max(int(np.ceil(line.length / step_m)), 1)
-    at = np.linspace(0.0, line.length, count + 1)
+    at = np.linspace(0.0, line.length, max(int(np.ceil(line.length / step_m)), 1) + 1)
     along: FloatArray = shapely.get_coordinates(shapely.line_interpolate_point(line, at))
     return along
 
@@ -80,6 +80,12 @@ def headings(points: FloatArray) -> FloatArray:
     return angles
 
 
+def turn(heading_rad: FloatArray | float, other_rad: FloatArray | float) -> FloatArray:
+    """Angle from a heading to another, in [-pi, pi]."""
+    angle: FloatArray = np.angle(np.exp(1j * (np.asarray(other_rad) - heading_rad)))
+    return angle
+
+
 def match(net: Net, road: Road, lanes: LaneNames | None) -> Matching:
     """Find the SUMO lanes of every lanelet.
 
@@ -89,82 +95,72 @@ def match(net: Net, road: Road, lanes: LaneNames | None) -> Matching:
         lanes: the converter's own table, taken at its word here (the geometry figures judge it), or None to
             look for SUMO lanes that run where the lanelet runs.
     """
-    named = _by_geometry(net, road) if lanes is None else _by_table(net, road, lanes)
+    if lanes is None:
+        named = _by_geometry(net, road)
+    else:
+        named = [(i, name) for i in road.lanes for name in lanes.sumo_lanes(i) if name in net.lanes]
     by_lanelet: dict[int, list[Stretch]] = defaultdict(list)
     by_sumo_lane: dict[str, list[Stretch]] = defaultdict(list)
     for lane_id, sumo_lane in named:
-        stretch = _stretch(road.lanes[lane_id], sumo_lane, net.lanes[sumo_lane].shape)
+        stretch = _stretch(road.lanes[lane_id], sumo_lane, net.lanes[sumo_lane].line)
         by_lanelet[lane_id].append(stretch)
         by_sumo_lane[sumo_lane].append(stretch)
-    return Matching(
-        by_lanelet={i: tuple(stretches) for i, stretches in by_lanelet.items()},
-        by_sumo_lane={
-            i: tuple(sorted(stretches, key=lambda s: (s.start_m, s.end_m)))
-            for i, stretches in by_sumo_lane.items()
-        },
-    )
+    in_order = {
+        name: tuple(sorted(on, key=lambda s: (s.start_m, s.end_m))) for name, on in by_sumo_lane.items()
+    }
+    found = {i: tuple(stretches) for i, stretches in by_lanelet.items()}
+    return Matching(net=net, road=road, by_lanelet=found, by_sumo_lane=in_order)
 
 
-def _stretch(lane: Lane, sumo_lane: str, shape: FloatArray) -> Stretch:
-    line = shapely.LineString(shape)
+def _stretch(lane: Lane, sumo_lane: str, line: shapely.LineString) -> Stretch:
     start, end = 0.0, float(line.length)
     if line.length > 0.0:  # SUMO's shortest connectors are one point twice once they are rounded
         ends = shapely.points(lane.centreline[[0, -1]])
         at = shapely.line_locate_point(line, ends)
         # Where an end of the lanelet is far away, the SUMO lane is a piece of it up to its own end.
         begins, stops = shapely.distance(line, ends) <= ENDS_NEAR_M
-        start = float(at[0]) if begins else start
-        end = float(at[1]) if stops else end
+        start, end = float(at[0]) if begins else start, float(at[1]) if stops else end
     return Stretch(lane_id=lane.lane_id, sumo_lane=sumo_lane, start_m=start, end_m=end)
 
 
-def _by_table(net: Net, road: Road, lanes: LaneNames) -> list[tuple[int, str]]:
-    return [(i, name) for i in road.lanes for name in lanes.sumo_lanes(i) if name in net.lanes]
-
-
 def _by_geometry(net: Net, road: Road) -> list[tuple[int, str]]:
-    names = [n for n, lane in net.lanes.items() if shapely.LineString(lane.shape).length >= CONNECTOR_M]
+    names = [name for name, lane in net.lanes.items() if lane.line.length >= CONNECTOR_M]
     points = [sample(net.lanes[name].shape) for name in names]
     directions = [headings(p) for p in points]
     boxes = shapely.STRtree([shapely.LineString(p) for p in points])
     found: list[tuple[int, str]] = []
     for lane_id, lane in road.lanes.items():
-        line = shapely.LineString(lane.centreline)
-        near = boxes.query(line.buffer(max(RADII_M)))
+        near = boxes.query(shapely.LineString(lane.centreline).buffer(max(RADII_M)))
         usable = [k for k in sorted(near) if lane.kind != "vehicle" or net.lanes[names[k]].cars]
         for radius in RADII_M:
-            runs = [(k, _run(lane, points[k], directions[k], radius)) for k in usable]
-            chosen = [(k, run) for k, run in runs if run is not None]
-            if _covered(lane, [points[k] for k, _ in chosen], radius):
+            chosen = [k for k in usable if _follows(lane, points[k], directions[k], radius)]
+            if _covered(lane, [points[k] for k in chosen], radius):
                 break
-        found += [(lane_id, names[k]) for k, _ in chosen]
+        found += [(lane_id, names[k]) for k in chosen]
     return found
 
 
-def _run(lane: Lane, points: FloatArray, directions: FloatArray, radius: float) -> float | None:
-    """Length over which a SUMO lane follows a lanelet, or None where it does not.
+def _follows(lane: Lane, points: FloatArray, directions: FloatArray, radius: float) -> bool:
+    """Whether a SUMO lane, wherever it passes beside a lanelet, stays near and points the same way.
 
-    It follows when, wherever it passes beside the lanelet, it stays within the radius and points the same
-    way: the branch of a fork starts in the same place and then leaves, so it does not follow its sibling.
+    The branch of a fork starts in the same place and then leaves, so it does not follow its sibling.
     """
     line = shapely.LineString(lane.centreline)
     if line.length <= 0.0:
-        return None
+        return False
     at = shapely.line_locate_point(line, shapely.points(points))
     beside = (at > 1e-6) & (at < line.length - 1e-6)
     if not beside.any():
-        return None
+        return False
     off = shapely.distance(shapely.points(points[beside]), line)
     ahead = shapely.get_coordinates(shapely.line_interpolate_point(line, at[beside] + 0.1))
     behind = shapely.get_coordinates(shapely.line_interpolate_point(line, np.maximum(at[beside] - 0.1, 0.0)))
-    turn = np.arctan2(*(ahead - behind).T[::-1]) - directions[beside]
-    same_way = np.abs(np.angle(np.exp(1j * turn))) < AHEAD_RAD
-    run = float(np.ptp(at[beside]))
-    whole = min(line.length, shapely.LineString(points).length)
+    same_way = np.abs(turn(directions[beside], np.arctan2(*(ahead - behind).T[::-1]))) < AHEAD_RAD
     if np.mean((off <= radius) & same_way) < COVERED or off.max() > 2 * radius:
-        return None
+        return False
     # The end of a long lane may brush past the lanelet's first half metre: too little to stand for it.
-    return run if run >= min(1.0, 0.5 * whole) else None
+    whole = min(line.length, shapely.LineString(points).length)
+    return bool(np.ptp(at[beside]) >= min(1.0, 0.5 * whole))
 
 
 def _covered(lane: Lane, lanes: list[FloatArray], radius: float) -> bool:

@@ -1,15 +1,20 @@
-"""A SUMO net as the judge of a conversion sees it: plain XML, nothing shared with the net writer."""
+"""SUMO net as the judge of a conversion sees it: plain XML, nothing shared with the net writer.
+
+sumolib's reader would do but for one thing: it forgets which lane changes a lane forbids.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
+import shapely
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.errors import InputError
@@ -23,16 +28,11 @@ class NetLane:
     """One SUMO lane.
 
     Attributes:
-        lane_id: SUMO's id.
-        edge_id: its edge.
         index: 0 is the rightmost lane of the edge.
         shape: (P, 2) m, in the map's coordinates (the net's offset is taken off).
         length_m: as written, which need not be the shape's.
-        speed_mps: limit.
-        width_m: one for the whole lane.
         cars: passenger cars may use it.
-        change_left: passenger cars may leave it to the left.
-        change_right: passenger cars may leave it to the right.
+        change_left: passenger cars may leave it to the left; ``change_right`` likewise.
         internal: inside a junction.
     """
 
@@ -48,14 +48,17 @@ class NetLane:
     change_right: bool
     internal: bool
 
+    @cached_property
+    def line(self) -> shapely.LineString:
+        """The shape, for measuring."""
+        return shapely.LineString(self.shape)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Link:
     """One connection between two lanes of normal edges.
 
     Attributes:
-        from_lane: lane it leaves.
-        to_lane: lane it enters.
         via: internal lanes in driving order; empty in nets without them.
         junction: the junction it lies in, or an empty string where no request row belongs to it.
         row: its row in the junction's requests, or -1.
@@ -79,13 +82,11 @@ class Junction:
     """Right of way of one junction.
 
     Attributes:
-        junction_id: SUMO's id.
         kind: SUMO's type, e.g. ``priority``, ``allway_stop``.
         response: (n, n) True where the row's link must give way to the column's.
         foes: (n, n) True where the two links are in each other's way.
     """
 
-    junction_id: str
     kind: str
     response: BoolArray
     foes: BoolArray
@@ -93,15 +94,12 @@ class Junction:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Net:
-    """Lanes, links and junctions of a net.
+    """Lanes, links and junctions of a net, by id.
 
     Attributes:
-        path: the file.
-        lanes: by id, internal ones included.
         edges: lane ids of each edge, from right to left.
         links: every connection between normal edges.
         following: lanes that a car enters right after a lane, internal ones included.
-        junctions: by id.
         offset: (2,) m that the file adds to the map's coordinates.
         phases: states of every phase of each traffic light, all its programmes together.
     """
@@ -115,10 +113,15 @@ class Net:
     offset: FloatArray
     phases: Mapping[str, tuple[str, ...]]
 
-    @property
+    @cached_property
     def car_lanes(self) -> dict[str, NetLane]:
         """Lanes open to passenger cars."""
         return {i: lane for i, lane in self.lanes.items() if lane.cars}
+
+    @cached_property
+    def car_links(self) -> list[Link]:
+        """Links between lanes open to passenger cars."""
+        return [k for k in self.links if k.from_lane in self.car_lanes and k.to_lane in self.car_lanes]
 
 
 def read_net(path: Path) -> Net:
@@ -136,12 +139,18 @@ def read_net(path: Path) -> Net:
     if root.tag != "net":
         raise InputError(f"{path}: root element is <{root.tag}>, not <net>; give a SUMO .net.xml")
     location = root.find("location")
-    written = (location.get("netOffset") if location is not None else None) or "0,0"
-    offset = np.array([float(value) for value in written.split(",")])
-    lanes = _lanes(root, offset)
+    offset = _points((location.get("netOffset") if location is not None else None) or "0,0")[0]
+    lanes = {
+        lane.attrib["id"]: _lane(edge, lane, offset)
+        for edge in root.iter("edge")
+        for lane in edge.iter("lane")
+    }
     edges: dict[str, list[str]] = defaultdict(list)
+    phases: dict[str, list[str]] = defaultdict(list)
     for lane in sorted(lanes.values(), key=lambda lane: (lane.edge_id, lane.index)):
         edges[lane.edge_id].append(lane.lane_id)
+    for programme in root.iter("tlLogic"):
+        phases[programme.attrib["id"]] += [phase.attrib["state"] for phase in programme.iter("phase")]
     following = _following(root, lanes)
     return Net(
         path=path,
@@ -149,81 +158,81 @@ def read_net(path: Path) -> Net:
         edges={i: tuple(ids) for i, ids in edges.items()},
         links=_links(root, following),
         following=following,
-        junctions=_junctions(root),
+        junctions={junction.attrib["id"]: _junction(junction) for junction in root.iter("junction")},
         offset=offset,
-        phases=_phases(root),
+        phases={i: tuple(states) for i, states in phases.items()},
     )
 
 
-def permits_cars(allow: str | None, disallow: str | None) -> bool:
-    """Whether SUMO's allow and disallow lists let passenger cars pass; neither list lets everyone."""
-    if allow:
-        return allow == "all" or CAR in allow.split()
-    if disallow:
-        return disallow != "all" and CAR not in disallow.split()
-    return True
+def _permits_cars(element: Element, allow: str = "allow", disallow: str = "disallow") -> bool:
+    """Whether an element's lists let passenger cars pass; neither list lets everyone."""
+    allowed, banned = element.get(allow), element.get(disallow)
+    if allowed:
+        return allowed == "all" or CAR in allowed.split()
+    return not banned or (banned != "all" and CAR not in banned.split())
 
 
-def _lanes(root: Element, offset: FloatArray) -> dict[str, NetLane]:
-    lanes = {}
-    for edge in root.iter("edge"):
-        function = edge.get("function", "normal")
-        for lane in edge.iter("lane"):
-            shape = np.array(
-                [[float(v) for v in point.split(",")[:2]] for point in lane.attrib["shape"].split()]
-            )
-            lanes[lane.attrib["id"]] = NetLane(
-                lane_id=lane.attrib["id"],
-                edge_id=edge.attrib["id"],
-                index=int(lane.attrib["index"]),
-                shape=shape - offset,
-                length_m=float(lane.attrib["length"]),
-                speed_mps=float(lane.attrib["speed"]),
-                width_m=float(lane.get("width", DEFAULT_WIDTH_M)),
-                cars=permits_cars(lane.get("allow"), lane.get("disallow")),
-                change_left=permits_cars(lane.get("changeLeft"), None),
-                change_right=permits_cars(lane.get("changeRight"), None),
-                internal=function == "internal",
-            )
-    return lanes
+def _points(text: str) -> FloatArray:
+    return np.array([[float(v) for v in point.split(",")[:2]] for point in text.split()])
+
+
+def _lane(edge: Element, lane: Element, offset: FloatArray) -> NetLane:
+    return NetLane(
+        lane_id=lane.attrib["id"],
+        edge_id=edge.attrib["id"],
+        index=int(lane.attrib["index"]),
+        shape=_points(lane.attrib["shape"]) - offset,
+        length_m=float(lane.attrib["length"]),
+        speed_mps=float(lane.attrib["speed"]),
+        width_m=float(lane.get("width", DEFAULT_WIDTH_M)),
+        cars=_permits_cars(lane),
+        change_left=_permits_cars(lane, "changeLeft", ""),
+        change_right=_permits_cars(lane, "changeRight", ""),
+        internal=edge.get("function") == "internal",
+    )
+
+
+def _ends(connection: Element) -> tuple[str, str]:
+    """The lanes that a connection leaves and enters."""
+    source = f"{connection.get('from')}_{connection.get('fromLane')}"
+    return source, f"{connection.get('to')}_{connection.get('toLane')}"
 
 
 def _following(root: Element, lanes: Mapping[str, NetLane]) -> dict[str, tuple[str, ...]]:
     following: dict[str, list[str]] = defaultdict(list)
     for connection in root.iter("connection"):
-        if not permits_cars(connection.get("allow"), connection.get("disallow")):
-            continue
         source, target = _ends(connection)
         target = connection.get("via", target)
-        if source in lanes and target in lanes and lanes[source].cars and lanes[target].cars:
+        both = source in lanes and target in lanes and lanes[source].cars and lanes[target].cars
+        if both and _permits_cars(connection):
             following[source].append(target)
     return {i: tuple(ids) for i, ids in following.items()}
 
 
-def _ends(connection: Element) -> tuple[str, str]:
-    source = f"{connection.get('from')}_{connection.get('fromLane')}"
-    return source, f"{connection.get('to')}_{connection.get('toLane')}"
-
-
 def _links(root: Element, following: Mapping[str, tuple[str, ...]]) -> tuple[Link, ...]:
-    rows: dict[str, tuple[str, int]] = {}
-    for junction in root.iter("junction"):
-        if junction.get("type") != "internal":
-            for row, lane in enumerate(junction.get("intLanes", "").split()):
-                rows[lane] = (junction.attrib["id"], row)
+    rows = {
+        lane: (junction.attrib["id"], row)
+        for junction in root.iter("junction")
+        if junction.get("type") != "internal"
+        for row, lane in enumerate(junction.get("intLanes", "").split())
+    }
     links = []
     for connection in root.iter("connection"):
         if connection.get("from", "").startswith(":"):
             continue
         source, target = _ends(connection)
-        chain = _via(connection.get("via"), following)
-        junction_id, row = next((rows[lane] for lane in chain if lane in rows), ("", -1))
+        chain: list[str] = []  # SUMO splits some ways through a junction at an internal one
+        lane = connection.get("via")
+        while lane is not None and lane.startswith(":") and lane not in chain:
+            chain.append(lane)
+            lane = next(iter(following.get(lane, ())), None)
+        junction, row = next((rows[lane] for lane in chain if lane in rows), ("", -1))
         links.append(
             Link(
                 from_lane=source,
                 to_lane=target,
-                via=chain,
-                junction=junction_id,
+                via=tuple(chain),
+                junction=junction,
                 row=row,
                 state=connection.get("state", ""),
                 signal=connection.get("tl", ""),
@@ -233,41 +242,11 @@ def _links(root: Element, following: Mapping[str, tuple[str, ...]]) -> tuple[Lin
     return tuple(links)
 
 
-def _via(first: str | None, following: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
-    """Internal lanes of one connection; SUMO splits some at an internal junction."""
-    chain: list[str] = []
-    lane = first
-    while lane is not None and lane.startswith(":") and lane not in chain:
-        chain.append(lane)
-        lane = next(iter(following.get(lane, ())), None)
-    return tuple(chain)
-
-
-def _junctions(root: Element) -> dict[str, Junction]:
-    junctions = {}
-    for junction in root.iter("junction"):
-        requests = sorted(junction.iter("request"), key=lambda request: int(request.attrib["index"]))
-        junctions[junction.attrib["id"]] = Junction(
-            junction_id=junction.attrib["id"],
-            kind=junction.get("type", ""),
-            response=_bits(requests, "response"),
-            foes=_bits(requests, "foes"),
-        )
-    return junctions
-
-
-def _phases(root: Element) -> dict[str, tuple[str, ...]]:
-    phases: dict[str, list[str]] = defaultdict(list)
-    for programme in root.iter("tlLogic"):
-        phases[programme.attrib["id"]] += [phase.attrib["state"] for phase in programme.iter("phase")]
-    return {i: tuple(states) for i, states in phases.items()}
-
-
-def _bits(requests: list[Element], name: str) -> BoolArray:
-    """(n, n) matrix of the rows; SUMO writes link 0 last."""
-    count = len(requests)
-    bits = np.zeros((count, count), dtype=np.bool_)
+def _junction(junction: Element) -> Junction:
+    requests = sorted(junction.iter("request"), key=lambda request: int(request.attrib["index"]))
+    bits = np.zeros((2, len(requests), len(requests)), dtype=np.bool_)
     for row, request in enumerate(requests):
-        text = request.attrib[name][::-1]
-        bits[row, : len(text)] = [bit == "1" for bit in text[:count]]
-    return bits
+        for matrix, name in zip(bits, ("response", "foes"), strict=True):
+            text = request.attrib[name][::-1][: len(requests)]  # SUMO writes link 0 last
+            matrix[row, : len(text)] = [bit == "1" for bit in text]
+    return Junction(kind=junction.get("type", ""), response=bits[0], foes=bits[1])

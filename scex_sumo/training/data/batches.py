@@ -1,4 +1,4 @@
-"""Samples as tensors, a few graphs at a time."""
+"""Batches of samples as tensors, a few graphs at a time."""
 
 from __future__ import annotations
 

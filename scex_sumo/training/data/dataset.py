@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
-import inspect
 import os
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -27,38 +25,9 @@ from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.training.data.perturb import Perturbation, perturbed
 from scex_sumo.training.data.samples import Samples, learnable, scene_samples
+from scex_sumo.training.data.sources import sources_digest
 from scex_sumo.training.data.split import Part, Split, split_moments
 
-# What samples depend on besides the recordings: a change of these modules makes them anew.
-_MODULES = (
-    "scex_sumo.roads.relations",
-    "scex_sumo.behaviors.driving.leaders",
-    "scex_sumo.behaviors.learned.seen.inputs",
-    "scex_sumo.behaviors.learned.seen.surface",
-    "scex_sumo.behaviors.driving.paths",
-    "scex_sumo.behaviors.driving.perception",
-    "scex_sumo.behaviors.driving.projection",
-    "scex_sumo.roads.index",
-    "scex_sumo.behaviors.scene_graph.edges",
-    "scex_sumo.behaviors.scene_graph.graph",
-    "scex_sumo.behaviors.scene_graph.nodes",
-    "scex_sumo.behaviors.driving.smoothing",
-    "scex_sumo.converters.datasets.recordings",
-    "scex_sumo.converters.datasets.reader",
-    "scex_sumo.converters.cleaning.align",
-    "scex_sumo.converters.moments.moments",
-    "scex_sumo.converters.cleaning.repair",
-    "scex_sumo.converters.moments.sample",
-    "scex_sumo.converters.moments.scene",
-    "scex_sumo.converters.cleaning.smooth",
-    "scex_sumo.roads.matching",
-    "scex_sumo.roads.routes",
-    "scex_sumo.training.data.dataset",
-    "scex_sumo.training.data.perturb",
-    "scex_sumo.training.data.samples",
-    "scex_sumo.training.data.split",
-    "scex_sumo.training.data.targets",
-)
 MOST_MOMENTS = 1000  # of a short recording moments lie nearer together, at least 0.1 s apart
 FINEST_S = 0.1
 
@@ -216,8 +185,7 @@ def _make(loaded: LoadedRecording, road: Road, options: SampleOptions, part: Par
 
 
 def _on_site(samples: Samples, site: int) -> Samples:
-    columns = {f.name: getattr(samples, f.name) for f in fields(Samples)}
-    return Samples(**{**columns, "site": np.full(len(samples), site)})
+    return replace(samples, site=np.full(len(samples), site))
 
 
 def default_cache() -> Path:
@@ -230,8 +198,7 @@ def _key(recording: Recording, options: SampleOptions) -> str:
     digest = hashlib.sha256(repr(sorted(asdict(options).items())).encode())
     for path in (recording.map_path, *recording.track_paths):
         digest.update(path.read_bytes())
-    for name in _MODULES:
-        digest.update(inspect.getsource(importlib.import_module(name)).encode())
+    digest.update(sources_digest(__name__).encode())
     return digest.hexdigest()
 
 
@@ -247,8 +214,7 @@ def _read(file: Path) -> Samples | None:
 
 def _write(file: Path, samples: Samples | None) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
-    columns = {} if samples is None else {f.name: getattr(samples, f.name) for f in fields(Samples)}
-    temporary = file.with_name(f".{os.getpid()}-{file.name}")
+    temporary = file.with_name(f".{os.getpid()}-{file.name}")  # trainings share the cache
     with temporary.open("wb") as stream:
-        np.savez(stream, **columns)
+        np.savez(stream, **({} if samples is None else samples.columns()))
     temporary.replace(file)

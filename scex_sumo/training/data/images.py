@@ -1,4 +1,4 @@
-"""What the image branch sees in training: the map turned by a random quarter, and the vehicle with it."""
+"""Map images for training the image branch: turned by a random quarter, and the vehicle with them."""
 
 from __future__ import annotations
 

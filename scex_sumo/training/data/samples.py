@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, Who
-from scex_sumo.training.data.targets import along_paths, right_paths, smooth_return
+from scex_sumo.training.data.targets import along_paths, fading, right_paths, smooth_return
 
 CATCH_UP_S = 4.0  # within which a driver who is ahead or behind gets to where the recorded one was
 MOST_AHEAD_M = 8.0  # further off along the path, what the recorded driver did says nothing any more
@@ -81,6 +82,10 @@ class Samples:
             axis = 1 if f.name == "edge_index" else 0
             joined[f.name] = np.concatenate([getattr(part, f.name) for part in parts], axis=axis)
         return cls(**joined)
+
+    def columns(self) -> dict[str, Any]:
+        """The arrays by name, as files keep them."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
 
 def scene_samples(
@@ -197,9 +202,7 @@ def _goals(
 
 def _catch_up(ahead: FloatArray, faster: FloatArray, steps: int) -> FloatArray:
     """(n, H) how far ahead of the recorded one a driver still is, who is ahead and faster now, m."""
-    u = STEP_S * np.arange(1, steps + 1) / CATCH_UP_S
-    keep = 1 - u**3 * (10 - 15 * u + 6 * u**2)
-    lean = u - u**3 * (6 - 8 * u + 3 * u**2)
+    keep, lean = fading(STEP_S * np.arange(1.0, steps + 1) / CATCH_UP_S)
     still: FloatArray = ahead[:, None] * keep + faster[:, None] * CATCH_UP_S * lean
     return still
 

@@ -1,4 +1,4 @@
-"""Which moments of a recording are for training, which for validation, which for test."""
+"""Split of a recording: which moments are for training, which for validation, which for test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a vehicle should have done: its recorded future, along its path and in its own frame."""
+"""Targets: what a vehicle should have done, its recorded future, along its path and in its own frame."""
 
 from __future__ import annotations
 
@@ -85,9 +85,11 @@ def smooth_return(displaced: FloatArray, slope: FloatArray, speed: FloatArray, w
         (n, H) m.
     """
     length = np.maximum(RETURN_M, RETURN_S * speed)[:, None]
-    u = np.clip(way / length, 0.0, 1.0)
-    keep = 1 - u**3 * (10 - 15 * u + 6 * u**2)
-    # of unit slope at 0: u - 6u³ + 8u⁴ - 3u⁵
-    lean = u - u**3 * (6 - 8 * u + 3 * u**2)
+    keep, lean = fading(np.clip(way / length, 0.0, 1.0))
     back: FloatArray = displaced[:, None] * keep + slope[:, None] * length * lean
     return back
+
+
+def fading(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Quintics on [0, 1] that end at 0 without slope and curvature: from 1, and from 0 with unit slope."""
+    return 1 - u**3 * (10 - 15 * u + 6 * u**2), u - u**3 * (6 - 8 * u + 3 * u**2)

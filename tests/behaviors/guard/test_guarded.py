@@ -16,7 +16,8 @@ from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity, Const
 from scex_sumo.behaviors.plug_in.fallback import Fallible
 from scex_sumo.behaviors.registry import ModelSpec, behavior, build, parse_models
 from scex_sumo.errors import UsageError
-from scex_sumo.extrapolation.casting import cast_models, drivers
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import rectangle_distance
 from scex_sumo.road import Road
@@ -307,9 +308,8 @@ def test_parameters_of_the_guard_that_make_no_sense_are_refused() -> None:
         GuardProfile(reaction_time=-1)
 
 
-def test_who_stands_in_for_a_model_that_fails_is_guarded_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scex_sumo.behaviors.registry._registered", {})
-
+@pytest.mark.usefixtures("registered_models")
+def test_who_stands_in_for_a_model_that_fails_is_guarded_too() -> None:
     class Broken:
         """Never has a plan."""
 
@@ -319,7 +319,7 @@ def test_who_stands_in_for_a_model_that_fails_is_guarded_too(monkeypatch: pytest
             raise ValueError("no idea")
 
     behavior("broken")(Broken)
-    (driver,) = drivers(cast_models("broken:guard=true", {}))
+    (driver,) = ModelSet.of(RunSettings(models="broken:guard=true")).built
     assert isinstance(driver, Guarded) and isinstance(driver.model, Fallible)
     scene = roads.scene_of((30.0, 0.0, 0.0, 10.0), (45.0, 0.0, 0.0, 0.0))
     made = roads.plan(driver, roads.straight(), roads.present(scene))

@@ -11,9 +11,8 @@ import pytest
 import torch
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.learned.driver import loaded
-from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
-from scex_sumo.behaviors.learned.graph_predictor import GraphPredictor
+from scex_sumo.behaviors.learned.driver import choice_of, loaded
+from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
 from scex_sumo.behaviors.learned.seen.surface import surface_of
 from scex_sumo.behaviors.models.path_follower import follow_path
 from scex_sumo.behaviors.registry import build, parse_models
@@ -150,7 +149,7 @@ def test_a_drawn_mode_is_as_frequent_as_it_is_probable_and_stays(tmp_path: Path,
     draw = np.random.default_rng(0).random((children, SCENE.vehicles))
     history = roads.present(SCENE, children, draw)
     driven = modes_driven(model, history).reshape(children, SCENE.vehicles)
-    upper = model.driver._choice(SCENE, ROAD).modes
+    upper = choice_of(SCENE, model.driver, ROAD).modes
     _, row = model.driver._paths(history, ROAD, roads.every(history))
     shares = np.diff(upper[row[: SCENE.vehicles]], axis=1, prepend=0.0)
     counted = np.stack([(driven == mode).mean(0) for mode in range(shares.shape[1])], 1)

@@ -195,7 +195,10 @@ def test_a_model_that_fails_for_everybody_is_an_error_before_anything_runs() -> 
 
 def test_a_model_that_fails_for_some_may_run() -> None:
     history = roads.present(TWO)
-    Fallible(fails_for(0, 1), "mine").try_on(history, ROAD, roads.every(history), roads.generators(history))
+    model = Fallible(fails_for(0, 1), "mine")
+    model.try_on(history, ROAD, roads.every(history), roads.generators(history))
+    made = roads.plan(model, ROAD, history)
+    assert made.fallback is not None and made.fallback.tolist() == [False, True]
 
 
 def test_the_path_following_driver_is_the_calibrated_driver_on_the_straight_path() -> None:

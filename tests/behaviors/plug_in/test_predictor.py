@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors import registry
 from scex_sumo.behaviors.plug_in.predictor import (
     Predictor,
-    PredictorMaker,
     completed,
     graph_of_child,
-    is_predictor,
     trajectories,
 )
+from scex_sumo.behaviors.plug_in.user_model import is_predictor, predictor_model
 from scex_sumo.behaviors.registry import build, known_models, parse_models, predictor
 from scex_sumo.behaviors.scene_graph.graph import SceneGraph, scene_graph
 from scex_sumo.errors import ScexError, UsageError
@@ -157,15 +154,7 @@ def test_only_functions_of_a_vehicles_inputs_are_predictors() -> None:
     assert not is_predictor(maker) and not is_predictor(Driver) and not is_predictor(3)
 
 
-@pytest.fixture
-def clean() -> Iterator[None]:
-    before = dict(registry._registered)
-    yield
-    registry._registered.clear()
-    registry._registered.update(before)
-
-
-@pytest.mark.usefixtures("clean")
+@pytest.mark.usefixtures("registered_models")
 def test_a_function_becomes_a_model_whose_parameters_are_its_own_and_its_surroundings() -> None:
     assert predictor("onward", neighbours=4)(straight) is straight
     built = build(parse_models("onward:factor=0.5:radius=30")[0])
@@ -178,7 +167,7 @@ def test_a_function_becomes_a_model_whose_parameters_are_its_own_and_its_surroun
     assert info.parameters[:3] == ("factor=1.0", "neighbours=4", "radius=50.0")
 
 
-@pytest.mark.usefixtures("clean")
+@pytest.mark.usefixtures("registered_models")
 def test_a_wrong_function_is_refused_where_it_is_written() -> None:
     with pytest.raises(UsageError, match="asks for 'camera'"):
         predictor("wrong")(lambda history, camera: None)
@@ -186,5 +175,5 @@ def test_a_wrong_function_is_refused_where_it_is_written() -> None:
         predictor("wrong", neighbours=0)(straight)
 
 
-def test_a_maker_says_what_it_makes() -> None:
-    assert PredictorMaker(straight).__doc__ == "On and on."
+def test_a_function_says_what_it_does() -> None:
+    assert predictor_model(straight).summary == "On and on."

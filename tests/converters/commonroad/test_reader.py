@@ -309,7 +309,7 @@ def test_a_crossing_with_a_yield_sign_becomes_a_net_that_is_faithful(tmp_path: P
     net = convert(road, tmp_path / "crossing.net.xml")
     report = check_net(net.path, road, net.lanes)
     assert report.problems() == []
-    assert (report.priority.crossing, report.priority.free_foes) == (1, ())
+    assert (report["crossing"], report["free_foes"]) == (1, ())
     states = {link.get("state") for link in ElementTree.parse(net.path).iter("connection") if link.get("via")}
     assert states == {"m", "M"}  # one gives way, one goes first
 
@@ -322,8 +322,8 @@ def test_a_recorded_site_becomes_a_net_that_is_faithful(site: str, data: Path, t
     net = convert(road, tmp_path / "site.net.xml")
     report = check_net(net.path, road, net.lanes)
     assert report.problems() == []
-    assert report.geometry.deviation_max_m <= 0.10
-    assert report.geometry.deviation_p95_m <= 0.01
+    assert report["deviation_max_m"] <= 0.10
+    assert report["deviation_p95_m"] <= 0.01
     driving = drive_net(net.path)
     assert (driving.arrived, driving.teleports, driving.overlapping_pairs) == (120, 0, 0)
 

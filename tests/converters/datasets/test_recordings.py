@@ -177,6 +177,7 @@ def test_a_folder_of_chunks_can_be_named_as_the_tracks(tmp_path: Path) -> None:
     chunk(tmp_path, 80, 159, vehicles, zero=80)
     scene = seed_at(load_recording(find_recordings([tmp_path])[0]), 16.0)
     same(scene, read_seed(first, tracks=tmp_path, time=16.0))
+    assert list(scene.recorded_steps) == [10]  # goes on from the first chunk
 
 
 def test_chunks_of_different_rates_are_refused(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from scex_sumo.commands.convert import check_command
 from scex_sumo.converters.fidelity.report import FidelityReport, check_net, drive_net
 from scex_sumo.converters.lanelet.origin import find_origin
 from scex_sumo.converters.lanelet.reader import read_road
@@ -42,11 +43,11 @@ def drawn(name: str, folder: Path) -> Path:
 def test_a_real_map_is_converted_faithfully(name: str, data: Path, tmp_path: Path) -> None:
     net, report = converted(data / name, tmp_path)
     assert report.problems() == []
-    assert report.geometry.lanes_present == report.geometry.lanelets > 0
-    assert report.geometry.deviation_max_m <= 0.10
-    assert report.geometry.deviation_p95_m <= 0.01
-    assert report.geometry.width_error_mean_m <= 0.40
-    assert report.loading.probe_hits >= 0.99 * report.loading.probes
+    assert report["lanes_present"] == report["lanelets"] > 0
+    assert report["deviation_max_m"] <= 0.10
+    assert report["deviation_p95_m"] <= 0.01
+    assert report["width_error_mean_m"] <= 0.40
+    assert report["probe_hits"] >= 0.99 * report["probes"]
     driving = drive_net(net)
     assert (driving.arrived, driving.teleports, driving.overlapping_pairs) == (120, 0, 0)
 
@@ -81,3 +82,15 @@ def test_an_awkward_map_is_converted_faithfully(name: str, tmp_path: Path) -> No
         assert (driving.arrived, driving.teleports) == (driving.vehicles, 0)
     else:
         assert drive_net(net, vehicles=60).problems() == []
+
+
+def test_the_command_lets_cars_drive_when_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = drawn("u_turn", tmp_path)
+    net, _ = converted(path, tmp_path)
+    said = []
+    for drive in (False, True):
+        check_command(net, path, origin=None, drive=drive, as_json=False)
+        said.append({line.split()[0]: line.split()[1] for line in capsys.readouterr().out.splitlines()})
+    assert "driving_arrived" not in said[0]
+    assert said[0].items() <= said[1].items()
+    assert (said[1]["driving_arrived"], said[1]["driving_overlapping_pairs"]) == ("120", "0")

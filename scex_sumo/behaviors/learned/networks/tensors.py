@@ -1,4 +1,4 @@
-"""From NumPy inputs to the tensors that networks take."""
+"""Tensors that networks take, from NumPy inputs."""
 
 from __future__ import annotations
 

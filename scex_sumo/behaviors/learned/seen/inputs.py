@@ -1,4 +1,4 @@
-"""What learned drivers see besides the scene graph: the road ahead along a path, and who is on it.
+"""Inputs of learned drivers besides the scene graph: the road ahead along a path, and who is on it.
 
 All features are raw SI units; scaling is the network's business. They are made by the same functions when
 training and when running.
@@ -7,7 +7,6 @@ training and when running.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from scex_sumo.behaviors.learned.seen.surface import path_room
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, States, Who
-
-if TYPE_CHECKING:
-    from scex_sumo.behaviors.scene_graph.graph import SceneGraph
 
 AHEAD_M = (2.5, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 90.0)
 CLEARANCE_M = 1.5  # whose centre is this near to the path is on it
@@ -44,17 +40,6 @@ ROAD_COLUMNS = tuple(
 )
 LEADER_COLUMNS = ("leader", "leader_gap", "leader_speed", "closing", "needed_deceleration")
 PATH_COLUMNS = OWN_COLUMNS + ROAD_COLUMNS + LEADER_COLUMNS  # what others do comes last
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SceneInputs:
-    """What a network sees of whole scenes.
-
-    Attributes:
-        graph: of all children of a batch.
-    """
-
-    graph: SceneGraph
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,7 +84,7 @@ def path_inputs(
     """
     own = history.now[who.child, who.vehicle]
     s, offset, path_heading = project(paths, row, own.x, own.y, expected_way(history, who))
-    room = path_room(road, paths)
+    room = path_room(paths, road)
     left, right = room.at(row, s)
     half = history.scene.width[who.vehicle] / 2
     sides = np.maximum(np.column_stack([left, right]) - half[:, None], 0.0)

@@ -1,14 +1,14 @@
-"""The road seen from above, as a picture of a few channels; made once per map."""
+"""Raster of the road seen from above, as a picture of a few channels; made once per map."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.behaviors.learned.seen.surface import cells_of, lane_outline
+from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import along, arc_lengths, length_of
 from scex_sumo.road import Lane, Road
 
@@ -37,7 +37,7 @@ class Raster:
     pixel: float = PIXEL_M
 
 
-@lru_cache(maxsize=8)
+@derived
 def raster_of(road: Road) -> Raster:
     """Draw a map: vehicle lanes, their bounds, markings, directions and limits, and crosswalks."""
     lanes = list(road.vehicle_lanes.values())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -11,6 +10,7 @@ from scipy.ndimage import distance_transform_edt
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
+from scex_sumo.derived import derived
 from scex_sumo.road import Lane, Road
 
 CELL_M = 0.25
@@ -85,7 +85,7 @@ def lane_outline(lane: Lane) -> FloatArray:
     return np.concatenate([left, right[::-1]])
 
 
-@lru_cache(maxsize=8)
+@derived
 def surface_of(road: Road) -> Surface:
     """The drivable surface of a map: its vehicle lanes together."""
     outlines = [lane_outline(lane) for lane in road.vehicle_lanes.values()]
@@ -126,8 +126,8 @@ def _fill(inside: BoolArray, outline: FloatArray, low: FloatArray, cell: float) 
     inside[rows, columns] |= hit
 
 
-@lru_cache(maxsize=16)
-def path_room(road: Road, paths: SeedPaths) -> PathRoom:
+@derived
+def path_room(paths: SeedPaths, road: Road) -> PathRoom:
     """Room beside all paths of a seed scene.
 
     From each sample rays go out to both sides up to the edge of the surface. A sample off the surface (past

@@ -42,7 +42,7 @@ def test_room_on_both_sides_of_a_path_of_any_direction(turn: float) -> None:
         roads.lane(1, [at(0, 0), at(200, 0)], left=2), roads.lane(2, [at(0, 3.5), at(200, 3.5)], right=1)
     )
     scene = roads.scene_of((*at(50, 0), turn, 10.0))
-    room = path_room(road, seed_paths(scene, road))
+    room = path_room(seed_paths(scene, road), road)
     left, right = room.at(np.zeros(1, dtype=int), np.array([BEHIND_M + 20.0]))
     assert left == pytest.approx(5.25, abs=OVER)
     assert right == pytest.approx(1.75, abs=OVER)
@@ -50,7 +50,7 @@ def test_room_on_both_sides_of_a_path_of_any_direction(turn: float) -> None:
 
 def test_past_the_end_of_the_map_the_last_room_stays_and_the_end_is_known() -> None:
     scene = roads.scene_of((100.0, 0.0, 0.0, 10.0))
-    room = path_room(TWO, seed_paths(scene, TWO))
+    room = path_room(seed_paths(scene, TWO), TWO)
     assert room.end[0] == pytest.approx(BEHIND_M + 100.0, abs=room.spacing)
     left, _ = room.at(np.zeros(1, dtype=int), np.array([BEHIND_M + 119.0]))
     assert left == pytest.approx(5.25, abs=OVER)
@@ -58,5 +58,5 @@ def test_past_the_end_of_the_map_the_last_room_stays_and_the_end_is_known() -> N
 
 def test_room_has_an_upper_bound() -> None:
     square = roads.road(roads.lane(1, [(0.0, 0.0), (200.0, 0.0)], width=60.0))
-    room = path_room(square, seed_paths(roads.scene_of((50.0, 0.0, 0.0, 5.0)), square))
+    room = path_room(seed_paths(roads.scene_of((50.0, 0.0, 0.0, 5.0)), square), square)
     assert room.left[0, 10] == room.right[0, 10] == MOST_ROOM_M

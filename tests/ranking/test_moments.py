@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 
 from scex_sumo.converters.datasets.recordings import Recording
 from scex_sumo.converters.moments.moments import Moment
-from scex_sumo.errors import TrackError
-from scex_sumo.ranking.seeds import Failure, Listing, list_seeds, reason_of, seed_name, unreadable
+from scex_sumo.errors import TrackError, reason_of
+from scex_sumo.ranking.folder import RankFolder
+from scex_sumo.ranking.moments import Failure, list_moments, moment_name, unreadable
 
 RECORDING = Recording(
     name="k733_000", site="k733", dataset="taf_bw", map_path=Path("k733.osm"), track_paths=(Path("t.csv"),)
@@ -27,7 +27,7 @@ RECORDING = Recording(
     ],
 )
 def test_names_tell_recording_case_and_time(case: str, time_s: float, name: str) -> None:
-    assert seed_name("r", case, time_s) == name
+    assert moment_name("r", case, time_s) == name
 
 
 def test_moments_need_vehicles_that_move_and_cases_vehicles() -> None:
@@ -37,32 +37,38 @@ def test_moments_need_vehicles_that_move_and_cases_vehicles() -> None:
         Moment(case="7", time_s=1.0, vehicles=2, complete=0),
         Moment(case="8", time_s=1.0, vehicles=1, complete=1),
     ]
-    listing = list_seeds(RECORDING, moments, min_vehicles=2)
-    assert [ref.seed for ref in listing.seeds] == ["k733_000_t2.0", "k733_000_case7_t1.0"]
-    assert [ref.vehicles for ref in listing.seeds] == [9, 2]
-    assert {ref.location for ref in listing.seeds} == {"k733"}
+    listing = list_moments(RECORDING, moments, min_vehicles=2)
+    assert [ref.moment for ref in listing.moments] == ["k733_000_t2.0", "k733_000_case7_t1.0"]
+    assert [ref.vehicles for ref in listing.moments] == [9, 2]
+    assert {ref.location for ref in listing.moments} == {"k733"}
 
 
-def test_listings_survive_their_file() -> None:
+def test_listings_and_failures_survive_their_files(tmp_path: Path) -> None:
     moments = [Moment(case="", time_s=0.1 * i, vehicles=3, complete=3) for i in range(50)]
-    listing = list_seeds(RECORDING, moments, min_vehicles=2)
-    for known in (listing, unreadable(RECORDING, "no map\nthere")):
-        assert Listing.from_json(json.loads(json.dumps(known.to_json()))) == known
+    listing, failure = (
+        list_moments(RECORDING, moments, min_vehicles=2),
+        unreadable(RECORDING, "no map\nthere"),
+    )
+    with RankFolder(tmp_path / "out", {}) as folder:
+        folder.save_listing(listing)
+        folder.fail(failure)
+        assert folder.listing(RECORDING.name) == listing
+        assert folder.failures() == {RECORDING.name: failure}
 
 
 def test_reasons_are_one_line_and_name_the_kind_of_a_foreign_error() -> None:
     assert reason_of(TrackError("t.csv: bad\n  rows")) == "t.csv: bad rows"
     assert reason_of(IndexError("out of bounds")) == "IndexError: out of bounds"
-    assert reason_of(ValueError()) == "ValueError: no reason given"
+    assert reason_of(ValueError()) == "ValueError: no message"
 
 
 def test_a_failure_keeps_the_seeds_name() -> None:
-    (ref,) = list_seeds(
+    (ref,) = list_moments(
         RECORDING, [Moment(case="", time_s=1.0, vehicles=3, complete=3)], min_vehicles=1
-    ).seeds
+    ).moments
     failure = Failure.of(ref, "off the map")
-    assert (failure.seed, failure.time_s, failure.reason, failure.died) == (
-        ref.seed,
+    assert (failure.moment, failure.time_s, failure.reason, failure.died) == (
+        ref.moment,
         1.0,
         "off the map",
         False,

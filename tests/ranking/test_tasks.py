@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from scex_sumo.ranking.read_ahead import read_ahead
+from scex_sumo.ranking.tasks import read_ahead
 
 
 def test_items_come_in_their_order() -> None:

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors import registry
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.plug_in.fallback import Fallible
 from scex_sumo.behaviors.registry import behavior
 from scex_sumo.errors import ScexError, UsageError
-from scex_sumo.extrapolation.casting import (
-    cast_models,
-    draw_assignments,
-    drivers,
-    put_under_test,
-    sources_of,
-    try_drivers,
-)
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
 from scex_sumo.statistics.designs import DESIGNS
@@ -44,12 +38,12 @@ class Parked:
 
 
 @pytest.fixture(autouse=True)
-def parked() -> Iterator[None]:
-    before = dict(registry._registered)
+def parked(registered_models: dict[str, object]) -> None:
     behavior("parked")(Parked)
-    yield
-    registry._registered.clear()
-    registry._registered.update(before)
+
+
+def models_of(models: str, **settings: Any) -> ModelSet:
+    return ModelSet.of(RunSettings(models=models, **settings))
 
 
 @pytest.mark.parametrize("design", [*DESIGNS, "all"])
@@ -57,10 +51,10 @@ def test_all_others_have_the_models_that_they_have_without_the_one_under_test(de
     models = "standard_driver,risky_driver,constant_velocity"
 
     def drawn(under_test: dict[int, str | None]) -> np.ndarray:
-        casting = cast_models(models, {42: "emergency_brake"}, under_test)
+        built = models_of(models, assign={42: "emergency_brake"}, under_test=under_test)
         count = None if design == "all" else 20
         names = "random" if design == "all" else design
-        return draw_assignments(casting, TRACKS, children=count, seed=3, design=names)
+        return built.draw(TRACKS, children=count, seed=3, design=names)
 
     tested, baseline = drawn({17: "parked"}), drawn({17: None})
     assert np.array_equal(tested[:, 1], baseline[:, 1])
@@ -71,24 +65,27 @@ def test_all_others_have_the_models_that_they_have_without_the_one_under_test(de
 
 def test_a_model_of_ones_own_that_is_assigned_is_under_test() -> None:
     assign = {17: "parked", 23: "standard_driver"}
-    assert put_under_test(assign, {}, own=True) == ({23: "standard_driver"}, {17: "parked"})
-    assert put_under_test(assign, {42: None}, own=False) == (assign, {42: None})
+    compared = RunSettings(assign=assign)
+    assert (compared.assign, compared.under_test) == ({23: "standard_driver"}, {17: "parked"})
+    alone = RunSettings(assign=assign, under_test={42: None}, baseline=False)
+    assert (alone.assign, alone.under_test) == (assign, {42: None})
+    assert compared.compared and not alone.compared
 
 
 def test_vehicles_that_are_named_twice_or_are_not_there_are_refused() -> None:
     with pytest.raises(UsageError, match="--under-test 17: --assign names this vehicle too"):
-        put_under_test({17: "parked"}, {17: None}, own=True)
-    casting = cast_models("standard_driver", {}, {7: "parked"})
+        RunSettings(assign={17: "parked"}, under_test={17: None})
+    built = models_of("standard_driver", under_test={7: "parked"})
     with pytest.raises(
         UsageError, match="--assign or --under-test: no vehicle 7 in the seed scene; its vehicles: 17, 23, 42"
     ):
-        draw_assignments(casting, TRACKS, children=3, seed=0, design="random")
+        built.draw(TRACKS, children=3, seed=0, design="random")
     with pytest.raises(UsageError, match="--under-test 7=parked,replay: names 2 models"):
-        cast_models("standard_driver", {}, {7: "parked,replay"})
+        models_of("standard_driver", under_test={7: "parked,replay"})
 
 
 def test_only_models_that_may_fail_are_stood_in_for() -> None:
-    plain, own, guarded = drivers(cast_models("standard_driver,parked,parked:guard=true", {}))
+    plain, own, guarded = models_of("standard_driver,parked,parked:guard=true").built
     assert not isinstance(plain, Fallible)
     assert isinstance(own, Fallible)
     assert isinstance(guarded, Guarded) and isinstance(guarded.model, Fallible)
@@ -102,16 +99,15 @@ SCENE = replace(
 
 
 def tried(models: str, assign: dict[int, str]) -> None:
-    casting = cast_models(models, assign)
-    try_drivers(casting, drivers(casting), SCENE, seed=0)
+    models_of(models, assign=assign).try_on(SCENE, seed=0)
 
 
 def test_a_model_without_any_usable_plan_is_refused_before_the_run() -> None:
     with pytest.raises(
         ScexError,
         match=r"^parked:not_for=99: no usable plan for any of 3 vehicles of the seed scene: "
-        r"raised LookupError: nowhere to park \(test_casting.py, line \d+\); "
-        r"it is class Parked of .*test_casting.py; needs a Plan",
+        r"raised LookupError: nowhere to park \(test_models.py, line \d+\); "
+        r"it is class Parked of .*test_models.py; needs a Plan",
     ):
         tried("standard_driver,parked:not_for=99", {})
 
@@ -129,6 +125,5 @@ def test_a_guarded_model_is_tried_too() -> None:
 
 
 def test_the_file_of_ones_own_model_is_fingerprinted() -> None:
-    casting = cast_models("standard_driver,parked", {})
-    found = sources_of(casting, drivers(casting))
+    found = models_of("standard_driver,parked").sources
     assert list(found) == ["parked"] and len(found["parked"]) == 64

@@ -1,10 +1,10 @@
-"""Another interpreter that works for this one, spoken to in pickles over its standard streams.
+"""Worker process: another interpreter that works for this one, over pickles on its standard streams.
 
 A process holds one simulation of libsumo, so that more of them need more interpreters; one that hangs on the
 pipes of this process ends with it, whatever ends that.
 
-Why neither joblib with loky nor `concurrent.futures`: helpers shall start while the first process still
-reads its input, that process takes its share of the work, and one helper can die without taking the pool
+Why neither joblib with loky nor `concurrent.futures`: workers shall start while the first process still
+reads its input, that process takes its share of the work, and one worker can die without taking the pool
 along or hiding whose work it was. loky, which we used before, also restarted workers that had grown large,
 with a warning.
 """
@@ -20,14 +20,14 @@ from contextlib import suppress
 from typing import IO, Any
 
 DIED = (EOFError, OSError, pickle.UnpicklingError)
-"""What `HelperProcess.send` and `HelperProcess.receive` raise where the process has died."""
+"""What `WorkerProcess.send` and `WorkerProcess.receive` raise where the process has died."""
 
 _START = "import sys; sys.path[:] = {path!r}; from {module} import serve; serve()"
 # One thread each: the processes are the parallelism.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
-class HelperProcess:
+class WorkerProcess:
     """One more process, as this one sees it."""
 
     def __init__(self, module: str, folder: str) -> None:
@@ -39,8 +39,7 @@ class HelperProcess:
         """
         self._module, self._folder = module, folder
         self._ending = threading.Lock()
-        self.ended = False
-        """Whether `kill` has ended it for good."""
+        self._ended = False
         self.start()
 
     def start(self) -> None:
@@ -50,8 +49,7 @@ class HelperProcess:
             EOFError: it has been ended for good.
         """
         with self._ending:
-            if self.ended:
-                raise EOFError
+            self._raise_if_ended()
             self._process = subprocess.Popen(
                 [sys.executable, "-c", _START.format(path=sys.path, module=self._module)],
                 stdin=subprocess.PIPE,
@@ -80,25 +78,25 @@ class HelperProcess:
 
     def _raise_if_ended(self) -> None:
         """Another thread may close the pipes at any time, which the streams take for a wrong value."""
-        if self.ended:
+        if self._ended:
             raise EOFError from None
 
-    def fate(self) -> str:
+    def exit_reason(self) -> str:
         """How it ended, after one of `DIED`: ``signal 9``, ``exit status 3``."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout=1)
         self._process.kill()
-        status = self.bury()
+        status = self.wait_for_exit()
         return f"signal {-status}" if status < 0 else f"exit status {status}"
 
     def kill(self) -> None:
         """End it for good, whatever it is at; a thread may be waiting for its answer."""
         with self._ending:
-            self.ended = True
+            self._ended = True
         self._process.kill()
 
-    def bury(self) -> int:
-        """Clear away what is left of one that was killed; returns its exit status."""
+    def wait_for_exit(self) -> int:
+        """Exit status of one that was killed, whose pipes are closed."""
         status = self._process.wait()
         for stream in (self._process.stdin, self._process.stdout):
             if stream is not None:
@@ -108,7 +106,7 @@ class HelperProcess:
 
 
 def served_streams() -> tuple[IO[bytes], IO[bytes]]:
-    """In a helper: where orders come in, and where answers go, apart from whatever is printed."""
+    """In a worker: where tasks come in, and where answers go, apart from whatever is printed."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what SUMO prints shall not get among the answers
     return sys.stdin.buffer, answers
@@ -118,3 +116,17 @@ def write(stream: IO[bytes], content: Any) -> None:
     """Send a pickle."""
     pickle.dump(content, stream, protocol=pickle.HIGHEST_PROTOCOL)
     stream.flush()
+
+
+def pack(content: Any) -> bytes:
+    """Pickle; classes of the user's own script by value, since a worker does not run the script."""
+    try:
+        packed = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        packed = b"__main__"
+    if b"__main__" not in packed:
+        return packed
+    import cloudpickle
+
+    by_value: bytes = cloudpickle.dumps(content)
+    return by_value

@@ -1,4 +1,4 @@
-"""What a worker finds in a seed, and whose tracks it sends along."""
+"""What a worker finds in a moment, and whose tracks it sends along."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.ranking.task import choose_kept, critical_by
+from scex_sumo.ranking.run_moment import choose_kept, critical_by
 
 
 def values(**columns: list[float]) -> np.ndarray:

@@ -17,32 +17,20 @@ import scex_sumo
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
 from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.folder import RankFolder
-from scex_sumo.ranking.progress import Campaign
-from scex_sumo.ranking.rounds import distinct
-from scex_sumo.ranking.task import SeedPart, Settings, choose_kept, critical_by
-from scex_sumo.ranking.tasks import Plan
-from scex_sumo.ranking.workers import Order, Outcome
-
-SETTINGS = Settings(
-    models=("standard_driver",),
-    weights=(),
-    steps=30,
-    replan=5,
-    design="balanced",
-    seed=0,
-    thresholds=(("wttc", 0.26), ("ttc", 1 / 1.5)),
-    keep="none",
-)
+from scex_sumo.ranking.moments import Failure
+from scex_sumo.ranking.places import distinct
+from scex_sumo.ranking.ranking_run import RankingRun
+from scex_sumo.ranking.run_moment import MomentPart, MomentTask, choose_kept, critical_by
+from scex_sumo.ranking.settings import RankSettings
+from scex_sumo.ranking.workers import Found
 
 
 class Instant:
-    """Workers that make up values from the seed's name and the child's number.
+    """Workers that make up values from the moment's name and the child's number.
 
     Attributes:
-        asked: seed and first child of every order.
+        asked: moment and first child of every task.
     """
-
-    notes: list[str] = []  # noqa: RUF012
 
     def __init__(
         self, *, back_to_front: int = 1, bad: str = "", died: bool = False, stop: int = 10**9
@@ -50,31 +38,33 @@ class Instant:
         self.asked: list[tuple[str, int]] = []
         self._size, self._bad, self._died, self._stop = back_to_front, bad, died, stop
 
-    def run(self, orders: Iterable[Order]) -> Iterator[Outcome]:
-        waiting = iter(orders)
+    def notes(self) -> list[str]:
+        return []
+
+    def run(self, tasks: Iterable[MomentTask]) -> Iterator[Found]:
+        waiting = iter(tasks)
         while group := list(itertools.islice(waiting, self._size)):
-            for order in reversed(group):
+            for task in reversed(group):
                 if len(self.asked) == self._stop:
                     raise KeyboardInterrupt
-                self.asked.append((order.task.seed, order.task.first))
-                if order.task.seed == self._bad:
-                    yield Outcome(order=order, reason="bad luck", died=self._died)
+                self.asked.append((task.ref.moment, task.children.start))
+                if task.ref.moment == self._bad:
+                    yield task, Failure.of(task.ref, "bad luck", died=self._died)
                 else:
-                    yield Outcome(order=order, part=made_up(order))
+                    yield task, made_up(task)
 
     def close(self) -> None:
         pass
 
 
-def made_up(order: Order) -> SeedPart:
-    task = order.task
-    children = np.arange(task.first, task.stop)
-    number = int.from_bytes(hashlib.sha256(task.seed.encode()).digest()[:4], "big")
+def made_up(task: MomentTask) -> MomentPart:
+    children = np.array(task.children)
+    number = int.from_bytes(hashlib.sha256(task.ref.moment.encode()).digest()[:4], "big")
     values = np.stack([np.random.default_rng([number, c]).random(len(COLUMNS)) for c in children])
     values = values * (number % 7 + 1) / 5
     defined = np.ones(values.shape, dtype=bool)
-    critical = critical_by(values, defined, dict(task.settings.thresholds))
-    return SeedPart(
+    critical = critical_by(values, defined, task.settings.thresholds)
+    return MomentPart(
         children=children,
         values=values,
         defined=defined,
@@ -92,21 +82,12 @@ def recordings() -> tuple[Recording, ...]:
     return find_recordings([scex_sumo.example_path("roundabout"), scex_sumo.example_path("motorway_merge")])
 
 
-def plan_of(recordings: tuple[Recording, ...], *, keep: str = "none", top: int = 1) -> Plan:
-    return Plan(
-        recordings=recordings,
-        every_s=2.0,
-        min_vehicles=2,
-        first=32,
-        children=96,
-        top=top,
-        settings=dataclasses.replace(SETTINGS, keep=keep),
-    )
-
-
-def campaign(plan: Plan, path: Path, crew: Instant) -> Campaign:
+def ranked(
+    recordings: tuple[Recording, ...], path: Path, workers: Instant, *, keep: str = "none", top: int = 1
+) -> RankingRun:
+    settings = RankSettings(models=("standard_driver",), every=2.0, top=top, keep=keep)
     with RankFolder(path, {"plan": 1}) as folder:
-        result = Campaign(plan, folder, crew)
+        result = RankingRun(recordings, settings, folder, workers)
         result.run()
     return result
 
@@ -118,21 +99,21 @@ def contents(path: Path) -> dict[str, bytes]:
 def test_every_seed_has_its_first_children_and_some_have_more(
     recordings: tuple[Recording, ...], tmp_path: Path
 ) -> None:
-    crew = Instant()
-    found = campaign(plan_of(recordings), tmp_path / "out", crew)
+    workers = Instant()
+    found = ranked(recordings, tmp_path / "out", workers)
     assert {ref.location for ref in found.refs} == {"roundabout", "motorway_merge"}
-    first = [seed for seed, child in crew.asked if child == 0]
-    assert first == [ref.seed for ref in found.listed]
-    more = [seed for seed, child in crew.asked if child == 32]
+    first = [seed for seed, child in workers.asked if child == 0]
+    assert first == [ref.moment for ref in found.listed]
+    more = [seed for seed, child in workers.asked if child == 32]
     assert 0 < len(more) < len(first)
-    assert {seed for seed, child in crew.asked if child == 64} <= set(more)
+    assert {seed for seed, child in workers.asked if child == 64} <= set(more)
 
 
 def test_nothing_is_run_twice(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
-    crew, again = Instant(), Instant()
-    campaign(plan_of(recordings), tmp_path / "out", crew)
-    assert len(set(crew.asked)) == len(crew.asked)
-    campaign(plan_of(recordings), tmp_path / "out", again)
+    workers, again = Instant(), Instant()
+    ranked(recordings, tmp_path / "out", workers)
+    assert len(set(workers.asked)) == len(workers.asked)
+    ranked(recordings, tmp_path / "out", again)
     assert again.asked == []
 
 
@@ -140,8 +121,8 @@ def test_nothing_is_run_twice(recordings: tuple[Recording, ...], tmp_path: Path)
 def test_the_order_in_which_seeds_finish_changes_no_byte(
     recordings: tuple[Recording, ...], tmp_path: Path, size: int
 ) -> None:
-    campaign(plan_of(recordings), tmp_path / "one", Instant())
-    campaign(plan_of(recordings), tmp_path / "other", Instant(back_to_front=size))
+    ranked(recordings, tmp_path / "one", Instant())
+    ranked(recordings, tmp_path / "other", Instant(back_to_front=size))
     assert contents(tmp_path / "one") == contents(tmp_path / "other")
 
 
@@ -150,10 +131,10 @@ def test_wherever_it_is_interrupted_it_goes_on_to_the_same_bytes(
     recordings: tuple[Recording, ...], tmp_path: Path, stop: int
 ) -> None:
     whole, cut, rest = Instant(), Instant(stop=stop), Instant()
-    campaign(plan_of(recordings), tmp_path / "whole", whole)
+    ranked(recordings, tmp_path / "whole", whole)
     with pytest.raises(KeyboardInterrupt):
-        campaign(plan_of(recordings), tmp_path / "cut", cut)
-    campaign(plan_of(recordings), tmp_path / "cut", rest)
+        ranked(recordings, tmp_path / "cut", cut)
+    ranked(recordings, tmp_path / "cut", rest)
     assert contents(tmp_path / "cut") == contents(tmp_path / "whole")
     assert sorted(cut.asked + rest.asked) == sorted(whole.asked)
 
@@ -162,27 +143,27 @@ def test_a_seed_that_fails_is_recorded_and_not_tried_again(
     recordings: tuple[Recording, ...], tmp_path: Path
 ) -> None:
     bad = "roundabout_t6.1"
-    found = campaign(plan_of(recordings), tmp_path / "out", Instant(bad=bad))
+    found = ranked(recordings, tmp_path / "out", Instant(bad=bad))
     assert found.failures[bad].reason == "bad luck"
-    assert bad not in {ref.seed for ref in found.refs}
+    assert bad not in {ref.moment for ref in found.refs}
     again = Instant()
-    assert campaign(plan_of(recordings), tmp_path / "out", again).failures == found.failures
+    assert ranked(recordings, tmp_path / "out", again).failures == found.failures
     assert again.asked == []
 
 
 def test_a_seed_whose_workers_died_is_tried_again(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
     bad = "roundabout_t6.1"
-    campaign(plan_of(recordings), tmp_path / "out", Instant(bad=bad, died=True))
+    ranked(recordings, tmp_path / "out", Instant(bad=bad, died=True))
     again = Instant()
-    found = campaign(plan_of(recordings), tmp_path / "out", again)
+    found = ranked(recordings, tmp_path / "out", again)
     assert again.asked[0] == (bad, 0)
     assert found.failures == {}
     assert not list((tmp_path / "out" / "failed").iterdir())
 
 
 def test_at_most_five_children_of_a_seed_are_kept(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
-    found = campaign(plan_of(recordings, keep="critical"), tmp_path / "out", Instant())
-    kept = [sum(tally.kept for tally in found.tallies[ref.seed]) for ref in found.refs]
+    found = ranked(recordings, tmp_path / "out", Instant(), keep="critical")
+    kept = [sum(tally.kept for tally in found.tallies[ref.moment]) for ref in found.refs]
     assert max(kept) == 5
 
 
@@ -190,20 +171,18 @@ def test_a_recording_that_cannot_be_read_stops_no_other(
     recordings: tuple[Recording, ...], tmp_path: Path
 ) -> None:
     broken = dataclasses.replace(recordings[0], name="broken", track_paths=(tmp_path / "nowhere.csv",))
-    found = campaign(plan_of((broken, *recordings)), tmp_path / "out", Instant())
-    failure = found.listings["broken"].failure
-    assert failure is not None
-    assert "nowhere.csv" in failure.reason
+    found = ranked((broken, *recordings), tmp_path / "out", Instant())
+    assert "nowhere.csv" in found.unreadable["broken"].reason
     assert len(found.refs) > 0
 
 
 def test_progress_ends_where_everything_is_done(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
     seen: list[tuple[int, int]] = []
     with RankFolder(tmp_path / "out", {"plan": 1}) as folder:
-        crew = Instant()
-        Campaign(plan_of(recordings), folder, crew, lambda done, total: seen.append((done, total))).run()
+        workers, settings = Instant(), RankSettings(every=2.0, top=1)
+        RankingRun(recordings, settings, folder, workers, lambda *tick: seen.append(tick)).run()
     assert all(done <= total for done, total in seen)
-    assert seen[-1] == (32 * len(crew.asked), 32 * len(crew.asked))
+    assert seen[-1] == (32 * len(workers.asked), 32 * len(workers.asked))
 
 
 def test_every_case_of_a_file_of_cases_is_a_seed(tmp_path: Path) -> None:
@@ -223,10 +202,10 @@ def test_every_case_of_a_file_of_cases_is_a_seed(tmp_path: Path) -> None:
                 if 1 <= frame <= 40:
                     own = {"case_id": f"{case + 1}.0", "frame_id": frame, "timestamp_ms": 100 * frame}
                     writer.writerow(row | own)
-    crew = Instant()
-    found = campaign(plan_of(find_recordings([tmp_path]), top=4), tmp_path / "out", crew)
+    workers = Instant()
+    found = ranked(find_recordings([tmp_path]), tmp_path / "out", workers, top=4)
     assert [ref.case for ref in found.refs] == ["1.0", "2.0", "3.0", "4.0"]
     assert {ref.time_s for ref in found.refs} == {1.0}
-    assert len({ref.seed for ref in found.refs}) == 4
+    assert len({ref.moment for ref in found.refs}) == 4
     assert found.failures == {}
     assert len(distinct(found.refs, range(4), 4)) == 4

@@ -1,133 +1,83 @@
-"""What a worker does: the children of one seed scene, run and measured in memory.
+"""Moment in a worker: its children, run and measured in memory.
 
-A worker needs no file of the dataset: the seed scene comes with the task, the road with its parcel. It keeps
-the roads that it has met, each converted to a SUMO net once.
+A worker needs no file of the dataset: seed scene and road come with the task. It keeps the roads that it has
+met, each converted to a SUMO net once.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import pickle
 import tempfile
 import threading
+import weakref
 import zlib
-from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from shutil import rmtree
 
 import numpy as np
 import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.base import Behavior
 from scex_sumo.converters.net.convert import SumoNet, convert
-from scex_sumo.errors import TrackError, UsageError
-from scex_sumo.extrapolation.casting import (
-    Casting,
-    cast_models,
-    draw_assignments,
-    drivers,
-    try_drivers,
-    weights_of,
-)
+from scex_sumo.errors import TrackError, UsageError, reason_of
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, run_batch
 from scex_sumo.metrics.registry import COLUMNS, side_of
-from scex_sumo.ranking.seeds import reason_of
-from scex_sumo.results.folder import Part, tracks_table
+from scex_sumo.ranking.moments import Failure, MomentRef
+from scex_sumo.ranking.settings import RankSettings, built
+from scex_sumo.results.folder import tracks_table
+from scex_sumo.results.parts import Part
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import off_road
 from scex_sumo.scene import SeedScene
 from scex_sumo.version import __version__
-from scex_sumo.world.colors import model_colors
 from scex_sumo.world.sumo import SumoWorld
 
-KEEP = ("none", "critical", "all")
 KEEP_MOST = 5
-"""Children of a seed whose tracks ``critical`` keeps at most."""
-
-_MAPS_KEPT = 8
+"""Children of a moment whose tracks ``critical`` keeps at most."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Settings:
-    """What all seeds of a ranking have in common.
+def pack_road(road: Road) -> bytes:
+    """Road as it goes to workers, pickled and compressed."""
+    return zlib.compress(pickle.dumps(road, protocol=pickle.HIGHEST_PROTOCOL))
 
-    Attributes:
-        models: behaviour models to draw from, as on the command line.
-        weights: learned model and the digest of its weights.
-        steps: steps of 0.1 s per child.
-        replan: steps that a plan is followed.
-        design: how assignments are drawn; fewer children must be the first of more.
-        seed: of the random numbers, the same for all seed scenes.
-        thresholds: metric column and its threshold, in the order of the columns.
-        keep: whose tracks are kept, one of `KEEP`.
-    """
 
-    models: tuple[str, ...]
-    weights: tuple[tuple[str, str], ...]
-    steps: int
-    replan: int
-    design: str
-    seed: int
-    thresholds: tuple[tuple[str, float], ...]
-    keep: str
+def unpack_road(packed: bytes) -> Road:
+    """The reverse of `pack_road`."""
+    road = pickle.loads(zlib.decompress(packed))
+    assert isinstance(road, Road)
+    return road
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SeedTask:
-    """Some children of one seed scene, to be run.
+class MomentTask:
+    """Some children of one moment, to be run.
 
     Attributes:
-        seed: name of the seed.
-        scene: the seed scene without its road.
-        first: number of the first child.
-        stop: one more than that of the last.
+        ref: the moment.
+        scene: its seed scene, without the road.
+        road: the road, packed; None where it goes to the workers by another way.
+        children: their numbers.
         spare: how many more children may have their tracks kept.
         settings: those of the ranking.
         version: of this package where the task was made.
     """
 
-    seed: str
+    ref: MomentRef
     scene: SeedScene
-    first: int
-    stop: int
+    road: bytes | None
+    children: range
     spare: int
-    settings: Settings
+    settings: RankSettings
     version: str = __version__
 
 
-@dataclass(frozen=True, kw_only=True)
-class Parcel:
-    """A road on its way to workers.
-
-    Attributes:
-        key: its digest.
-        packed: the road, pickled and compressed.
-    """
-
-    key: str
-    packed: bytes
-
-    @classmethod
-    def of(cls, road: Road) -> Parcel:
-        """Pack a road."""
-        plain = pickle.dumps(road, protocol=pickle.HIGHEST_PROTOCOL)
-        return cls(key=hashlib.sha256(plain).hexdigest()[:32], packed=zlib.compress(plain))
-
-    def road(self) -> Road:
-        """The road."""
-        road = pickle.loads(zlib.decompress(self.packed))
-        assert isinstance(road, Road)
-        return road
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SeedPart:
-    """Children of one seed, measured.
+class MomentPart:
+    """Children of one moment, measured.
 
     Attributes:
         children: (C,) their numbers.
@@ -154,89 +104,78 @@ class SeedPart:
 
 # libsumo runs one simulation per process: tasks that share one, as in a Dask worker of several threads, wait.
 _one_at_a_time = threading.Lock()
-_maps: OrderedDict[str, tuple[Road, SumoNet, Any]] = OrderedDict()
 
 
-def run_seed(task: SeedTask, parcel: Parcel) -> SeedPart | str:
-    """Run the children of a task; in words what is wrong with the seed scene where that fails."""
+def run_moment(task: MomentTask, road: bytes | None = None) -> MomentPart | Failure:
+    """Children of a task, run on its road or the one given; or what is wrong with the moment."""
+    packed = task.road or road
     try:
+        assert packed is not None, "no road"
         _check_versions(task)
         with _one_at_a_time:
-            return _run(task, *_mapped(parcel))
-    except Exception as error:  # whatever it is, the other seeds go on
-        return reason_of(error)
+            return _run(task, *_converted(packed))
+    except Exception as error:  # whatever it is, the other moments go on
+        return Failure.of(task.ref, reason_of(error))
 
 
-def _check_versions(task: SeedTask) -> None:
+def _check_versions(task: MomentTask) -> None:
     """A worker of another version would give other values."""
     if task.version != __version__:
         raise UsageError(
             f"the worker has scex-sumo {__version__}, needs {task.version}; install the same everywhere"
         )
-    casting, built = _models(task.settings.models)
-    if weights_of(casting, built) != dict(task.settings.weights):
+    if built(task.settings.models).weights != task.settings.weights:
         raise UsageError("the worker has other weights of learned models; install the same everywhere")
 
 
-def _mapped(parcel: Parcel) -> tuple[Road, SumoNet]:
-    """The road and its net; converted at the first seed of a map."""
-    if parcel.key not in _maps:
-        road = parcel.road()
-        folder = tempfile.TemporaryDirectory(prefix="scex-rank-", ignore_cleanup_errors=True)
-        _maps[parcel.key] = road, convert(road, Path(folder.name) / "map.net.xml"), folder
-        while len(_maps) > _MAPS_KEPT:
-            _maps.popitem(last=False)[1][2].cleanup()
-    _maps.move_to_end(parcel.key)
-    road, net, _ = _maps[parcel.key]
+@lru_cache(maxsize=8)
+def _converted(packed: bytes) -> tuple[Road, SumoNet]:
+    """The road and its net, whose folder goes with it; made at the first moment of a map."""
+    road, folder = unpack_road(packed), tempfile.mkdtemp(prefix="scex-rank-")
+    net = convert(road, Path(folder) / "map.net.xml")
+    weakref.finalize(net, rmtree, folder, ignore_errors=True)
     return road, net
 
 
-@lru_cache(maxsize=4)
-def _models(models: tuple[str, ...]) -> tuple[Casting, tuple[Behavior, ...]]:
-    casting = cast_models(models, {})
-    return casting, drivers(casting)
-
-
-def _run(task: SeedTask, road: Road, net: SumoNet) -> SeedPart:
+def _run(task: MomentTask, road: Road, net: SumoNet) -> MomentPart:
     scene = dataclasses.replace(task.scene, road=road)
     off = off_road(road, scene)
     if len(off) == scene.vehicles:
         raise TrackError(f"none of its {scene.vehicles} vehicles is on a mapped lane; check the map's origin")
-    settings = task.settings
-    casting, built = _models(settings.models)
-    if task.first == 0:
-        try_drivers(casting, built, scene, seed=settings.seed)
-    assignment = draw_assignments(
-        casting, scene.track_ids, children=task.stop, seed=settings.seed, design=settings.design
-    )
-    job = Job(
-        scene=scene,
-        net=net,
-        models=built,
-        names=casting.names,
-        colors=model_colors(casting.names),
-        assignment=assignment,
-        seed=settings.seed,
-        steps=settings.steps,
-        replan=settings.replan,
-        folder=net.path.parent,
-        keep_plans=False,
-    )
-    batches = batches_of(range(task.first, task.stop), batch_size(job), apart=job.apart)
+    job = _job(task, scene, net)
+    batches = batches_of(task.children, batch_size(job), apart=job.apart)
     slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
     with SumoWorld(net, scene, slots=slots) as world:
         parts = [run_batch(job, world, batch) for batch in batches]
     return _collected(task, job, parts)
 
 
-def _collected(task: SeedTask, job: Job, parts: list[Part]) -> SeedPart:
+def _job(task: MomentTask, scene: SeedScene, net: SumoNet) -> Job:
+    """The run that the children are of; at the first of them, every model has shown that it can plan."""
+    settings = task.settings
+    models, run = built(settings.models), settings.run
+    if task.children.start == 0:
+        models.try_on(scene, seed=run.seed)
+    return Job(
+        scene=scene,
+        net=net,
+        settings=run,
+        models=models,
+        assignment=models.draw(
+            scene.track_ids, children=task.children.stop, seed=run.seed, design=run.design
+        ),
+        folder=net.path.parent,
+    )
+
+
+def _collected(task: MomentTask, job: Job, parts: list[Part]) -> MomentPart:
     children = np.concatenate([part.children for part in parts])
     values = np.concatenate([part.values for part in parts])
     defined = np.concatenate([part.defined for part in parts])
-    critical = critical_by(values, defined, dict(task.settings.thresholds))
+    critical = critical_by(values, defined, task.settings.thresholds)
     kept = choose_kept(critical, task.settings.keep, task.spare)
-    names = np.asarray(job.names, dtype=object)[job.assignment[children]]
-    return SeedPart(
+    names = np.asarray(job.models.names, dtype=object)[job.assignment[children]]
+    return MomentPart(
         children=children,
         values=values,
         defined=defined,

@@ -1,0 +1,54 @@
+"""Options that several commands share, declared once, and what their text means."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scex_sumo.errors import UsageError
+
+MapPath = Annotated[Path, typer.Argument(metavar="MAP.osm", help="Lanelet2 map (CommonRoad: .xml).")]
+Origin = Annotated[
+    str | None,
+    typer.Option(metavar="LAT,LON", help="Origin of the map's coordinates; else from meta_data.csv."),
+]
+Tracks = Annotated[
+    Path | None, typer.Option(metavar="CSV", help="Recorded tracks; else looked for beside the map.")
+]
+Case = Annotated[str | None, typer.Option(metavar="ID", help="Case of a file with case_id.")]
+Time = Annotated[float | None, typer.Option(metavar="S", help="Moment in seconds of the recording.")]
+Synthetic = Annotated[
+    int | None, typer.Option(metavar="N", help="Populate the map with N vehicles by SUMO instead.")
+]
+Models = Annotated[
+    str | None,
+    typer.Option(metavar="MODEL[@WEIGHT],...", help="Models to draw from; see 'scex-sumo models'."),
+]
+Thresholds = Annotated[
+    list[str] | None,
+    typer.Option("--threshold", metavar="METRIC=VALUE", help="Where a metric becomes critical; repeatable."),
+]
+Seed = Annotated[int, typer.Option(help="Random seed.")]
+Processes = Annotated[int, typer.Option(help="Processes.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")]
+Result = Annotated[Path, typer.Argument(metavar="OUT", help="Result folder.")]
+ResultPath = Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", help="Result folder.")]
+
+
+def parse_thresholds(entries: Sequence[str] | None) -> dict[str, float]:
+    """``METRIC=VALUE`` entries as a mapping.
+
+    Raises:
+        UsageError: an entry is not of that form.
+    """
+    result = {}
+    for entry in entries or ():
+        column, _, value = entry.partition("=")
+        try:
+            result[column] = float(value)
+        except ValueError:
+            raise UsageError(f"--threshold {entry}: needs METRIC=VALUE, e.g. --threshold ttc=0.5") from None
+    return result

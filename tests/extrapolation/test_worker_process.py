@@ -1,0 +1,69 @@
+"""Another interpreter: what it answers, how it ends, and that it stays ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from scex_sumo.extrapolation.worker_process import DIED, WorkerProcess
+
+SERVING = """
+import os, pickle, tempfile
+from scex_sumo.extrapolation.worker_process import served_streams, write
+
+def serve():
+    orders, answers = served_streams()
+    while True:
+        order = pickle.load(orders)
+        if isinstance(order, int):
+            os._exit(order)
+        print("heard")
+        write(answers, (order, tempfile.gettempdir(), os.environ["OMP_NUM_THREADS"]))
+"""
+
+
+@pytest.fixture
+def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[WorkerProcess]:
+    (tmp_path / "echo_worker.py").write_text(SERVING)
+    monkeypatch.syspath_prepend(tmp_path)
+    process = WorkerProcess("echo_worker", str(tmp_path))
+    yield process
+    process.kill()
+    process.wait_for_exit()
+
+
+def test_answers_come_whatever_is_printed_from_one_thread_with_its_files_in_the_folder(
+    worker: WorkerProcess, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for order in ("first", "second"):
+        worker.send(order)
+        assert worker.receive() == (order, str(tmp_path), "1")
+    worker.kill()
+    worker.wait_for_exit()
+    assert capfd.readouterr().out == ""
+
+
+def test_one_that_died_says_how_and_can_be_started_again(worker: WorkerProcess) -> None:
+    worker.send(3)
+    with pytest.raises(DIED):
+        worker.receive()
+    assert worker.exit_reason() == "exit status 3"
+    worker.start()
+    worker.send("again")
+    assert worker.receive()[0] == "again"
+
+
+def test_one_that_was_killed_stays_dead(worker: WorkerProcess) -> None:
+    worker.kill()
+    with pytest.raises(DIED):
+        worker.receive()
+    assert worker.exit_reason() == "signal 9"
+    with pytest.raises(EOFError):
+        worker.start()
+    # The pipes are closed by now, which is no other error than that it has ended.
+    with pytest.raises(EOFError):
+        worker.send("order")
+    with pytest.raises(EOFError):
+        worker.receive()
