@@ -12,13 +12,14 @@ import typer
 from scex_sumo.commands.compare import compare_command
 from scex_sumo.commands.convert import convert_command
 from scex_sumo.commands.explain import explain_command
+from scex_sumo.commands.export import export_command
 from scex_sumo.commands.metrics import metrics_command
 from scex_sumo.commands.models import models_command
 from scex_sumo.commands.rank import rank_command
 from scex_sumo.commands.run import run_command
 from scex_sumo.commands.sample_size import sample_size_command
 from scex_sumo.commands.train import train_command
-from scex_sumo.commands.view import export_command, view_command
+from scex_sumo.commands.view import view_command
 from scex_sumo.errors import ScexError, UsageError
 
 app = typer.Typer(
@@ -50,7 +51,7 @@ COMMANDS = (
     (run_command, "run k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"),
     (convert_command, "convert DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"),
     (view_command, "view out/k733 --critical wttc"),
-    (export_command, "export out/k733 --child 7 --to fcd -o child7.fcd.xml"),
+    (export_command, "export out/k733 --critical ttc --top 5 --to openscenario -o critical"),
     (metrics_command, "metrics vehicle_tracks_000.csv --level scene -o scenes.parquet"),
     (sample_size_command, "sample-size roundabout.osm -o out/enough"),
     (rank_command, "rank recordings/ --every 1 --workers 8 -o out/ranking"),

@@ -49,7 +49,7 @@ class Curve:
             + (u**3 - u**2) * w
         )
         slope = 6 * (u**2 - u) * (p - q) + (3 * u**2 - 4 * u + 1) * v + (3 * u**2 - 2 * u) * w
-        return place, slope / np.hypot(slope[:, 0], slope[:, 1])[:, None]
+        return place, np.asarray(slope / np.hypot(slope[:, 0], slope[:, 1])[:, None])
 
     def part(self, first: int, last: int) -> Curve:
         """The curve between two knots, its arc length counted from the first."""
@@ -113,9 +113,7 @@ def _end_direction(line: FloatArray, *, end: bool, reach_m: float = 2.0) -> Floa
     return np.asarray(step / max(float(np.hypot(*step)), 1e-9))
 
 
-def _shifts(
-    groups: Sequence[Sequence[FloatArray]], directions: Sequence[FloatArray | None]
-) -> FloatArray:
+def _shifts(groups: Sequence[Sequence[FloatArray]], directions: Sequence[FloatArray | None]) -> FloatArray:
     """(G + 1, 2) how far from the middle of each edge the curve crosses it.
 
     Lanes may be shorter than wide, and the middles of their edges not ahead of one another: a curve through

@@ -164,7 +164,7 @@ def _offsets(place: FloatArray, tangent: FloatArray, line: FloatArray) -> FloatA
     best = np.abs(found).argmin(axis=1)
     rows = np.arange(len(place))
     nearest = aside[rows, np.abs(ahead).argmin(axis=1)]
-    return np.where(crossed.any(axis=1), found[rows, best], nearest)
+    return np.asarray(np.where(crossed.any(axis=1), found[rows, best], nearest))
 
 
 def _longer(line: FloatArray) -> FloatArray:
