@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from scex_sumo.arrays import FloatArray
 
@@ -118,6 +119,7 @@ class Road:
         areas: areas for drawing.
         origin: (latitude, longitude) that the coordinates were projected with.
         notes: what was repaired or left out, one short sentence each, naming ids.
+        net: the SUMO net that it was read from, to be used as it is; None for maps of other formats.
     """
 
     name: str
@@ -127,6 +129,7 @@ class Road:
     areas: tuple[Area, ...] = ()
     origin: tuple[float, float] = (0.0, 0.0)
     notes: tuple[str, ...] = ()
+    net: Path | None = None
 
     @property
     def vehicle_lanes(self) -> dict[int, Lane]:

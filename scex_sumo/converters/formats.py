@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import math
 from pathlib import Path
 
@@ -10,13 +11,35 @@ from scex_sumo.errors import TrackError
 
 COMMONROAD = (".xml", ".xml.gz")
 OPENDRIVE = (".xodr", ".xodr.gz")
+NET = (".net.xml", ".net.xml.gz")
+FCD = (".fcd.xml", ".fcd.xml.gz", ".parquet")
 HIGHD = "_recordingMeta.csv"
 _TRACKS = "_tracks.csv"
 
 
 def is_commonroad(map_path: str | Path) -> bool:
-    """Whether a map is a CommonRoad scenario, by its name."""
-    return str(map_path).lower().endswith(COMMONROAD)
+    """Whether a map is a CommonRoad scenario, by its name, and by its beginning where it is SUMO's."""
+    return str(map_path).lower().endswith(COMMONROAD) and not (is_net(map_path) or is_fcd(map_path))
+
+
+def is_net(map_path: str | Path) -> bool:
+    """Whether a map is a SUMO net, by its name."""
+    return str(map_path).lower().endswith(NET)
+
+
+def is_fcd(path: str | Path) -> bool:
+    """Whether a file is SUMO's floating car data, by its name or by its beginning."""
+    name = str(path).lower()
+    return name.endswith(FCD) or (name.endswith(COMMONROAD) and b"<fcd-export" in _beginning(Path(path)))
+
+
+def _beginning(path: Path) -> bytes:
+    """The first bytes of a file, unpacked; none where it cannot be read."""
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            return file.read(4096)
+    except (OSError, EOFError):
+        return b""
 
 
 def is_highd(map_path: str | Path) -> bool:
@@ -28,7 +51,7 @@ def map_name(map_path: str | Path) -> str:
     """Name of a map: its file's name without the ending; ``highd_NN`` of a highD recording."""
     if is_highd(map_path):
         return f"highd_{Path(map_path).name.removesuffix(HIGHD)}"
-    return Path(Path(map_path).name.removesuffix(".gz")).stem
+    return Path(Path(map_path).name.removesuffix(".gz")).stem.removesuffix(".net")
 
 
 def is_levelx(path: str | Path) -> bool:

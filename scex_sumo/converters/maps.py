@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scex_sumo.converters.formats import OPENDRIVE, is_commonroad, is_highd
+from scex_sumo.converters.formats import OPENDRIVE, is_commonroad, is_highd, is_net
 from scex_sumo.errors import MapError
 from scex_sumo.road import Road
 
@@ -16,7 +16,7 @@ def read_map(
     tracks: str | Path | None = None,
     own_corner: bool = True,
 ) -> Road:
-    """Read a map: CommonRoad where its name ends in ``.xml`` or ``.xml.gz``, else Lanelet2.
+    """Read a map: a SUMO net (``.net.xml``), CommonRoad (other ``.xml``), else Lanelet2.
 
     A highD recording has no map: ``NN_recordingMeta.csv`` stands for its straight lanes.
 
@@ -38,6 +38,10 @@ def read_map(
             f"{path}: OpenDRIVE cannot be read; convert it to CommonRoad (.xml) or Lanelet2 (.osm) first, "
             "e.g. with commonroad-scenario-designer's crdesigner, and look the result over (docs/maps.md)"
         )
+    if is_net(path):
+        from scex_sumo.converters.sumo.net import read_sumo_road
+
+        return read_sumo_road(path)
     if is_commonroad(path):
         from scex_sumo.converters.commonroad.reader import read_commonroad_road
 

@@ -72,7 +72,7 @@ def edge_direction(lines: Sequence[FloatArray], *, end: bool) -> FloatArray:
     across = lines[0][at] - lines[-1][at]
     width = float(np.hypot(*across))
     if width < NARROW_M:
-        return ahead
+        return np.asarray(ahead)
     straight = np.array([across[1], -across[0]]) / width
     return straight if float(straight @ ahead) > math.cos(SKEWED_RAD) else ahead
 
