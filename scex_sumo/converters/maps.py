@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from scex_sumo.converters.formats import OPENDRIVE, is_commonroad, is_highd, is_net
-from scex_sumo.errors import MapError
+from scex_sumo.converters.sumo.imported import is_open_street_map, read_imported_road
 from scex_sumo.road import Road
 
 
@@ -16,7 +16,8 @@ def read_map(
     tracks: str | Path | None = None,
     own_corner: bool = True,
 ) -> Road:
-    """Read a map: a SUMO net (``.net.xml``), CommonRoad (other ``.xml``), else Lanelet2.
+    """Read a map: a SUMO net (``.net.xml``), CommonRoad (other ``.xml``), Lanelet2
+    (``.osm``); OpenDRIVE (``.xodr``) and OpenStreetMap (an ``.osm`` without lanelets) by way of netconvert.
 
     A highD recording has no map: ``NN_recordingMeta.csv`` stands for its straight lanes.
 
@@ -29,15 +30,12 @@ def read_map(
             is an error, for tracks would not lie on it.
 
     Raises:
-        MapError: the map cannot be read, or is OpenDRIVE.
+        MapError: the map cannot be read.
         MissingExtraError: it is CommonRoad, and commonroad-io is not installed.
     """
     path = Path(map_path)
-    if str(path).lower().endswith(OPENDRIVE):
-        raise MapError(
-            f"{path}: OpenDRIVE cannot be read; convert it to CommonRoad (.xml) or Lanelet2 (.osm) first, "
-            "e.g. with commonroad-scenario-designer's crdesigner, and look the result over (docs/maps.md)"
-        )
+    if str(path).lower().endswith(OPENDRIVE) or is_open_street_map(path):
+        return read_imported_road(path)
     if is_net(path):
         from scex_sumo.converters.sumo.net import read_sumo_road
 

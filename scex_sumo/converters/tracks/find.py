@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scex_sumo.converters.formats import HIGHD, is_commonroad, is_highd, map_name
+from scex_sumo.converters.formats import FCD, HIGHD, is_commonroad, is_highd, is_net, map_name
 from scex_sumo.errors import MapError, TrackError
 
 
@@ -13,7 +13,8 @@ def find_tracks(map_path: str | Path) -> Path:
 
     Looked for, in this order: ``MAP.csv`` beside the map; then, in the folder above ``maps/`` (and in the
     map's own), ``recorded_trackfiles/MAP/vehicle_tracks_*.csv`` (the first of them), ``train/MAP_train.csv``,
-    ``val/MAP_val.csv``. A CommonRoad scenario holds its own, unless ``MAP.csv`` lies beside it.
+    ``val/MAP_val.csv``. A CommonRoad scenario holds its own, unless ``MAP.csv`` lies beside it. Beside a
+    SUMO net, ``MAP.fcd.xml``, ``MAP.fcd.xml.gz`` or ``MAP.parquet`` is taken.
 
     Raises:
         MapError: the map does not exist.
@@ -31,6 +32,10 @@ def find_tracks(map_path: str | Path) -> Path:
     looked = [path.with_name(f"{name}.csv")]
     if looked[0].is_file():
         return looked[0]
+    beside = [path.with_name(f"{name}{ending}") for ending in FCD]
+    for file in beside if is_net(path) else ():
+        if file.is_file():
+            return file
     if is_commonroad(path):
         return path
     for folder in folders:

@@ -85,6 +85,9 @@ class Network:
         self.origins = sorted(
             key for key in self._lanes if key[0] not in entered and key[0] not in self._exits
         )
+        self._endless = not self.origins or not self._exits
+        if self._endless:  # a net that nobody enters or leaves: traffic begins and ends anywhere
+            self.origins = sorted(self._lanes)
 
     def random_route(self, origin: tuple[str, int], rng: np.random.Generator) -> tuple[str, ...] | None:
         """Edges of a random way from a lane to the edge of the map, each fork equally likely."""
@@ -96,7 +99,7 @@ class Network:
                     break
                 here = choices[int(rng.integers(len(choices)))]
                 edges.append(here[0])
-            if here[0] in self._exits:
+            if here[0] in self._exits or (self._endless and len(edges) > 1):
                 return tuple(edges)
         return None
 
