@@ -35,7 +35,6 @@ _OPEN_STREET_MAP = {
     "tls.join": "true",
     "no-turnarounds.except-deadend": "true",
     "keep-edges.by-vclass": "passenger",
-    "remove-edges.isolated": "true",
 }
 
 

@@ -17,6 +17,7 @@ CURVE_WINDOW_M = 6.0  # shorter bends than a car are the map's, not the road's
 SLOWEST_MPS = 4.0
 CHANGE_M = 40.0  # an edge shorter than this is too short to plan a lane change on
 LONGEST_ROUTE = 80
+ROUND_TRIP = 12  # edges of a route in a net that nobody leaves
 ROUTE_TRIES = 40
 TRUCK_SHARE = 0.08
 TRUCK_TOP_MPS = 24.0
@@ -91,9 +92,10 @@ class Network:
 
     def random_route(self, origin: tuple[str, int], rng: np.random.Generator) -> tuple[str, ...] | None:
         """Edges of a random way from a lane to the edge of the map, each fork equally likely."""
+        longest = ROUND_TRIP if self._endless else LONGEST_ROUTE
         for _ in range(ROUTE_TRIES):
             edges, here = [origin[0]], origin
-            while here[0] not in self._exits and len(edges) < LONGEST_ROUTE:
+            while here[0] not in self._exits and len(edges) < longest:
                 choices = self._next(here, edges)
                 if not choices:
                     break
