@@ -15,7 +15,9 @@ from scex_sumo.commands.explain import explain_command
 from scex_sumo.commands.export import export_command
 from scex_sumo.commands.metrics import metrics_command
 from scex_sumo.commands.models import models_command
+from scex_sumo.commands.plot import plot_command
 from scex_sumo.commands.rank import rank_command
+from scex_sumo.commands.report import report_command
 from scex_sumo.commands.run import run_command
 from scex_sumo.commands.sample_size import sample_size_command
 from scex_sumo.commands.train import train_command
@@ -50,6 +52,8 @@ def _root(
 COMMANDS = (
     (run_command, "run k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"),
     (convert_command, "convert DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"),
+    (report_command, "report out/k733"),
+    (plot_command, "plot out/k733 --metric ttc -o ttc.svg"),
     (view_command, "view out/k733 --critical wttc"),
     (export_command, "export out/k733 --critical ttc --top 5 --to openscenario -o critical"),
     (metrics_command, "metrics vehicle_tracks_000.csv --level scene -o scenes.parquet"),

@@ -72,7 +72,9 @@ def run_command(
     workers: Processes = 1,
     batch: Annotated[int | None, Option(help="Children side by side in one SUMO; else chosen.")] = None,
     gui: Annotated[bool, Option("--gui", help="Show the run live in sumo-gui.")] = False,
-    plots: Annotated[bool, Option(help="Draw the densities.")] = True,
+    plots: Annotated[
+        bool, Option("--report/--no-report", "--plots/--no-plots", help="Write report.html.")
+    ] = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = True,
     overwrite: Overwrite = False,
     out: ResultPath = None,
@@ -127,7 +129,7 @@ def run_command(
 
 
 def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
-    """Print the summary, draw the pictures, say where the result is."""
+    """Print the summary, write the report, say where the result is."""
     from rich.console import Console
 
     from scex_sumo.reports.run_table import print_summary
@@ -141,19 +143,17 @@ def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
         from scex_sumo.reports.under_test_table import print_under_test
 
         print_under_test(run.under_test, Console(width=None if sys.stdout.isatty() else 110))
-    pictures = ""
+    print(f"result: {out}")
     if plots:
-        from scex_sumo.reports.run_pictures import draw_run
+        from scex_sumo.reports.page.report import write_report
         from scex_sumo.views.children import write_critical
 
-        drawn = draw_run(run, scene)
+        write_critical(run)
+        print(f"report: {write_report(run, scene)}")
         if tested:
             from scex_sumo.reports.under_test_picture import draw_under_test
 
-            drawn += draw_under_test(run, run.folder / "under_test")
-        write_critical(run)
-        pictures = "; pictures in it: " + ", ".join(file.name for file in drawn if file.suffix == ".png")
-    print(f"result: {out}{pictures}")
+            print(f"under test: {draw_under_test(run, run.folder / 'under_test')[-1]}")
     print(f"look:   scex-sumo view {shlex.quote(str(out))} {_which_child(run)}")
 
 

@@ -12,10 +12,13 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.tracks.reader import TrackTable
 from scex_sumo.errors import UsageError
 from scex_sumo.evaluation.blocks import Block, blocks
+from scex_sumo.evaluation.outcomes import after_collision
 from scex_sumo.evaluation.plans import StoredPlans
-from scex_sumo.metrics.base import MetricParameters
-from scex_sumo.metrics.evaluate import PAPER, ScenarioValues, Worst, evaluate, evaluate_pairs
+from scex_sumo.metrics.base import PAPER, MetricParameters
+from scex_sumo.metrics.evaluate import ScenarioValues, evaluate, evaluate_pairs
+from scex_sumo.metrics.extrema import Worst, scene_sums
 from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.outlines.collisions import Collisions
 from scex_sumo.metrics.registry import metrics_named
 
 Level: TypeAlias = Literal["pair", "scene", "scenario", "worst"]
@@ -87,6 +90,7 @@ def worst_table(
     child: Sequence[int] | IntArray,
     track_ids: IntArray,
     timestamp_ms: IntArray,
+    hits: Collisions | None = None,
 ) -> pa.Table:
     """Where the extremum of every child and metric came from: ``worst.parquet`` of a result folder.
 
@@ -95,28 +99,47 @@ def worst_table(
         child: (C,) their numbers.
         track_ids: (V,) of the vehicles.
         timestamp_ms: (T,) of the steps, history included.
+        hits: collisions of the same tracks; None for none.
 
     Returns:
-        child, metric, timestamp_ms, track_id, other_id (null for single vehicles), value; no row where
-        undefined.
+        child, metric, timestamp_ms, track_id, other_id (null for single vehicles), value, after_collision
+        (whether the two had collided by then); no row where undefined.
     """
     parts = []
     numbers = np.asarray(child, dtype=np.int64)
     for name, worst in values.worst.items():
         at = np.flatnonzero(worst.defined)
         other = None if worst.other is None else track_ids[worst.other[at]]
-        parts.append(
-            _rows_table(
-                {"child": numbers[at]},
-                name,
-                timestamp_ms[worst.step[at]],
-                track_ids[worst.vehicle[at]],
-                other,
-                worst.value[at],
-                metric_first=True,
-            )
+        rows = _rows_table(
+            {"child": numbers[at]},
+            name,
+            timestamp_ms[worst.step[at]],
+            track_ids[worst.vehicle[at]],
+            other,
+            worst.value[at],
+            metric_first=True,
         )
+        parts.append(_flagged(rows, hits, at, worst.step[at], worst.vehicle[at], _taken(worst.other, at)))
     return pa.concat_tables(parts).sort_by([("child", "ascending")]) if parts else pa.table({})
+
+
+def _taken(values: IntArray | None, at: IntArray) -> IntArray | None:
+    return None if values is None else values[at]
+
+
+def _flagged(
+    rows: pa.Table,
+    hits: Collisions | None,
+    child: IntArray,
+    step: IntArray,
+    vehicle: IntArray,
+    other: IntArray | None,
+) -> pa.Table:
+    """The rows with a column that tells those of vehicles that had collided with each other."""
+    after = np.zeros(rows.num_rows, dtype=np.bool_)
+    if hits is not None:
+        after = after_collision(hits, child=child, step=step, vehicle=vehicle, other=other)
+    return rows.append_column("after_collision", pa.array(after))
 
 
 def _rows_table(
@@ -210,14 +233,17 @@ class _Cases:
         self.smaller_is_worse = [metric.critical == "min" for metric in metrics]
         self.of_single_vehicles = np.zeros(size, dtype=bool)
         self.value = np.full((count, size), np.nan)
-        self.total, self.scenes = np.zeros((count, size)), np.zeros((count, size))
+        self.harmonic = [metric.harmonic for metric in metrics]
+        self.total, self.counted, self.scenes = (np.zeros((count, size)) for _ in range(3))
         self.origin = np.zeros((count, size, 3), dtype=np.int64)
 
     def add(self, block: Block, values: ScenarioValues) -> None:
         """Take in the values of a block."""
         for column, name in enumerate(self.order):
             scene, worst = values.scene[name], values.worst[name]
-            np.add.at(self.total[:, column], block.case, np.where(scene.defined, scene.value, 0).sum(axis=1))
+            count, total = scene_sums(scene, harmonic=self.harmonic[column])
+            np.add.at(self.total[:, column], block.case, total)
+            np.add.at(self.counted[:, column], block.case, count)
             np.add.at(self.scenes[:, column], block.case, scene.defined.sum(axis=1))
             self._keep_worse(column, block, worst)
 
@@ -243,7 +269,10 @@ class _Cases:
         columns: dict[str, Any] = {"case_id": names}
         for column, name in enumerate(self.order):
             undefined = self.scenes[:, column] == 0
-            mean = self.total[:, column] / np.maximum(self.scenes[:, column], 1)
+            over, under = self.total[:, column], self.counted[:, column]
+            if self.harmonic[column]:
+                over, under = under, over
+            mean = over / np.where(undefined, 1.0, under)
             columns[name] = pa.array(self.value[:, column], mask=undefined)
             columns[f"{name}_mean"] = pa.array(mean, mask=undefined)
         return pa.table(columns)
