@@ -69,7 +69,11 @@ def read_imported_road(path: str | Path) -> Road:
         source = folder / ("map.xodr" if drive else "map.osm.xml")
         source.write_bytes(content)
         _netconvert(path, "opendrive-files" if drive else "osm-files", source, net, options)
-    return replace(read_sumo_road(net), notes=(f"{path.name}: read by way of netconvert, as {net}",))
+    try:
+        road = read_sumo_road(net)
+    except MapError as error:
+        raise MapError(f"{path}: netconvert makes no usable net of it ({error})") from None
+    return replace(road, notes=(f"{path.name}: read by way of netconvert, as {net}",))
 
 
 def _netconvert(path: Path, kind: str, source: Path, net: Path, options: dict[str, str]) -> None:
@@ -79,5 +83,5 @@ def _netconvert(path: Path, kind: str, source: Path, net: Path, options: dict[st
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment())
     if done.returncode or not unfinished.is_file():
         said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
-        raise MapError(f"{path}: netconvert cannot read it: {said[0] if said else done.stderr[-200:]}")
+        raise MapError(f"{path}: netconvert cannot read it: {said[0] if said else done.returncode}")
     unfinished.replace(net)
