@@ -25,7 +25,9 @@ def export_command(
     ] = None,
     every: Annotated[bool, Option("--all", help="All children.")] = False,
     top: Annotated[int, Option(metavar="K", help="How many, of --critical or --encounter.")] = 1,
-    to: Annotated[str, Option(metavar="FORMAT", help="interaction, fcd, openscenario.")] = "interaction",
+    to: Annotated[
+        str, Option(metavar="FORMAT", help="interaction, fcd, openscenario, commonroad, sumo.")
+    ] = "interaction",
     ego: Annotated[
         int | None, Option(metavar="TRACK", help="Whose task it is to plan, in a format with planning tasks.")
     ] = None,

@@ -1,4 +1,4 @@
 """Exporters: children of a run and their road in the formats of other simulators.
 
-May import results, views, converters and all below; behaviour models and extrapolation are not known here.
+May import results, views, behaviors, world, converters and all below; extrapolation is not known here.
 """

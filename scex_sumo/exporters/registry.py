@@ -20,6 +20,7 @@ EXPORTERS: Final[Mapping[str, str]] = {
     "interaction": "scex_sumo.exporters.tracks:write_interaction",
     "fcd": "scex_sumo.exporters.tracks:write_fcd",
     "openscenario": "scex_sumo.exporters.openscenario:write_openscenario",
+    "sumo": "scex_sumo.exporters.sumo_folder:write_sumo",
     "commonroad": "scex_sumo.exporters.commonroad:write_commonroad",
 }
 """Import path by name: a format's libraries are loaded when somebody asks for it."""

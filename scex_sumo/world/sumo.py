@@ -252,6 +252,11 @@ class SumoWorld:
         x, y = front[..., 0] - batch.offset[0], front[..., 1] - batch.offset[1]
         return from_sumo(x, y, angle, speed, self._length)
 
+    def save(self, path: Path) -> None:
+        """Write what SUMO holds as a state that SUMO goes on from by itself (``--load-state``)."""
+        with self._session.refusals("save its state"):
+            self._sumo.simulation.saveState(str(path))
+
     def color(self, child: int, vehicle: int, rgb: Rgb) -> None:
         """Colour a vehicle of the batch in sumo-gui; without it nobody looks, and nothing happens."""
         if self._gui:

@@ -41,7 +41,7 @@ def test_a_map_that_is_gone_is_asked_for(run: Run, tmp_path: Path) -> None:
 def test_an_exporter_of_ones_own_is_named_by_its_import_path(run: Run) -> None:
     write = exporter("tests.exporters.test_request:write_nothing")
     assert write(Request(run=run, children=(1,))) == [Path("1")]
-    with pytest.raises(UsageError, match="known: interaction, fcd, openscenario"):
+    with pytest.raises(UsageError, match="known: interaction, fcd, openscenario, sumo"):
         exporter("word")
 
 
