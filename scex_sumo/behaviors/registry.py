@@ -137,11 +137,8 @@ def parse_models(text: str) -> list[ModelSpec]:
     Raises:
         UsageError: unknown model or parameter, a weight or value that makes no sense, a model twice.
     """
-    if split_command(text):  # a command may have commas
-        parts = [text.strip()]
-    else:
-        given = [part.strip() for part in text.split(",")]
-        parts = [name for part in given for name in SETS.get(part, part).split(",")]
+    given = [part.strip() for part in (text.split(",") if split_command(text) is None else [text])]
+    parts = [name for part in given for name in (SETS[part].split(",") if part in SETS else [part])]
     specs = [_parse_one(part) for part in parts if part]
     if not specs:
         raise UsageError(f"no model in {text!r}; known: {', '.join(known_names())}")

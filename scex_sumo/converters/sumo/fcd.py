@@ -60,10 +60,7 @@ def read_fcd(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
     names, kinds, table = _parquet(path) if path.suffix == ".parquet" else _xml(path)
     if not len(table):
         raise TrackError(f"{path}: no vehicle in it; give the fcd-output of a simulation with traffic")
-    unknown = np.isnan(table[:, 5:7]).any(axis=1)
-    guessed = np.array([_size(name, kind) for name, kind in zip(names, kinds, strict=True)])
-    table[:, 5:7] = np.where(np.isnan(table[:, 5:7]), guessed, table[:, 5:7])
-    findings = ["sizes are SUMO's for the classes that the types' names speak of"] if unknown.any() else []
+    findings = _fill_sizes(table, kinds)
     labels, track = np.unique(names, return_inverse=True)
     order = np.lexsort((table[:, 0], track))
     track, table = track[order].astype(np.int64), table[order]
@@ -87,6 +84,14 @@ def read_fcd(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
         ),
         tuple(findings),
     )
+
+
+def _fill_sizes(table: FloatArray, kinds: list[str]) -> list[str]:
+    """Lengths and widths that the file leaves out, in place; a phrase where there were any."""
+    unknown = np.isnan(table[:, 5:7])
+    guessed = np.array([_size(kind) for kind in kinds])
+    table[:, 5:7] = np.where(unknown, guessed, table[:, 5:7])
+    return ["sizes are SUMO's for the classes that the types' names speak of"] if unknown.any() else []
 
 
 def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
@@ -143,7 +148,7 @@ def _parquet(path: Path) -> tuple[list[str], list[str], FloatArray]:
     )
 
 
-def _size(name: str, kind: str) -> tuple[float, float]:
+def _size(kind: str) -> tuple[float, float]:
     if kind == "pedestrian":
         return _PERSON
     said = kind.lower()
