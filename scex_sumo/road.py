@@ -120,6 +120,7 @@ class Road:
         origin: (latitude, longitude) that the coordinates were projected with.
         notes: what was repaired or left out, one short sentence each, naming ids.
         net: the SUMO net that it was read from, to be used as it is; None for maps of other formats.
+        file: the map that it was read from, or None where it was made.
     """
 
     name: str
@@ -130,6 +131,7 @@ class Road:
     origin: tuple[float, float] = (0.0, 0.0)
     notes: tuple[str, ...] = ()
     net: Path | None = None
+    file: Path | None = None
 
     @property
     def vehicle_lanes(self) -> dict[int, Lane]:

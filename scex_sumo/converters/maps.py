@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from scex_sumo.converters.formats import OPENDRIVE, is_commonroad, is_highd, is_net
@@ -34,6 +35,13 @@ def read_map(
         MissingExtraError: it is CommonRoad, and commonroad-io is not installed.
     """
     path = Path(map_path)
+    return replace(_read(path, origin, tracks, own_corner=own_corner), file=path)
+
+
+def _read(
+    path: Path, origin: tuple[float, float] | None, tracks: str | Path | None, *, own_corner: bool
+) -> Road:
+    """The road of a map, by the reader of its format."""
     if str(path).lower().endswith(OPENDRIVE) or is_open_street_map(path):
         return read_imported_road(path)
     if is_net(path):

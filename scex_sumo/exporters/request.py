@@ -53,7 +53,7 @@ class Request:
         """
         from scex_sumo.converters.maps import read_map
 
-        known = self.run.info["seed_scene"]["source"].get("map")
+        known = self.run.info["seed_scene"].get("map")
         path = self.map_path or (Path(known) if known else None)
         if path is None or not path.exists():
             where = "its path is not in run.json" if path is None else f"{path}: no such file"

@@ -52,7 +52,7 @@ def read_seed(
         raise
     road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False)
     scene = recorded_scene(map_path, tracks=track_path, case=case, time_s=time, road=road, align=align)
-    return dataclasses.replace(scene, road=road, source={**scene.source, "map": str(map_path)})
+    return dataclasses.replace(scene, road=road)
 
 
 def synthetic_seed(
@@ -88,4 +88,4 @@ def synthetic_seed(
         net = convert(road, Path(folder) / f"{road.name}.net.xml")
         name = f"{road.name}_synthetic{vehicles}_s{seed}"
         scene = synthetic_scene(road, net, vehicles=vehicles, seed=seed, name=name)
-    return dataclasses.replace(scene, road=road, source={**scene.source, "map": str(map_path)})
+    return dataclasses.replace(scene, road=road)

@@ -86,9 +86,9 @@ class Network:
         self.origins = sorted(
             key for key in self._lanes if key[0] not in entered and key[0] not in self._exits
         )
-        self._endless = not self.origins or not self._exits
-        if self._endless:  # a net that nobody enters or leaves: traffic begins and ends anywhere
-            self.origins = sorted(self._lanes)
+        # A net that nobody enters or leaves, such as a grid: traffic begins and ends anywhere.
+        self._endless = bool(left) and not (self.origins and self._exits)
+        self.origins = self.origins or (sorted(self._lanes) if self._endless else [])
 
     def random_route(self, origin: tuple[str, int], rng: np.random.Generator) -> tuple[str, ...] | None:
         """Edges of a random way from a lane to the edge of the map, each fork equally likely."""
