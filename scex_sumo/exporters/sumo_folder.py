@@ -60,10 +60,9 @@ def _write_child(request: Request, child: int, folder: Path) -> Path:
     driven = [
         SumoDriven(child=0, vehicle=n, model=MODEL, parameters={}, edges=edges[v]) for n, v in enumerate(kept)
     ]
-    with SumoWorld(request.run.net, scene, slots=[0], folder=folder) as world:
+    with SumoWorld(request.run.net, scene, slots=[0]) as world:
         world.begin(scene.now.repeat(1), np.zeros(1, dtype=np.int64), driven)
-        world.save(folder / "state.xml")
-    (folder / "empty.xml").unlink(missing_ok=True)
+        world.save(folder)
     left = f"Off the lanes, and left out: {', '.join(left_out)}." if left_out else ""
     text = README.format(child=child, name=request.name, model=MODEL, left=left)
     write_atomic(folder / "README.md", text.encode())

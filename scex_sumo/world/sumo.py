@@ -8,6 +8,7 @@ vehicles: nothing is left of one that could colour the next, not even the time (
 from __future__ import annotations
 
 import importlib
+import shutil
 import tempfile
 from collections.abc import Sequence
 from itertools import chain
@@ -249,10 +250,12 @@ class SumoWorld:
         x, y = front[..., 0] - batch.offset[0], front[..., 1] - batch.offset[1]
         return from_sumo(x, y, angle, speed, self._length)
 
-    def save(self, path: Path) -> None:
-        """Write what SUMO holds as a state that SUMO goes on from by itself (``--load-state``)."""
+    def save(self, folder: Path) -> None:
+        """Write the net, the vehicle types and a state from which SUMO goes on by itself (``--load-state``)."""
+        for file in ("tiles.net.xml", "types.add.xml"):
+            shutil.copyfile(Path(self._temporary.name) / file, folder / file)
         with self._session.refusals("save its state"):
-            self._sumo.simulation.saveState(str(path))
+            self._sumo.simulation.saveState(str(folder / "state.xml"))
 
     def color(self, child: int, vehicle: int, rgb: Rgb) -> None:
         """Colour a vehicle of the batch in sumo-gui; without it nobody looks, and nothing happens."""
