@@ -251,7 +251,7 @@ class SumoWorld:
         return from_sumo(x, y, angle, speed, self._length)
 
     def save(self, folder: Path) -> None:
-        """Write the net, the vehicle types and a state from which SUMO goes on by itself (``--load-state``)."""
+        """Write net, vehicle types and a state from which SUMO goes on by itself (``--load-state``)."""
         for file in ("tiles.net.xml", "types.add.xml"):
             shutil.copyfile(Path(self._temporary.name) / file, folder / file)
         with self._session.refusals("save its state"):
