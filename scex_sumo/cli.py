@@ -15,6 +15,7 @@ from scex_sumo.commands.compare import compare_command
 from scex_sumo.commands.convert import convert_command
 from scex_sumo.commands.encounters import encounters_command
 from scex_sumo.commands.explain import explain_command
+from scex_sumo.commands.export import export_command
 from scex_sumo.commands.metrics import metrics_command
 from scex_sumo.commands.models import models_command
 from scex_sumo.commands.plot import plot_command
@@ -23,7 +24,7 @@ from scex_sumo.commands.report import report_command
 from scex_sumo.commands.run import run_command
 from scex_sumo.commands.sample_size import sample_size_command
 from scex_sumo.commands.train import train_command
-from scex_sumo.commands.view import export_command, view_command
+from scex_sumo.commands.view import view_command
 from scex_sumo.errors import ScexError, UsageError
 
 GARBAGE_AFTER = 100_000  # new objects; Python's own is 700
@@ -59,7 +60,7 @@ COMMANDS = (
     (report_command, "report out/k733"),
     (plot_command, "plot out/k733 --metric ttc -o ttc.svg"),
     (view_command, "view out/k733 --critical wttc"),
-    (export_command, "export out/k733 --child 7 --to fcd -o child7.fcd.xml"),
+    (export_command, "export out/k733 --critical ttc --top 5 --to openscenario -o critical"),
     (encounters_command, "encounters out/k733 --pair 17,23"),
     (metrics_command, "metrics vehicle_tracks_000.csv --level scene -o scenes.parquet"),
     (sample_size_command, "sample-size roundabout.osm -o out/enough"),

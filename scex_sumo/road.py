@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from scex_sumo.arrays import FloatArray
 
@@ -160,6 +161,8 @@ class Road:
         georeference: the projection, where it is known and the origin a real place.
         notes: what was repaired or left out, one short sentence each, naming ids.
         losses: what of the map is not there.
+        net: the SUMO net that it was read from, to be used as it is; None for maps of other formats.
+        file: the map that it was read from, or None where it was made.
     """
 
     name: str
@@ -171,6 +174,8 @@ class Road:
     notes: tuple[str, ...] = ()
     losses: tuple[Loss, ...] = ()
     georeference: Georeference | None = None
+    net: Path | None = None
+    file: Path | None = None
 
     @property
     def vehicle_lanes(self) -> dict[int, Lane]:

@@ -19,6 +19,8 @@ from scex_sumo.behaviors.models.replay import Replay
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.plug_in.files import FILES
 from scex_sumo.behaviors.plug_in.loading import is_import_path, load_model
+from scex_sumo.behaviors.plug_in.process import NAME as PROCESS
+from scex_sumo.behaviors.plug_in.process import split_command
 from scex_sumo.behaviors.plug_in.single import SingleVehicle, SingleVehicleBehavior
 from scex_sumo.behaviors.plug_in.usable import reason_in_model
 from scex_sumo.behaviors.plug_in.user_model import UserModel, predictor_model, user_model
@@ -135,8 +137,8 @@ def parse_models(text: str) -> list[ModelSpec]:
     Raises:
         UsageError: unknown model or parameter, a weight or value that makes no sense, a model twice.
     """
-    given = [part.strip() for part in text.split(",")]
-    parts = [name for part in given for name in SETS.get(part, part).split(",")]
+    given = [part.strip() for part in (text.split(",") if split_command(text) is None else [text])]
+    parts = [name for part in given for name in (SETS[part].split(",") if part in SETS else [part])]
     specs = [_parse_one(part) for part in parts if part]
     if not specs:
         raise UsageError(f"no model in {text!r}; known: {', '.join(known_names())}")
@@ -150,8 +152,9 @@ def parse_models(text: str) -> list[ModelSpec]:
 
 
 def _parse_one(text: str) -> ModelSpec:
-    body, at, weight = text.rpartition("@") if "@" in text else (text, "", "1")
-    name, *rest = body.split(":")
+    command = split_command(text)
+    body, at, weight = text.rpartition("@") if "@" in text and command is None else (text, "", "1")
+    name, *rest = body.split(":") if command is None else (PROCESS, *command)
     if name == SUMO:
         if not rest or "=" in rest[0]:
             raise UsageError(f"{text}: name the SUMO model, one of {', '.join(SUMO_MODELS)}, as in sumo:EIDM")

@@ -10,13 +10,20 @@ import typer
 
 from scex_sumo.errors import UsageError
 
-MapPath = Annotated[Path, typer.Argument(metavar="MAP.osm", help="Lanelet2 map (CommonRoad: .xml).")]
+MapPath = Annotated[
+    Path,
+    typer.Argument(metavar="MAP", help="Lanelet2 .osm, CommonRoad .xml, SUMO .net.xml, OpenDRIVE .xodr."),
+]
 Origin = Annotated[
     str | None,
     typer.Option(metavar="LAT,LON", help="Origin of the map's coordinates; else from meta_data.csv."),
 ]
 Tracks = Annotated[
     Path | None, typer.Option(metavar="CSV", help="Recorded tracks; else looked for beside the map.")
+]
+Fcd = Annotated[
+    Path | None,
+    typer.Option(metavar="FCD", help="Tracks of a SUMO simulation (fcd-output .xml, .xml.gz, .parquet)."),
 ]
 Case = Annotated[str | None, typer.Option(metavar="ID", help="Case of a file with case_id.")]
 Time = Annotated[float | None, typer.Option(metavar="S", help="Moment in seconds of the recording.")]

@@ -13,6 +13,7 @@ from typer import Option
 from scex_sumo.commands.console import progress_bar, resumable, warn
 from scex_sumo.commands.options import (
     Case,
+    Fcd,
     MapPath,
     Models,
     Origin,
@@ -26,7 +27,7 @@ from scex_sumo.commands.options import (
     Tracks,
     parse_thresholds,
 )
-from scex_sumo.commands.seed import seed_scene
+from scex_sumo.commands.seed import one_source, seed_scene
 from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 def run_command(
     map_path: MapPath,
     tracks: Tracks = None,
+    fcd: Fcd = None,
     case: Case = None,
     time: Time = None,
     synthetic: Synthetic = None,
@@ -115,7 +117,13 @@ def run_command(
         load_for(settings)
     with Workers(processes) as pool:  # copies of this process, before it reads anything
         scene = seed_scene(
-            map_path, tracks=tracks, case=case, time=time, synthetic=synthetic, origin=origin, seed=seed
+            map_path,
+            tracks=one_source(tracks, fcd),
+            case=case,
+            time=time,
+            synthetic=synthetic,
+            origin=origin,
+            seed=seed,
         )
         folder = out if out is not None else Path("out") / scene.name
         with progress_bar(scene.name) as tick, resumable("children", folder):

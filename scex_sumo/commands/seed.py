@@ -56,6 +56,17 @@ def seed_scene(
     return scene
 
 
+def one_source(tracks: Path | None, fcd: Path | None) -> Path | None:
+    """The tracks, given as ``--tracks`` or as ``--fcd``.
+
+    Raises:
+        UsageError: given as both.
+    """
+    if tracks is not None and fcd is not None:
+        raise UsageError("--tracks and --fcd exclude one another; give one of them")
+    return tracks if fcd is None else fcd
+
+
 def _warn_off_road(scene: SeedScene, off: list[int]) -> None:
     """Some vehicles beside the mapped lanes go straight on."""
     if not off:

@@ -1,4 +1,4 @@
-"""``scex-sumo view`` and ``export``: child scenarios in sumo-gui and in other tools' formats."""
+"""``scex-sumo view``: child scenarios in sumo-gui."""
 
 from __future__ import annotations
 
@@ -6,19 +6,13 @@ import os
 import shlex
 import subprocess
 import sys
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Option
 
 from scex_sumo.commands.options import Result
 from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.programs import environment, program
-
-if TYPE_CHECKING:
-    from scex_sumo.results.run import Run
-
-FORMATS = ("interaction", "fcd")
 
 
 def view_command(
@@ -58,42 +52,3 @@ def view_command(
     status = subprocess.run(command, check=False, env=environment()).returncode
     if status != 0:
         raise ScexError(f"sumo-gui ended with status {status}; try it by hand: sumo-gui -c {file}")
-
-
-def export_command(
-    folder: Result,
-    child: Annotated[int, Option(metavar="N", help="The child scenario.")],
-    to: Annotated[str, Option(metavar="interaction|fcd", help="Format.")] = "interaction",
-    out: Annotated[Path | None, Option("-o", "--out", metavar="FILE", help="File to write.")] = None,
-) -> None:
-    """Write one child scenario in another tool's format."""
-    from scex_sumo.results.info import as_written
-    from scex_sumo.results.run import open_run
-    from scex_sumo.views.children import write_child
-
-    if to not in FORMATS:
-        raise UsageError(f"--to {to}: unknown format; known: {', '.join(FORMATS)}")
-    with as_written(folder):
-        run = open_run(folder)
-        states = run.states(child)  # says when there is no such child
-        ending = "csv" if to == "interaction" else "fcd.xml"
-        path = out if out is not None else Path(f"{run.info['seed_scene']['name']}_child{child:04d}.{ending}")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if to == "interaction":
-                _write_case(run, child, states.shape[1], path)
-            else:
-                written = write_child(run, child)
-                path.write_bytes(written.with_suffix(".fcd.xml").read_bytes())
-        except OSError as error:
-            raise ScexError(f"{path}: cannot write: {error.strerror or error}") from None
-    print(path)
-
-
-def _write_case(run: Run, child: int, frames: int, path: Path) -> None:
-    """One child as an INTERACTION v1.2 case."""
-    from pyarrow import csv
-
-    vehicles = len(run.info["seed_scene"]["track_ids"])
-    rows = run.tracks.slice(child * vehicles * frames, vehicles * frames)
-    csv.write_csv(rows, path, csv.WriteOptions(quoting_style="none", quoting_header="none"))

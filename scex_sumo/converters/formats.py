@@ -15,6 +15,8 @@ from scex_sumo.errors import TrackError
 
 COMMONROAD = (".xml", ".xml.gz")
 OPENDRIVE = (".xodr", ".xodr.gz")
+NET = (".net.xml", ".net.xml.gz")
+FCD = (".fcd.xml", ".fcd.xml.gz", ".parquet")
 HIGHD = "_recordingMeta.csv"
 _TRACKS = "_tracks.csv"
 
@@ -51,8 +53,28 @@ def unpacked_name(path: str | Path) -> str:
 
 
 def is_commonroad(map_path: str | Path) -> bool:
-    """Whether a map is a CommonRoad scenario, by its name."""
-    return str(map_path).lower().endswith(COMMONROAD)
+    """Whether a map is a CommonRoad scenario, by its name, and by its beginning where it is SUMO's."""
+    return str(map_path).lower().endswith(COMMONROAD) and not (is_net(map_path) or is_fcd(map_path))
+
+
+def is_net(map_path: str | Path) -> bool:
+    """Whether a map is a SUMO net, by its name."""
+    return str(map_path).lower().endswith(NET)
+
+
+def is_fcd(path: str | Path) -> bool:
+    """Whether a file is SUMO's floating car data, by its name or by its beginning."""
+    name = str(path).lower()
+    return name.endswith(FCD) or (name.endswith(COMMONROAD) and b"<fcd-export" in _beginning(Path(path)))
+
+
+def _beginning(path: Path) -> bytes:
+    """The first bytes of a file, unpacked; none where it cannot be read."""
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            return file.read(4096)
+    except (OSError, EOFError):
+        return b""
 
 
 def is_highd(map_path: str | Path) -> bool:
@@ -66,7 +88,7 @@ def map_name(map_path: str | Path) -> str:
     Bytes that are no UTF-8 become ``-``: other programs shall open files of that name.
     """
     name = re.sub("[\udc80-\udcff]", "-", unpacked_name(map_path))
-    return f"highd_{name.removesuffix(HIGHD)}" if is_highd(map_path) else Path(name).stem
+    return f"highd_{name.removesuffix(HIGHD)}" if is_highd(map_path) else Path(name).stem.removesuffix(".net")
 
 
 def is_levelx(path: str | Path) -> bool:

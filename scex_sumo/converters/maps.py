@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from scex_sumo.converters.formats import OPENDRIVE, is_commonroad, is_highd
-from scex_sumo.errors import MapError
+from scex_sumo.converters.formats import OPENDRIVE, is_commonroad, is_highd, is_net
+from scex_sumo.converters.sumo.imported import is_open_street_map, read_imported_road
 from scex_sumo.road import Road
 
 
@@ -17,7 +18,8 @@ def read_map(
     own_corner: bool = True,
     country: str | None = None,
 ) -> Road:
-    """Read a map: CommonRoad where its name ends in ``.xml`` or ``.xml.gz``, else Lanelet2.
+    """Read a map: a SUMO net (``.net.xml``), CommonRoad (other ``.xml``), Lanelet2
+    (``.osm``); OpenDRIVE (``.xodr``) and OpenStreetMap (an ``.osm`` without lanelets) by way of netconvert.
 
     A highD recording has no map: ``NN_recordingMeta.csv`` stands for its straight lanes.
 
@@ -31,15 +33,28 @@ def read_map(
         country: whose speed limits hold where a Lanelet2 map gives none; None for that of its tags.
 
     Raises:
-        MapError: the map cannot be read, or is OpenDRIVE.
+        MapError: the map cannot be read.
         MissingExtraError: it is CommonRoad, and commonroad-io is not installed.
     """
     path = Path(map_path)
-    if str(path).lower().endswith(OPENDRIVE):
-        raise MapError(
-            f"{path}: OpenDRIVE cannot be read; convert it to CommonRoad (.xml) or Lanelet2 (.osm) first, "
-            "e.g. with commonroad-scenario-designer's crdesigner, and look the result over (docs/maps.md)"
-        )
+    return replace(_read(path, origin, tracks, own_corner=own_corner, country=country), file=path)
+
+
+def _read(
+    path: Path,
+    origin: tuple[float, float] | None,
+    tracks: str | Path | None,
+    *,
+    own_corner: bool,
+    country: str | None,
+) -> Road:
+    """The road of a map, by the reader of its format."""
+    if str(path).lower().endswith(OPENDRIVE) or is_open_street_map(path):
+        return read_imported_road(path)
+    if is_net(path):
+        from scex_sumo.converters.sumo.net import read_sumo_road
+
+        return read_sumo_road(path)
     if is_commonroad(path):
         from scex_sumo.converters.commonroad.reader import read_commonroad_road
 

@@ -40,6 +40,7 @@ def describe(scene: SeedScene) -> dict[str, Any]:
         "recorded_future_steps": int(scene.future.shape[1]) if scene.future is not None else 0,
         "notes": list(scene.notes),
         "source": scene.source,
+        "map": str(scene.road.file) if scene.road is not None and scene.road.file is not None else None,
         "origin": list(scene.road.origin) if scene.road is not None else None,
         "fingerprint": digest(scene),
     }

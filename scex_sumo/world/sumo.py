@@ -8,6 +8,7 @@ vehicles: nothing is left of one that could colour the next, not even the time (
 from __future__ import annotations
 
 import importlib
+import shutil
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
@@ -248,6 +249,13 @@ class SumoWorld:
                 speed[child] = list(map(get.getSpeed, mine))
         x, y = front[..., 0] - batch.offset[0], front[..., 1] - batch.offset[1]
         return from_sumo(x, y, angle, speed, self._length)
+
+    def save(self, folder: Path) -> None:
+        """Write net, vehicle types and a state from which SUMO goes on by itself (``--load-state``)."""
+        for file in ("tiles.net.xml", "types.add.xml"):
+            shutil.copyfile(Path(self._temporary.name) / file, folder / file)
+        with self._session.refusals("save its state"):
+            self._sumo.simulation.saveState(str(folder / "state.xml"))
 
     def color(self, child: int, vehicle: int, rgb: Rgb) -> None:
         """Colour a vehicle of the batch in sumo-gui; without it nobody looks, and nothing happens."""

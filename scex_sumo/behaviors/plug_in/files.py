@@ -1,4 +1,4 @@
-"""Predictors from files: TorchScript and ONNX models as behaviour models."""
+"""Models of files: TorchScript and ONNX predictors, and programs, as behaviour models."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 from scex_sumo.behaviors.plug_in.file_function import FileFunction
 from scex_sumo.behaviors.plug_in.inputs import ARRAYS, Surroundings
 from scex_sumo.behaviors.plug_in.predictor import Predictor
+from scex_sumo.behaviors.plug_in.process import NAME, PROCESS
 from scex_sumo.behaviors.plug_in.user_model import UserModel
 from scex_sumo.errors import InputError, MissingExtraError
 
@@ -62,5 +63,6 @@ FILES: Mapping[str, UserModel] = {
     "onnx": _model(
         "onnx", "An ONNX file that predicts trajectories; the names of its inputs say what it is given."
     ),
+    NAME: PROCESS,
 }
-"""Models from files by the name that they have on the command line; the file is a parameter."""
+"""Models from files by the name that they have on the command line; the file or command is a parameter."""

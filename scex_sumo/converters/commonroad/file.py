@@ -23,7 +23,7 @@ LARGEST_ID = 2**53  # ids go through floats in other tools; SUMO and JSON keep t
 _ROOTS = {
     "osm": "it is an OSM file, rename it to .osm for Lanelet2",
     "net": "it is a SUMO net already",
-    "OpenDRIVE": "it is OpenDRIVE, which cannot be read; see docs/maps.md",
+    "OpenDRIVE": "it is OpenDRIVE; rename it to .xodr",
 }
 
 

@@ -16,9 +16,10 @@ from scex_sumo.converters.cleaning.align import Evidence, align_tracks, evidence
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.commonroad.tracks import read_commonroad_tracks, repair_commonroad
 from scex_sumo.converters.datasets.levelx import read_levelx
-from scex_sumo.converters.formats import all_there, is_commonroad, is_levelx, map_name
+from scex_sumo.converters.formats import all_there, is_commonroad, is_fcd, is_levelx, map_name
 from scex_sumo.converters.moments.sample import resample
 from scex_sumo.converters.moments.scene import Clean
+from scex_sumo.converters.sumo.fcd import read_fcd
 from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.converters.tracks.rows import ROW_COLUMNS, TrackRows, TrackTable, other_rate, segments_of
 from scex_sumo.errors import ScexError, TrackError
@@ -42,6 +43,8 @@ def read_recorded(paths: Sequence[Path]) -> tuple[TrackTable, tuple[str, ...]]:
     """
     if len(paths) > 1:
         return _stitch([read_commonroad_tracks(path) for path in paths])
+    if is_fcd(paths[0]):
+        return read_fcd(paths[0])
     if is_commonroad(paths[0]):
         return read_commonroad_tracks(paths[0])
     table = read_levelx(paths[0]) if is_levelx(paths[0]) else read_tracks(paths[0])

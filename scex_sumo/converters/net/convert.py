@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from scex_sumo.converters.net.elements import NetLayout
+from scex_sumo.converters.net.existing import copy_net
 from scex_sumo.converters.net.extras import extras_text
 from scex_sumo.converters.net.lane_table import LaneTable, lane_table
 from scex_sumo.converters.net.lights import Programme, fixed_programmes
@@ -49,6 +50,8 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     Raises:
         MapError: the road has no vehicle lanes, or some without length; the signals cannot be used.
     """
+    if road.net is not None:
+        return _as_it_is(road, road.net, net_path)
     lanes = road.vehicle_lanes
     if not lanes:
         raise MapError(f"{road.name}: no lanelet that cars may drive on; nothing to convert")
@@ -74,6 +77,14 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     return SumoNet(
         path=net_path, extras=extras, lanes=table, notes=tuple(notes), losses=(*road.losses, *losses)
     )
+
+
+def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
+    """The net that a road was read from, its lane table and drawing beside it."""
+    table, extras = copy_net(source, net_path), net_file(net_path, ".add.xml")
+    table.write(net_file(net_path, ".lanes.csv"))
+    extras.write_text(extras_text(road), encoding="utf-8")
+    return SumoNet(path=net_path, extras=extras, lanes=table)
 
 
 def _side_lanes(road: Road) -> NetLayout:

@@ -132,12 +132,16 @@ class LaneTable:
 
 def read_ends(net: Path) -> dict[str, tuple[str, str]]:
     """For each internal SUMO lane of a net the edges before and after it."""
-    ends = {}
+    ends, within = {}, []
     for connection in ET.parse(net).getroot().iter("connection"):
         via = connection.get("via")
         before, after = connection.get("from", ""), connection.get("to", "")
         if via and not before.startswith(":"):
             ends[via] = (before, after)
+        elif via:
+            within.append((f"{before}_{connection.get('fromLane', '0')}", via))
+    # Where a vehicle waits within a junction, netconvert cuts its internal lane in two.
+    ends.update({second: ends[first] for first, second in within if first in ends})
     return ends
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from scex_sumo.converters.formats import (
+    FCD,
     HIGHD,
     all_there,
     is_commonroad,
     is_highd,
+    is_net,
     there,
     unpacked_name,
 )
@@ -21,7 +23,8 @@ def find_tracks(map_path: str | Path) -> Path:
     Looked for, in this order: ``MAP.csv`` beside the map; then, in the folder above ``maps/`` (and in the
     map's own), ``recorded_trackfiles/MAP/vehicle_tracks_*.csv`` (the first of them), ``train/MAP_train.csv``,
     ``val/MAP_val.csv``; each may be packed as ``.csv.gz``. A CommonRoad scenario holds its own, unless
-    ``MAP.csv`` lies beside it.
+    ``MAP.csv`` lies beside it. Beside a SUMO net, ``MAP.fcd.xml``, ``MAP.fcd.xml.gz`` or
+    ``MAP.parquet`` is taken.
 
     Raises:
         MapError: the map does not exist.
@@ -41,6 +44,10 @@ def find_tracks(map_path: str | Path) -> Path:
     beside = there(looked[0])
     if beside is not None:
         return beside
+    fcd = [path.with_name(f"{name}{ending}") for ending in FCD]
+    for file in fcd if is_net(path) else ():
+        if file.is_file():
+            return file
     if is_commonroad(path):
         return path
     for folder in folders:

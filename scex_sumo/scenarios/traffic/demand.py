@@ -18,6 +18,7 @@ CURVE_WINDOW_M = 6.0  # shorter bends than a car are the map's, not the road's
 SLOWEST_MPS = 4.0
 CHANGE_M = 40.0  # an edge shorter than this is too short to plan a lane change on
 LONGEST_ROUTE = 80
+ROUND_TRIP = 12  # edges of a route in a net that nobody leaves
 ROUTE_TRIES = 40
 TRUCK_SHARE = 0.08
 TRUCK_TOP_MPS = 24.0
@@ -90,18 +91,22 @@ class Network:
         starts = [key for key in self._lanes if key[0] not in entered and key[0] not in self._exits]
         inside = _inside(root, starts, self._exits)
         self.origins = sorted(key for key in starts if key not in inside)
+        # A net that nobody enters or leaves, such as a grid: traffic begins and ends anywhere.
+        self._endless = bool(left) and not (self.origins and self._exits)
+        self.origins = self.origins or (sorted(self._lanes) if self._endless else [])
 
     def random_route(self, origin: tuple[str, int], rng: np.random.Generator) -> tuple[str, ...] | None:
         """Edges of a random way from a lane to the edge of the map, each fork equally likely."""
+        longest = ROUND_TRIP if self._endless else LONGEST_ROUTE
         for _ in range(ROUTE_TRIES):
             edges, here = [origin[0]], origin
-            while here[0] not in self._exits and len(edges) < LONGEST_ROUTE:
+            while here[0] not in self._exits and len(edges) < longest:
                 choices = self._next(here, edges)
                 if not choices:
                     break
                 here = choices[int(rng.integers(len(choices)))]
                 edges.append(here[0])
-            if here[0] in self._exits:
+            if here[0] in self._exits or (self._endless and len(edges) > 1):
                 return tuple(edges)
         return None
 

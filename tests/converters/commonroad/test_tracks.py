@@ -143,9 +143,9 @@ def test_a_moment_outside_the_recording_and_a_file_of_another_kind_are_refused(t
         recorded_scene(tmp_path / "net.xml")
 
 
-def test_an_opendrive_map_is_refused_before_its_tracks_are_looked_for(tmp_path: Path) -> None:
+def test_a_broken_opendrive_map_is_refused_before_its_tracks_are_looked_for(tmp_path: Path) -> None:
     (tmp_path / "road.xodr").write_text("<OpenDRIVE/>", encoding="utf-8")
-    with pytest.raises(MapError, match="OpenDRIVE cannot be read"):
+    with pytest.raises(MapError, match=r"road.xodr: netconvert"):
         read_seed(tmp_path / "road.xodr")
 
 

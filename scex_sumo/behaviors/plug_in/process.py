@@ -1,0 +1,210 @@
+"""Driving function in another process: a program in any language, asked by lines of JSON.
+
+It reads one line for each question on standard input and answers each with one line on standard output. The
+first line is the road; the program answers it with any JSON object when it is ready.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import selectors
+import shlex
+import subprocess
+import time
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.plug_in.user_model import EMPTY, UserModel
+from scex_sumo.errors import ScexError, UsageError
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, SceneHistory, States
+
+NAME = "process"
+START_S = 30.0  # how long a program may take to get ready
+STARTS = 5  # of one program in one worker; whoever needs more is given up
+_KEYS = ("x", "y", "heading", "speed")
+
+
+class ProcessDriver:
+    """Asks a program for the plan of one vehicle at a time; what it does wrong is an error of the plan."""
+
+    def __init__(self, command: str, deadline_s: float = 1.0) -> None:
+        """Nothing is started before the first question.
+
+        Args:
+            command: as on a shell's command line, without the shell.
+            deadline_s: an answer that takes longer is none, and ends the program.
+
+        Raises:
+            UsageError: no command, or no time.
+        """
+        if not shlex.split(command):
+            raise UsageError(f"{NAME}: needs a command, as in {NAME}:'python driver.py'")
+        if not deadline_s > 0:
+            raise UsageError(f"{NAME}: deadline_s={deadline_s:g}: needs more than 0 s")
+        self.command, self.deadline_s = command, deadline_s
+        self._program: _Program | None = None
+        self._starts = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the running program: each worker starts its own."""
+        return {**self.__dict__, "_program": None, "_starts": 0}
+
+    def plan_one(
+        self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
+    ) -> States:
+        """Ask the program; see `SingleVehicleBehavior`.
+
+        Raises:
+            ScexError: it cannot be started, has ended, is late, or answers with something else.
+        """
+        if self._program is None:
+            if self._starts >= STARTS:
+                raise ScexError(f"{self.command}: ended or was late {STARTS} times; given up")
+            self._starts += 1
+            self._program = _Program(self.command, _setup(road))
+        try:
+            answer = self._program.ask(_question(history, child, vehicle), self.deadline_s)
+        except ScexError:
+            self._program.end()
+            self._program = None
+            raise
+        return _states(self.command, answer)
+
+
+class _Program:
+    """A running program and the lines to and from it."""
+
+    def __init__(self, command: str, setup: str) -> None:
+        self._command, self._read = command, b""
+        try:
+            self._process = subprocess.Popen(
+                shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+            )
+        except OSError as error:
+            raise ScexError(f"{command}: cannot be started: {error.strerror or error}") from None
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._in, self._out = self._process.stdin, self._process.stdout
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._out, selectors.EVENT_READ)
+        try:
+            self.ask(setup, START_S)
+        except ScexError:
+            self.end()
+            raise
+
+    def ask(self, line: str, deadline_s: float) -> Any:
+        """Send a line and read one."""
+        try:
+            left = memoryview(f"{line}\n".encode())
+            while left:
+                left = left[self._in.write(left) :]
+        except OSError:
+            raise ScexError(f"{self._command}: has ended{self._status()}") from None
+        until = time.monotonic() + deadline_s
+        while b"\n" not in self._read:
+            if not self._selector.select(max(0.0, until - time.monotonic())):
+                raise ScexError(f"{self._command}: no answer within {deadline_s:g} s")
+            part = os.read(self._out.fileno(), 1 << 16)
+            if not part:
+                raise ScexError(f"{self._command}: has ended{self._status()}")
+            self._read += part
+        answer, _, self._read = self._read.partition(b"\n")
+        try:
+            return json.loads(answer)
+        except ValueError:
+            raise ScexError(f"{self._command}: answered no JSON: {answer[:60]!r}") from None
+
+    def _status(self) -> str:
+        try:
+            return f" with status {self._process.wait(timeout=0.2)}"
+        except subprocess.TimeoutExpired:
+            return ""
+
+    def end(self) -> None:
+        """Stop the program."""
+        self._selector.close()
+        self._process.kill()
+        self._process.wait()
+        self._in.close()
+        self._out.close()
+
+    def __del__(self) -> None:
+        """Stop the program: a worker that is done leaves none behind."""
+        if hasattr(self, "_selector") and not self._out.closed:
+            self.end()
+
+
+def _setup(road: Road) -> str:
+    """The first line: what does not change."""
+    lanes = [
+        {
+            "id": lane.lane_id,
+            "centreline": lane.centreline.round(4).tolist(),
+            "width": round(lane.width_m, 3),
+            "speed_limit": round(lane.speed_limit_mps, 4),
+            "successors": list(lane.successors),
+            "left": lane.left,
+            "right": lane.right,
+        }
+        for lane in road.vehicle_lanes.values()
+    ]
+    return json.dumps({"step_s": STEP_S, "plan_steps": PLAN_STEPS, "lanes": lanes})
+
+
+def _question(history: SceneHistory, child: int, vehicle: int) -> str:
+    """One vehicle's scene: itself first, then the others, each with its last second, oldest first."""
+    scene, states = history.scene, history.states[child]
+
+    def described(v: int) -> dict[str, Any]:
+        own = states[v]
+        return {
+            "id": int(scene.track_ids[v]),
+            "type": scene.types[v],
+            **{key: float(getattr(own, key)[-1]) for key in _KEYS},
+            "length": float(scene.length[v]),
+            "width": float(scene.width[v]),
+            "past": {key: getattr(own, key)[:-1].tolist() for key in _KEYS},
+        }
+
+    others = [described(v) for v in range(scene.vehicles) if v != vehicle]
+    asked = {"child": int(history.children[child]), "step": history.step}
+    return json.dumps({**asked, "vehicle": described(vehicle), "others": others})
+
+
+def _states(command: str, answer: Any) -> States:
+    """The plan in an answer."""
+    try:
+        rows = {key: np.array(answer[key], dtype=np.float64) for key in _KEYS}
+    except (KeyError, TypeError, ValueError):
+        keys = ", ".join(_KEYS)
+        raise ScexError(f"{command}: answered no plan; needs {keys}, {PLAN_STEPS} numbers each") from None
+    if any(row.shape != rows["x"].shape or row.ndim != 1 or len(row) < PLAN_STEPS for row in rows.values()):
+        raise ScexError(f"{command}: answered fewer than {PLAN_STEPS} steps, or not as many of each")
+    return States(**rows)
+
+
+PROCESS = UserModel(
+    make=ProcessDriver,
+    parameters={"command": EMPTY, "deadline_s": 1.0},
+    summary="A program of any language, asked by lines of JSON; process:COMMAND.",
+)
+"""The model on the command line."""
+
+
+def split_command(text: str) -> list[str] | None:
+    """Parts of ``process[:deadline_s=S]:COMMAND`` as parameters; None where it is another model's text.
+
+    The command is all that is left, with colons, commas and blanks.
+    """
+    name, colon, rest = text.partition(":")
+    if name.strip() != NAME or not colon:
+        return None
+    parts = []
+    head, colon, after = rest.partition(":")
+    if head.startswith("deadline_s=") and colon:
+        parts, rest = [head], after
+    return [*parts, f"command={rest.removeprefix('command=')}"]

@@ -1,0 +1,241 @@
+"""Floating car data of a SUMO simulation as tracks: XML, gzipped or not, or Parquet.
+
+SUMO's angles count clockwise from north in degrees, its positions are front bumpers; tracks have centres and
+angles counter-clockwise from +x.
+"""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, segments_of
+from scex_sumo.errors import TrackError
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.scene import STEP_S
+
+# SUMO's own sizes of its vehicle classes, length and width in m, by a word in the name of the type.
+_SIZES = (
+    ("truck", (7.1, 2.4)),
+    ("trailer", (16.5, 2.55)),
+    ("bus", (12.0, 2.5)),
+    ("coach", (14.0, 2.6)),
+    ("delivery", (6.5, 2.16)),
+    ("van", (6.5, 2.16)),
+    ("motorcycle", (2.2, 0.9)),
+    ("moped", (2.1, 0.8)),
+    ("bicycle", (1.6, 0.65)),
+    ("bike", (1.6, 0.65)),
+    ("tram", (22.0, 2.4)),
+)
+_CAR, _PERSON = (5.0, 1.8), (0.215, 0.478)
+_KINDS = {"trailer": "truck", "coach": "bus", "delivery": "van", "moped": "motorcycle", "bike": "bicycle"}
+_OTHERS = ("bicycle", "tram", "pedestrian")
+_COLUMNS = ("time", "x", "y", "angle", "speed", "length", "width")
+_LONGEST_STEP_S = 0.5  # longer ones are filled in here: on curves a straight line between them is no path
+
+
+def read_fcd(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
+    """Read SUMO's ``fcd-output``.
+
+    Sizes are the file's where it has them (``--fcd-output.attributes ...,length,width``), else SUMO's own for
+    the class that the type's name speaks of. A simulation in steps of 1 s is filled in to 0.1 s along curves.
+
+    Args:
+        path: ``.xml``, ``.xml.gz`` or ``.parquet``, with x and y in metres.
+
+    Returns:
+        The recording, and one phrase for each thing that had to be guessed.
+
+    Raises:
+        TrackError: it cannot be read, or holds no vehicle.
+    """
+    path = Path(path)
+    names, kinds, table = _parquet(path) if path.suffix == ".parquet" else _xml(path)
+    if not len(table):
+        raise TrackError(f"{path}: no vehicle in it; give the fcd-output of a simulation with traffic")
+    findings = _fill_sizes(table, kinds)
+    labels, track = np.unique(names, return_inverse=True)
+    order = np.lexsort((table[:, 0], track))
+    track, table = track[order].astype(np.int64), table[order]
+    words = np.array([_word(kind) for kind in kinds])[order]
+    step_s = _step(track, table[:, 0])
+    if step_s > _LONGEST_STEP_S:
+        track, table, words = _filled(track, table, words, step_s)
+        findings.append(f"simulated in steps of {step_s:g} s: filled in to {STEP_S:g} s along curves")
+        step_s = STEP_S
+    vehicle = ~np.isin(words, _OTHERS)
+    numbered = _numbers([str(label) for label in labels])
+    if any(str(number) != str(label) for number, label in zip(numbered, labels, strict=True)):
+        findings.append("vehicles are numbered in the order of their names")
+    return (
+        TrackTable(
+            path=path,
+            cases=("",),
+            vehicles=_rows(track[vehicle], table[vehicle], words[vehicle], [str(n) for n in numbered]),
+            others=_rows(track[~vehicle], table[~vehicle], words[~vehicle], [str(x) for x in labels]),
+            step_s=step_s,
+        ),
+        tuple(findings),
+    )
+
+
+def _fill_sizes(table: FloatArray, kinds: list[str]) -> list[str]:
+    """Lengths and widths that the file leaves out, in place; a phrase where there were any."""
+    unknown = np.isnan(table[:, 5:7])
+    guessed = np.array([_size(kind) for kind in kinds])
+    table[:, 5:7] = np.where(unknown, guessed, table[:, 5:7])
+    return ["sizes are SUMO's for the classes that the types' names speak of"] if unknown.any() else []
+
+
+def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
+    """Names, types and columns of every row of an XML file."""
+    names, kinds, rows = [], [], []
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            for time, element in _elements(file):
+                names.append(element.get("id", ""))
+                kinds.append("pedestrian" if element.tag == "person" else element.get("type", ""))
+                values = (element.get(column, "nan") for column in _COLUMNS[1:])
+                rows.append([time, *map(float, values)])
+    except (OSError, EOFError, ValueError, ElementTree.ParseError) as error:
+        raise TrackError(f"{path}: cannot be read as SUMO's fcd-output: {error}") from None
+    return names, kinds, np.array(rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
+
+
+def _elements(file: Any) -> Iterator[tuple[float, ElementTree.Element]]:
+    time = 0.0
+    for event, element in ElementTree.iterparse(file, events=("start", "end")):
+        if element.tag == "timestep":
+            if event == "start":
+                time = float(element.get("time", "nan"))
+            else:
+                element.clear()
+        elif event == "end" and element.tag in ("vehicle", "person"):
+            yield time, element
+
+
+def _parquet(path: Path) -> tuple[list[str], list[str], FloatArray]:
+    """The same of a Parquet file, with or without the names of elements before those of columns."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        read = pq.read_table(path)
+    except (OSError, pa.ArrowException) as error:
+        raise TrackError(f"{path}: cannot be read as SUMO's fcd-output: {error}") from None
+    columns = {name.removeprefix("timestep_").removeprefix("vehicle_"): name for name in read.column_names}
+    missing = [name for name in ("time", "id", "x", "y", "angle", "speed") if name not in columns]
+    if missing:
+        raise TrackError(f"{path}: no column {missing[0]}; write it with SUMO's --fcd-output FILE.parquet")
+    keep = read[columns["id"]].is_valid().to_numpy(zero_copy_only=False)
+    read = read.filter(keep)
+    empty = np.full(read.num_rows, np.nan)
+    table = [
+        read[columns[name]].cast(pa.float64()).to_numpy() if name in columns else empty for name in _COLUMNS
+    ]
+    kinds = read[columns["type"]].to_pylist() if "type" in columns else [""] * read.num_rows
+    return (
+        [str(n) for n in read[columns["id"]].to_pylist()],
+        [str(k or "") for k in kinds],
+        np.stack(table, 1),
+    )
+
+
+def _size(kind: str) -> tuple[float, float]:
+    if kind == "pedestrian":
+        return _PERSON
+    said = kind.lower()
+    return next((size for word, size in _SIZES if word in said), _CAR)
+
+
+def _word(kind: str) -> str:
+    """Type of a track by the name of SUMO's type."""
+    if kind == "pedestrian":
+        return kind
+    word = next((word for word, _ in _SIZES if word in kind.lower()), "car")
+    return _KINDS.get(word, word)
+
+
+def _step(track: IntArray, time: FloatArray) -> float:
+    step = np.diff(time)[np.diff(track) == 0]
+    return float(np.median(step)) if len(step) else STEP_S
+
+
+def _numbers(labels: list[str]) -> list[int]:
+    """Track ids: the names themselves where all are whole numbers, else their places in order."""
+    if all(label.isdecimal() for label in labels):
+        return [int(label) for label in labels]
+    return list(range(1, len(labels) + 1))
+
+
+def _filled(
+    track: IntArray, table: FloatArray, words: Any, step_s: float
+) -> tuple[IntArray, FloatArray, Any]:
+    """Rows every 0.1 s, along cubic curves that have the recorded places, headings and speeds."""
+    tracks, tables, kinds = [], [], []
+    more = round(step_s / STEP_S)
+    for first, last in _runs(track, table[:, 0], step_s):
+        own = table[first:last]
+        u = np.arange(more) / more
+        angle = np.unwrap(np.radians(90.0 - own[:, 3]))
+        slope = own[:, 4, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1) * step_s
+        p, q, v, w = own[:-1, 1:3], own[1:, 1:3], slope[:-1], slope[1:]
+        t = u[None, :, None]
+        p, q, v, w = (x[:, None] for x in (p, q, v, w))
+        place = (2 * t**3 - 3 * t**2 + 1) * p + (t**3 - 2 * t**2 + t) * v
+        place = place + (3 * t**2 - 2 * t**3) * q + (t**3 - t**2) * w
+        columns = {}
+        for k, column in enumerate((own[:, 0], angle, own[:, 4])):
+            columns[k] = np.append((column[:-1, None] + u * np.diff(column)[:, None]).ravel(), column[-1])
+        rows = np.empty((len(columns[0]), table.shape[1]))
+        rows[:, 0], rows[:, 4] = columns[0], columns[2]
+        rows[:, 1:3] = np.vstack([place.reshape(-1, 2), own[-1:, 1:3]])
+        rows[:, 3] = 90.0 - np.degrees(columns[1])
+        rows[:, 5:] = own[0, 5:]
+        tracks.append(np.full(len(rows), track[first]))
+        tables.append(rows)
+        kinds.append(np.full(len(rows), words[first]))
+    return np.concatenate(tracks), np.vstack(tables), np.concatenate(kinds)
+
+
+def _runs(track: IntArray, time: FloatArray, step_s: float) -> list[tuple[int, int]]:
+    """First row of each stretch without a gap, and the one after its last."""
+    new = (np.diff(track) != 0) | (np.diff(time) > 1.5 * step_s)
+    begin = np.flatnonzero(np.concatenate([[True], new]))
+    return list(zip(begin.tolist(), [*begin[1:].tolist(), len(track)], strict=True))
+
+
+def _rows(track: IntArray, table: FloatArray, words: Any, labels: list[str]) -> TrackRows:
+    used, number = np.unique(track, return_inverse=True)
+    number = number.astype(np.int64)
+    # SUMO angles: 0 = north, clockwise; ours: 0 = east, counter-clockwise.
+    heading = np.asarray(wrap(np.radians(90.0 - table[:, 3])))
+    c, s = np.cos(heading), np.sin(heading)
+    # SUMO's position is the front bumper, ours the centre.
+    values = (
+        1000.0 * table[:, 0],
+        table[:, 1] - c * table[:, 5] / 2,
+        table[:, 2] - s * table[:, 5] / 2,
+        table[:, 4] * c,
+        table[:, 4] * s,
+        heading,
+        table[:, 5],
+        table[:, 6],
+    )
+    first = np.concatenate([[True], np.diff(number) != 0])[: len(number)]
+    return TrackRows(
+        case=np.zeros(len(number), np.int64),
+        track=number,
+        segment=segments_of(number, values[0]),
+        labels=tuple(labels[k] for k in used),
+        types=tuple(str(word) for word in words[first]),
+        frame_id=np.rint(values[0] / (1000.0 * STEP_S)).astype(np.int64),
+        **dict(zip(FLOAT_COLUMNS, values, strict=True)),
+    )

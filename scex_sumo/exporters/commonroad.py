@@ -1,0 +1,137 @@
+"""CommonRoad 2020a: the road as lanelets with signs and lights, vehicles as obstacles, a planning problem.
+
+The format is written as it is specified; commonroad-io, whose interface changes with its releases, reads it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.exporters.commonroad_road import lanelet_numbers, road_elements
+from scex_sumo.exporters.request import Request
+from scex_sumo.exporters.xml_text import add, number_text
+from scex_sumo.files import write_atomic
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
+
+GOAL_M = (8.0, 4.0)  # length and width of the goal about the place where the child has the ego at its end
+GOAL_STEPS = 5  # it counts from so many steps before the end on
+_WORDS = ("pedestrian", "bicycle", "motorcycle", "truck", "bus", "taxi")
+
+
+def write_commonroad(request: Request) -> list[Path]:
+    """Write a scenario for each child; with an ego, the task to drive from its seed state to its last place.
+
+    Without an ego time step 0 is the first logged frame. With one, it is the seed scene: the past is left
+    out, and so is the ego among the obstacles.
+    """
+    ego, files = request.ego_index(), []
+    for child in request.children:
+        name = _benchmark(request.road.name, child)
+        root = _root(name, request.file_stem(child))
+        road, used = road_elements(request.road)
+        root.extend(road)
+        root.extend(_obstacles(request, child, ego, used))
+        if ego is not None:
+            root.append(_task(request, child, ego))
+        ET.indent(root)
+        file = request.folder / f"{name}.xml"
+        write_atomic(file, ET.tostring(root, encoding="utf-8", xml_declaration=True))
+        files.append(file)
+    return files
+
+
+def _benchmark(road: str, child: int) -> str:
+    """CommonRoad's name of a scenario; ZAM is its country of no country, the child its configuration."""
+    letters = "".join(c for c in road.title() if c.isalnum())
+    return f"ZAM_{letters}-1_{child + 1}_T-1"
+
+
+def _root(name: str, source: str) -> ET.Element:
+    root = ET.Element(
+        "commonRoad",
+        timeStepSize=number_text(STEP_S),
+        commonRoadVersion="2020a",
+        author="scex-sumo",
+        affiliation="",
+        source=source,
+        benchmarkID=name,
+        date="2020-01-01",  # of the format: the same export has the same bytes
+    )
+    place = add(root, "location")
+    for tag, value in (("geoNameId", "-999"), ("gpsLatitude", "999"), ("gpsLongitude", "999")):
+        add(place, tag, value)
+    add(add(root, "scenarioTags"), "simulated")
+    return root
+
+
+def _obstacles(request: Request, child: int, ego: int | None, used: set[int]) -> Iterable[ET.Element]:
+    scene, states = request.scene, request.run.states(child)
+    first = 0 if ego is None else LOGGED_HISTORY - 1
+    free = max([*used, *scene.track_ids.tolist()]) + 1
+    for v, track in enumerate(scene.track_ids.tolist()):
+        if v != ego:
+            number = track if track > 0 and track not in used else free + v
+            size = float(scene.length[v]), float(scene.width[v])
+            yield _obstacle(number, scene.types[v], size, states[v, first:], 0)
+    others = scene.obstacles
+    for o, kind in enumerate(others.types if others is not None else ()):
+        assert others is not None
+        frames = request.obstacle_frames()
+        seen = np.flatnonzero(others.present[o, frames][first:])
+        if len(seen):
+            own = others.states[o, frames][first:][seen[0] : seen[-1] + 1]
+            size = float(others.length[o]), float(others.width[o])
+            yield _obstacle(free + scene.vehicles + o, kind, size, own, int(seen[0]))
+
+
+def _obstacle(number: int, kind: str, size: Sequence[float], states: States, first: int) -> ET.Element:
+    element = ET.Element("dynamicObstacle", id=str(number))
+    add(element, "type", next((word for word in _WORDS if word in kind), "car"))
+    box = add(add(element, "shape"), "rectangle")
+    add(box, "length", number_text(size[0]))
+    add(box, "width", number_text(size[1]))
+    rows = np.stack([states.x, states.y, states.heading, states.speed], axis=1)
+    _state(add(element, "initialState"), rows[0], first)
+    if len(rows) > 1:
+        line = add(element, "trajectory")
+        for t, row in enumerate(rows[1:], start=first + 1):
+            _state(add(line, "state"), row, t)
+    return element
+
+
+def _state(element: ET.Element, row: FloatArray, step: int) -> None:
+    """Place, orientation, time step and speed."""
+    point = add(add(element, "position"), "point")
+    add(point, "x", number_text(row[0]))
+    add(point, "y", number_text(row[1]))
+    for tag, value in (("orientation", row[2]), ("time", step), ("velocity", row[3])):
+        add(add(element, tag), "exact", str(value) if tag == "time" else number_text(value))
+
+
+def _task(request: Request, child: int, ego: int) -> ET.Element:
+    """From the ego's seed state to where the child has it at the end, in the same time."""
+    states = request.run.states(child)[ego]
+    steps = states.shape[0] - LOGGED_HISTORY
+    now, end = states[LOGGED_HISTORY - 1], states[-1]
+    task = ET.Element("planningProblem", id=str(max(lanelet_numbers(request.road).values()) + 1_000_000))
+    start = add(task, "initialState")
+    _state(start, np.array([now.x, now.y, now.heading, now.speed]), 0)
+    for tag in ("yawRate", "slipAngle"):
+        add(add(start, tag), "exact", "0.0")
+    goal = add(task, "goalState")
+    box = add(add(goal, "position"), "rectangle")
+    place: Mapping[str, float] = {"length": GOAL_M[0], "width": GOAL_M[1], "orientation": float(end.heading)}
+    for tag, value in place.items():
+        add(box, tag, number_text(value))
+    centre = add(box, "center")
+    add(centre, "x", number_text(float(end.x)))
+    add(centre, "y", number_text(float(end.y)))
+    time = add(goal, "time")
+    add(time, "intervalStart", str(max(steps - GOAL_STEPS, 1)))
+    add(time, "intervalEnd", str(steps))
+    return task

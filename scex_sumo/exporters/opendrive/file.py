@@ -1,0 +1,229 @@
+"""OpenDRIVE file: a road written as ASAM OpenDRIVE 1.7, from its own borders."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.converters.lanelet.projection import to_local
+from scex_sumo.exporters.opendrive.network import Link, Piece, connections, road_network
+from scex_sumo.exporters.opendrive.reference import Curve
+from scex_sumo.exporters.opendrive.ribbons import Section
+from scex_sumo.exporters.opendrive.signals import Signal, place_signals
+from scex_sumo.road import Lane, Road
+from scex_sumo.version import __version__
+
+LANE_CODE = "scex_sumo_lane"  # user data of a lane: its id in the map
+_TYPES = {"vehicle": "driving", "bus": "bus", "bicycle": "biking", "pedestrian": "sidewalk"}
+_MARK_M = 0.12
+_MIDDLE_EAST = 500_000.0  # UTM's false easting
+
+
+def opendrive_text(road: Road) -> str:
+    """A road as OpenDRIVE; its coordinates, in metres, stay what they are.
+
+    Each lane of the file names the map's lane in its user data. Where the map's place on Earth is known, the
+    header says it.
+    """
+    pieces = road_network(road.lanes)
+    root = ET.Element("OpenDRIVE")
+    root.append(_header(road))
+    signals = place_signals(road, pieces)
+    for piece in pieces:
+        root.append(_road(piece, road.lanes, signals.get(piece.number, ())))
+    root.extend(_junctions(pieces))
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode", xml_declaration=False).join(
+        ('<?xml version="1.0" encoding="UTF-8"?>\n', "\n")
+    )
+
+
+def _header(road: Road) -> ET.Element:
+    places = np.vstack([line for lane in road.lanes.values() for line in (lane.left_bound, lane.right_bound)])
+    west, south = places.min(axis=0)
+    east, north = places.max(axis=0)
+    box = {"north": _m(north), "south": _m(south), "east": _m(east), "west": _m(west)}
+    header = ET.Element(
+        "header",
+        {"revMajor": "1", "revMinor": "7", "name": road.name, "version": "1.00", **box},
+        vendor=f"scex-sumo {__version__}",
+    )
+    if road.origin != (0.0, 0.0):
+        ET.SubElement(header, "geoReference").text = georeference(road.origin)
+    return header
+
+
+def georeference(origin: tuple[float, float]) -> str:
+    """PROJ's description of coordinates that count from an origin in its UTM zone."""
+    meridian = 6.0 * np.floor(origin[1] / 6.0) + 3.0
+    x, y = to_local(np.array([origin]), (0.0, meridian))[0]
+    return (
+        f"+proj=tmerc +lat_0=0 +lon_0={meridian:g} +k=0.9996 +x_0={-x:.4f} +y_0={-y:.4f} "
+        "+datum=WGS84 +units=m +no_defs"
+    )
+
+
+def _road(piece: Piece, lanes: Mapping[int, Lane], signals: Sequence[Signal]) -> ET.Element:
+    own = [i for section in piece.ribbon.sections for i in section.group]
+    road = ET.Element(
+        "road",
+        name=" ".join(map(str, dict.fromkeys(own))),
+        length=_exact(piece.ribbon.length),
+        id=str(piece.number),
+        junction=str(-1 if piece.junction is None else piece.junction),
+        rule="RHT",
+    )
+    link = ET.SubElement(road, "link")
+    for tag, other, contact in (("predecessor", piece.before, "end"), ("successor", piece.after, "start")):
+        if other is not None and other.junction is not None:
+            ET.SubElement(link, tag, elementType="junction", elementId=str(other.junction))
+        elif other is not None:
+            ET.SubElement(link, tag, elementType="road", elementId=str(other.road), contactPoint=contact)
+    fastest = max(lanes[i].speed_limit_mps for i in own)
+    kind = "rural" if lanes[own[0]].location == "nonurban" else "town"
+    ET.SubElement(ET.SubElement(road, "type", s="0", type=kind), "speed", max=_m(fastest), unit="m/s")
+    _plan_view(ET.SubElement(road, "planView"), piece.ribbon.curve)
+    ET.SubElement(ET.SubElement(road, "elevationProfile"), "elevation", s="0", a="0", b="0", c="0", d="0")
+    _lanes(ET.SubElement(road, "lanes"), piece, lanes)
+    if signals:
+        _signals(ET.SubElement(road, "signals"), signals)
+    return road
+
+
+def _plan_view(view: ET.Element, curve: Curve) -> None:
+    """Cubic pieces, each in the frame of its beginning; the parameter is the arc length."""
+    headings = np.arctan2(curve.tangents[:, 1], curve.tangents[:, 0])
+    for k, size in enumerate(np.diff(curve.s)):
+        c, s = curve.tangents[k]
+        turn = np.array([[c, s], [-s, c]])
+        end, slope = turn @ (curve.points[k + 1] - curve.points[k]), turn @ curve.tangents[k + 1]
+        start = np.array([1.0, 0.0])
+        square = (3 * end / size - 2 * start - slope) / size
+        cube = (start + slope - 2 * end / size) / size**2
+        geometry = ET.SubElement(
+            view,
+            "geometry",
+            s=_exact(curve.s[k]),
+            x=_exact(curve.points[k, 0]),
+            y=_exact(curve.points[k, 1]),
+            hdg=_exact(headings[k]),
+            length=_exact(size),
+        )
+        powers = {"a": (0.0, 0.0), "b": (1.0, 0.0), "c": square, "d": cube}
+        cubic = {f"{power}{axis}": _exact(v[n]) for n, axis in enumerate("UV") for power, v in powers.items()}
+        ET.SubElement(geometry, "paramPoly3", cubic, pRange="arcLength")
+
+
+def _lanes(element: ET.Element, piece: Piece, lanes: Mapping[int, Lane]) -> None:
+    sections = piece.ribbon.sections
+    for section in sections:
+        _lines(element, "laneOffset", section.s, section.offsets[:, 0], "s")
+    for k, section in enumerate(sections):
+        part = ET.SubElement(element, "laneSection", s=_exact(section.s[0]))
+        middle = ET.SubElement(ET.SubElement(part, "center"), "lane", id="0", type="none", level="false")
+        ET.SubElement(middle, "link")
+        _mark(middle, crossed=False)
+        right = ET.SubElement(part, "right")
+        for n, i in enumerate(section.group):
+            before = _linked(piece.before, -n - 1) if k == 0 else [-n - 1]
+            after = _linked(piece.after, -n - 1) if k + 1 == len(sections) else [-n - 1]
+            right.append(_lane(section, n, lanes[i], before, after))
+
+
+def _lane(section: Section, n: int, lane: Lane, before: Sequence[int], after: Sequence[int]) -> ET.Element:
+    element = ET.Element("lane", id=str(-n - 1), type=_TYPES.get(lane.kind, "none"), level="false")
+    link = ET.SubElement(element, "link")
+    for tag, others in (("predecessor", before), ("successor", after)):
+        for other in others:
+            ET.SubElement(link, tag, id=str(other))
+    width = section.offsets[:, n] - section.offsets[:, n + 1]
+    _lines(element, "width", section.s - section.s[0], width, "sOffset")
+    _mark(element, crossed=lane.right is not None and n + 1 < len(section.group))
+    ET.SubElement(element, "speed", sOffset="0", max=_m(lane.speed_limit_mps), unit="m/s")
+    ET.SubElement(element, "userData", code=LANE_CODE, value=str(lane.lane_id))
+    return element
+
+
+def _linked(link: Link | None, lane: int) -> list[int]:
+    return [] if link is None else [other for own, other in link.lanes if own == lane]
+
+
+def _lines(parent: ET.Element, tag: str, s: FloatArray, values: FloatArray, at: str) -> None:
+    """Straight lines between stations; one that goes on as the line before needs no entry."""
+    slope = np.diff(values) / np.diff(s)
+    written: tuple[float, float, float] | None = None
+    for start, value, rise in zip(s[:-1], values[:-1], slope, strict=True):
+        if written is not None:
+            expected = written[1] + written[2] * (start - written[0])
+            if abs(expected - value) < 1e-6 and abs(written[2] - rise) < 1e-7:
+                continue
+        written = (start, value, rise)
+        ET.SubElement(parent, tag, {at: _exact(start), "a": _exact(value), "b": _exact(rise)}, c="0", d="0")
+
+
+def _mark(lane: ET.Element, *, crossed: bool) -> None:
+    ET.SubElement(
+        lane,
+        "roadMark",
+        sOffset="0",
+        type="broken" if crossed else "solid",
+        weight="standard",
+        color="standard",
+        material="standard",
+        width=_m(_MARK_M),
+        laneChange="both" if crossed else "none",
+    )
+
+
+def _signals(parent: ET.Element, signals: Sequence[Signal]) -> None:
+    for signal in signals:
+        element = ET.SubElement(
+            parent,
+            "signal",
+            s=_exact(signal.s),
+            t=_exact(signal.t),
+            id=str(signal.number),
+            name=signal.name,
+            dynamic="yes" if signal.dynamic else "no",
+            orientation="+",
+            zOffset="2.5",
+            country=signal.country,
+            type=signal.type,
+            subtype="-1",
+            height="0.7",
+            width="0.7",
+        )
+        ET.SubElement(element, "validity", fromLane=str(signal.lane), toLane=str(signal.lane))
+
+
+def _junctions(pieces: Sequence[Piece]) -> list[ET.Element]:
+    found: dict[int, ET.Element] = {}
+    for number, incoming, connecting in connections(pieces):
+        junction = found.get(number)
+        if junction is None:
+            junction = found[number] = ET.Element(
+                "junction", name=f"junction {number}", id=str(number), type="default"
+            )
+        connection = ET.SubElement(
+            junction,
+            "connection",
+            id=str(len(junction)),
+            incomingRoad=str(incoming.number),
+            connectingRoad=str(connecting.number),
+            contactPoint="start",
+        )
+        assert connecting.before is not None
+        for own, other in connecting.before.lanes:
+            ET.SubElement(connection, "laneLink", {"from": str(other), "to": str(own)})
+    return list(found.values())
+
+
+def _m(value: float) -> str:
+    return f"{value:.4f}".rstrip("0").rstrip(".")
+
+
+def _exact(value: float) -> str:
+    return f"{value:.10g}"

@@ -1,0 +1,218 @@
+"""Road network of OpenDRIVE: which chains, or parts of them, are roads, and which of these junctions connect.
+
+Where lanes fork, what follows connects; where they merge, what leads there does. A chain that does one of
+both is cut in two, so that a connecting road always lies between roads that are none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from scex_sumo.exporters.opendrive.groups import (
+    Chain,
+    Cut,
+    Group,
+    chains_and_cuts,
+    lane_groups,
+)
+from scex_sumo.exporters.opendrive.ribbons import LARGEST_M, Ribbon, fitting_groups, ribbon_of
+from scex_sumo.road import Lane
+
+HEAD_M = 20.0  # longest connecting road that is only part of a chain
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """What a road leads to, or comes from.
+
+    Attributes:
+        road: its number, or None where it is a junction.
+        junction: its number, or None where it is a road.
+        lanes: lanes (own, other) that are linked, by number in OpenDRIVE; none for a junction.
+    """
+
+    road: int | None = None
+    junction: int | None = None
+    lanes: tuple[tuple[int, int], ...] = ()
+
+
+@dataclass(kw_only=True, eq=False)
+class Piece:
+    """One road of OpenDRIVE.
+
+    Attributes:
+        number: its id.
+        ribbon: its shape.
+        before: what it comes from, or None.
+        after: what it leads to, or None.
+        junction: the junction that it is part of, or None.
+    """
+
+    number: int
+    ribbon: Ribbon
+    before: Link | None = None
+    after: Link | None = None
+    junction: int | None = None
+
+
+@dataclass(kw_only=True, eq=False)
+class _Parts:
+    """The roads of a chain: for each end that it follows a connecting head, the rest, a connecting tail."""
+
+    heads: dict[Chain, Piece] = field(default_factory=dict)
+    rest: Piece | None = None
+    tail: Piece | None = None
+
+    @property
+    def last(self) -> Piece:
+        """The road at the end."""
+        piece = self.tail or self.rest or next(iter(self.heads.values()))
+        return piece
+
+
+def road_network(lanes: Mapping[int, Lane]) -> list[Piece]:
+    """The roads of all lanes, linked."""
+    groups = [part for group in lane_groups(lanes) for part in fitting_groups(lanes, group)]
+    chains, cuts = chains_and_cuts(lanes, groups)
+    ribbons = {chain: ribbon_of(lanes, chain) for chain in chains}
+    broken = [chain for chain in chains if len(chain) > 1 and ribbons[chain].error > LARGEST_M]
+    if broken:
+        ribbons |= {(group,): ribbon_of(lanes, (group,)) for chain in broken for group in chain}
+        chains, cuts = chains_and_cuts(lanes, groups, apart={g for chain in broken for g in chain})
+    return _Network(chains, cuts, ribbons).pieces
+
+
+class _Network:
+    """Roads made of chains, cut by cut."""
+
+    def __init__(self, chains: Sequence[Chain], cuts: Sequence[Cut], ribbons: Mapping[Chain, Ribbon]) -> None:
+        self.pieces: list[Piece] = []
+        self._ribbons = ribbons
+        self._entry = {chain: cut for cut in cuts for chain in cut.starts}
+        self._exit = {chain: cut for cut in cuts for chain in cut.ends}
+        self._parts = {chain: self._divided(chain) for chain in chains}
+        self._joined: dict[int, int] = {}
+        numbers = {id(cut): k for k, cut in enumerate(cuts)}
+        for cut in cuts:
+            if cut.plain:
+                self._link_roads(cut)
+            else:
+                self._link_junction(cut, numbers[id(cut)])
+        for chain, parts in self._parts.items():
+            self._link_inside(chain, parts, numbers)
+        self._settle_junctions()
+
+    def _divided(self, chain: Chain) -> _Parts:
+        entry, exit_, ribbon = self._entry.get(chain), self._exit.get(chain), self._ribbons[chain]
+        forks = entry is not None and not entry.plain and _forks(entry)
+        merges = exit_ is not None and not exit_.plain and not _forks(exit_)
+        head = min(HEAD_M / max(ribbon.length, 1e-9), 0.5 if not merges else 1 / 3)
+        parts = _Parts()
+        if forks and merges and entry is not None and len(entry.ends) == 1:
+            parts.heads[entry.ends[0]] = self._piece(ribbon)
+            return parts
+        shares = [head] * forks + [1 - head] * merges
+        pieces = ribbon.split(*shares)
+        if forks and entry is not None:
+            parts.heads = {
+                end: self._piece(pieces[0]) for end in entry.ends if _lane_pairs(entry, end, chain)
+            }
+            pieces = pieces[1:]
+        parts.rest = self._piece(pieces[0])
+        if merges:
+            parts.tail = self._piece(pieces[1])
+        return parts
+
+    def _piece(self, ribbon: Ribbon) -> Piece:
+        self.pieces.append(Piece(number=len(self.pieces) + 1, ribbon=ribbon))
+        return self.pieces[-1]
+
+    def _link_roads(self, cut: Cut) -> None:
+        before, after = self._parts[cut.ends[0]].last, self._parts[cut.starts[0]].rest
+        assert after is not None
+        _join(before, after, _lane_pairs(cut, cut.ends[0], cut.starts[0]))
+
+    def _link_junction(self, cut: Cut, junction: int) -> None:
+        """Link both ends of a cut; roads that connect are part of its junction."""
+        for start in cut.starts:
+            for end in cut.ends:
+                pairs = _lane_pairs(cut, end, start)
+                if not pairs:
+                    continue
+                if _forks(cut):
+                    before, after = self._parts[end].last, self._parts[start].heads[end]
+                    connecting = after
+                else:
+                    before = connecting = self._parts[end].last
+                    rest = self._parts[start].rest
+                    assert rest is not None
+                    after = rest
+                _join(before, after, pairs)
+                self._connect(connecting, junction)
+                if connecting is after:
+                    before.after = Link(junction=junction)
+                else:
+                    after.before = Link(junction=junction)
+
+    def _connect(self, piece: Piece, junction: int) -> None:
+        """Make a road part of a junction; one that is part of two makes them one."""
+        if piece.junction is not None:
+            self._joined[self._root(junction)] = self._root(piece.junction)
+        piece.junction = junction
+
+    def _root(self, junction: int) -> int:
+        while self._joined.get(junction, junction) != junction:
+            junction = self._joined[junction]
+        return junction
+
+    def _link_inside(self, chain: Chain, parts: _Parts, numbers: Mapping[int, int]) -> None:
+        """Link the roads of one chain."""
+        if parts.rest is None:
+            return
+        pairs = tuple((-k - 1, -k - 1) for k in range(len(chain[0])))
+        for head in parts.heads.values():
+            _join(head, parts.rest, pairs)
+            parts.rest.before = Link(junction=numbers[id(self._entry[chain])])
+        if parts.tail is not None:
+            _join(parts.rest, parts.tail, pairs)
+            parts.rest.after = Link(junction=numbers[id(self._exit[chain])])
+
+    def _settle_junctions(self) -> None:
+        """Give joined junctions one number."""
+        base = len(self.pieces) + 1
+        for piece in self.pieces:
+            if piece.junction is not None:
+                piece.junction = base + self._root(piece.junction)
+            for name in ("before", "after"):
+                link = getattr(piece, name)
+                if link is not None and link.junction is not None:
+                    setattr(piece, name, replace(link, junction=base + self._root(link.junction)))
+
+
+def _forks(cut: Cut) -> bool:
+    """Whether what begins at a cut connects; otherwise what ends there does."""
+    return len(cut.ends) == 1 or len(cut.starts) > 1
+
+
+def _lane_pairs(cut: Cut, end: Chain, start: Chain) -> tuple[tuple[int, int], ...]:
+    before, after = _lane_numbers(end[-1]), _lane_numbers(start[0])
+    return tuple((before[i], after[j]) for i, j in cut.links if i in before and j in after)
+
+
+def _lane_numbers(group: Group) -> dict[int, int]:
+    """Lanes are numbered from the left, on the right of the centre lane."""
+    return {lane: -k - 1 for k, lane in enumerate(group)}
+
+
+def _join(before: Piece, after: Piece, pairs: tuple[tuple[int, int], ...]) -> None:
+    before.after = Link(road=after.number, lanes=pairs)
+    after.before = Link(road=before.number, lanes=tuple((b, a) for a, b in pairs))
+
+
+def connections(pieces: Sequence[Piece]) -> Iterator[tuple[int, Piece, Piece]]:
+    """Each junction with a road that leads into it and one that connects from there."""
+    by_number = {piece.number: piece for piece in pieces}
+    for piece in pieces:
+        if piece.junction is not None and piece.before is not None and piece.before.road is not None:
+            yield piece.junction, by_number[piece.before.road], piece

@@ -1,0 +1,186 @@
+"""Reference line: a smooth curve in the middle of a chain of lane groups, as cubic pieces.
+
+It starts and ends at right angles to the edges of the lanes, so that what follows begins where it ends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.geometry.polylines import along, arc_lengths, length_of
+
+PIECE_M = 5.0  # longest piece
+PIECE_RAD = 0.1  # most that a piece turns
+LEAST_PIECES = 3  # of each group, so that a road can be cut in two or three
+NARROW_M = 0.5  # edges narrower than this have no direction to speak of
+SKEWED_RAD = math.radians(75)  # edges more skewed than this are not followed
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """Cubic pieces between K knots; the parameter of a piece runs with its length.
+
+    Attributes:
+        s: (K,) arc lengths of the knots, m.
+        points: (K, 2) m.
+        tangents: (K, 2) unit vectors.
+    """
+
+    s: FloatArray
+    points: FloatArray
+    tangents: FloatArray
+
+    def at(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points (N, 2) and unit tangents (N, 2) at arc lengths."""
+        k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
+        size = np.diff(self.s)[k][:, None]
+        u = (s - self.s[k])[:, None] / size
+        p, q = self.points[k], self.points[k + 1]
+        v, w = size * self.tangents[k], size * self.tangents[k + 1]
+        place = (
+            (2 * u**3 - 3 * u**2 + 1) * p
+            + (u**3 - 2 * u**2 + u) * v
+            + (3 * u**2 - 2 * u**3) * q
+            + (u**3 - u**2) * w
+        )
+        slope = 6 * (u**2 - u) * (p - q) + (3 * u**2 - 4 * u + 1) * v + (3 * u**2 - 2 * u) * w
+        return place, np.asarray(slope / np.hypot(slope[:, 0], slope[:, 1])[:, None])
+
+    def part(self, first: int, last: int) -> Curve:
+        """The curve between two knots, its arc length counted from the first."""
+        chosen = slice(first, last + 1)
+        return Curve(
+            s=self.s[chosen] - self.s[first], points=self.points[chosen], tangents=self.tangents[chosen]
+        )
+
+
+def edge_direction(lines: Sequence[FloatArray], *, end: bool) -> FloatArray:
+    """(2,) unit vector across an edge of a group, turned into driving direction.
+
+    Args:
+        lines: borders, leftmost first.
+        end: the last edge instead of the first.
+    """
+    at = -1 if end else 0
+    ahead = np.sum([_end_direction(line, end=end) for line in (lines[0], lines[-1])], axis=0)
+    ahead = ahead / max(float(np.hypot(*ahead)), 1e-9)
+    across = lines[0][at] - lines[-1][at]
+    width = float(np.hypot(*across))
+    if width < NARROW_M:
+        return np.asarray(ahead)
+    straight = np.array([across[1], -across[0]]) / width
+    return straight if float(straight @ ahead) > math.cos(SKEWED_RAD) else ahead
+
+
+def curve_through(
+    groups: Sequence[Sequence[FloatArray]], directions: Sequence[FloatArray | None], *, spacing_m: float
+) -> tuple[Curve, list[int]]:
+    """The curve in the middle of groups that follow one another.
+
+    Args:
+        groups: borders of each group, leftmost first.
+        directions: (2,) unit vectors at the beginning of the first group and at the end of each; None
+            leaves one to the curve.
+        spacing_m: the curve goes through the middle every so many metres.
+
+    Returns:
+        The curve, and the numbers of the knots where each group ends.
+    """
+    s, points, tangents, last = [np.zeros(1)], [], [], []
+    shifts = _shifts(groups, directions)
+    for k, lines in enumerate(groups):
+        own_s, own_points, own_tangents = _group_pieces(
+            lines, directions[k : k + 2], shifts[k : k + 2], spacing_m
+        )
+        if k:
+            own_points, own_tangents = own_points[1:], own_tangents[1:]
+        s.append(s[-1][-1] + own_s[1:])
+        points.append(own_points)
+        tangents.append(own_tangents)
+        last.append(sum(map(len, points)) - 1)
+    return Curve(s=np.concatenate(s), points=np.vstack(points), tangents=np.vstack(tangents)), last
+
+
+def _end_direction(line: FloatArray, *, end: bool, reach_m: float = 2.0) -> FloatArray:
+    size = length_of(line)
+    a, b = (max(size - reach_m, 0.0), size) if end else (0.0, min(reach_m, size))
+    step = along(line, b) - along(line, a)
+    return np.asarray(step / max(float(np.hypot(*step)), 1e-9))
+
+
+def _shifts(groups: Sequence[Sequence[FloatArray]], directions: Sequence[FloatArray | None]) -> FloatArray:
+    """(G + 1, 2) how far from the middle of each edge the curve crosses it.
+
+    Lanes may be shorter than wide, and the middles of their edges not ahead of one another: a curve through
+    these would turn back and forth. It is let go where it need not turn, as little off the middle as can be.
+    """
+    shifts = np.zeros((len(groups) + 1, 2))
+    known = [d for d in directions if d is not None]
+    if len(known) < len(directions):
+        return shifts
+    across = np.array([(-d[1], d[0]) for d in known])
+    rows, wanted = [], []
+    for k, lines in enumerate(groups):
+        first = (lines[0][0] + lines[-1][0]) / 2
+        last = (lines[0][-1] + lines[-1][-1]) / 2
+        normal = across[k] + across[k + 1]
+        weight = 1 / (np.hypot(*normal) * max(float(np.hypot(*(last - first))), 1e-3))
+        row = np.zeros(len(known))
+        row[k], row[k + 1] = -weight * (across[k] @ normal), weight * (across[k + 1] @ normal)
+        rows.append(row)
+        wanted.append(-weight * float((last - first) @ normal))
+    # The wish to stay in the middle is the weakest: 1 m off it is as bad as a turn of 0.02.
+    system = np.vstack([*rows, 0.02 * np.eye(len(known))])
+    target = np.concatenate([wanted, np.zeros(len(known))])
+    return np.asarray(np.linalg.lstsq(system, target, rcond=None)[0][:, None] * across)
+
+
+def _group_pieces(
+    lines: Sequence[FloatArray],
+    directions: Sequence[FloatArray | None],
+    shifts: FloatArray,
+    spacing_m: float,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Arc lengths, points and tangents of the knots of one group."""
+    from scipy.interpolate import CubicSpline
+
+    left, right = lines[0], lines[-1]
+    size = (length_of(left) + length_of(right)) / 2
+    share = np.linspace(0.0, 1.0, max(2, round(size / spacing_m) + 1))
+    middle = (along(left, share * length_of(left)) + along(right, share * length_of(right))) / 2
+    middle = middle + (1 - share)[:, None] * shifts[0] + share[:, None] * shifts[1]
+    keep = np.concatenate([[True], np.hypot(*np.diff(middle, axis=0).T) > 1e-6])
+    middle = middle[keep]
+    chord = arc_lengths(middle)
+    natural = (2, np.zeros(2))
+    ends = [natural if direction is None else (1, direction) for direction in directions]
+    spline = CubicSpline(chord, middle, bc_type=(ends[0], ends[1]))
+    u = np.linspace(0.0, chord[-1], max(50, math.ceil(chord[-1] / 0.05)) + 1)
+    slope = spline(u, 1)
+    heading = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
+    turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(heading)))])
+    effort = turned / PIECE_RAD + arc_lengths(spline(u)) / PIECE_M
+    pieces = max(LEAST_PIECES, math.ceil(effort[-1]))
+    at = np.interp(np.linspace(0.0, effort[-1], pieces + 1), effort, u)
+    points, slope = spline(at), spline(at, 1)
+    tangents = slope / np.hypot(slope[:, 0], slope[:, 1])[:, None]
+    return np.concatenate([[0.0], np.cumsum(_sizes(points, tangents))]), points, tangents
+
+
+def _sizes(points: FloatArray, tangents: FloatArray) -> FloatArray:
+    """(K - 1,) lengths of pieces whose parameter runs with their length."""
+    size = np.hypot(*np.diff(points, axis=0).T)
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    u = ((nodes + 1) / 2)[None, :, None]
+    p, q, v, w = (x[:, None] for x in (points[:-1], points[1:], tangents[:-1], tangents[1:]))
+    for _ in range(8):
+        scale = size[:, None, None]
+        slope = 6 * (u**2 - u) * (p - q)
+        slope = slope + (3 * u**2 - 4 * u + 1) * scale * v + (3 * u**2 - 2 * u) * scale * w
+        size = (np.hypot(slope[..., 0], slope[..., 1]) * weights / 2).sum(axis=1)
+    return np.asarray(size)

@@ -1,0 +1,204 @@
+"""Ribbon: a chain of lane groups as a reference line and the offsets of all borders from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.exporters.opendrive.groups import Chain, Group, borders
+from scex_sumo.exporters.opendrive.reference import Curve, curve_through, edge_direction
+from scex_sumo.geometry.polylines import distances, samples
+from scex_sumo.road import Lane
+
+STATION_M = 0.25
+OFFSET_M = 0.004  # how far straight lines between stations may leave the border
+BEYOND_M = 5.0  # borders are thought longer by this at their ends
+GOOD_M = 0.03
+LARGEST_M = 0.12
+_WAYS = ((3.0, True), (1.5, True), (6.0, True), (12.0, True), (3.0, False), (8.0, False))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Section:
+    """One group within a ribbon.
+
+    Attributes:
+        group: its lanes, leftmost first.
+        s: (N,) stations from the beginning to the end of the section, m along the ribbon.
+        offsets: (N, lanes + 1) of the borders from the reference line, positive to the left, falling, m.
+    """
+
+    group: Group
+    s: FloatArray
+    offsets: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ribbon:
+    """A road without its surroundings.
+
+    Attributes:
+        curve: the reference line.
+        sections: groups in driving order.
+        error: largest distance between the lanes' borders and the ribbon's, m.
+    """
+
+    curve: Curve
+    sections: tuple[Section, ...]
+    error: float
+
+    @property
+    def length(self) -> float:
+        """Length of the reference line, m."""
+        return float(self.curve.s[-1])
+
+    def split(self, *shares: float) -> list[Ribbon]:
+        """The ribbon cut at the knots nearest to shares of its length, ascending."""
+        knots = [0]
+        for k, share in enumerate(shares):
+            nearest = int(np.argmin(np.abs(self.curve.s - share * self.length)))
+            knots.append(min(max(nearest, knots[-1] + 1), len(self.curve.s) - len(shares) + k - 1))
+        knots.append(len(self.curve.s) - 1)
+        return [self._part(a, b) for a, b in pairwise(knots)]
+
+    def _part(self, first: int, last: int) -> Ribbon:
+        start, end = float(self.curve.s[first]), float(self.curve.s[last])
+        sections = []
+        for section in self.sections:
+            a, b = max(start, float(section.s[0])), min(end, float(section.s[-1]))
+            if b - a > 1e-6:
+                inner = section.s[(section.s > a + 1e-6) & (section.s < b - 1e-6)]
+                s = np.concatenate([[a], inner, [b]])
+                columns = [np.interp(s, section.s, column) for column in section.offsets.T]
+                sections.append(Section(group=section.group, s=s - start, offsets=np.stack(columns, axis=1)))
+        return Ribbon(curve=self.curve.part(first, last), sections=tuple(sections), error=self.error)
+
+
+def fitting_groups(lanes: Mapping[int, Lane], group: Group) -> list[Group]:
+    """A group, or its parts where its lanes do not begin or end on one line across and make no road."""
+    if len(group) == 1 or ribbon_of(lanes, (group,)).error < LARGEST_M:
+        return [group]
+    parts = [group[:1]]
+    for lane in group[1:]:
+        wider = (*parts[-1], lane)
+        if ribbon_of(lanes, (wider,)).error < LARGEST_M:
+            parts[-1] = wider
+        else:
+            parts.append((lane,))
+    return parts
+
+
+def ribbon_of(lanes: Mapping[int, Lane], chain: Chain) -> Ribbon:
+    """The ribbon of a chain: of several reference lines the first that is good, or else the best."""
+    lines = [borders(lanes, group) for group in chain]
+    directions = _directions(lines)
+    best: Ribbon | None = None
+    for spacing_m, square in _WAYS:
+        chosen = directions if square else [None, *directions[1:-1], None]
+        curve, last = curve_through(lines, chosen, spacing_m=spacing_m)
+        sections = tuple(_sections(chain, lines, curve, last))
+        error = _error(curve, sections, lines)
+        if best is None or error < best.error:
+            best = Ribbon(curve=curve, sections=sections, error=error)
+        if best.error < GOOD_M:
+            break
+    assert best is not None
+    return best
+
+
+def border_points(curve: Curve, s: FloatArray, offset: FloatArray) -> FloatArray:
+    """(N, 2) points beside a curve.
+
+    Args:
+        curve: the reference line.
+        s: (N,) m.
+        offset: (N,) m, positive to the left.
+    """
+    place, tangent = curve.at(s)
+    return np.asarray(place + offset[:, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1))
+
+
+def _directions(lines: Sequence[Sequence[FloatArray]]) -> list[FloatArray]:
+    """Driving direction at the first edge and at the end of each group; where groups meet, that of both."""
+    found = [edge_direction(lines[0], end=False)]
+    for before, after in pairwise(lines):
+        both = edge_direction(before, end=True) + edge_direction(after, end=False)
+        found.append(both / np.hypot(*both))
+    return [*found, edge_direction(lines[-1], end=True)]
+
+
+def _sections(
+    chain: Chain, lines: Sequence[Sequence[FloatArray]], curve: Curve, last: Sequence[int]
+) -> list[Section]:
+    result, first = [], 0
+    for group, own, end in zip(chain, lines, last, strict=True):
+        stations = [
+            np.linspace(a, b, max(2, math.ceil((b - a) / STATION_M)), endpoint=False)
+            for a, b in zip(curve.s[first:end], curve.s[first + 1 : end + 1], strict=True)
+        ]
+        s = np.concatenate([*stations, curve.s[end : end + 1]])
+        place, tangent = curve.at(s)
+        offsets = np.stack([_offsets(place, tangent, line) for line in own], axis=1)
+        offsets = np.minimum.accumulate(offsets, axis=1)  # no lane is narrower than nothing
+        keep = _thinned(s, offsets)
+        result.append(Section(group=group, s=s[keep], offsets=offsets[keep]))
+        first = end
+    return result
+
+
+def _offsets(place: FloatArray, tangent: FloatArray, line: FloatArray) -> FloatArray:
+    """(N,) where the normals of a curve meet a border; of several places the nearest."""
+    line = _longer(line)
+    to = line[None] - place[:, None]
+    ahead = to[..., 0] * tangent[:, None, 0] + to[..., 1] * tangent[:, None, 1]
+    aside = to[..., 1] * tangent[:, None, 0] - to[..., 0] * tangent[:, None, 1]
+    a, b = ahead[:, :-1], ahead[:, 1:]
+    crossed = (a <= 0) & (b > 0)
+    share = np.where(crossed, -a / np.where(crossed, b - a, 1.0), 0.0)
+    found = np.where(crossed, aside[:, :-1] + share * np.diff(aside, axis=1), np.inf)
+    best = np.abs(found).argmin(axis=1)
+    rows = np.arange(len(place))
+    nearest = aside[rows, np.abs(ahead).argmin(axis=1)]
+    return np.asarray(np.where(crossed.any(axis=1), found[rows, best], nearest))
+
+
+def _longer(line: FloatArray) -> FloatArray:
+    """A polyline made longer at both ends."""
+    first, last = line[0] - line[1], line[-1] - line[-2]
+    first, last = (BEYOND_M * v / max(float(np.hypot(*v)), 1e-9) for v in (first, last))
+    return np.vstack([line[0] + first, line, line[-1] + last])
+
+
+def _thinned(s: FloatArray, offsets: FloatArray) -> list[int]:
+    """Stations between which straight lines are good enough for all borders."""
+    keep, stack = {0, len(s) - 1}, [(0, len(s) - 1)]
+    while stack:
+        a, b = stack.pop()
+        if b - a < 2:
+            continue
+        share = ((s[a + 1 : b] - s[a]) / (s[b] - s[a]))[:, None]
+        straight = (1 - share) * offsets[a] + share * offsets[b]
+        off = np.abs(offsets[a + 1 : b] - straight).max(axis=1)
+        worst = int(off.argmax())
+        if off[worst] > OFFSET_M:
+            keep.add(a + 1 + worst)
+            stack += [(a, a + 1 + worst), (a + 1 + worst, b)]
+    return sorted(keep)
+
+
+def _error(curve: Curve, sections: Sequence[Section], lines: Sequence[Sequence[FloatArray]]) -> float:
+    """Largest distance between borders and what a ribbon makes of them, either way, m."""
+    worst = 0.0
+    for section, own in zip(sections, lines, strict=True):
+        s = np.linspace(section.s[0], section.s[-1], max(9, math.ceil(np.ptp(section.s) / STATION_M)))
+        s = np.unique(np.concatenate([s, section.s]))
+        for k, line in enumerate(own):
+            made = border_points(curve, s, np.interp(s, section.s, section.offsets[:, k]))
+            there = samples(line, 2 * STATION_M)[1]
+            worst = max(worst, float(distances(made, line).max()), float(distances(there, made).max()))
+    return worst

@@ -1,0 +1,249 @@
+"""OpenSCENARIO XML: one scenario for each child, and the road as OpenDRIVE beside it.
+
+The reference point of a vehicle there is the middle of its rear axle, not its centre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.errors import MissingExtraError
+from scex_sumo.exporters.opendrive.file import opendrive_text
+from scex_sumo.exporters.request import Request
+from scex_sumo.files import write_atomic
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
+
+MINOR_VERSION = 2
+AXLES = 0.58  # wheelbase of a vehicle as a share of its length; the axles lie evenly about its centre
+_KINDS = {  # OpenSCENARIO's category, height in m, mass in kg
+    "motorcycle": ("motorbike", 1.5, 250.0),
+    "bicycle": ("bicycle", 1.7, 90.0),
+    "bus": ("bus", 3.2, 12000.0),
+    "truck": ("truck", 3.5, 12000.0),
+    "van": ("van", 2.2, 2500.0),
+    "tram": ("tram", 3.5, 40000.0),
+    "car": ("car", 1.5, 1500.0),
+}
+_WALKER = (1.75, 80.0)  # height in m, mass in kg
+_FASTEST_MPS, _MOST_MPSS = 80.0, 12.0
+
+README = """# {name}: {count} child scenario(s) for OpenSCENARIO players
+
+- `*.xosc`: OpenSCENARIO XML 1.{minor}, one child each. `{road}.xodr`: the road, OpenDRIVE 1.7, in the map's
+  own coordinates.
+- Play one: `esmini --osc FILE.xosc --window 60 60 800 400 --fixed_timestep 0.1 --traj_filter 0`.
+  Without `--traj_filter 0` esmini merges vertices closer than 0.1 m: vehicles slower than 1 m/s then jump.
+- Time 0 is the first logged frame; the seed scene is at {moment:.1f} s; the child ends at {end:.1f} s.
+- A vertex is the middle of the **rear axle**. The centre of the vehicle is its bounding box's centre, that
+  far ahead along the heading. Lengths and widths are as recorded; wheelbases are {axles:.0%} of the length,
+  heights and masses are usual ones.
+- An entity `vehicle17` is track 17; its property `model` says which behaviour model drove it.
+- Pedestrians and cyclists stand where they appear first until they do, and are deleted after they were last
+  seen.
+"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Participant:
+    """Somebody on the road: name, recorded type, size, driver, and (T,) times with states of the centre."""
+
+    name: str
+    kind: str
+    length: float
+    width: float
+    model: str
+    times: FloatArray
+    states: States
+    ends: bool = False
+
+
+def write_openscenario(request: Request) -> list[Path]:
+    """Write the road, one scenario for each child, and a README of how to play them."""
+    try:
+        from scenariogeneration import xosc
+    except ImportError as error:
+        raise MissingExtraError(
+            f"OpenSCENARIO needs scenariogeneration ({error}); install it: pip install 'scex-sumo[formats]'"
+        ) from None
+    road = request.folder / f"{request.road.name}.xodr"
+    write_atomic(road, opendrive_text(request.road).encode())
+    files = [road]
+    for child in request.children:
+        file = request.folder / f"{request.file_stem(child)}.xosc"
+        write_atomic(file, _scenario_text(xosc, request, child, road.name).encode())
+        files.append(file)
+    readme = request.folder / "README.md"
+    text = README.format(
+        name=request.name,
+        count=len(request.children),
+        minor=MINOR_VERSION,
+        road=request.road.name,
+        moment=(LOGGED_HISTORY - 1) * STEP_S,
+        end=(LOGGED_HISTORY - 1 + int(request.run.info["steps"])) * STEP_S,
+        axles=AXLES,
+    )
+    write_atomic(readme, text.encode())
+    return [*files, readme]
+
+
+def axle_offset(kind: str, length: float) -> float:
+    """How far behind the centre the reference point lies, m: the rear axle; nothing for who walks."""
+    return 0.0 if _walks(kind) else round(AXLES * length / 2, 4)
+
+
+def _scenario_text(xosc: Any, request: Request, child: int, road_file: str) -> str:
+    participants = list(_participants(request, child))
+    entities, init = xosc.Entities(), xosc.Init()
+    last = max(float(p.times[-1]) for p in participants)
+    act = xosc.Act("act", _at(xosc, "act starts", 0.0))
+    for participant in participants:
+        entities.add_scenario_object(participant.name, _entity(xosc, participant))
+        places = _vertices(xosc, participant)
+        init.add_init_action(participant.name, xosc.TeleportAction(places[0]))
+        speed = xosc.AbsoluteSpeedAction(round(float(participant.states.speed[0]), 6), _at_once(xosc))
+        init.add_init_action(participant.name, speed)
+        act.add_maneuver_group(_follow(xosc, participant, places))
+    story = xosc.Story("child")
+    story.add_act(act)
+    board = xosc.StoryBoard(init, _at(xosc, "end", last, point="stop"))
+    board.add_story(story)
+    scenario = xosc.Scenario(
+        request.file_stem(child),
+        "scex-sumo",
+        xosc.ParameterDeclarations(),
+        entities,
+        board,
+        xosc.RoadNetwork(roadfile=road_file),
+        xosc.Catalog(),
+        osc_minor_version=MINOR_VERSION,
+        creation_date=_written(request.run.folder / "run.json"),
+    )
+    root = scenario.get_element()
+    ET.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+
+
+def _written(file: Path) -> datetime:
+    """When the run was finished: the same export has the same bytes."""
+    moment = datetime.fromtimestamp(int(file.stat().st_mtime), tz=timezone.utc)
+    return moment.replace(tzinfo=None)
+
+
+def _participants(request: Request, child: int) -> Iterator[_Participant]:
+    scene, states = request.scene, request.run.states(child)
+    models = request.run.models_of(child)
+    times = STEP_S * np.arange(states.shape[1], dtype=np.float64)
+    for v, track in enumerate(scene.track_ids.tolist()):
+        yield _Participant(
+            name=f"vehicle{track}",
+            kind=scene.types[v],
+            length=float(scene.length[v]),
+            width=float(scene.width[v]),
+            model=models[v],
+            times=times,
+            states=states[v],
+        )
+    others = scene.obstacles
+    if others is None:
+        return
+    frames = request.obstacle_frames()
+    for o, name in enumerate(others.ids):
+        seen = np.flatnonzero(others.present[o, frames])
+        if len(seen):
+            # A gap is bridged on a straight line: whoever comes back was not gone far.
+            yield _Participant(
+                name=f"other{name}",
+                kind=others.types[o],
+                length=float(others.length[o]),
+                width=float(others.width[o]),
+                model="recorded",
+                times=times[seen],
+                states=others.states[o, frames][seen],
+                ends=int(seen[-1]) + 1 < len(times),
+            )
+
+
+def _walks(kind: str) -> bool:
+    return "pedestrian" in kind
+
+
+def _entity(xosc: Any, participant: _Participant) -> Any:
+    kind, length, width = participant.kind, participant.length, participant.width
+    ahead = axle_offset(kind, length)
+    if _walks(kind):
+        height, mass = _WALKER
+        box = xosc.BoundingBox(width, length, height, 0.0, 0.0, height / 2)
+        entity = xosc.Pedestrian(kind, mass, xosc.PedestrianCategory.pedestrian, box)
+    else:
+        category, height, mass = next((_KINDS[word] for word in _KINDS if word in kind), _KINDS["car"])
+        box = xosc.BoundingBox(width, length, height, ahead, 0.0, height / 2)
+        wheel = round(min(0.65, 0.3 * height), 3)
+        front, rear = (
+            xosc.Axle(steer, wheel, round(0.85 * width, 3), round(x, 4), wheel / 2)
+            for steer, x in ((0.6, 2 * ahead), (0.0, 0.0))
+        )
+        entity = xosc.Vehicle(
+            f"{category}_{length:g}x{width:g}",
+            xosc.VehicleCategory[category],
+            box,
+            front,
+            rear,
+            _FASTEST_MPS,
+            _MOST_MPSS,
+            _MOST_MPSS,
+            mass=mass,
+        )
+    entity.add_property("model", participant.model)
+    return entity
+
+
+def _vertices(xosc: Any, participant: _Participant) -> list[Any]:
+    states = participant.states
+    back = axle_offset(participant.kind, participant.length)
+    heading = np.unwrap(states.heading)
+    x = states.x - back * np.cos(heading)
+    y = states.y - back * np.sin(heading)
+    rows = zip(x.tolist(), y.tolist(), heading.tolist(), strict=True)
+    return [xosc.WorldPosition(round(a, 6), round(b, 6), 0.0, round(h, 8), 0.0, 0.0) for a, b, h in rows]
+
+
+def _follow(xosc: Any, participant: _Participant, places: list[Any]) -> Any:
+    name = participant.name
+    maneuver = xosc.Maneuver(f"{name} moves")
+    start = float(participant.times[0])
+    if len(places) > 1:
+        line = xosc.Trajectory(f"{name} trajectory", False)
+        line.add_shape(xosc.Polyline([round(t, 6) for t in participant.times.tolist()], places))
+        action = xosc.FollowTrajectoryAction(
+            line, xosc.FollowingMode.position, xosc.ReferenceContext.absolute, 1, 0
+        )
+        event = xosc.Event(f"{name} follows", xosc.Priority.override)
+        event.add_trigger(_at(xosc, f"{name} starts", start))
+        event.add_action(f"{name} follows trajectory", action)
+        maneuver.add_event(event)
+    if participant.ends:
+        event = xosc.Event(f"{name} leaves", xosc.Priority.parallel)
+        event.add_trigger(_at(xosc, f"{name} is gone", float(participant.times[-1])))
+        event.add_action(f"{name} is deleted", xosc.DeleteEntityAction(name))
+        maneuver.add_event(event)
+    group = xosc.ManeuverGroup(f"{name} group")
+    group.add_actor(name)
+    group.add_maneuver(maneuver)
+    return group
+
+
+def _at(xosc: Any, name: str, time_s: float, *, point: str = "start") -> Any:
+    condition = xosc.SimulationTimeCondition(round(time_s, 6), xosc.Rule.greaterOrEqual)
+    return xosc.ValueTrigger(name, 0, xosc.ConditionEdge.none, condition, point)
+
+
+def _at_once(xosc: Any) -> Any:
+    return xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0)

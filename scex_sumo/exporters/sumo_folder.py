@@ -1,0 +1,77 @@
+"""SUMO folder: a net, vehicle types, routes and a state from which SUMO's own models go on after a child."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.errors import UsageError
+from scex_sumo.exporters.request import Request
+from scex_sumo.files import write_atomic
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
+from scex_sumo.world.sumo import SumoDriven, SumoWorld
+
+MODEL = "EIDM"
+GOES_ON_S = 60
+
+CONFIGURATION = """<configuration>
+    <net-file value="tiles.net.xml"/>
+    <load-state value="state.xml"/>
+    <step-length value="{step}"/>
+    <end value="{end}"/>
+    <collision.action value="none"/>
+    <time-to-teleport value="-1"/>
+    <lanechange.duration value="3"/>
+    <default.speeddev value="0"/>
+    <no-step-log value="true"/>
+</configuration>
+"""
+README = """# Child {child} of {name}, driven on by SUMO
+
+`sumo-gui -c child.sumocfg` begins with the child's last step; SUMO's {model} drives everybody on from there,
+on the routes that `sumo:` drivers take in a run. Vehicle `t0_17` is track 17. {left}
+"""
+
+
+def write_sumo(request: Request) -> list[Path]:
+    """Write a folder for each child in which SUMO goes on from its last step."""
+    files = []
+    for child in request.children:
+        folder = request.folder if len(request.children) == 1 else request.folder / f"child{child:04d}"
+        folder.mkdir(exist_ok=True)
+        files.append(_write_child(request, child, folder))
+    return files
+
+
+def _write_child(request: Request, child: int, folder: Path) -> Path:
+    scene = _at_the_end(request, child)
+    routes = SumoDriver(MODEL).routes(
+        scene, request.road, np.arange(scene.vehicles), np.zeros(scene.vehicles)
+    )
+    edges = [tuple(request.run.net.lanes.edges(route)) for route in routes]
+    kept = [v for v, way in enumerate(edges) if way]
+    if not kept:
+        raise UsageError(f"child {child}: no vehicle is on a mapped lane at its end; SUMO can drive nobody")
+    left_out = [str(scene.track_ids[v]) for v in range(scene.vehicles) if v not in kept]
+    scene = scene.reordered(kept, name=scene.name)
+    driven = [
+        SumoDriven(child=0, vehicle=n, model=MODEL, parameters={}, edges=edges[v]) for n, v in enumerate(kept)
+    ]
+    with SumoWorld(request.run.net, scene, slots=[0]) as world:
+        world.begin(scene.now.repeat(1), np.zeros(1, dtype=np.int64), driven)
+        world.save(folder)
+    left = f"Off the lanes, and left out: {', '.join(left_out)}." if left_out else ""
+    text = README.format(child=child, name=request.name, model=MODEL, left=left)
+    write_atomic(folder / "README.md", text.encode())
+    configuration = CONFIGURATION.format(step=STEP_S, end=GOES_ON_S)
+    write_atomic(folder / "child.sumocfg", configuration.encode())
+    return folder / "child.sumocfg"
+
+
+def _at_the_end(request: Request, child: int) -> SeedScene:
+    """The child's last second as a seed scene, without pedestrians and cyclists."""
+    states = request.run.states(child)[:, -HISTORY_STEPS - 1 :]
+    return replace(request.scene, history=states, future=None, future_valid=None, obstacles=None)

@@ -1,0 +1,17 @@
+"""A finished run of few children, shared by the tests of all exporters."""
+
+from __future__ import annotations
+
+import pytest
+
+from scex_sumo.extrapolation.extrapolate import extrapolate
+from scex_sumo.results.run import Run
+from scex_sumo.scenarios import example_path
+from scex_sumo.scenarios.seeds import read_seed
+
+
+@pytest.fixture(scope="session")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Four children of the example intersection."""
+    scene = read_seed(example_path("urban_intersection"))
+    return extrapolate(scene, children=4, out=tmp_path_factory.mktemp("run") / "out", seed=3)

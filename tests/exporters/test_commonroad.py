@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.converters.commonroad.tracks import read_commonroad_tracks
+from scex_sumo.converters.maps import read_map
+from scex_sumo.errors import UsageError
+from scex_sumo.exporters.commonroad_road import lanelet_numbers, point_by_point
+from scex_sumo.exporters.registry import exporter
+from scex_sumo.exporters.request import Request
+from scex_sumo.geometry.polylines import distances
+from scex_sumo.results.run import Run
+
+reader = pytest.importorskip("commonroad.common.file_reader")
+
+
+@pytest.fixture(scope="module")
+def file(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    (written,) = exporter("commonroad")(Request(run=run, children=(2,), out=tmp_path_factory.mktemp("cr")))
+    return written
+
+
+def test_the_road_read_back_is_the_same(run: Run, file: Path) -> None:
+    road, back = Request(run=run, children=(2,)).road, read_map(file)
+    assert back.lanes.keys() == road.lanes.keys()
+    for i, lane in road.lanes.items():
+        other = back.lanes[i]
+        for name in ("kind", "successors", "left", "right", "adjacent_left", "adjacent_right"):
+            assert getattr(other, name) == getattr(lane, name), name
+        assert other.speed_limit_mps == pytest.approx(lane.speed_limit_mps, abs=1e-6)
+        for name in ("left_bound", "right_bound", "centreline"):
+            assert distances(getattr(other, name), getattr(lane, name)).max() < 1e-6
+
+
+def test_the_states_read_back_are_the_same(run: Run, file: Path) -> None:
+    rows, states = read_commonroad_tracks(file)[0].vehicles, run.states(2)
+    assert len(rows.labels) == run.scene.vehicles
+    for k, label in enumerate(rows.labels):
+        v = int(np.flatnonzero(run.scene.track_ids == int(label))[0])
+        mine = rows.track == k
+        np.testing.assert_allclose(rows.x[mine], states.x[v], atol=1e-8)
+        np.testing.assert_allclose(rows.y[mine], states.y[v], atol=1e-8)
+        np.testing.assert_allclose(rows.speed[mine], states.speed[v], atol=1e-8)
+        np.testing.assert_allclose(np.cos(rows.psi_rad[mine]), np.cos(states.heading[v]), atol=1e-8)
+
+
+def test_commonroad_io_reads_an_ego_s_task_from_the_seed_scene_on(run: Run, tmp_path: Path) -> None:
+    track = int(run.scene.track_ids[0])
+    request = Request(run=run, children=(2,), out=tmp_path, ego=track)
+    (file,) = exporter("commonroad")(request)
+    scenario, tasks = reader.CommonRoadFileReader(str(file)).open()
+    (task,) = tasks.planning_problem_dict.values()
+    now = run.states(2)[0, 9]
+    np.testing.assert_allclose(task.initial_state.position, [now.x, now.y], atol=1e-8)
+    assert track not in {obstacle.obstacle_id for obstacle in scenario.dynamic_obstacles}
+    first = scenario.dynamic_obstacles[0]
+    assert first.initial_state.time_step == 0 and first.prediction.final_time_step == 30
+    with pytest.raises(UsageError, match="--ego 999: not in the seed scene"):
+        exporter("commonroad")(Request(run=run, children=(2,), out=tmp_path, ego=999))
+
+
+def test_borders_get_as_many_points_each_and_keep_their_own() -> None:
+    left = np.array([[0.0, 1.0], [10.0, 1.0]])
+    right = np.array([[0.0, 0.0], [4.0, 0.0], [10.0, 0.0]])
+    a, b = point_by_point(left, right)
+    np.testing.assert_allclose(a, [[0, 1], [4, 1], [10, 1]])
+    np.testing.assert_allclose(b, right)
+
+
+def test_lanelets_whose_ids_are_negative_are_numbered(data: Path) -> None:
+    road = read_map(data / "taf_bw/maps/k733_2020-09-15.osm")
+    assert sorted(lanelet_numbers(road).values()) == list(range(1, len(road.lanes) + 1))

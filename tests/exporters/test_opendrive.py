@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.converters.maps import read_map
+from scex_sumo.exporters.opendrive.file import opendrive_text
+from scex_sumo.geometry.polylines import arc_lengths, distances, samples
+from scex_sumo.road import Lane, Road
+from scex_sumo.scenarios import example_path
+from tests.exporters.opendrive_reader import OpenDrive, reference
+
+EXAMPLES = ("motorway_merge", "roundabout", "urban_intersection")
+SHARED = (
+    "interaction/maps/DR_DEU_Merging_MT.osm",
+    "interaction/maps/DR_DEU_Roundabout_OF.osm",
+    "taf_bw/maps/k729_2022-03-16.osm",
+    "taf_bw/maps/k733_2020-09-15.osm",
+    "mona/MONA-East/C-DEU_MONAEast-2_1040_T-1119.xml.gz",
+    "ngsim/USA_Lanker-2_10_T-1.xml.gz",
+    "ngsim/USA_Peach-3_2_T-1.xml.gz",
+)
+
+
+def off(road: Road, file: OpenDrive) -> FloatArray:
+    """Distances between the borders of each lane and the file's, from either side, m."""
+    found = []
+    for i, lane in road.lanes.items():
+        for side, border in enumerate((lane.left_bound, lane.right_bound)):
+            parts = [part[side] for part in file.borders(i)]
+            found.append(distances(np.vstack(parts), border))
+            there = samples(border, 0.25)[1]
+            found.append(np.min([distances(there, part) for part in parts], axis=0))
+    return np.concatenate(found)
+
+
+def check(road: Road) -> None:
+    file = OpenDrive(opendrive_text(road))
+    error = off(road, file)
+    assert np.percentile(error, 95) < 0.05 and error.max() < 0.15
+    assert file.successors() == {
+        (i, j) for i, x in road.lanes.items() for j in x.successors if j in road.lanes
+    }
+    for lane in file.lanes:
+        assert lane.speed == pytest.approx(road.lanes[lane.lane].speed_limit_mps, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_borders_and_links_are_those_of_the_example_maps(name: str) -> None:
+    check(read_map(example_path(name)))
+
+
+@pytest.mark.parametrize("name", SHARED)
+def test_borders_and_links_are_those_of_real_maps(name: str, data: Path) -> None:
+    path = data / name
+    if not path.exists():
+        pytest.skip(f"no {name} among the real maps")
+    check(read_map(path))
+
+
+def test_reference_lines_have_no_gap_and_the_lengths_they_say() -> None:
+    file = OpenDrive(opendrive_text(read_map(example_path("roundabout"))))
+    for road in file.roads.values():
+        pieces = road.findall("planView/geometry")
+        for piece, after in pairwise(pieces):
+            start, size = float(piece.get("s", "nan")), float(piece.get("length", "nan"))
+            line, _ = reference(road, start + np.linspace(0.0, size - 1e-7, 200))
+            assert arc_lengths(line)[-1] == pytest.approx(size, abs=1e-3)
+            place = np.array([float(after.get(axis, "nan")) for axis in "xy"])
+            assert np.hypot(*(line[-1] - place)) < 1e-4
+
+
+def test_connecting_roads_lie_between_roads_of_no_junction() -> None:
+    file = OpenDrive(opendrive_text(read_map(example_path("urban_intersection"))))
+    connecting = [road for road in file.roads.values() if road.get("junction") != "-1"]
+    assert connecting
+    for road in connecting:
+        for tag in ("predecessor", "successor"):
+            link = road.find(f"link/{tag}")
+            assert link is not None and link.get("elementType") == "road"
+            assert file.roads[link.get("elementId", "")].get("junction") == "-1"
+
+
+def test_lanes_side_by_side_make_one_road_and_a_straight_one_is_straight() -> None:
+    def border(y: float) -> FloatArray:
+        return np.array([[0.0, y], [30.0, y]])
+
+    lanes = {
+        i: Lane(
+            lane_id=i,
+            centreline=border(y),
+            left_bound=border(y + 1.5),
+            right_bound=border(y - 1.5),
+            width_m=3.0,
+            speed_limit_mps=10.0,
+            left=i + 1 if i == 1 else None,
+            right=i - 1 if i == 2 else None,
+            adjacent_left=i + 1 if i == 1 else None,
+            adjacent_right=i - 1 if i == 2 else None,
+        )
+        for i, y in ((1, 1.5), (2, 4.5))
+    }
+    file = OpenDrive(opendrive_text(Road(name="two", lanes=lanes)))
+    (road,) = file.roads.values()
+    assert float(road.get("length", "nan")) == pytest.approx(30.0)
+    assert [(lane.number, lane.lane) for lane in file.lanes] == [(-1, 2), (-2, 1)]
+    marks = [m.get("type") for m in road.findall(".//right/lane/roadMark")]
+    assert marks == ["broken", "solid"]  # between the lanes one may change, beyond the right one not

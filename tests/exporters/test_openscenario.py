@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from scex_sumo.exporters.openscenario import axle_offset
+from scex_sumo.exporters.registry import exporter
+from scex_sumo.exporters.request import Request
+from scex_sumo.results.run import Run
+from tests.exporters.openscenario_reader import box_centres
+
+pytest.importorskip("scenariogeneration")
+
+
+@pytest.fixture(scope="module")
+def files(run: Run, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    out = tmp_path_factory.mktemp("osc")
+    return exporter("openscenario")(Request(run=run, children=(0, 2), out=out))
+
+
+def test_the_box_of_each_vehicle_is_where_the_child_has_it_at_every_step(run: Run, files: list[Path]) -> None:
+    for child, file in ((0, files[1]), (2, files[2])):
+        states = run.states(child)
+        boxes = box_centres(file, 0.1 * np.arange(states.shape[1]))
+        for v, track in enumerate(run.scene.track_ids):
+            x, y, heading = boxes[f"vehicle{track}"].T
+            assert np.hypot(x - states.x[v], y - states.y[v]).max() < 0.001  # issue: 0.05 m
+            assert np.abs(np.sin(heading - states.heading[v])).max() < 1e-6
+
+
+def test_entities_have_the_sizes_of_the_seed_scene_and_axles_about_the_centre(
+    run: Run, files: list[Path]
+) -> None:
+    entities = {e.get("name"): e for e in ET.parse(files[1]).getroot().iter("ScenarioObject")}
+    for v, track in enumerate(run.scene.track_ids):
+        entity = entities[f"vehicle{track}"]
+        size, centre, front = (
+            entity.find(f".//{tag}") for tag in ("BoundingBox/Dimensions", "BoundingBox/Center", "FrontAxle")
+        )
+        assert size is not None and centre is not None and front is not None
+        assert float(size.get("length", "0")) == pytest.approx(run.scene.length[v])
+        assert float(size.get("width", "0")) == pytest.approx(run.scene.width[v])
+        assert float(front.get("positionX", "0")) == pytest.approx(2 * float(centre.get("x", "0")), abs=1e-3)
+
+
+def test_trajectories_are_followed_in_position_mode_with_absolute_times(files: list[Path]) -> None:
+    root = ET.parse(files[1]).getroot()
+    header = root.find("FileHeader")
+    assert header is not None and (header.get("revMajor"), header.get("revMinor")) == ("1", "2")
+    modes = {e.get("followingMode") for e in root.iter("TrajectoryFollowingMode")}
+    timing = {(e.get("domainAbsoluteRelative"), float(e.get("scale", "0"))) for e in root.iter("Timing")}
+    assert modes == {"position"} and timing == {("absolute", 1.0)}
+    assert {e.get("priority") for e in root.iter("Event")} == {"override"}
+
+
+def test_the_readme_says_how_to_play_slow_vehicles_and_names_the_road(files: list[Path]) -> None:
+    text = files[-1].read_text()
+    assert "--traj_filter 0" in text and files[0].name in text
+    logic = ET.parse(files[1]).getroot().find("RoadNetwork/LogicFile")
+    assert logic is not None and logic.get("filepath") == files[0].name
+
+
+def test_who_walks_has_no_axles() -> None:
+    assert axle_offset("pedestrian", 0.6) == 0.0
+    assert 1.0 < axle_offset("car", 4.5) < 2.0

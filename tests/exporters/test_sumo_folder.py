@@ -1,0 +1,32 @@
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from scex_sumo.exporters.registry import exporter
+from scex_sumo.exporters.request import Request
+from scex_sumo.programs import environment, program
+from scex_sumo.results.run import Run
+
+
+def test_sumo_goes_on_from_the_child_s_last_step(run: Run, tmp_path: Path) -> None:
+    (file,) = exporter("sumo")(Request(run=run, children=(1,), out=tmp_path))
+    command = [program("sumo"), "-c", str(file), "--fcd-output", "fcd.xml", "--end", "3"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, env=environment())
+    (first, *_, last) = ET.parse(tmp_path / "fcd.xml").getroot().findall("timestep")
+    states, moved = run.states(1)[:, -1], 0
+    vehicles = {element.get("id"): element for element in first}
+    assert len(vehicles) >= run.scene.vehicles - 1  # who is off the lanes is left out, and the README says so
+    for v, track in enumerate(run.scene.track_ids):
+        if (element := vehicles.get(f"t0_{track}")) is not None:
+            half = run.scene.length[v] / 2
+            x = states.x[v] + half * np.cos(states.heading[v])
+            y = states.y[v] + half * np.sin(states.heading[v])
+            off = np.hypot(float(element.get("x", "nan")) - x, float(element.get("y", "nan")) - y)
+            assert off < 0.1 * states.speed[v] + 0.5  # at most a step later
+            moved += states.speed[v] > 1
+    assert moved and len(last)
+    assert "EIDM" in (tmp_path / "README.md").read_text()
