@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from scex_sumo.reports.page.packing import pack
 
-COMPONENTS = ("data.js", "state.js", "table.js", "chart.js", "map.js", "pairs.js")
-"""What pages are made of, in the order in which it is put together; a page adds its own script."""
+BASE = ("data.js", "dom.js", "table.js")
+"""What every page is made of, in the order in which it is put together; a page adds its own scripts."""
 
 
 def page_html(

@@ -1,4 +1,4 @@
-"""Tables of a result folder that a page shows where they are: encounters, collisions, the likely children."""
+"""Tables of a result folder as a page shows them: encounters, collisions, worst events, the likely children."""
 
 from __future__ import annotations
 
@@ -10,9 +10,14 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.metrics.registry import side_of
 from scex_sumo.results.run import Run
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S
+from scex_sumo.statistics.density import wilson
 
 REFERENCE = "reference"
+COLLISION = -1
+"""Number of collisions among the metrics of a page."""
 
 
 def optional_table(run: Run, name: str) -> pa.Table | None:
@@ -20,62 +25,67 @@ def optional_table(run: Run, name: str) -> pa.Table | None:
     return run.table(name) if (run.folder / name).is_file() else None
 
 
-def vehicle_index(values: Sequence[int | None], track_ids: Sequence[int]) -> NDArray[np.int64]:
-    """(n,) positions of tracks in the seed scene; -1 for none and for others."""
-    where = {int(track): index for index, track in enumerate(track_ids)}
-    return np.array([-1 if v is None else where.get(int(v), -1) for v in values], dtype=np.int64)
-
-
-def event_arrays(run: Run, track_ids: Sequence[int], metrics: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """Where each extremum came from.
+def event_rows(run: Run, track_ids: Sequence[int]) -> list[dict[str, Any]]:
+    """Where children are worst, by metric the worst first; children with the same event are one row.
 
     Returns:
-        ``event_rows`` (n, 5): child, metric, step after the moment, vehicle, other vehicle or -1.
+        ``metric`` as its index or -1 for collisions, ``vehicles`` by index, ``step`` after the moment,
+        ``value``, and ``children``.
     """
-    table = optional_table(run, "worst.parquet")
-    if table is None:
-        return {"event_rows": np.zeros((0, 5), dtype=np.int64)}
-    coded = table["metric"].combine_chunks().dictionary_encode()
-    known = np.array([metrics.index(n) if n in metrics else -1 for n in coded.dictionary.to_pylist()], int)
-    rows = np.stack(
-        [
-            np.asarray(table["child"]),
-            known[np.asarray(coded.indices)],
-            np.asarray(table["timestamp_ms"]) // 100 - 10,
-            vehicle_index(table["track_id"].to_pylist(), track_ids),
-            vehicle_index(table["other_id"].to_pylist(), track_ids),
-        ],
-        axis=1,
-    )
-    return {"event_rows": rows.astype(np.int64)}
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    where = {int(track): index for index, track in enumerate(track_ids)}
+    number = {name: index for index, name in enumerate(run.columns)}
+
+    def add(metric: int, row: Mapping[str, Any], step: int, value: float) -> None:
+        vehicles = tuple(where[v] for v in (row["track_id"], row["other_id"]) if v in where)
+        groups.setdefault((metric, vehicles, step, float(f"{value:.3g}")), []).append(row["child"])
+
+    for row in _rows(optional_table(run, "worst.parquet")):
+        if row["metric"] in number:
+            step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
+            add(number[row["metric"]], row, step, row["value"])
+    for row in _rows(optional_table(run, "collisions.parquet")):
+        add(COLLISION, row, row["step"], 0.0)
+    rows = [
+        {"metric": metric, "vehicles": vehicles, "step": step, "value": value, "children": children}
+        for (metric, vehicles, step, value), children in groups.items()
+    ]
+    signs = [1 if side_of(name) == "left" else -1 for name in run.columns] + [1]  # -1 is the last one
+    return sorted(rows, key=lambda r: (r["metric"], signs[r["metric"]] * r["value"], r["step"]))
 
 
-def collision_arrays(run: Run, track_ids: Sequence[int]) -> dict[str, NDArray[Any]]:
-    """First contacts: ``collision_rows`` (n, 4) child, step, vehicle, other, and ``collision_places`` (n, 2).
-
-    Nothing where the run has no ``collisions.parquet``: then the page looks for bodies that overlap itself.
-    """
+def collision_arrays(run: Run) -> dict[str, NDArray[Any]]:
+    """Collisions: ``collision_children`` (n,) and ``collision_places`` (n, 2) in m; none where unknown."""
     table = optional_table(run, "collisions.parquet")
     if table is None:
         return {}
-    rows = [
-        np.asarray(table["child"]),
-        np.asarray(table["step"]),
-        vehicle_index(table["track_id"].to_pylist(), track_ids),
-        vehicle_index(table["other_id"].to_pylist(), track_ids),
-    ]
-    found: dict[str, NDArray[Any]] = {"collision_rows": np.stack(rows, axis=1).astype(np.int64)}
-    if {"x", "y"} <= set(table.column_names):
-        found["collision_places"] = np.stack([np.asarray(table["x"]), np.asarray(table["y"])], axis=1)
-    return found
+    places = np.stack([np.asarray(table["x"]), np.asarray(table["y"])], axis=1)
+    return {"collision_children": np.asarray(table["child"]), "collision_places": places}
 
 
-def encounter_rows(run: Run) -> list[dict[str, Any]] | None:
-    """Rows of ``encounters.parquet`` with short numbers; None where the run has none."""
-    table = optional_table(run, "encounters.parquet")
+def collision_share(run: Run) -> dict[str, Any] | None:
+    """How many children collide, and their share with its 95 % interval; None where that is not known."""
+    table = optional_table(run, "collisions.parquet")
     if table is None:
         return None
-    return [{name: _short(value) for name, value in row.items()} for row in table.to_pylist()]
+    count = len(table["child"].unique())
+    share = wilson(count, run.children)
+    return {"count": count, "value": share.value, "low": share.low, "high": share.high}
+
+
+def encounter_rows(run: Run, track_ids: Sequence[int]) -> list[dict[str, Any]]:
+    """Rows of ``encounters.parquet`` with short numbers, ``pair`` by index, ``step`` and a sentence.
+
+    None where the run has none.
+    """
+    where = {int(track): index for index, track in enumerate(track_ids)}
+    rows = []
+    for row in _rows(optional_table(run, "encounters.parquet")):
+        short = {name: _short(value) for name, value in row.items() if name != "models"}
+        short["pair"] = [where[row["track_id"]], where[row["other_id"]]]
+        short["step"] = round(row["time_s"] / STEP_S)
+        rows.append(short)
+    return rows
 
 
 def likely_values(run: Run, columns: Sequence[str]) -> FloatArray | None:
@@ -103,7 +113,11 @@ def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
     return np.stack([np.asarray(part, dtype=np.float64) for part in parts], axis=1)
 
 
+def _rows(table: pa.Table | None) -> list[dict[str, Any]]:
+    return [] if table is None else table.to_pylist()
+
+
 def _short(value: Any) -> Any:
     if isinstance(value, float):
         return None if not np.isfinite(value) else float(f"{value:.5g}")
-    return {k: _short(v) for k, v in value.items()} if isinstance(value, Mapping) else value
+    return value
