@@ -16,8 +16,8 @@ from scex_sumo.reports.page.road_lines import UNIT_M, road_arrays
 from scex_sumo.reports.page.tables import (
     collision_arrays,
     collision_share,
-    encounter_rows,
-    event_rows,
+    encounter_table,
+    event_table,
     likely_collisions,
     likely_values,
     metric_values,
@@ -101,8 +101,9 @@ def _words(
         "bandwidth": BANDWIDTH,
         "units": {"position": POSITION_M, "heading": HEADING_RAD, "road": UNIT_M},
         "collision": collision_share(run),
-        "encounters": encounter_rows(run, track_ids),
-        "events": event_rows(run, track_ids),
+        "encounters": encounter_table(run, track_ids),
+        "events": event_table(run, track_ids, [metric["side"] for metric in metrics]),
+        "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
         "likely_collisions": likely_collisions(run),
     }
 

@@ -29,7 +29,7 @@ def page_html(
 
     Args:
         title: of the page.
-        body: name of an asset with what is inside of the body.
+        body: HTML of what is inside of the body.
         scripts: names of assets, in order.
         info: words and single numbers for the scripts.
         arrays: arrays for the scripts.
@@ -43,7 +43,7 @@ def page_html(
             f"script-src {_hash(script)}; style-src {_hash(style)}"
         ),
         style=style,
-        body=asset(body),
+        body=body,
         data=pack(info, arrays),
         script=script,
     )

@@ -10,12 +10,13 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.metrics.registry import side_of
+from scex_sumo.evaluation.encounters import in_words
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 from scex_sumo.statistics.density import wilson
 
 REFERENCE = "reference"
+_NAMED = 4
 COLLISION = -1
 """Number of collisions among the metrics of a page."""
 
@@ -25,12 +26,17 @@ def optional_table(run: Run, name: str) -> pa.Table | None:
     return run.table(name) if (run.folder / name).is_file() else None
 
 
-def event_rows(run: Run, track_ids: Sequence[int]) -> list[dict[str, Any]]:
+def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dict[str, Any]:
     """Where children are worst, by metric the worst first; children with the same event are one row.
 
+    Args:
+        run: a finished run.
+        track_ids: of its vehicles.
+        sides: on which each column is critical.
+
     Returns:
-        ``metric`` as its index or -1 for collisions, ``vehicles`` by index, ``step`` after the moment,
-        ``value``, and ``children``.
+        A table whose rows have ``metric`` as its index or -1 for collisions, ``children`` and the first of
+        them as ``child``, ``step`` after the moment, and ``pair`` by index or None.
     """
     groups: dict[tuple[Any, ...], list[int]] = {}
     where = {int(track): index for index, track in enumerate(track_ids)}
@@ -46,12 +52,36 @@ def event_rows(run: Run, track_ids: Sequence[int]) -> list[dict[str, Any]]:
             add(number[row["metric"]], row, step, row["value"])
     for row in _rows(optional_table(run, "collisions.parquet")):
         add(COLLISION, row, row["step"], 0.0)
-    rows = [
-        {"metric": metric, "vehicles": vehicles, "step": step, "value": value, "children": children}
-        for (metric, vehicles, step, value), children in groups.items()
+    signs = [1 if side == "left" else -1 for side in sides] + [1]  # -1 is the last one
+    order = sorted(groups.items(), key=lambda item: (item[0][0], signs[item[0][0]] * item[0][3], item[0][2]))
+    columns = [
+        {"title": "vehicles"},
+        {"title": "value", "as": "real"},
+        {"title": "after", "as": "seconds"},
+        {"title": "children", "as": "times", "down": True},
+        {"title": "which", "words": True},
     ]
-    signs = [1 if side_of(name) == "left" else -1 for name in run.columns] + [1]  # -1 is the last one
-    return sorted(rows, key=lambda r: (r["metric"], signs[r["metric"]] * r["value"], r["step"]))
+    return {"columns": columns, "rows": [_event(*key, children, track_ids) for key, children in order]}
+
+
+def _event(
+    metric: int,
+    vehicles: tuple[int, ...],
+    step: int,
+    value: float,
+    children: list[int],
+    track_ids: Sequence[int],
+) -> dict[str, Any]:
+    which = ", ".join(str(child) for child in children[:_NAMED]) + (", …" if len(children) > _NAMED else "")
+    names = " – ".join(str(track_ids[vehicle]) for vehicle in vehicles)
+    return {
+        "cells": [names, None if metric == COLLISION else value, step * STEP_S, len(children), which],
+        "metric": metric,
+        "pair": vehicles if len(vehicles) == 2 else None,
+        "child": children[0],
+        "children": children,
+        "step": step,
+    }
 
 
 def collision_arrays(run: Run) -> dict[str, NDArray[Any]]:
@@ -73,19 +103,39 @@ def collision_share(run: Run) -> dict[str, Any] | None:
     return {"count": count, "value": share.value, "low": share.low, "high": share.high}
 
 
-def encounter_rows(run: Run, track_ids: Sequence[int]) -> list[dict[str, Any]]:
-    """Rows of ``encounters.parquet`` with short numbers, ``pair`` by index, ``step`` and a sentence.
-
-    None where the run has none.
-    """
+def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
+    """Rows of ``encounters.parquet``: ``words``, and where one looks: ``pair`` by index, ``child``, ``step``."""
     where = {int(track): index for index, track in enumerate(track_ids)}
-    rows = []
-    for row in _rows(optional_table(run, "encounters.parquet")):
-        short = {name: _short(value) for name, value in row.items() if name != "models"}
-        short["pair"] = [where[row["track_id"]], where[row["other_id"]]]
-        short["step"] = round(row["time_s"] / STEP_S)
-        rows.append(short)
-    return rows
+    of, near = (
+        "Share of the children; a click on a row shows one of them",
+        "Least gap of the two in the nearest",
+    )
+    columns = [
+        {"title": "pair"},
+        {"title": "P(collision)", "as": "percent", "down": True, "hint": of},
+        {"title": "95 %"},
+        *({"title": f"P({q})", "as": "percent", "down": True, "hint": of} for q in ("TTC", "PET", "DRAC")),
+        {"title": "gap 5 %", "as": "metres", "hint": f"{near} 5 % of the children; none above 10 m"},
+        {"title": "gap 50 %", "as": "metres", "hint": f"{near} half of the children; none above 10 m"},
+        {"title": "after", "as": "seconds"},
+    ]
+    rows = [
+        {
+            "cells": [
+                f"{row['track_id']} → {row['other_id']}",
+                _short(row["collision"]),
+                f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %",
+                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05", "gap_p50")),
+                round(row["time_s"], 1),
+            ],
+            "words": in_words(row),
+            "pair": [where[row["track_id"]], where[row["other_id"]]],
+            "child": row["child"],
+            "step": round(row["time_s"] / STEP_S),
+        }
+        for row in _rows(optional_table(run, "encounters.parquet"))
+    ]
+    return {"columns": columns, "rows": rows}
 
 
 def likely_values(run: Run, columns: Sequence[str]) -> FloatArray | None:
@@ -117,7 +167,5 @@ def _rows(table: pa.Table | None) -> list[dict[str, Any]]:
     return [] if table is None else table.to_pylist()
 
 
-def _short(value: Any) -> Any:
-    if isinstance(value, float):
-        return None if not np.isfinite(value) else float(f"{value:.5g}")
-    return value
+def _short(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(f"{value:.5g}")

@@ -3,7 +3,7 @@
 const FEW = 5; // children that say too little
 
 function drawModels(run, state) {
-  const { info, children, vehicles } = run, models = info.models.length, m = state.focus;
+  const { info, children, vehicles } = run, models = info.models.length;
   const { test, words } = criticalBy(run, state), hits = new Float64Array(vehicles * models), counts = new Float64Array(vehicles * models);
   for (let c = 0; c < children; c++) {
     const hit = test(c);
@@ -37,7 +37,7 @@ function drawModels(run, state) {
 
 // Whether a child is critical by what is in focus: a collision, or a metric's threshold, else its worst tenth.
 function criticalBy(run, { focus, thresholds, isCritical }) {
-  const hit = run.info.events.filter(({ metric }) => metric < 0).flatMap(({ children }) => children), collided = new Set(hit);
+  const collided = new Set(run.info.events.rows.filter(({ metric }) => metric < 0).flatMap(({ children }) => children));
   if (focus < 0) return { test: (c) => collided.has(c), words: "a collision" };
   const { name, side, tenth } = run.info.metrics[focus], limit = thresholds[focus] ?? tenth;
   const words = `${name} ${side === "left" ? "≤" : "≥"} ${short(limit)}${thresholds[focus] === null ? ", the worst tenth" : ""}`;

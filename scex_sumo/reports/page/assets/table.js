@@ -1,21 +1,25 @@
 // Tables: sorted by a click on a head, rows that lead somewhere.
 
-// Columns are {title, text, sort, words, hint}; `text` and `sort` are functions of a row.
-function makeTable(host, columns, { onRow, isChosen = () => false, first = 10 } = {}) {
-  let rows = [], by = null, down = false, whole = false;
+const FORMATS = {
+  text: String, count: String, percent, seconds: (s) => `${short(s, 1)} s`, metres: (m) => `${short(m, 1)} m`,
+  real: (value) => short(value, 3), times: (value) => `× ${value}`,
+};
+
+// A table is {columns: [{title, as, hint, words}], rows: [{cells, ...}]}, with `as` one of the formats.
+function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, first = 10 } = {}) {
+  let by = -1, down = false, whole = false;
+  const text = ({ as = "text" }, value) => isMissing(value) ? "–" : FORMATS[as](value);
 
   function draw() {
-    const order = down ? -1 : 1;
-    const sorted = by ? [...rows].sort((a, b) => order * compare(by.sort(a), by.sort(b))) : rows;
-    const head = make("tr", {}, ...columns.map((column) => {
-      const mark = column === by ? (down ? " ↓" : " ↑") : "";
-      const button = make("button", { textContent: column.title + mark, title: column.hint || "sort", onclick: () => sortBy(column) });
-      return make(column.words ? "th.words" : "th", {}, button);
+    const sorted = by < 0 ? rows : [...rows].sort((a, b) => (down ? -1 : 1) * compare(a.cells[by], b.cells[by]));
+    const head = make("tr", {}, ...columns.map(({ title, words, hint = "sort" }, i) => {
+      const mark = i === by ? (down ? " ↓" : " ↑") : "";
+      const button = make("button", { textContent: title + mark, title: hint, onclick: () => sortBy(i) });
+      return make(words ? "th.words" : "th", {}, button);
     }));
     const body = make("tbody", {}, ...(whole ? sorted : sorted.slice(0, first)).map((row) => {
-      const cells = columns.map((column) => make(column.words ? "td.words" : "td", column.text(row)));
-      const line = make(onRow ? "tr.go" : "tr", {}, ...cells);
-      line.classList.toggle("chosen", isChosen(row));
+      const line = make(onRow ? "tr.go" : "tr", {}, ...columns.map((column, i) => make(column.words ? "td.words" : "td", text(column, row.cells[i]))));
+      line.classList.toggle("chosen", Boolean(isChosen(row)));
       return onRow ? onPress(line, () => onRow(row)) : line;
     }));
     const table = make("div.scroll", {}, make("table", {}, make("thead", {}, head), body));
@@ -26,7 +30,7 @@ function makeTable(host, columns, { onRow, isChosen = () => false, first = 10 } 
   }
 
   function sortBy(column) {
-    down = by === column && !down;
+    down = by === column ? !down : columns[column].down;
     by = column;
     draw();
   }
@@ -40,5 +44,5 @@ function onPress(element, act) {
 
 function compare(a, b) {
   if (isMissing(a) || isMissing(b)) return isMissing(a) - isMissing(b);
-  return typeof a === "string" ? a.localeCompare(b) : a - b;
+  return typeof a === "string" ? a.localeCompare(b, undefined, { numeric: true }) : a - b;
 }
