@@ -1,4 +1,4 @@
-"""Tables of a result folder as a page shows them: encounters, collisions, worst events, the likely children."""
+"""Tables of a result folder as a page shows them: encounters, collisions, worst events, likely children."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
         A table whose rows have ``metric`` as its index or -1 for collisions, ``children`` and the first of
         them as ``child``, ``step`` after the moment, and ``pair`` by index or None.
     """
-    groups: dict[tuple[Any, ...], list[int]] = {}
+    groups: dict[tuple[int, tuple[int, ...], int, float], list[int]] = {}
     where = {int(track): index for index, track in enumerate(track_ids)}
     number = {name: index for index, name in enumerate(run.columns)}
 
@@ -61,17 +61,13 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
         {"title": "children", "as": "times", "down": True},
         {"title": "which", "words": True},
     ]
-    return {"columns": columns, "rows": [_event(*key, children, track_ids) for key, children in order]}
+    return {"columns": columns, "rows": [_event(key, children, track_ids) for key, children in order]}
 
 
 def _event(
-    metric: int,
-    vehicles: tuple[int, ...],
-    step: int,
-    value: float,
-    children: list[int],
-    track_ids: Sequence[int],
+    key: tuple[int, tuple[int, ...], int, float], children: list[int], track_ids: Sequence[int]
 ) -> dict[str, Any]:
+    metric, vehicles, step, value = key
     which = ", ".join(str(child) for child in children[:_NAMED]) + (", …" if len(children) > _NAMED else "")
     names = " – ".join(str(track_ids[vehicle]) for vehicle in vehicles)
     return {
@@ -104,7 +100,7 @@ def collision_share(run: Run) -> dict[str, Any] | None:
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
-    """Rows of ``encounters.parquet``: ``words``, and where one looks: ``pair`` by index, ``child``, ``step``."""
+    """Rows of ``encounters.parquet`` with ``words``, the ``pair`` by index, a ``child`` and its ``step``."""
     where = {int(track): index for index, track in enumerate(track_ids)}
     of, near = (
         "Share of the children; a click on a row shows one of them",

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-import pytest
 
 from scex_sumo.evaluation.encounters import in_words
 from scex_sumo.reports.page.contents import model_colors, report_contents
