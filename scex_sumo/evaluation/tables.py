@@ -12,11 +12,13 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.tracks.reader import TrackTable
 from scex_sumo.errors import UsageError
 from scex_sumo.evaluation.blocks import Block, blocks
+from scex_sumo.evaluation.outcomes import after_collision
 from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PAPER, MetricParameters
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate, evaluate_pairs
 from scex_sumo.metrics.extrema import Worst, scene_sums
 from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.outlines.collisions import Collisions
 from scex_sumo.metrics.registry import metrics_named
 
 Level: TypeAlias = Literal["pair", "scene", "scenario", "worst"]
@@ -88,6 +90,7 @@ def worst_table(
     child: Sequence[int] | IntArray,
     track_ids: IntArray,
     timestamp_ms: IntArray,
+    hits: Collisions | None = None,
 ) -> pa.Table:
     """Where the extremum of every child and metric came from: ``worst.parquet`` of a result folder.
 
@@ -96,28 +99,47 @@ def worst_table(
         child: (C,) their numbers.
         track_ids: (V,) of the vehicles.
         timestamp_ms: (T,) of the steps, history included.
+        hits: collisions of the same tracks; None for none.
 
     Returns:
-        child, metric, timestamp_ms, track_id, other_id (null for single vehicles), value; no row where
-        undefined.
+        child, metric, timestamp_ms, track_id, other_id (null for single vehicles), value, after_collision
+        (whether the two had collided by then); no row where undefined.
     """
     parts = []
     numbers = np.asarray(child, dtype=np.int64)
     for name, worst in values.worst.items():
         at = np.flatnonzero(worst.defined)
         other = None if worst.other is None else track_ids[worst.other[at]]
-        parts.append(
-            _rows_table(
-                {"child": numbers[at]},
-                name,
-                timestamp_ms[worst.step[at]],
-                track_ids[worst.vehicle[at]],
-                other,
-                worst.value[at],
-                metric_first=True,
-            )
+        rows = _rows_table(
+            {"child": numbers[at]},
+            name,
+            timestamp_ms[worst.step[at]],
+            track_ids[worst.vehicle[at]],
+            other,
+            worst.value[at],
+            metric_first=True,
         )
+        parts.append(_flagged(rows, hits, at, worst.step[at], worst.vehicle[at], _taken(worst.other, at)))
     return pa.concat_tables(parts).sort_by([("child", "ascending")]) if parts else pa.table({})
+
+
+def _taken(values: IntArray | None, at: IntArray) -> IntArray | None:
+    return None if values is None else values[at]
+
+
+def _flagged(
+    rows: pa.Table,
+    hits: Collisions | None,
+    child: IntArray,
+    step: IntArray,
+    vehicle: IntArray,
+    other: IntArray | None,
+) -> pa.Table:
+    """The rows with a column that tells those of vehicles that had collided with each other."""
+    after = np.zeros(rows.num_rows, dtype=np.bool_)
+    if hits is not None:
+        after = after_collision(hits, child=child, step=step, vehicle=vehicle, other=other)
+    return rows.append_column("after_collision", pa.array(after))
 
 
 def _rows_table(
