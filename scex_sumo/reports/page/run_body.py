@@ -56,7 +56,7 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
         element("p.soft", of + f"{percent(found['low'])} – {percent(found['high'])}"),
     ]
     if likely is not None:
-        parts.append(element("p", f"likely: {percent(likely[0] / likely[1])}"))
+        parts.append(element("p", f"likely: {percent(likely)}"))
     return element("div.card", *parts)
 
 

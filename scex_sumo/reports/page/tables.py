@@ -10,10 +10,11 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.evaluation.encounters import in_words
+from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
+from scex_sumo.evaluation.outcomes import COLLISIONS
+from scex_sumo.results.run import COLLISION as COLLISION_COLUMN
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
-from scex_sumo.statistics.density import wilson
 
 REFERENCE = "reference"
 _NAMED = 4
@@ -49,14 +50,15 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
     for row in _rows(optional_table(run, "worst.parquet")):
         if row["metric"] in number:
             step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
-            add(number[row["metric"]], row, step, row["value"])
-    for row in _rows(optional_table(run, "collisions.parquet")):
-        add(COLLISION, row, row["step"], 0.0)
-    signs = [1 if side == "left" else -1 for side in sides] + [1]  # -1 is the last one
+            if np.isfinite(row["value"]) or sides[number[row["metric"]]] == "right":
+                add(number[row["metric"]], row, step, row["value"])
+    for row in _rows(optional_table(run, COLLISIONS)):
+        add(COLLISION, row, row["step"], row["relative_speed"])
+    signs = [1 if side == "left" else -1 for side in sides] + [-1]  # the last one are collisions
     order = sorted(groups.items(), key=lambda item: (item[0][0], signs[item[0][0]] * item[0][3], item[0][2]))
     columns = [
         {"title": "vehicles"},
-        {"title": "value", "as": "real"},
+        {"title": "value", "as": "real", "none": "∞", "hint": "Of collisions: relative speed, m/s"},
         {"title": "after", "as": "seconds"},
         {"title": "children", "as": "times", "down": True},
         {"title": "which", "words": True},
@@ -71,7 +73,7 @@ def _event(
     which = ", ".join(str(child) for child in children[:_NAMED]) + (", …" if len(children) > _NAMED else "")
     names = " – ".join(str(track_ids[vehicle]) for vehicle in vehicles)
     return {
-        "cells": [names, None if metric == COLLISION else value, step * STEP_S, len(children), which],
+        "cells": [names, value, step * STEP_S, len(children), which],
         "metric": metric,
         "pair": vehicles if len(vehicles) == 2 else None,
         "child": children[0],
@@ -82,7 +84,7 @@ def _event(
 
 def collision_arrays(run: Run) -> dict[str, NDArray[Any]]:
     """Collisions: ``collision_children`` (n,) and ``collision_places`` (n, 2) in m; none where unknown."""
-    table = optional_table(run, "collisions.parquet")
+    table = optional_table(run, COLLISIONS)
     if table is None:
         return {}
     places = np.stack([np.asarray(table["x"]), np.asarray(table["y"])], axis=1)
@@ -91,11 +93,10 @@ def collision_arrays(run: Run) -> dict[str, NDArray[Any]]:
 
 def collision_share(run: Run) -> dict[str, Any] | None:
     """How many children collide, and their share with its 95 % interval; None where that is not known."""
-    table = optional_table(run, "collisions.parquet")
-    if table is None:
+    if COLLISION_COLUMN not in run.metrics.column_names:
         return None
-    count = len(table["child"].unique())
-    share = wilson(count, run.children)
+    share = run.p_collision
+    count = int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
     return {"count": count, "value": share.value, "low": share.low, "high": share.high}
 
 
@@ -129,7 +130,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
             "child": row["child"],
             "step": round(row["time_s"] / STEP_S),
         }
-        for row in _rows(optional_table(run, "encounters.parquet"))
+        for row in _rows(optional_table(run, ENCOUNTERS))
     ]
     return {"columns": columns, "rows": rows}
 
@@ -141,12 +142,12 @@ def likely_values(run: Run, columns: Sequence[str]) -> FloatArray | None:
     return metric_values(Run(run.folder / REFERENCE).metrics, columns)
 
 
-def likely_collisions(run: Run) -> tuple[int, int] | None:
-    """How many of the likely children collide, and of how many; None where that is not known."""
-    if not (run.folder / REFERENCE / "collisions.parquet").is_file():
+def likely_collisions(run: Run) -> float | None:
+    """Share of the likely children that collide; None where that is not known."""
+    if not (run.folder / REFERENCE / "run.json").is_file():
         return None
-    likely = Run(run.folder / REFERENCE)
-    return len(likely.table("collisions.parquet")["child"].unique()), likely.children
+    share = collision_share(Run(run.folder / REFERENCE))
+    return None if share is None else float(share["value"])
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:

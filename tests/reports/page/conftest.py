@@ -24,8 +24,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     folder = tmp_path_factory.mktemp("report") / "out"
     command = [sys.executable, "-m", "scex_sumo", "run", str(example_path("roundabout")), "--children", "60"]
     subprocess.run([*command, "--no-report", "-o", str(folder)], check=True, capture_output=True)
-    if not (folder / "encounters.parquet").is_file():
-        subprocess.run([sys.executable, "/tmp/after_report2/tables.py", str(folder)], check=True)
     run = open_run(folder)
     write_report(run)
     return run

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.reports.page.report import write_report
@@ -157,6 +158,7 @@ def test_a_result_without_encounters_says_so(browser: Any, run: Run, tmp_path: P
     shutil.copytree(run.folder, copy)
     for name in ("collisions.parquet", "encounters.parquet"):
         (copy / name).unlink()
+    pq.write_table(run.metrics.drop_columns(["collision"]), copy / "metrics.parquet")
     page = browser.new_page()
     page.goto(write_report(open_run(copy)).resolve().as_uri())
     page.wait_for_selector("#worst tr.go")

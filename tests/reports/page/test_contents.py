@@ -9,7 +9,6 @@ from base64 import b64encode
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.evaluation.encounters import in_words
@@ -124,12 +123,11 @@ def test_models_have_colours_of_their_own() -> None:
     assert len(set(colors)) == 4
 
 
-def test_likely_children_and_their_collisions_are_counted(run: Run, tmp_path: Path) -> None:
+def test_likely_children_that_collide_are_counted(run: Run, tmp_path: Path) -> None:
     copy = tmp_path / "out"
     shutil.copytree(run.folder, copy)
     shutil.copytree(run.folder, copy / "reference")
-    pq.write_table(pa.table({"child": [4, 4, 9]}), copy / "reference" / "collisions.parquet")
-    assert report_contents(open_run(copy))[0]["likely_collisions"] == (2, run.children)
+    assert report_contents(open_run(copy))[0]["likely_collisions"] == run.p_collision.value
 
 
 def test_columns_that_were_not_measured_of_the_recording_have_no_recorded_value(

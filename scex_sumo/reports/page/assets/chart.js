@@ -117,7 +117,7 @@ class MetricChart {
     this.share.title = isSet ? `${share.critical} of ${share.count}; 95 %: ${range(share)}` : "";
     if (document.activeElement !== this.limit) this.limit.value = isSet ? Number(this.threshold.toFixed(3)) : "";
     this.note.textContent = [recorded !== null && `recorded ${short(recorded)}`,
-      share.count < this.run.children && `defined in ${share.count}/${this.run.children}`].filter(Boolean).join(", ");
+      this.sorted.length < share.count && `defined in ${this.sorted.length}/${share.count}`].filter(Boolean).join(", ");
   }
 
   down(event) {

@@ -45,11 +45,10 @@ function makeState(run) {
       if (limit === null || isMissing(value)) return false;
       return run.info.metrics[m].side === "left" ? value <= Math.fround(limit) : value >= Math.fround(limit);
     },
-    share(m, column) { // critical among those in which the metric is defined
-      const known = column.filter((value) => !Number.isNaN(value)), { p, threshold } = run.info.metrics[m];
-      const critical = known.filter((value) => state.isCritical(m, value)).length;
-      const own = p && column === run.columns[m] && state.thresholds[m] === threshold; // the library's interval
-      return { ...(own ? p : wilson(critical, known.length)), critical, count: known.length };
+    share(m, column) { // critical among all; where a metric is undefined, nothing is critical
+      const critical = column.filter((value) => state.isCritical(m, value)).length, { p, threshold } = run.info.metrics[m];
+      const isOwn = p && column === run.columns[m] && state.thresholds[m] === threshold; // the library's interval
+      return { ...(isOwn ? p : wilson(critical, column.length)), critical, count: column.length };
     },
   };
   return state;

@@ -5,10 +5,11 @@ const FORMATS = {
   real: (value) => short(value, 3), times: (value) => `× ${value}`,
 };
 
-// A table is {columns: [{title, as, hint, words}], rows: [{cells, ...}]}, with `as` one of the formats.
+// A table is {columns: [{title, as, none, hint, words, down}], rows: [{cells, ...}]}: `as` is one of the
+// formats, `none` stands for what is missing, `down` begins with the largest.
 function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, first = 10 } = {}) {
   let by = -1, down = false, whole = false;
-  const text = ({ as = "text" }, value) => isMissing(value) ? "–" : FORMATS[as](value);
+  const text = ({ as = "text", none = "–" }, value) => isMissing(value) ? none : FORMATS[as](value);
 
   function draw() {
     const sorted = by < 0 ? rows : [...rows].sort((a, b) => (down ? -1 : 1) * compare(a.cells[by], b.cells[by]));
