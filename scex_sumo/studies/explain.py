@@ -53,8 +53,6 @@ def explain(run: Run, metric: str, *, worst: int = 5) -> Explanation:
     """Explain one metric of a finished run.
 
     Args:
-        run: a finished run.
-        metric: one of its columns.
         worst: how many of the most critical children are named.
     """
     from scex_sumo.metrics.registry import side_of
@@ -140,8 +138,6 @@ def worst_rows(
     """The most critical children as rows: value, who with whom and when, and who drove whom.
 
     Args:
-        run: a finished run.
-        explanation: of one of its metrics.
         levels: (C, V) of `assignment_of`.
         names: the models, of `assignment_of`.
     """

@@ -14,8 +14,8 @@ from scex_sumo.files import write_atomic
 from scex_sumo.metrics.registry import side_of
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
-from scex_sumo.views.replay import write_child_view, write_grid_view
-from scex_sumo.world.colors import Rgb, model_colors
+from scex_sumo.views.replay import write_view
+from scex_sumo.world.colors import model_colors
 from scex_sumo.world.gui_drawings import ChildView
 
 
@@ -34,7 +34,7 @@ def write_critical(run: Run) -> list[Path]:
 
 def write_child(run: Run, number: int) -> Path:
     """Files that show one child in plain sumo-gui; returns the one to open."""
-    return _write(run, _child_view(run, number))
+    return _write(run, [_child_view(run, number)])
 
 
 def write_worst(run: Run, column: str) -> Path:
@@ -42,11 +42,11 @@ def write_worst(run: Run, column: str) -> Path:
     number = run.most_critical(column)
     same = [row for row in run.worst.to_pylist() if (row["child"], row["metric"]) == (number, column)]
     if not same:  # the mean of a child has no step of its own
-        return _write(run, _child_view(run, number, title=f"most critical by {column}"))
+        return _write(run, [_child_view(run, number, title=f"most critical by {column}")])
     row = same[0]
     tracks = [track for track in (row["track_id"], row["other_id"]) if track is not None]
     step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
-    return _write(run, _event_view(run, number, tracks, step, f"{column} {row['value']:.3g}"))
+    return _write(run, [_event_view(run, number, tracks, step, f"{column} {row['value']:.3g}")])
 
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
@@ -66,7 +66,7 @@ def write_encounter(run: Run, first: int, second: int) -> Path:
     view = _event_view(
         run, row["child"], [first, second], round(row["time_s"] / STEP_S), f"{what} {100 * share:.0f} %"
     )
-    return _write(run, view)
+    return _write(run, [view])
 
 
 def write_grid(run: Run, count: int, column: str | None = None) -> Path:
@@ -84,7 +84,7 @@ def write_grid(run: Run, count: int, column: str | None = None) -> Path:
         raise UsageError(f"--grid {count}: give 2 to {run.children}, the number of children")
     numbers = most_different(run, count) if column is None else most_critical(run, count, column)
     views = [_child_view(run, int(n), title=_value(run, int(n), column)) for n in numbers]
-    return write_grid_view(run.net.path.parent, run.net, run.scene, views, _colors(run))
+    return _write(run, views)
 
 
 def most_different(run: Run, count: int) -> IntArray:
@@ -117,10 +117,6 @@ def _value(run: Run, number: int, column: str | None) -> str:
     return f"{column} {run.values(column)[number]:.3g}"
 
 
-def _write(run: Run, view: ChildView) -> Path:
-    return write_child_view(run.net.path.parent, run.net, run.scene, view, _colors(run))
-
-
 def _child_view(run: Run, number: int, *, title: str = "", **event: Any) -> ChildView:
     return ChildView(
         number=number,
@@ -145,6 +141,7 @@ def _event_view(run: Run, number: int, tracks: Sequence[int], step: int, what: s
     )
 
 
-def _colors(run: Run) -> dict[str, Rgb]:
+def _write(run: Run, views: Sequence[ChildView]) -> Path:
     names = sorted(set(run.assignments["model"].unique().to_pylist()))
-    return dict(zip(names, model_colors(names), strict=True))
+    colors = dict(zip(names, model_colors(names), strict=True))
+    return write_view(run.net.path.parent, run.net, run.scene, views, colors)

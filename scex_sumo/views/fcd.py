@@ -107,14 +107,12 @@ class LaneFinder:
         return cost
 
 
-def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder, *, first_s: float = STEP_S) -> None:
-    """Write tracks as SUMO's FCD.
+def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder) -> None:
+    """Write tracks as SUMO's FCD, the first step at 0.1 s.
 
     Args:
-        path: file to write.
         groups: vehicles, all with the same number of steps; each group in one tile.
         lanes: the lanes of the net as converted, not tiled.
-        first_s: time of the first step.
     """
     steps = groups[0].states.shape[1]
     rows: list[list[str]] = [[] for _ in range(steps)]
@@ -136,8 +134,6 @@ def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder, *, fir
                 )
     with path.open("w", encoding="utf-8") as file:
         file.write('<?xml version="1.0" encoding="UTF-8"?>\n<fcd-export>\n')
-        for step, vehicles in enumerate(rows):
-            file.write(
-                f'    <timestep time="{first_s + step * STEP_S:.2f}">\n{"".join(vehicles)}    </timestep>\n'
-            )
+        for step, vehicles in enumerate(rows, start=1):
+            file.write(f'    <timestep time="{step * STEP_S:.2f}">\n{"".join(vehicles)}    </timestep>\n')
         file.write("</fcd-export>\n")

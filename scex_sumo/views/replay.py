@@ -30,8 +30,8 @@ from scex_sumo.world.gui_drawings import (
     legend_entries,
 )
 from scex_sumo.world.gui_settings import write_view_settings
-from scex_sumo.world.tiles import TileTemplate
-from scex_sumo.world.vehicle_types import replayed_type
+from scex_sumo.world.tiles import TileLayout, TileTemplate
+from scex_sumo.world.vehicle_types import given_type
 
 if TYPE_CHECKING:
     from scex_sumo.converters.net.convert import SumoNet
@@ -39,83 +39,35 @@ _GRID_MARGIN_M, _GRID_AROUND_M = 15.0, 25.0
 _WINDOW = "1400,900"
 
 
-def write_child_view(
+def write_view(
     folder: Path,
     net: SumoNet,
     scene: SeedScene,
-    child: ChildView,
+    children: Sequence[ChildView],
     colors: Mapping[str, Rgb],
     *,
-    delay_ms: int = 100,
     snapshots: tuple[tuple[float, str], ...] = (),
 ) -> Path:
-    """Write what sumo-gui needs to show one child.
+    """Write what sumo-gui needs to show one child, or several side by side in reading order.
 
     Args:
         folder: where to write; the net is referred to by a relative path.
-        net: the converted map.
-        scene: the seed scene.
-        child: the child.
+        children: with the same number of steps.
         colors: RGB of each behaviour model, 0 to 255.
-        delay_ms: pause of sumo-gui after each step.
         snapshots: times in s and names of pictures that sumo-gui writes then.
 
     Returns:
-        The file to open, ``child_NUMBER.sumocfg``.
+        The file to open: ``child_NUMBER.sumocfg``, or ``grid_N.sumocfg`` of N children.
     """
-    return _write(folder, f"child_{child.number:04d}", net, scene, [child], colors, delay_ms, snapshots)
-
-
-def write_grid_view(
-    folder: Path,
-    net: SumoNet,
-    scene: SeedScene,
-    children: Sequence[ChildView],
-    colors: Mapping[str, Rgb],
-    *,
-    delay_ms: int = 100,
-    snapshots: tuple[tuple[float, str], ...] = (),
-) -> Path:
-    """Write what sumo-gui needs to show several children side by side, in reading order.
-
-    Args:
-        folder: where to write.
-        net: the converted map.
-        scene: the seed scene.
-        children: the children, with the same number of steps.
-        colors: RGB of each behaviour model, 0 to 255.
-        delay_ms: pause of sumo-gui after each step.
-        snapshots: times in s and names of pictures that sumo-gui writes then.
-
-    Returns:
-        The file to open, ``grid_N.sumocfg``.
-    """
-    return _write(folder, f"grid_{len(children)}", net, scene, children, colors, delay_ms, snapshots)
-
-
-def _write(
-    folder: Path,
-    name: str,
-    net: SumoNet,
-    scene: SeedScene,
-    children: Sequence[ChildView],
-    colors: Mapping[str, Rgb],
-    delay_ms: int,
-    snapshots: tuple[tuple[float, str], ...],
-) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
     grid = len(children) > 1
-    net_file, extras = net.path, net.extras
-    if grid:
-        net_file, extras = _cropped(folder, name, net, children)
-    lanes, template = LaneFinder(net_file), TileTemplate(net_file)
+    name = f"grid_{len(children)}" if grid else f"child_{children[0].number:04d}"
+    folder.mkdir(parents=True, exist_ok=True)
+    source = _cropped(folder / name, net, children) if grid else (net.path, net.extras)
+    lanes, template = LaneFinder(source[0]), TileTemplate(source[0])
     layout = template.window_layout(len(children), margin_m=_GRID_MARGIN_M)
+    net_file, additional = net.path, [net.extras] if net.extras is not None else []
     if grid:
-        template.write(net_file := folder / f"{name}.net.xml", range(len(children)), layout)
-        if extras is not None:
-            copied = TileTemplate(extras)
-            copied.write(extras := folder / f"{name}.extras.xml", range(len(children)), layout)
-    additional = [extras] if extras is not None else []
+        net_file, additional = _write_tiles(folder / name, source[1], template, layout, len(children))
     shown = [
         Shown(child=child, slot=slot if grid else None, offset=layout.offset(slot))
         for slot, child in enumerate(children)
@@ -131,11 +83,8 @@ def _write(
     additional[-1].write_text(f"<additional>\n{types}{drawn}</additional>\n", encoding="utf-8")
     write_view_settings(
         folder / f"{name}.view.xml",
-        delay_ms=delay_ms,
-        viewport=frame.viewport,
+        frame,
         names=not grid,
-        text_m=frame.line_m,
-        exaggeration=frame.exaggeration,
         snapshots=snapshots,
         # At the end sumo-gui would ask whether to close; who comes for the pictures only wants it to end.
         pause_s=None if snapshots else _stop_s(children[0]),
@@ -143,23 +92,33 @@ def _write(
     return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1])
 
 
-def _cropped(
-    folder: Path, name: str, net: SumoNet, children: Sequence[ChildView]
-) -> tuple[Path, Path | None]:
+def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[Path, Path | None]:
     """Net and markings around where the vehicles of some children are and go."""
     states = [child.states for child in children]
     xs, ys = (np.concatenate([getattr(s, axis) for s in states], axis=None) for axis in ("x", "y"))
     around = _GRID_AROUND_M
     box = xs.min() - around, ys.min() - around, xs.max() + around, ys.max() + around
-    file = crop_net(net.path, box, folder / f"{name}.cropped.net.xml")
+    file = crop_net(net.path, box, stem.with_name(f"{stem.name}.cropped.net.xml"))
     if net.extras is None:
         return file, None
-    return file, crop_extras(net.extras, box, folder / f"{name}.cropped.add.xml")
+    return file, crop_extras(net.extras, box, stem.with_name(f"{stem.name}.cropped.add.xml"))
 
 
 def _stop_s(child: ChildView) -> float:
     """When sumo-gui stops, s: after the last state, or at that of the event."""
     return (child.states.shape[1] if child.stop is None else child.stop + 1) * STEP_S
+
+
+def _write_tiles(
+    stem: Path, drawn: Path | None, template: TileTemplate, layout: TileLayout, count: int
+) -> tuple[Path, list[Path]]:
+    """Copies of the net side by side, and of what is drawn on it; returns their files."""
+    net_file, extras = stem.with_name(f"{stem.name}.net.xml"), stem.with_name(f"{stem.name}.extras.xml")
+    template.write(net_file, range(count), layout)
+    if drawn is None:
+        return net_file, []
+    TileTemplate(drawn).write(extras, range(count), layout)
+    return net_file, [extras]
 
 
 def _groups(scene: SeedScene, shown: Shown) -> list[FcdTracks]:
@@ -208,11 +167,11 @@ def _types(scene: SeedScene, children: Sequence[ChildView], colors: Mapping[str,
     for v in range(scene.vehicles):
         size = scene.types[v], float(scene.length[v]), float(scene.width[v])
         for model in sorted({child.models[v] for child in children}):
-            lines.append(replayed_type(_type_id(model, v), *size, colors[model]))
+            lines.append(given_type(_type_id(model, v), *size, colors[model]))
     if (others := scene.obstacles) is not None:
         for o, kind in enumerate(others.types):
             size = kind, float(others.length[o]), float(others.width[o])
-            lines.append(replayed_type(f"other.{o}", *size, OTHER_RGB))
+            lines.append(given_type(f"other.{o}", *size, OTHER_RGB))
     return "".join(lines)
 
 

@@ -96,7 +96,7 @@ class TileTemplate:
         self._head = "".join(f" {k}={quoteattr(v)}" for k, v in root.attrib.items() if "}" not in k)
         self._once: list[str] = []
         self._edges = {e.get("id", ""): _points(e) for e in root.iter("edge") if "function" not in e.attrib}
-        self._lanes = sum(1 for _ in root.iter("lane"))
+        self.lanes = sum(1 for _ in root.iter("lane"))  # internal ones included
         self._literals: list[str] = [""]  # text before each x, then the text after the last y
         self._x: list[str] = []
         self._between: list[str] = []  # what stands between an x and its y
@@ -130,18 +130,12 @@ class TileTemplate:
             raise SimulationError(f"{self._path}: holds no edges; convert the map again")
         return min(self._edges, key=lambda edge: self._edges[edge])
 
-    @property
-    def lanes(self) -> int:
-        """Number of SUMO's lanes, internal ones included."""
-        return self._lanes
-
-    def layout(self, *, margin_m: float = TILE_MARGIN_M, columns: int = TILE_COLUMNS) -> TileLayout:
+    def layout(self, *, margin_m: float = TILE_MARGIN_M) -> TileLayout:
         """Tiles that keep at least ``margin_m`` between their maps."""
         left, bottom, right, top = self.bounds
         return TileLayout(
             pitch_x=math.ceil((right - left + margin_m) / 10) * 10,
             pitch_y=math.ceil((top - bottom + margin_m) / 10) * 10,
-            columns=columns,
         )
 
     def window_layout(self, count: int, *, margin_m: float) -> TileLayout:
@@ -156,7 +150,6 @@ class TileTemplate:
         """Write the copies of some slots.
 
         Args:
-            path: file to write.
             slots: the slots wanted, in any order.
             layout: where slots lie.
         """

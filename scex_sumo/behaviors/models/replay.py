@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.motion import drive_along
 from scex_sumo.behaviors.driving.paths import PathChoice
@@ -54,30 +53,13 @@ class Replay:
         left = np.clip(known - history.step, 0, PLAN_STEPS)  # (n,) recorded steps from now on
         recorded = scene.future[who.vehicle]
         last = history.step + left - 1
-        end = _pick(recorded, np.maximum(last, 0), left > 0, history.now[who.child, who.vehicle])
+        i = np.arange(len(who))
+        ends = [recorded[i, np.maximum(last, 0)], history.now[who.child, who.vehicle]]
+        end = States.joined(ends, lambda parts: np.where(left > 0, *parts))
         rest = drive_along(history, road, who, self.profile.path, start=end)
         h = np.arange(PLAN_STEPS)
         driven = h >= left[:, None]
         in_recording = np.minimum(history.step + h, recorded.shape[1] - 1)
-        i, after = np.arange(len(who))[:, None], np.maximum(h - left[:, None], 0)
-
-        def merge(plan: FloatArray, real: FloatArray) -> FloatArray:
-            return np.where(driven, plan[i, after], real[:, in_recording])
-
-        return Plan(
-            x=merge(rest.x, recorded.x),
-            y=merge(rest.y, recorded.y),
-            heading=merge(rest.heading, recorded.heading),
-            speed=merge(rest.speed, recorded.speed),
-        )
-
-
-def _pick(recorded: States, column: IntArray, there: BoolArray, otherwise: States) -> States:
-    i = np.arange(len(column))
-    real = recorded[i, column]
-    return States(
-        x=np.where(there, real.x, otherwise.x),
-        y=np.where(there, real.y, otherwise.y),
-        heading=np.where(there, real.heading, otherwise.heading),
-        speed=np.where(there, real.speed, otherwise.speed),
-    )
+        after = np.maximum(h - left[:, None], 0)
+        both = [rest[i[:, None], after], recorded[:, in_recording]]
+        return Plan(**vars(States.joined(both, lambda parts: np.where(driven, *parts))))

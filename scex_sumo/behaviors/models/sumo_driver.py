@@ -44,8 +44,6 @@ class SumoDriver:
         """Lane ids of the routes of vehicles; empty for one off the mapped lanes.
 
         Args:
-            scene: the seed scene.
-            road: the map.
             vehicle: (n,) index into the seed scene.
             draw: (n,) `SceneHistory.route_draw` of these vehicles.
         """

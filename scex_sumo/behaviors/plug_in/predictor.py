@@ -47,7 +47,6 @@ class Predictor:
         """Wrap a function.
 
         Args:
-            function: what predicts.
             inputs: names of what it is called with; None takes its parameters.
             batched: call it once with the vehicles of all children. For a function that promises the same
                 rows whatever other rows there are; it cannot ask for ``rng``.
@@ -107,7 +106,6 @@ def trajectories(predicted: Any, count: int) -> FloatArray:
     """What a function returned, as (n, 30, 2 to 4).
 
     Args:
-        predicted: what it returned.
         count: n.
 
     Raises:

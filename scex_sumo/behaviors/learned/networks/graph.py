@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -94,10 +94,6 @@ class Architecture:
     modes: int = 6
     edges: bool = True
     free: bool = True
-
-    def as_dict(self) -> dict[str, Any]:
-        """For the file of weights."""
-        return asdict(self)
 
 
 class SceneEncoder(nn.Module):
