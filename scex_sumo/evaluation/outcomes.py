@@ -81,7 +81,7 @@ def encounters_of_rows(table: pa.Table) -> Encounters:
 
 
 def after_collision(
-    hits: Collisions, *, child: IntArray, step: IntArray, vehicle: IntArray, other: IntArray | None
+    hits: Collisions, child: IntArray, step: IntArray, vehicle: IntArray, other: IntArray | None
 ) -> BoolArray:
     """(N,) whether the two vehicles of a value had collided by its step; False for single vehicles.
 

@@ -164,7 +164,7 @@ def _info(
         "band": None if band is None else {"asked": settings.until_band, **dataclasses.asdict(band)},
         "thresholds": {**thresholds_of(settings.measured), **settings.thresholds},
         "net": job.road.name,
-        "net_notes": list(job.net.notes),
+        "net_notes": [*job.net.notes, *map(str, job.net.losses)],
         "run_notes": list(notes),
         "fallbacks": count_fallbacks(part.fallbacks, job.assignment, names, plans),
         "versions": versions(learned=bool(job.models.weights)),

@@ -59,8 +59,8 @@ def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
 def recorded_info(scene: SeedScene, recorded: Recorded | None) -> dict[str, Any] | None:
     """What ``run.json`` says of the recorded future; None where there is none.
 
-    ``left``: last step of each vehicle that leaves within the time of a child, by track id; ``overlaps``: boxes
-    that overlap, as two track ids and the time in s.
+    ``left``: last step of each vehicle that leaves within the time of a child, by track id; ``overlaps``:
+    boxes that overlap, as two track ids and the time in s.
     """
     if recorded is None:
         return None

@@ -52,9 +52,9 @@ class Replay:
         known = np.cumprod(scene.future_valid, axis=1).sum(axis=1)[who.vehicle]
         left = np.clip(known - history.step, 0, PLAN_STEPS)  # (n,) recorded steps from now on
         recorded = scene.future[who.vehicle]
-        last = history.step + left - 1
+        last = np.clip(history.step + left - 1, 0, recorded.shape[1] - 1)
         i = np.arange(len(who))
-        ends = [recorded[i, np.maximum(last, 0)], history.now[who.child, who.vehicle]]
+        ends = [recorded[i, last], history.now[who.child, who.vehicle]]
         end = States.joined(ends, lambda parts: np.where(left > 0, *parts))
         rest = drive_along(history, road, who, self.profile.path, start=end)
         h = np.arange(PLAN_STEPS)

@@ -7,7 +7,7 @@ and coordinates in it, for whoever copies or moves nets as text:
   to, via, tl, and from, to of a ``conflict`` in it; ``tlLogic`` id. Internal ones begin with a colon:
   ``:NODE_3_0``.
 - coordinates: ``edge`` and ``lane`` shape, ``junction`` x, y, shape, ``location`` boundaries. Everything is
-  in the map's own coordinates; netOffset is zero.
+  in the map's own coordinates; less netOffset they are those of the projection, where that is known.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from scex_sumo.converters.net.signals import recorded_programme
 from scex_sumo.converters.net.text import net_text
 from scex_sumo.errors import MapError
 from scex_sumo.geometry.polylines import length_of
-from scex_sumo.road import Road
+from scex_sumo.road import Loss, Road
 from scex_sumo.roads.conflicts import conflicts
 
 __all__ = ["LaneTable", "SumoNet", "convert"]
@@ -46,12 +46,14 @@ class SumoNet:
         extras: NET.add.xml with markings, stop lines, crosswalks and areas for sumo-gui, or None.
         lanes: which SUMO lanes a lanelet became.
         notes: what could not be carried over, one short sentence each, naming ids.
+        losses: what of the map is not in the net: the road's losses, and what no net could hold.
     """
 
     path: Path
     extras: Path | None
     lanes: LaneTable
     notes: tuple[str, ...] = ()
+    losses: tuple[Loss, ...] = ()
 
 
 def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoNet:
@@ -71,20 +73,25 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     points = sorted(i for i, lane in lanes.items() if length_of(lane.centreline) < SHORTEST_M)
     if points:
         raise MapError(f"{road.name}: lanelets without length: {', '.join(map(str, points[:5]))}; drop them")
-    lanes = add_entries(lanes)
+    lanes = add_entries(lanes, road.lanes)
     found = conflicts(lanes)
     topology, lost = cut_lanes(lanes, found)
     layout = plan_net(topology, road.regulations, found)
     recorded, notes = (None, []) if signals is None else recorded_programme(layout, road.origin, signals)
     fixed = fixed_programmes(layout, lanes, road.regulations, found)
     layout = layout.beside(_side_lanes(road))
-    net_path.write_text(net_text(layout, _together(recorded, fixed)), encoding="utf-8")
+    net_path.write_text(net_text(layout, _together(recorded, fixed), road.georeference), encoding="utf-8")
     table = lane_table(layout.places(), layout.ends(), road.lanes)
     table.write(net_file(net_path, ".lanes.csv"))
     extras = net_file(net_path, ".add.xml")
     extras.write_text(extras_text(road), encoding="utf-8")
-    notes += [f"the lane change from lanelet {a} to {b} has no place in a SUMO edge" for a, b in lost]
-    return SumoNet(path=net_path, extras=extras, lanes=table, notes=tuple(notes))
+    changes = tuple(f"{a} to {b}" for a, b in lost)
+    losses = (
+        [Loss(kind="lane changes", why="without a place in a SUMO edge", elements=changes)] if lost else []
+    )
+    return SumoNet(
+        path=net_path, extras=extras, lanes=table, notes=tuple(notes), losses=(*road.losses, *losses)
+    )
 
 
 def open_net(net_path: Path) -> SumoNet:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scex_sumo.arrays import FloatArray
 from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
 from scex_sumo.evaluation.outcomes import COLLISIONS
-from scex_sumo.results.run import COLLISION as COLLISION_COLUMN
+from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 

@@ -23,7 +23,7 @@ REAL = (
 # What no right of way can prevent: cars that meet head-on in one lane, and cars that appear in the middle of
 # a crossing, or where the car ahead has not quite left the short entry that several lanelets share.
 HEAD_ON = {"both_ways", "same_ground_both_ways"}
-APPEARING = {"starts_inside", "border_fork"}
+APPEARING = {"border_fork"}
 ABOVE_EACH_OTHER = {"bridge"}  # footprints are flat; cars on two levels cover each other
 
 
