@@ -16,6 +16,7 @@ from scex_sumo.commands.convert import convert_command
 from scex_sumo.commands.encounters import encounters_command
 from scex_sumo.commands.explain import explain_command
 from scex_sumo.commands.export import export_command
+from scex_sumo.commands.inspect import inspect_command
 from scex_sumo.commands.metrics import metrics_command
 from scex_sumo.commands.models import models_command
 from scex_sumo.commands.plot import plot_command
@@ -57,6 +58,7 @@ def _root(
 COMMANDS = (
     (run_command, "run k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"),
     (convert_command, "convert DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"),
+    (inspect_command, "inspect k733.osm --tracks vehicle_tracks_000.csv --time 60"),
     (report_command, "report out/k733"),
     (plot_command, "plot out/k733 --metric ttc -o ttc.svg"),
     (view_command, "view out/k733 --critical wttc"),

@@ -7,6 +7,7 @@ Axes are named C (child), V (vehicle), T (step), H (planned step), n (vehicles t
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -157,6 +158,13 @@ class SeedScene:
     notes: tuple[str, ...] = ()
     source: dict[str, Any] = field(default_factory=dict)
     road: Road | None = None
+
+    def __repr__(self) -> str:
+        future = 0 if self.future is None else self.future.shape[1]
+        return f"SeedScene({self.name!r}: {self.vehicles} vehicles, {future} steps recorded after it)"
+
+    def _repr_html_(self) -> str:
+        return str(importlib.import_module("scex_sumo.reports.notebook").scene_html(self))
 
     @property
     def vehicles(self) -> int:

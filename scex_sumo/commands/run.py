@@ -28,6 +28,7 @@ from scex_sumo.commands.options import (
     parse_thresholds,
 )
 from scex_sumo.commands.seed import one_source, seed_scene
+from scex_sumo.commands.view import view_command
 from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
@@ -75,7 +76,9 @@ def run_command(
     seed: Seed = 0,
     workers: Processes = 1,
     batch: Annotated[int | None, Option(help="Children side by side in one SUMO; else chosen.")] = None,
-    gui: Annotated[bool, Option("--gui", help="Show the run live in sumo-gui.")] = False,
+    gui: Annotated[
+        bool, Option("--gui", help="Show the run live in sumo-gui, then its worst child.")
+    ] = False,
     plots: Annotated[
         bool, Option("--report/--no-report", "--plots/--no-plots", help="Write report.html.")
     ] = True,
@@ -140,6 +143,8 @@ def run_command(
                 **settings,
             )
     _tell(result, scene, folder, plots=plots)
+    if gui:
+        view_command(folder, **_worst_option(result))
 
 
 def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
@@ -168,13 +173,14 @@ def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
             from scex_sumo.reports.under_test_picture import draw_under_test
 
             print(f"under test: {draw_under_test(run, run.folder / 'under_test')[-1]}")
-    print(f"look:   scex-sumo view {shlex.quote(str(out))} {_which_child(run)}")
+    options = " ".join(f"--{name} {value}" for name, value in _worst_option(run).items())
+    print(f"look:   scex-sumo view {shlex.quote(str(out))} {options}")
 
 
-def _which_child(run: Run) -> str:
+def _worst_option(run: Run) -> dict[str, Any]:
     """The option of ``view`` that shows the child most worth a look; any, where no metric is defined."""
     defined = [column for column in ("ttc", "wttc") if len(run.samples(column))]
-    return f"--critical {defined[0]}" if defined else "--child 0"
+    return {"critical": defined[0]} if defined else {"child": 0}
 
 
 def _print_band(band: dict[str, Any]) -> None:

@@ -6,6 +6,7 @@ import os
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 from typing import Annotated
 
 from typer import Option
@@ -18,9 +19,15 @@ from scex_sumo.programs import environment, program
 def view_command(
     folder: Result,
     child: Annotated[int | None, Option(metavar="N", help="Show this child.")] = None,
-    grid: Annotated[int | None, Option(metavar="N", help="Show N children side by side.")] = None,
+    grid: Annotated[
+        int | None, Option(metavar="N", help="Show the N most different children, or the most --critical.")
+    ] = None,
     critical: Annotated[
-        str | None, Option(metavar="METRIC", help="Show the child most critical by this metric.")
+        str | None,
+        Option(metavar="METRIC", help="Show the child most critical by this metric, at its worst step."),
+    ] = None,
+    encounter: Annotated[
+        str | None, Option(metavar="A,B", help="Show two vehicles in a typical child where they meet.")
     ] = None,
     write_only: Annotated[
         bool, Option("--write-only", help="Write the files, print the path, open nothing.")
@@ -29,21 +36,32 @@ def view_command(
     """Open child scenarios in sumo-gui."""
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
-    from scex_sumo.views.children import write_child, write_grid
+    from scex_sumo.views.children import write_child, write_encounter, write_grid, write_worst
 
-    if sum(option is not None for option in (child, grid, critical)) > 1:
-        raise UsageError("view: --child, --grid and --critical exclude one another; give one of them")
+    if sum(option is not None for option in (child, grid or critical, encounter)) > 1:
+        raise UsageError("view: --child, --critical and --encounter exclude one another; give one of them")
     with as_written(folder):
         run = open_run(folder)
         if grid is not None:
-            file = write_grid(run, grid)
+            file = write_grid(run, grid, critical)
         elif critical is not None:
-            file = write_child(run, run.most_critical(critical), title=f"most critical by {critical}")
+            file = write_worst(run, critical)
+        elif encounter is not None:
+            file = write_encounter(run, *_two_tracks(encounter))
         else:
             file = write_child(run, 0 if child is None else child)
     if write_only:
         print(file)
         return
+    show(file)
+
+
+def show(file: Path) -> None:
+    """Open a file in sumo-gui, until its window is closed.
+
+    Raises:
+        ScexError: there is no display, or sumo-gui fails.
+    """
     if not os.environ.get("DISPLAY") and sys.platform.startswith("linux"):
         raise ScexError(
             f"no display to open sumo-gui on; on a machine that has one: sumo-gui -c {shlex.quote(str(file))}"
@@ -52,3 +70,11 @@ def view_command(
     status = subprocess.run(command, check=False, env=environment()).returncode
     if status != 0:
         raise ScexError(f"sumo-gui ended with status {status}; try it by hand: sumo-gui -c {file}")
+
+
+def _two_tracks(text: str) -> tuple[int, int]:
+    """``A,B`` as two track ids."""
+    first, _, second = text.partition(",")
+    if not (first.strip().isdigit() and second.strip().isdigit()):
+        raise UsageError(f"--encounter {text}: give the ids of two vehicles, e.g. --encounter 11,7")
+    return int(first), int(second)

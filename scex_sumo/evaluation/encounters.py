@@ -47,6 +47,7 @@ SCHEMA: Final = pa.schema(
         ("kind", pa.string()),
         ("relative_speed", pa.float64()),
         *((f"gap_p{percent:02}", pa.float64()) for percent in (5, 50, 95)),
+        ("child", pa.int64()),
         ("time_s", pa.float64()),
         ("x", pa.float64()),
         ("y", pa.float64()),
@@ -80,7 +81,7 @@ def encounters_table(
     Returns:
         Columns as ``SCHEMA``: ``track_id`` hits or follows ``other_id`` where one of them does. Sorted by
         P(collision), P(critical), then the 5th percentile of the least gap. ``time_s``, ``x``, ``y`` are
-        those of one child, the middle one in time of the children that collide (else are critical, else
+        those of one ``child``, the middle one in time of the children that collide (else are critical, else
         meet). Gap quantiles are over all children; null above 10 m.
     """
     vehicles = len(track_ids)
@@ -161,6 +162,7 @@ def _row(
             f"gap_p{round(100 * level):02}": float(gap) if np.isfinite(gap) else None
             for level, gap in zip(_GAPS, quantiles, strict=True)
         },
+        "child": int(found.child[typical]),
         "time_s": float(found.time_s[typical]),
         "x": float(found.x[typical]),
         "y": float(found.y[typical]),

@@ -14,7 +14,6 @@ from matplotlib.collections import LineCollection, PolyCollection
 from scex_sumo.arrays import FloatArray
 from scex_sumo.metrics.registry import side_of
 from scex_sumo.reports import sheet
-from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, LOGGED_HISTORY, SeedScene, States
@@ -23,17 +22,6 @@ from scex_sumo.statistics.density import Density
 _CURVE, _CRITICAL, _RECORDED = "#1f4e79", "#c0392b", "#222222"
 _MARGIN_M = 10.0
 _WIDE = 4  # panels side by side
-
-
-def draw_run(run: Run, scene: SeedScene) -> list[Path]:
-    """Write all pictures of a run into its result folder; returns their paths."""
-    folder = run.folder
-    files = draw_densities(run, folder / "densities") + draw_cumulative(run, folder / "cumulative")
-    if scene.road is not None:
-        vehicles, seconds = counted(scene.vehicles, "vehicle"), run.info["steps"] / 10
-        title = f"{scene.name}: {run.children} futures of {vehicles}, {seconds:g} s"
-        files.append(draw_scene(scene.road, scene, futures_of(run, scene), folder / "scene.png", title=title))
-    return files
 
 
 def futures_of(run: Run, scene: SeedScene) -> list[FloatArray]:
@@ -127,30 +115,8 @@ def _mark(run: Run, column: str, axes: Axes, x: FloatArray) -> None:
     axes.set_xlim(left, right)
 
 
-def draw_scene(
-    road: Road, scene: SeedScene, futures: Sequence[FloatArray], path: Path, *, title: str = ""
-) -> Path:
-    """Draw a seed scene with the paths of its children.
-
-    Args:
-        road: the map.
-        scene: the vehicles.
-        futures: (C, T, 2) centres of each vehicle in all children, one array per vehicle.
-        path: PNG or SVG file.
-        title: above the picture.
-    """
-    low, high = extent(scene, _MARGIN_M, futures)
-    wide, tall = (high - low) * 9 / max(high - low)
-    with sheet.sheet(max(wide, 3.5) + 0.8, max(tall, 1.5) + 0.8) as figure:
-        axes = figure.subplots()
-        scene_panel(axes, road, scene, futures)
-        axes.set_title(title, loc="left")
-        figure.savefig(path, dpi=150)
-    return path
-
-
 def scene_panel(axes: Axes, road: Road, scene: SeedScene, futures: Sequence[FloatArray]) -> None:
-    """Draw the road, the vehicles of a seed scene, and the paths of its children, as `draw_scene` does.
+    """Draw the road, the vehicles of a seed scene, and the paths of its children.
 
     Pedestrians and cyclists are dots.
     """

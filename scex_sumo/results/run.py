@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import tempfile
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -26,6 +28,8 @@ from scex_sumo.statistics.intervals import DesignIntervals
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 
+TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
+
 
 class Run:
     """Result of a run: tables and statistics, read when asked for.
@@ -44,6 +48,35 @@ class Run:
     def __repr__(self) -> str:
         name = self.info["seed_scene"]["name"]
         return f"Run({str(self.folder)!r}: {self.info['children']} children of {name})"
+
+    def _repr_html_(self) -> str:
+        return str(importlib.import_module("scex_sumo.reports.notebook").run_html(self))
+
+    def plot(self, path: str | Path, *, metric: str | None = None, curve: str = "density") -> Path:
+        """Draw densities as in a paper, into an SVG, PNG or PDF file; returns the file.
+
+        Args:
+            path: file to write.
+            metric: one of the metric columns; None draws all of them.
+            curve: ``density`` or ``cumulative``.
+        """
+        draw = importlib.import_module("scex_sumo.reports.run_figure").draw_figure
+        return Path(draw(self, curve, Path(path), metric=metric))
+
+    def to_pandas(self, table: str = "metrics") -> Any:
+        """One of the tables as a pandas data frame.
+
+        Args:
+            table: ``metrics``, ``assignments``, ``tracks``, ``worst``, ``collisions`` or ``encounters``.
+
+        Raises:
+            UsageError: there is no such table, or pandas is not installed.
+        """
+        if table not in TABLES:
+            raise UsageError(f"unknown table {table!r}; known: {', '.join(TABLES)}")
+        if importlib.util.find_spec("pandas") is None:
+            raise UsageError("to_pandas needs pandas: pip install 'scex-sumo[notebook]'")
+        return getattr(self, table).to_pandas()
 
     @cached_property
     def metrics(self) -> pa.Table:

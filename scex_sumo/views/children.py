@@ -1,16 +1,19 @@
-"""Children of a run as files for plain sumo-gui: one, several side by side, or the most critical ones."""
+"""Children of a run as files for plain sumo-gui: one, an encounter, or several side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from scex_sumo.errors import UsageError
+from scex_sumo.arrays import IntArray
+from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.files import write_atomic
+from scex_sumo.metrics.registry import side_of
 from scex_sumo.results.run import Run
-from scex_sumo.scene import LOGGED_HISTORY
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 from scex_sumo.views.replay import write_view
 from scex_sumo.world.colors import model_colors
 from scex_sumo.world.gui_drawings import ChildView
@@ -22,37 +25,123 @@ def write_critical(run: Run) -> list[Path]:
     for column in run.columns:
         if column.endswith("_mean") or len(run.samples(column)) == 0:
             continue
-        number = run.most_critical(column)
-        child = write_child(run, number, title=f"most critical by {column}")
+        child = write_worst(run, column)
         link = child.with_name(f"critical_{column}.sumocfg")
         write_atomic(link, child.read_bytes())
         files.append(link)
     return files
 
 
-def write_child(run: Run, number: int, *, title: str = "") -> Path:
+def write_child(run: Run, number: int) -> Path:
     """Files that show one child in plain sumo-gui; returns the one to open."""
-    return _write(run, {number: title})
+    return _write(run, [_child_view(run, number)])
 
 
-def write_grid(run: Run, count: int) -> Path:
-    """Files that show children side by side, spread evenly over their numbers; returns the one to open.
+def write_worst(run: Run, column: str) -> Path:
+    """Files that show the child most critical by a metric, at its worst step; returns the one to open."""
+    number = run.most_critical(column)
+    same = [row for row in run.worst.to_pylist() if (row["child"], row["metric"]) == (number, column)]
+    if not same:  # the mean of a child has no step of its own
+        return _write(run, [_child_view(run, number, title=f"most critical by {column}")])
+    row = same[0]
+    tracks = [track for track in (row["track_id"], row["other_id"]) if track is not None]
+    step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
+    return _write(run, [_event_view(run, number, tracks, step, f"{column} {row['value']:.3g}")])
+
+
+def write_encounter(run: Run, first: int, second: int) -> Path:
+    """Files that show two vehicles in a typical child where they meet; returns the one to open.
+
+    Raises:
+        ResultError: they meet in no child.
+    """
+    rows: list[dict[str, Any]] = run.encounters.to_pylist()
+    found = [row for row in rows if {row["track_id"], row["other_id"]} == {first, second}]
+    if not found:
+        pairs = ", ".join(f"{row['track_id']},{row['other_id']}" for row in rows[:5]) or "nobody"
+        raise ResultError(f"{run.folder}: {first} and {second} meet in no child; those who do most: {pairs}")
+    row = found[0]
+    what = "collides in" if row["collision"] > 0 else "critical in"
+    share = row["collision"] if row["collision"] > 0 else row["critical"]
+    view = _event_view(
+        run, row["child"], [first, second], round(row["time_s"] / STEP_S), f"{what} {100 * share:.0f} %"
+    )
+    return _write(run, [view])
+
+
+def write_grid(run: Run, count: int, column: str | None = None) -> Path:
+    """Files that show children side by side; returns the one to open.
+
+    Args:
+        run: a finished run.
+        count: of children.
+        column: shows the most critical ones by this metric; None shows those that differ most.
 
     Raises:
         UsageError: fewer than two children, or more than there are.
     """
     if not 2 <= count <= run.children:
         raise UsageError(f"--grid {count}: give 2 to {run.children}, the number of children")
-    numbers = np.unique(np.linspace(0, run.children - 1, count).round().astype(int))
-    return _write(run, dict.fromkeys(numbers.tolist(), ""))
+    numbers = most_different(run, count) if column is None else most_critical(run, count, column)
+    views = [_child_view(run, int(n), title=_value(run, int(n), column)) for n in numbers]
+    return _write(run, views)
 
 
-def _write(run: Run, titles: Mapping[int, str]) -> Path:
-    """Files that show children under titles."""
-    views = [
-        ChildView(number=n, states=run.states(n), models=run.models_of(n), title=title, past=LOGGED_HISTORY)
-        for n, title in titles.items()
-    ]
+def most_different(run: Run, count: int) -> IntArray:
+    """(count,) children whose vehicles end up in the most different places, the first ones most so.
+
+    Each one is the farthest from those already chosen; the first is the farthest from the mean.
+    """
+    shape = run.children, -1, LOGGED_HISTORY + int(run.info["steps"])
+    ends = np.stack([np.asarray(run.tracks[name]).reshape(shape)[:, :, -1] for name in ("x", "y")], axis=-1)
+    places = ends.reshape(run.children, -1)
+    away = np.linalg.norm(places - places.mean(axis=0), axis=1)
+    chosen: list[int] = []
+    for number in range(count):
+        chosen.append(int(np.argmax(away)))
+        distance = np.linalg.norm(places - places[chosen[-1]], axis=1)
+        away = distance if number == 0 else np.minimum(away, distance)
+        away[chosen] = -1.0
+    return np.array(chosen, dtype=np.int64)
+
+
+def most_critical(run: Run, count: int, column: str) -> IntArray:
+    """(count,) children in the order of a metric, the most critical first; undefined ones last."""
+    values = run.values(column) * (1 if side_of(column) == "left" else -1)
+    return np.argsort(values, kind="stable")[:count].astype(np.int64)
+
+
+def _value(run: Run, number: int, column: str | None) -> str:
+    if column is None:
+        return ""
+    return f"{column} {run.values(column)[number]:.3g}"
+
+
+def _child_view(run: Run, number: int, *, title: str = "", **event: Any) -> ChildView:
+    return ChildView(
+        number=number,
+        states=run.states(number),
+        models=run.models_of(number),
+        title=title,
+        past=LOGGED_HISTORY,
+        **event,
+    )
+
+
+def _event_view(run: Run, number: int, tracks: Sequence[int], step: int, what: str) -> ChildView:
+    """A child that stops at an event of some vehicles, ``step`` after the moment."""
+    known = list(run.info["seed_scene"]["track_ids"])
+    title = f"{what} · {' and '.join(str(track) for track in tracks)} after {step * STEP_S:.1f} s"
+    return _child_view(
+        run,
+        number,
+        title=title,
+        event=[known.index(track) for track in tracks],
+        stop=LOGGED_HISTORY - 1 + step,
+    )
+
+
+def _write(run: Run, views: Sequence[ChildView]) -> Path:
     names = sorted(set(run.assignments["model"].unique().to_pylist()))
     colors = dict(zip(names, model_colors(names), strict=True))
     return write_view(run.net.path.parent, run.net, run.scene, views, colors)

@@ -17,6 +17,7 @@ import numpy as np
 from scex_sumo.arrays import BoolArray
 from scex_sumo.files import quoted
 from scex_sumo.scene import STEP_S, SeedScene
+from scex_sumo.views.crop import crop_extras, crop_net
 from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
 from scex_sumo.world.colors import Rgb
 from scex_sumo.world.gui_drawings import (
@@ -34,7 +35,8 @@ from scex_sumo.world.vehicle_types import given_type
 
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
-_GRID_MARGIN_M = 15.0
+_GRID_MARGIN_M, _GRID_AROUND_M = 15.0, 25.0
+_WINDOW = "1400,900"
 
 
 def write_view(
@@ -60,20 +62,21 @@ def write_view(
     grid = len(children) > 1
     name = f"grid_{len(children)}" if grid else f"child_{children[0].number:04d}"
     folder.mkdir(parents=True, exist_ok=True)
-    template = TileTemplate(net.path)
+    source = _cropped(folder / name, net, children) if grid else (net.path, net.extras)
+    lanes, template = LaneFinder(source[0]), TileTemplate(source[0])
     layout = template.window_layout(len(children), margin_m=_GRID_MARGIN_M)
     net_file, additional = net.path, [net.extras] if net.extras is not None else []
     if grid:
-        net_file, additional = _write_tiles(folder / name, net, template, layout, len(children))
+        net_file, additional = _write_tiles(folder / name, source[1], template, layout, len(children))
     shown = [
         Shown(child=child, slot=slot if grid else None, offset=layout.offset(slot))
         for slot, child in enumerate(children)
     ]
-    write_fcd(folder / f"{name}.fcd.xml", [g for s in shown for g in _groups(scene, s)], LaneFinder(net.path))
+    write_fcd(folder / f"{name}.fcd.xml", [g for s in shown for g in _groups(scene, s)], lanes)
     entries = legend_entries(scene, [model for child in children for model in child.models], colors)
     frame = frame_of(template.bounds, [s.offset for s in shown], entries)
     if not grid:
-        frame = frame.closer(children[0].states)
+        frame = frame.closer(children[0].looked_at)
     drawn = draw_children(shown, colors, frame) + draw_legend(frame)
     additional.append(folder / f"{name}.add.xml")
     types = _types(scene, children, colors)
@@ -84,20 +87,37 @@ def write_view(
         names=not grid,
         snapshots=snapshots,
         # At the end sumo-gui would ask whether to close; who comes for the pictures only wants it to end.
-        pause_s=None if snapshots else children[0].states.shape[1] * STEP_S,
+        pause_s=None if snapshots else _stop_s(children[0]),
     )
     return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1])
 
 
+def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[Path, Path | None]:
+    """Net and markings around where the vehicles of some children are and go."""
+    states = [child.states for child in children]
+    xs, ys = (np.concatenate([getattr(s, axis) for s in states], axis=None) for axis in ("x", "y"))
+    around = _GRID_AROUND_M
+    box = xs.min() - around, ys.min() - around, xs.max() + around, ys.max() + around
+    file = crop_net(net.path, box, stem.with_name(f"{stem.name}.cropped.net.xml"))
+    if net.extras is None:
+        return file, None
+    return file, crop_extras(net.extras, box, stem.with_name(f"{stem.name}.cropped.add.xml"))
+
+
+def _stop_s(child: ChildView) -> float:
+    """When sumo-gui stops, s: after the last state, or at that of the event."""
+    return (child.states.shape[1] if child.stop is None else child.stop + 1) * STEP_S
+
+
 def _write_tiles(
-    stem: Path, net: SumoNet, template: TileTemplate, layout: TileLayout, count: int
+    stem: Path, drawn: Path | None, template: TileTemplate, layout: TileLayout, count: int
 ) -> tuple[Path, list[Path]]:
     """Copies of the net side by side, and of what is drawn on it; returns their files."""
     net_file, extras = stem.with_name(f"{stem.name}.net.xml"), stem.with_name(f"{stem.name}.extras.xml")
     template.write(net_file, range(count), layout)
-    if net.extras is None:
+    if drawn is None:
         return net_file, []
-    TileTemplate(net.extras).write(extras, range(count), layout)
+    TileTemplate(drawn).write(extras, range(count), layout)
     return net_file, [extras]
 
 
@@ -177,6 +197,7 @@ def _write_configuration(folder: Path, name: str, net: Path, additional: Sequenc
         "no-step-log": "true",
         "xml-validation": "never",
         "start": "true",
+        "window-size": _WINDOW,
     }
     lines = "".join(f"    <{key} value={quoted(value)}/>\n" for key, value in options.items())
     path = folder / f"{name}.sumocfg"

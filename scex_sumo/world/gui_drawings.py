@@ -19,6 +19,7 @@ _LEGEND_COLUMNS = 3
 _WINDOW_ASPECTS = (1.2, 1.5, 1.8, 2.1)  # widths by heights of windows that people use
 _LETTER_SHARE = 0.03  # height of a letter in a window
 _AROUND_M = 25.0  # of the map to be seen around vehicles
+_RING_M, _RING_WIDTH_M, _RING_POINTS, _RING_RGB = 4.0, 0.3, 48, (214, 64, 58)
 _TRACK_LAYER = 30  # above the markings, below the vehicles
 
 
@@ -32,6 +33,8 @@ class ChildView:
         models: (V,) the behaviour model of each vehicle.
         title: what to write beside it, e.g. its most critical value.
         past: how many of the states are the past; the last of these is the seed scene.
+        event: vehicles to look at, ringed; none looks at all.
+        stop: which of the states to stop at; None stops at the last one.
     """
 
     number: int
@@ -39,6 +42,16 @@ class ChildView:
     models: Sequence[str]
     title: str = ""
     past: int = HISTORY_STEPS
+    event: Sequence[int] = ()
+    stop: int | None = None
+
+    @property
+    def looked_at(self) -> States:
+        """States that are to be in view: all, or those of the event where it stops."""
+        if not self.event:
+            return self.states
+        at = self.states.shape[1] - 1 if self.stop is None else self.stop
+        return self.states[list(self.event), at : at + 1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -166,7 +179,20 @@ def draw_children(shown: Sequence[Shown], colors: Mapping[str, Rgb], frame: Fram
         title = f"child {s.child.number}" + (f" · {s.child.title}" if s.child.title else "")
         x, y = frame.view[0] + dx, frame.view[3] + dy + 0.5 * frame.line_m
         lines.append(_text(title, x, y, frame.line_m))
+        lines += [_ring(s, vehicle) for vehicle in s.child.event]
     return "".join(lines)
+
+
+def _ring(shown: Shown, vehicle: int) -> str:
+    """A ring around a vehicle of an event, where it stops."""
+    at = -1 if shown.child.stop is None else shown.child.stop
+    x, y = (
+        float(v[vehicle, at]) + d
+        for v, d in zip((shown.child.states.x, shown.child.states.y), shown.offset, strict=True)
+    )
+    angles = [2 * math.pi * k / _RING_POINTS for k in range(_RING_POINTS + 1)]
+    shape = " ".join(f"{x + _RING_M * math.cos(a):.2f},{y + _RING_M * math.sin(a):.2f}" for a in angles)
+    return _poly(shown.id(f"ring.{vehicle}"), shape, _RING_RGB, line_m=_RING_WIDTH_M)
 
 
 def draw_legend(frame: Frame) -> str:

@@ -139,9 +139,11 @@ class TileTemplate:
         )
 
     def window_layout(self, count: int, *, margin_m: float) -> TileLayout:
-        """Tiles in reading order that together have about the proportions of a window."""
+        """Tiles in reading order: square numbers as squares, others about in the proportions of a window."""
         wide = self.layout(margin_m=margin_m)
         columns = round(math.sqrt(count * WINDOW_ASPECT * wide.pitch_y / wide.pitch_x))
+        if math.isqrt(count) ** 2 == count:
+            columns = math.isqrt(count)
         return TileLayout(pitch_x=wide.pitch_x, pitch_y=-wide.pitch_y, columns=min(max(columns, 1), count))
 
     def write(self, path: Path, slots: Sequence[int], layout: TileLayout) -> None:

@@ -118,8 +118,8 @@ def test_children_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path:
     assert configuration.name == "grid_3.sumocfg"
     seen = replay(configuration)
     assert len(seen) == 3 * 5
-    # The map is 250 m by 260.5 m; 15 m and what is missing to tens stay free: 270 m, 280 m. Two in a row.
-    for slot, (dx, dy) in enumerate(((0, 0), (270, 0), (0, -280))):
+    # Vehicles reach over 137.1 m and 115.1 m; with 25 m around them and 15 m between: 200 m, 180 m.
+    for slot, (dx, dy) in enumerate(((0, 0), (200, 0), (0, -180))):
         for v, key in enumerate(("3", "12", "7", "1")):
             states = children[slot].states[v]
             moved = States(x=states.x + dx, y=states.y + dy, heading=states.heading, speed=states.speed)

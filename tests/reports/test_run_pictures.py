@@ -12,11 +12,10 @@ from rich.console import Console
 
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
-from scex_sumo.reports.run_pictures import draw_cumulative, draw_densities, draw_run
+from scex_sumo.reports.run_pictures import draw_cumulative, draw_densities
 from scex_sumo.reports.run_table import print_summary, summary_table
 from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
 from scex_sumo.results.run import Run, open_run
-from scex_sumo.road import Lane, Road
 from scex_sumo.world.colors import model_colors
 from tests.results.test_folder import part_of
 from tests.seeds import straight_seed
@@ -78,24 +77,6 @@ def test_plots_say_what_is_defined_and_mark_the_recorded_value(run: Run, tmp_pat
 def test_the_same_run_is_drawn_in_the_same_bytes(run: Run, tmp_path: Path) -> None:
     first = draw_cumulative(run, tmp_path / "first")[0].read_bytes()
     assert draw_cumulative(run, tmp_path / "second")[0].read_bytes() == first
-
-
-def test_the_scene_is_drawn_with_its_road(run: Run) -> None:
-    import dataclasses
-
-    line = np.array([[-20.0, 0.0], [30.0, 0.0]])
-    lane = Lane(
-        lane_id=1,
-        centreline=line,
-        left_bound=line + np.array([0.0, 2.0]),
-        right_bound=line - np.array([0.0, 2.0]),
-        width_m=4.0,
-        speed_limit_mps=10.0,
-    )
-    scene = dataclasses.replace(straight_seed(), road=Road(name="road", lanes={1: lane}))
-    names = {file.name for file in draw_run(run, scene)}
-    assert names == {"densities.svg", "densities.png", "cumulative.svg", "cumulative.png", "scene.png"}
-    assert all((run.folder / name).exists() for name in names)
 
 
 @pytest.mark.parametrize("width", [60, 80])

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.errors import ScexError, UsageError
-from scex_sumo.metrics.metric import Metric
-from scex_sumo.metrics.registry import metric_of
+from scex_sumo.errors import ScexError
+from scex_sumo.reports.page.metric_columns import metric_words
 from scex_sumo.reports.page.packing import quantized, second_sums
 from scex_sumo.reports.page.road_lines import UNIT_M, road_arrays
 from scex_sumo.reports.page.tables import (
     collision_arrays,
-    encounter_rows,
-    event_arrays,
+    collision_share,
+    encounter_table,
+    event_table,
     likely_collisions,
     likely_values,
     metric_values,
@@ -55,7 +55,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     scene = scene or run.scene
     track_ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
     levels, models = _assignment(run, len(track_ids))
-    metrics = [_metric(run, column) for column in run.columns]
+    metrics = [metric_words(run, column) for column in run.columns]
     tracks = unique_tracks(run)
     arrays: dict[str, Any] = {
         "start": tracks.start,
@@ -64,8 +64,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
         "levels": levels,
         "sizes": quantized(np.stack([scene.length, scene.width], axis=1), POSITION_M),
         "values": metric_values(run.metrics, run.columns),
-        **event_arrays(run, track_ids, run.columns),
-        **collision_arrays(run, track_ids),
+        **collision_arrays(run),
         **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
         **road_arrays(_net(run), _box(tracks.start, tracks.motion)),
     }
@@ -101,7 +100,10 @@ def _words(
         "metrics": metrics,
         "bandwidth": BANDWIDTH,
         "units": {"position": POSITION_M, "heading": HEADING_RAD, "road": UNIT_M},
-        "encounters": encounter_rows(run),
+        "collision": collision_share(run),
+        "encounters": encounter_table(run, track_ids),
+        "events": event_table(run, track_ids, [metric["side"] for metric in metrics]),
+        "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
         "likely_collisions": likely_collisions(run),
     }
 
@@ -111,35 +113,6 @@ def model_colors(models: list[str]) -> list[str]:
     known = [_COLORS.get(model) for model in models]
     others = iter(_OTHER_COLORS * len(models))
     return [color or next(others) for color in known]
-
-
-def _metric(run: Run, column: str) -> dict[str, Any]:
-    """One metric column: what it is called, and where it is critical."""
-    base = column.removesuffix("_mean")
-    found, rest = _known_metric(base)
-    known = run.recorded is not None and column in run.recorded.column_names
-    recorded = run.recorded_value(column) if known else None
-    return {
-        "column": column,
-        "name": (found.words if found else "") + rest.replace("_", " "),
-        "unit": found.column_unit if found else "",
-        "mean": column.endswith("_mean"),
-        "side": found.side if found else "left",
-        "threshold": run.thresholds.get(column),
-        "recorded": recorded,
-    }
-
-
-def _known_metric(base: str) -> tuple[Metric | None, str]:
-    """The metric that a column begins with, e.g. that of ``ttc_path``, and how the column goes on."""
-    words = base.split("_")
-    for count in range(len(words), 0, -1):
-        name = "_".join(words[:count])
-        try:
-            return metric_of(name), base[len(name) :]
-        except UsageError:
-            continue
-    return None, base
 
 
 def _assignment(run: Run, vehicles: int) -> tuple[IntArray, list[str]]:

@@ -24,7 +24,7 @@ def pack(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
     """What a page shows, as text.
 
     Args:
-        info: names, words and single numbers; becomes JSON.
+        info: names, words and single numbers; becomes JSON, infinities null.
         arrays: integers, in the smallest type that holds them, and floats, in single precision.
     """
     planes: list[bytes] = []
@@ -34,9 +34,22 @@ def pack(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
         heads.append({"name": name, "type": small.dtype.str[1:], "shape": small.shape})
         # Bytes of equal significance side by side: the upper ones hardly vary and compress to nothing.
         planes.append(small.reshape(-1, 1).view(np.uint8).T.tobytes() if small.size else b"")
-    head = json.dumps({"info": info, "arrays": heads}, default=str, separators=(",", ":")).encode()
+    head = json.dumps(
+        _plain({"info": info, "arrays": heads}), allow_nan=False, separators=(",", ":")
+    ).encode()
     whole = b"".join([len(head).to_bytes(4, "little"), head, *planes])
     return base64.b64encode(zlib.compress(whole, _LEVEL)).decode()
+
+
+def _plain(value: Any) -> Any:
+    """Words and numbers as JSON has them; it knows no infinity, which becomes null."""
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value if value is None or isinstance(value, str | int | float) else str(value)
 
 
 def unpack(text: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

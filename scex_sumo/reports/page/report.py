@@ -6,11 +6,23 @@ from pathlib import Path
 
 from scex_sumo.files import write_atomic
 from scex_sumo.reports.page.contents import report_contents
-from scex_sumo.reports.page.shell import COMPONENTS, page_html
+from scex_sumo.reports.page.run_body import run_body
+from scex_sumo.reports.page.shell import BASE, page_html
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 
 REPORT = "report.html"
+SCRIPTS = (
+    *BASE,
+    "state.js",
+    "chart.js",
+    "pairs.js",
+    "map.js",
+    "player.js",
+    "verdict.js",
+    "models.js",
+    "report.js",
+)
 
 
 def write_report(run: Run, scene: SeedScene | None = None) -> Path:
@@ -31,4 +43,4 @@ def write_report(run: Run, scene: SeedScene | None = None) -> Path:
 def report_html(run: Run, scene: SeedScene | None = None) -> str:
     """The report of a run as HTML."""
     info, arrays = report_contents(run, scene)
-    return page_html(info["name"], "report.html", (*COMPONENTS, "report.js"), info, arrays)
+    return page_html(info["name"], run_body(info), SCRIPTS, info, arrays)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from scex_sumo.reports.page.packing import pack
 
-COMPONENTS = ("data.js", "state.js", "table.js", "chart.js", "map.js", "pairs.js")
-"""What pages are made of, in the order in which it is put together; a page adds its own script."""
+BASE = ("data.js", "dom.js", "table.js")
+"""What every page is made of, in the order in which it is put together; a page adds its own scripts."""
 
 
 def page_html(
@@ -29,7 +29,7 @@ def page_html(
 
     Args:
         title: of the page.
-        body: name of an asset with what is inside of the body.
+        body: HTML of what is inside of the body.
         scripts: names of assets, in order.
         info: words and single numbers for the scripts.
         arrays: arrays for the scripts.
@@ -43,7 +43,7 @@ def page_html(
             f"script-src {_hash(script)}; style-src {_hash(style)}"
         ),
         style=style,
-        body=asset(body),
+        body=body,
         data=pack(info, arrays),
         script=script,
     )

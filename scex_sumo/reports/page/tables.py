@@ -1,4 +1,4 @@
-"""Tables of a result folder that a page shows where they are: encounters, collisions, the likely children."""
+"""Tables of a result folder as a page shows them: encounters, collisions, worst events, likely children."""
 
 from __future__ import annotations
 
@@ -10,9 +10,16 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
+from scex_sumo.evaluation.outcomes import COLLISIONS
+from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
 from scex_sumo.results.run import Run
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
 REFERENCE = "reference"
+_NAMED = 4
+COLLISION = -1
+"""Number of collisions among the metrics of a page."""
 
 
 def optional_table(run: Run, name: str) -> pa.Table | None:
@@ -20,62 +27,112 @@ def optional_table(run: Run, name: str) -> pa.Table | None:
     return run.table(name) if (run.folder / name).is_file() else None
 
 
-def vehicle_index(values: Sequence[int | None], track_ids: Sequence[int]) -> NDArray[np.int64]:
-    """(n,) positions of tracks in the seed scene; -1 for none and for others."""
-    where = {int(track): index for index, track in enumerate(track_ids)}
-    return np.array([-1 if v is None else where.get(int(v), -1) for v in values], dtype=np.int64)
+def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dict[str, Any]:
+    """Where children are worst, by metric the worst first; children with the same event are one row.
 
-
-def event_arrays(run: Run, track_ids: Sequence[int], metrics: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """Where each extremum came from.
+    Args:
+        run: a finished run.
+        track_ids: of its vehicles.
+        sides: on which each column is critical.
 
     Returns:
-        ``event_rows`` (n, 5): child, metric, step after the moment, vehicle, other vehicle or -1.
+        A table whose rows have ``metric`` as its index or -1 for collisions, ``children`` and the first of
+        them as ``child``, ``step`` after the moment, and ``pair`` by index or None.
     """
-    table = optional_table(run, "worst.parquet")
-    if table is None:
-        return {"event_rows": np.zeros((0, 5), dtype=np.int64)}
-    coded = table["metric"].combine_chunks().dictionary_encode()
-    known = np.array([metrics.index(n) if n in metrics else -1 for n in coded.dictionary.to_pylist()], int)
-    rows = np.stack(
-        [
-            np.asarray(table["child"]),
-            known[np.asarray(coded.indices)],
-            np.asarray(table["timestamp_ms"]) // 100 - 10,
-            vehicle_index(table["track_id"].to_pylist(), track_ids),
-            vehicle_index(table["other_id"].to_pylist(), track_ids),
-        ],
-        axis=1,
-    )
-    return {"event_rows": rows.astype(np.int64)}
+    groups: dict[tuple[int, tuple[int, ...], int, float], list[int]] = {}
+    where = {int(track): index for index, track in enumerate(track_ids)}
+    number = {name: index for index, name in enumerate(run.columns)}
+
+    def add(metric: int, row: Mapping[str, Any], step: int, value: float) -> None:
+        vehicles = tuple(where[v] for v in (row["track_id"], row["other_id"]) if v in where)
+        groups.setdefault((metric, vehicles, step, float(f"{value:.3g}")), []).append(row["child"])
+
+    for row in _rows(optional_table(run, "worst.parquet")):
+        if row["metric"] in number:
+            step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
+            if np.isfinite(row["value"]) or sides[number[row["metric"]]] == "right":
+                add(number[row["metric"]], row, step, row["value"])
+    for row in _rows(optional_table(run, COLLISIONS)):
+        add(COLLISION, row, row["step"], row["relative_speed"])
+    signs = [1 if side == "left" else -1 for side in sides] + [-1]  # the last one are collisions
+    order = sorted(groups.items(), key=lambda item: (item[0][0], signs[item[0][0]] * item[0][3], item[0][2]))
+    columns = [
+        {"title": "vehicles"},
+        {"title": "value", "as": "real", "none": "∞", "hint": "Of collisions: relative speed, m/s"},
+        {"title": "after", "as": "seconds"},
+        {"title": "children", "as": "times", "down": True},
+        {"title": "which", "words": True},
+    ]
+    return {"columns": columns, "rows": [_event(key, children, track_ids) for key, children in order]}
 
 
-def collision_arrays(run: Run, track_ids: Sequence[int]) -> dict[str, NDArray[Any]]:
-    """First contacts: ``collision_rows`` (n, 4) child, step, vehicle, other, and ``collision_places`` (n, 2).
+def _event(
+    key: tuple[int, tuple[int, ...], int, float], children: list[int], track_ids: Sequence[int]
+) -> dict[str, Any]:
+    metric, vehicles, step, value = key
+    which = ", ".join(str(child) for child in children[:_NAMED]) + (", …" if len(children) > _NAMED else "")
+    names = " – ".join(str(track_ids[vehicle]) for vehicle in vehicles)
+    return {
+        "cells": [names, value, step * STEP_S, len(children), which],
+        "metric": metric,
+        "pair": vehicles if len(vehicles) == 2 else None,
+        "child": children[0],
+        "children": children,
+        "step": step,
+    }
 
-    Nothing where the run has no ``collisions.parquet``: then the page looks for bodies that overlap itself.
-    """
-    table = optional_table(run, "collisions.parquet")
+
+def collision_arrays(run: Run) -> dict[str, NDArray[Any]]:
+    """Collisions: ``collision_children`` (n,) and ``collision_places`` (n, 2) in m; none where unknown."""
+    table = optional_table(run, COLLISIONS)
     if table is None:
         return {}
-    rows = [
-        np.asarray(table["child"]),
-        np.asarray(table["step"]),
-        vehicle_index(table["track_id"].to_pylist(), track_ids),
-        vehicle_index(table["other_id"].to_pylist(), track_ids),
-    ]
-    found: dict[str, NDArray[Any]] = {"collision_rows": np.stack(rows, axis=1).astype(np.int64)}
-    if {"x", "y"} <= set(table.column_names):
-        found["collision_places"] = np.stack([np.asarray(table["x"]), np.asarray(table["y"])], axis=1)
-    return found
+    places = np.stack([np.asarray(table["x"]), np.asarray(table["y"])], axis=1)
+    return {"collision_children": np.asarray(table["child"]), "collision_places": places}
 
 
-def encounter_rows(run: Run) -> list[dict[str, Any]] | None:
-    """Rows of ``encounters.parquet`` with short numbers; None where the run has none."""
-    table = optional_table(run, "encounters.parquet")
-    if table is None:
+def collision_share(run: Run) -> dict[str, Any] | None:
+    """How many children collide, and their share with its 95 % interval; None where that is not known."""
+    if COLLISION_COLUMN not in run.metrics.column_names:
         return None
-    return [{name: _short(value) for name, value in row.items()} for row in table.to_pylist()]
+    share = run.p_collision
+    count = int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
+    return {"count": count, "value": share.value, "low": share.low, "high": share.high}
+
+
+def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
+    """Rows of ``encounters.parquet`` with ``words``, the ``pair`` by index, a ``child`` and its ``step``."""
+    where = {int(track): index for index, track in enumerate(track_ids)}
+    of, near = (
+        "Share of the children; a click on a row shows one of them",
+        "Least gap of the two in the nearest",
+    )
+    columns = [
+        {"title": "pair"},
+        {"title": "P(collision)", "as": "percent", "down": True, "hint": of},
+        {"title": "95 %"},
+        *({"title": f"P({q})", "as": "percent", "down": True, "hint": of} for q in ("TTC", "PET", "DRAC")),
+        {"title": "gap 5 %", "as": "metres", "hint": f"{near} 5 % of the children; none above 10 m"},
+        {"title": "gap 50 %", "as": "metres", "hint": f"{near} half of the children; none above 10 m"},
+        {"title": "after", "as": "seconds"},
+    ]
+    rows = [
+        {
+            "cells": [
+                f"{row['track_id']} → {row['other_id']}",
+                _short(row["collision"]),
+                f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %",
+                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05", "gap_p50")),
+                round(row["time_s"], 1),
+            ],
+            "words": in_words(row),
+            "pair": [where[row["track_id"]], where[row["other_id"]]],
+            "child": row["child"],
+            "step": round(row["time_s"] / STEP_S),
+        }
+        for row in _rows(optional_table(run, ENCOUNTERS))
+    ]
+    return {"columns": columns, "rows": rows}
 
 
 def likely_values(run: Run, columns: Sequence[str]) -> FloatArray | None:
@@ -85,12 +142,12 @@ def likely_values(run: Run, columns: Sequence[str]) -> FloatArray | None:
     return metric_values(Run(run.folder / REFERENCE).metrics, columns)
 
 
-def likely_collisions(run: Run) -> tuple[int, int] | None:
-    """How many of the likely children collide, and of how many; None where that is not known."""
-    if not (run.folder / REFERENCE / "collisions.parquet").is_file():
+def likely_collisions(run: Run) -> float | None:
+    """Share of the likely children that collide; None where that is not known."""
+    if not (run.folder / REFERENCE / "run.json").is_file():
         return None
-    likely = Run(run.folder / REFERENCE)
-    return len(likely.table("collisions.parquet")["child"].unique()), likely.children
+    share = collision_share(Run(run.folder / REFERENCE))
+    return None if share is None else float(share["value"])
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
@@ -103,7 +160,9 @@ def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
     return np.stack([np.asarray(part, dtype=np.float64) for part in parts], axis=1)
 
 
-def _short(value: Any) -> Any:
-    if isinstance(value, float):
-        return None if not np.isfinite(value) else float(f"{value:.5g}")
-    return {k: _short(v) for k, v in value.items()} if isinstance(value, Mapping) else value
+def _rows(table: pa.Table | None) -> list[dict[str, Any]]:
+    return [] if table is None else table.to_pylist()
+
+
+def _short(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(f"{value:.5g}")

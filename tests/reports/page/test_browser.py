@@ -6,7 +6,6 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -34,7 +33,8 @@ def drag(page: Any, selector: str, start: float, stop: float) -> None:
 def test_the_verdict_comes_first_and_says_what_the_tables_say(page: Any, run: Run) -> None:
     verdict = text(page, "#verdict")
     assert "P(collision)" in verdict
-    assert f"of {run.children} child scenarios" in verdict
+    collided = len(run.table("collisions.parquet")["child"].unique())
+    assert f"{collided} of {run.children} child scenarios" in verdict
     share = run.p_critical("wttc").value
     assert f"{100 * share:.0f} %" in verdict
     assert page.locator("#verdict li").count() == 3
@@ -49,7 +49,7 @@ def test_it_plays_to_the_end(page: Any) -> None:
 
 def test_an_encounter_leads_to_its_pair_child_and_step(page: Any) -> None:
     row = page.locator("#encounters tr.go").first
-    pair = row.locator("td").first.inner_text().split(" – ")
+    pair = row.locator("td").first.inner_text().split(" → ")
     row.click()
     page.wait_for_selector("#pair-title:has-text('Gap of')")
     assert text(page, "#pair-title").startswith(f"Gap of {pair[0]} and {pair[1]}, child ")
@@ -144,16 +144,23 @@ def test_the_map_is_drawn_in_light_and_dark(page: Any) -> None:
     assert light > 150 > 60 > page.evaluate(pixel)
 
 
-def test_collisions_that_the_run_found_are_those_that_count(browser: Any, run: Run, tmp_path: Path) -> None:
+def test_the_worst_children_are_those_with_the_event(page: Any, run: Run) -> None:
+    page.select_option("#focus", label="distance")
+    page.wait_for_timeout(100)
+    page.locator("#worst tr.go").first.click()
+    page.wait_for_timeout(100)
+    child = int(page.input_value("#child"))
+    assert run.metrics["distance"][child].as_py() == min(run.samples("distance"))
+
+
+def test_a_result_without_encounters_says_so(browser: Any, run: Run, tmp_path: Path) -> None:
     copy = tmp_path / "out"
     shutil.copytree(run.folder, copy)
-    ids = run.info["seed_scene"]["track_ids"]
-    found = {"child": [3, 5, 5], "step": [9, 12, 12], "track_id": [ids[4], ids[4], ids[5]]}
-    found |= {"other_id": [ids[5], ids[5], ids[4]]}
-    pq.write_table(pa.table(found), copy / "collisions.parquet")
+    for name in ("collisions.parquet", "encounters.parquet"):
+        (copy / name).unlink()
+    pq.write_table(run.metrics.drop_columns(["collision"]), copy / "metrics.parquet")
     page = browser.new_page()
     page.goto(write_report(open_run(copy)).resolve().as_uri())
     page.wait_for_selector("#worst tr.go")
-    assert f"2 of {run.children} child scenarios" in text(page, "#verdict")
-    assert page.locator("#worst tr.go").count() == 2
+    assert "not in this result" in text(page, "#verdict")
     page.close()

@@ -43,7 +43,7 @@ def test_packed_arrays_are_read() -> None:
 def test_densities_are_those_of_the_library() -> None:
     samples = np.sort(np.random.default_rng(1).gamma(2, 1, 60)).round(3)
     x = np.linspace(-0.5, 6, 50)
-    found = evaluated(("chart.js",), f"curveOf({samples.tolist()}, {x.tolist()}, 0.1)")
+    found = evaluated(("data.js", "chart.js"), f"curveOf({samples.tolist()}, {x.tolist()}, 0.1)")
     curve = density(samples, x=x)
     # The page leaves out what is more than 5 bandwidths away.
     np.testing.assert_allclose([point["density"] for point in found], curve.pdf, atol=1e-5)
@@ -68,7 +68,7 @@ def test_gaps_are_those_of_rectangles() -> None:
         for pose, size in zip(poses, sizes, strict=True)
     ]
     rows = [[p[0], s[0], p[1], s[1]] for p, s in zip(poses.tolist(), sizes.tolist(), strict=True)]
-    found = evaluated(("pairs.js",), f"{json.dumps(rows)}.map((row) => bodyGap(...row))")
+    found = evaluated(("data.js", "pairs.js"), f"{json.dumps(rows)}.map((row) => bodyGap(...row))")
     np.testing.assert_allclose(found, expected, atol=1e-9)
     assert min(expected) == 0 < max(expected)
 

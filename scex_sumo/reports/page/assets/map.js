@@ -1,12 +1,14 @@
 // Map: the road, and the vehicles of all children, one child, or the selected ones, at any time.
 
-const GHOST = 0.75; // how much ink all ghosts of a vehicle share
+const GHOSTS = { all: 0.75, behind: 0.25 }; // how much ink all ghosts of a vehicle share
+const OUTLINE = [[0.36, 0.5], [0.5, 0.3], [0.5, -0.3], [0.36, -0.5], [-0.5, -0.5], [-0.5, 0.5]]; // pointed at the front
+const WINDSCREEN = [[0.24, 0.4], [0.12, 0.36], [0.12, -0.36], [0.24, -0.4]];
+const SPOTS = [[0, -1], [1, 0], [0, 1], [-1, 0], [1, -1], [-1, 1]]; // of an id around its vehicle
 
 class MapView {
-  constructor(run, state, pairs, canvas) {
-    Object.assign(this, { run, state, pairs, canvas, ground: document.createElement("canvas"), pointers: new Map(), first: null });
+  constructor(run, state, canvas) {
+    Object.assign(this, { run, state, canvas, ground: make("canvas"), pointers: new Map(), first: null });
     this.road = roadOf(run);
-    this.weights = new Float32Array(run.owner.length);
     this.weigh();
     this.fit();
     canvas.onwheel = (event) => { event.preventDefault(); this.zoom(Math.exp(-event.deltaY / 400), event.offsetX, event.offsetY); };
@@ -16,264 +18,197 @@ class MapView {
     canvas.onpointerleave = () => { byId("tip").hidden = true; };
   }
 
-  // How many of the selected children drive each track.
+  // How many of the selected children drive each track, one of them, and each vehicle's track of most of them.
   weigh() {
-    this.weights.fill(0);
-    for (let c = 0; c < this.run.children; c++) {
-      if (this.state.mask[c]) for (let v = 0; v < this.run.vehicles; v++) this.weights[this.run.track(c, v)]++;
+    const { run, state } = this;
+    this.weights = new Float32Array(run.owner.length);
+    this.drivers = new Int32Array(run.owner.length);
+    for (let c = 0; c < run.children; c++) {
+      for (let v = 0; v < run.vehicles; v++) {
+        this.weights[run.track(c, v)] += state.mask[c];
+        if (state.mask[c]) this.drivers[run.track(c, v)] = c;
+      }
     }
+    this.usual = Array.from({ length: run.vehicles }, (_, v) => run.track(0, v));
+    run.owner.forEach((v, row) => { if (this.weights[row] > this.weights[this.usual[v]]) this.usual[v] = row; });
   }
 
-  fit(points, room = 14) {
-    const { poses, frames } = this.run, box = [Infinity, -Infinity, Infinity, -Infinity];
-    const all = points || { length: poses.length / 3, at: (i) => [poses[3 * i], poses[3 * i + 1]] };
-    for (let i = 0; i < all.length; i += points ? 1 : Math.max(1, Math.floor(frames / 6))) {
-      const [x, y] = points ? points[i] : all.at(i);
-      box[0] = Math.min(box[0], x); box[1] = Math.max(box[1], x); box[2] = Math.min(box[2], y); box[3] = Math.max(box[3], y);
-    }
-    const width = this.canvas.clientWidth || 800, height = this.canvas.clientHeight || 500;
-    this.scale = Math.min(width / (box[1] - box[0] + 2 * room), height / (box[3] - box[2] + 2 * room));
-    this.x = (box[0] + box[1]) / 2;
-    this.y = (box[2] + box[3]) / 2;
-  }
+  get middle() { return [this.canvas.clientWidth / 2, this.canvas.clientHeight / 2]; }
+  toScreen([x, y]) { return [this.middle[0] + (x - this.x) * this.scale, this.middle[1] - (y - this.y) * this.scale]; }
 
-  zoom(factor, px = this.canvas.clientWidth / 2, py = this.canvas.clientHeight / 2) {
-    const [x, y] = this.toWorld(px, py);
-    this.scale = Math.min(Math.max(this.scale * factor, 0.3), 120);
-    this.x = x - (px - this.canvas.clientWidth / 2) / this.scale;
-    this.y = y + (py - this.canvas.clientHeight / 2) / this.scale;
+  fit() {
+    const { poses } = this.run, [width, height] = this.middle, room = 14;
+    const [x, y] = [0, 1].map((k) => poses.filter((_, i) => i % 3 === k)).map((all) => all.reduce(
+      ([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]));
+    this.scale = Math.min(2 * (width || 400) / (x[1] - x[0] + 2 * room), 2 * (height || 250) / (y[1] - y[0] + 2 * room));
+    [this.x, this.y] = [(x[0] + x[1]) / 2, (y[0] + y[1]) / 2];
     this.state.change({}, "view");
   }
 
-  toWorld(px, py) { return [this.x + (px - this.canvas.clientWidth / 2) / this.scale, this.y - (py - this.canvas.clientHeight / 2) / this.scale]; }
-  toScreen(x, y) { return [this.canvas.clientWidth / 2 + (x - this.x) * this.scale, this.canvas.clientHeight / 2 - (y - this.y) * this.scale]; }
+  zoom(factor, px = this.middle[0], py = this.middle[1]) { // the place under the pointer stays there
+    const scale = clamp(this.scale * factor, 0.3, 120), moved = 1 / this.scale - 1 / scale;
+    this.x += (px - this.middle[0]) * moved;
+    this.y -= (py - this.middle[1]) * moved;
+    this.scale = scale;
+    this.state.change({}, "view");
+  }
 
-  // Metres instead of pixels, y upwards.
-  world(context) {
-    const ratio = window.devicePixelRatio || 1, k = this.scale * ratio;
-    context.setTransform(k, 0, 0, -k, ratio * this.canvas.clientWidth / 2 - this.x * k, ratio * this.canvas.clientHeight / 2 + this.y * k);
+  // Keeps the pair in view, without haste; whether it is still on its way.
+  pursue() {
+    const [a, b] = this.state.pair.map((vehicle) => this.place(vehicle)), wide = Math.hypot(a[0] - b[0], a[1] - b[1]) + 24;
+    const step = [(a[0] + b[0]) / 2 - this.x, (a[1] + b[1]) / 2 - this.y, Math.log(2 * Math.min(...this.middle) / wide / this.scale)];
+    this.x += 0.2 * step[0];
+    this.y += 0.2 * step[1];
+    this.scale *= Math.exp(0.2 * step[2]);
+    return Math.hypot(step[0], step[1]) * this.scale > 1 || Math.abs(step[2]) > 0.01;
   }
 
   draw() {
-    const { context, width, height } = sharp(this.canvas), { state, run } = this, { show, child } = state;
+    const { context, width, height, ratio } = sharp(this.canvas), { state, run } = this, { show, child } = state;
     if (!width) return;
-    this.drawGround(context, width, height);
-    this.world(context);
+    this.drawGround(context, width, height, ratio);
+    this.inMetres(context, ratio);
     if (show.recorded && run.recorded) this.drawRecorded(context);
-    if (child < 0 || show.ghosts) this.drawGhosts(context, child < 0 ? GHOST : 0.25);
+    if (child < 0 || show.ghosts) this.drawGhosts(context, child < 0 ? GHOSTS.all : GHOSTS.behind);
     this.drawOthers(context);
-    if (child >= 0) for (let v = 0; v < run.vehicles; v++) this.drawVehicle(context, v, run.track(child, v));
+    for (let v = 0; child >= 0 && v < run.vehicles; v++) this.drawVehicle(context, v, run.track(child, v));
     if (show.heat) this.drawHeat(context);
-    context.setTransform(window.devicePixelRatio || 1, 0, 0, window.devicePixelRatio || 1, 0, 0);
-    this.drawRings(context);
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    for (const vehicle of [...(state.pair || []), this.first].filter((v) => !isMissing(v))) {
+      const ring = circle(this.toScreen(this.place(vehicle)), Math.max(13, run.radius[vehicle] * this.scale * 1.25));
+      paint(context, ring, { stroke: theme.critical, width: 2.5 });
+    }
     if (show.ids) this.drawIds(context);
-    this.drawScale(context, height);
+    const metres = [5, 10, 20, 50, 100, 200].find((m) => m * this.scale > 50) || 500, x = width - 14 - metres * this.scale;
+    paint(context, [[x, height - 10], [width - 14, height - 10]], { stroke: theme.soft, width: 2 });
+    write(context, `${metres} m`, (x + width - 14) / 2, height - 15);
+  }
+
+  inMetres(context, ratio) { // y upwards
+    const k = this.scale * ratio, [x, y] = this.middle;
+    context.setTransform(k, 0, 0, -k, ratio * x - this.x * k, ratio * y + this.y * k);
   }
 
   // Road and paths do not change while it plays: they are drawn once per view.
-  drawGround(context, width, height) {
-    const { show, child, filters } = this.state, { ground } = this;
-    const key = [this.x, this.y, this.scale, this.canvas.width, this.canvas.height, child, show.paths, theme.map, ...[...filters.values()].map((f) => f.words)].join();
+  drawGround(context, width, height, ratio) {
+    const { state: { show, child, selection }, ground } = this;
+    const key = String([this.x, this.y, this.scale, width, height, ratio, child, show.paths, theme.map, selection]);
     if (key !== this.groundKey) {
-      Object.assign(ground, { width: this.canvas.width, height: this.canvas.height });
+      this.groundKey = key;
+      Object.assign(ground, { width: width * ratio, height: height * ratio });
       const below = ground.getContext("2d");
       below.fillStyle = theme.map;
       below.fillRect(0, 0, ground.width, ground.height);
-      this.world(below);
-      this.drawRoad(below);
+      this.inMetres(below, ratio);
+      for (const { path, ...style } of this.road.map((line) => line(this.scale))) paint(below, path, style);
       if (show.paths) this.drawPaths(below);
-      this.groundKey = key;
     }
     context.drawImage(ground, 0, 0, width, height);
   }
 
-  drawRoad(context) {
-    Object.assign(context, { lineCap: "butt", lineJoin: "round", fillStyle: theme.road, strokeStyle: theme.road });
-    for (const { kind, width, path } of this.road) {
-      if (kind === 0) { context.lineWidth = width; context.stroke(path); }
-      if (kind === 3) context.fill(path);
-    }
-    for (const { kind, path } of this.road) {
-      if (kind === 0 || kind === 3) continue;
-      context.strokeStyle = kind === 2 ? theme.border : theme.mark;
-      context.lineWidth = Math.max(kind === 4 ? 0.4 : 0.15, 0.7 / this.scale);
-      context.stroke(path);
+  // Rows of tracks that are shown, with the colour of who drives there.
+  *tracks(child) {
+    const { run } = this;
+    for (let row = 0; row < run.owner.length; row++) {
+      const isOwn = child >= 0 && run.track(child, run.owner[row]) === row;
+      if (isOwn || this.weights[row]) yield { row, isOwn, color: this.color(row) };
     }
   }
 
-  color(track, vehicle) {
-    const child = this.state.child >= 0 && this.run.track(this.state.child, vehicle) === track ? this.state.child : this.driver[track];
-    return this.run.info.colors[this.run.model(child, vehicle)];
-  }
-
-  get driver() { // a child of each track
-    if (!this.drivers) {
-      this.drivers = new Int32Array(this.run.owner.length);
-      for (let c = this.run.children - 1; c >= 0; c--) for (let v = 0; v < this.run.vehicles; v++) this.drivers[this.run.track(c, v)] = c;
-    }
-    return this.drivers;
+  color(row) {
+    const { run, state: { child } } = this, vehicle = run.owner[row];
+    const driver = child >= 0 && run.track(child, vehicle) === row ? child : this.drivers[row];
+    return run.info.colors[run.model(driver, vehicle)];
   }
 
   drawPaths(context) {
-    const { run, state } = this, { poses, frames, owner } = run;
-    context.lineWidth = Math.max(0.25, 1 / this.scale);
-    for (let row = 0; row < owner.length; row++) {
-      const own = state.child >= 0 && run.track(state.child, owner[row]) === row;
-      if (state.child >= 0 ? !own : !this.weights[row]) continue;
-      context.strokeStyle = this.color(row, owner[row]);
-      context.globalAlpha = own ? 0.8 : 0.22;
-      context.beginPath();
-      for (let t = 0; t < frames; t++) context.lineTo(poses[(row * frames + t) * 3], poses[(row * frames + t) * 3 + 1]);
-      context.stroke();
+    const { run, state: { child } } = this, { poses, frames } = run, width = Math.max(0.25, 1 / this.scale);
+    for (const { row, isOwn, color } of this.tracks(child)) {
+      if (child >= 0 && !isOwn) continue;
+      const points = Array.from({ length: frames }, (_, t) => poses.subarray((row * frames + t) * 3, (row * frames + t) * 3 + 2));
+      paint(context, points, { stroke: color, width, alpha: isOwn ? 0.8 : 0.22 });
     }
-    context.globalAlpha = 1;
+  }
+
+  // Outline of a vehicle in the colours of a style.
+  body(context, vehicle, pose, style, shape = OUTLINE) {
+    paint(context, pathOf(onBody(pose, this.run.size(vehicle), shape), true), { width: Math.max(0.12, 1.2 / this.scale), ...style });
   }
 
   drawGhosts(context, ink) {
-    const { run, state } = this, pose = [0, 0, 0];
-    for (let row = 0; row < run.owner.length; row++) {
-      if (!this.weights[row]) continue;
-      const vehicle = run.owner[row], share = this.weights[row] / Math.max(state.count, 1);
-      poseAt(run.poses, run.frames, row, state.step, pose);
-      context.fillStyle = this.color(row, vehicle);
-      context.globalAlpha = Math.min(0.1 + ink * share, 0.9);
-      this.body(context, pose, run.size(vehicle));
-      context.fill();
+    const { run, state } = this;
+    for (const { row, color } of this.tracks(state.child)) {
+      const share = this.weights[row] / Math.max(state.count, 1), pose = poseAt(run.poses, run.frames, row, state.step);
+      this.body(context, run.owner[row], pose, { fill: color, alpha: Math.min(0.1 + ink * share, 0.9) });
     }
-    context.globalAlpha = 1;
     for (let v = 0; state.child < 0 && v < run.vehicles; v++) { // where they begin
-      context.strokeStyle = theme.ink;
-      context.lineWidth = Math.max(0.1, 1 / this.scale);
-      this.body(context, poseAt(run.poses, run.frames, run.track(0, v), 0, pose), run.size(v));
-      context.globalAlpha = 0.55;
-      context.stroke();
-      context.globalAlpha = 1;
+      this.body(context, v, poseAt(run.poses, run.frames, run.track(0, v), 0), { stroke: theme.ink, alpha: 0.55 });
     }
   }
 
-  // Outline of a body, pointed at the front.
-  body(context, [x, y, heading], [long, wide], swell = 0) {
-    const c = Math.cos(heading), s = Math.sin(heading), l = long / 2 + swell, w = wide / 2 + swell;
-    context.beginPath();
-    for (const [f, side] of [[0.72 * l, w], [l, 0.6 * w], [l, -0.6 * w], [0.72 * l, -w], [-l, -w], [-l, w]]) context.lineTo(x + f * c - side * s, y + f * s + side * c);
-    context.closePath();
-  }
-
-  drawVehicle(context, vehicle, track) {
-    const { run, state } = this, [long, wide] = run.size(vehicle), pose = poseAt(run.poses, run.frames, track, state.step, [0, 0, 0]);
-    context.fillStyle = this.color(track, vehicle);
-    context.strokeStyle = theme.ink;
-    context.lineWidth = Math.max(0.12, 1.2 / this.scale);
-    this.body(context, pose, [long, wide]);
-    context.fill();
-    context.stroke();
-    const c = Math.cos(pose[2]), s = Math.sin(pose[2]), at = (f, side) => [pose[0] + f * c - side * s, pose[1] + f * s + side * c];
-    context.fillStyle = "#0007"; // windscreen
-    context.beginPath();
-    for (const [f, side] of [[0.24, 0.4], [0.12, 0.36], [0.12, -0.36], [0.24, -0.4]]) context.lineTo(...at(f * long, side * wide));
-    context.fill();
+  drawVehicle(context, vehicle, row) {
+    const pose = poseAt(this.run.poses, this.run.frames, row, this.state.step);
+    this.body(context, vehicle, pose, { fill: this.color(row), stroke: theme.ink });
+    this.body(context, vehicle, pose, { fill: "#0007" }, WINDSCREEN);
   }
 
   drawRecorded(context) {
-    const { run, state } = this, frames = run.recordedFrames, step = Math.min(state.step, frames - 1);
-    Object.assign(context, { strokeStyle: theme.recorded, lineWidth: Math.max(0.16, 1.3 / this.scale) });
-    context.setLineDash([0.7, 0.5]);
+    const { run } = this, frames = run.recordedFrames, step = Math.min(this.state.step, frames - 1);
     for (let v = 0; v < run.vehicles; v++) {
-      const t = Math.ceil(step);
-      if (t > 0 && !run.arrays.recorded_valid.values[v * (frames - 1) + t - 1]) continue;
-      this.body(context, poseAt(run.recorded, frames, v, step, [0, 0, 0]), run.size(v));
-      context.stroke();
+      if (!wasThere(run, v, Math.ceil(step))) continue;
+      this.body(context, v, poseAt(run.recorded, frames, v, step), { stroke: theme.recorded, dash: [0.7, 0.5] });
     }
-    context.setLineDash([]);
   }
 
   drawOthers(context) { // pedestrians and cyclists, as recorded
-    const { others, others_present: present } = this.run.arrays;
+    const { arrays: { others, others_present: present }, info } = this.run;
     if (!others) return;
-    const frames = others.shape[1], t = Math.min(Math.round(this.state.step), frames - 1);
-    context.fillStyle = theme.likely;
-    for (let o = 0; o < others.shape[0]; o++) {
-      const i = o * frames + t;
-      context.beginPath();
-      if (present.values[i]) context.arc(others.values[2 * i] / 100, others.values[2 * i + 1] / 100, Math.max(0.4, 3 / this.scale), 0, 7);
-      context.fill();
+    const [count, frames] = others.shape, t = Math.min(Math.round(this.state.step), frames - 1);
+    for (let i = t; i < count * frames; i += frames) {
+      const place = [2 * i, 2 * i + 1].map((k) => others.values[k] * info.units.position);
+      if (present.values[i]) paint(context, circle(place, Math.max(0.4, 3 / this.scale)), { fill: theme.likely });
     }
   }
 
   drawHeat(context) {
-    const radius = Math.max(2.2, 9 / this.scale), chosen = this.pairs.contacts.filter((contact) => this.state.mask[contact.child]);
-    for (const { place: [x, y] } of chosen) {
-      const glow = context.createRadialGradient(x, y, 0, x, y, radius);
+    const { collision_children: hit, collision_places: places } = this.run.arrays, radius = Math.max(2.2, 9 / this.scale);
+    for (let i = 0; hit && i < hit.shape[0]; i++) {
+      if (!this.state.mask[hit.values[i]]) continue;
+      const place = places.values.subarray(2 * i, 2 * i + 2), glow = context.createRadialGradient(...place, 0, ...place, radius);
       glow.addColorStop(0, theme.critical);
       glow.addColorStop(1, "transparent");
-      Object.assign(context, { fillStyle: glow, globalAlpha: Math.min(0.85, 0.12 + 4 / chosen.length) });
-      context.fillRect(x - radius, y - radius, 2 * radius, 2 * radius);
+      paint(context, circle(place, radius), { fill: glow, alpha: Math.min(0.85, 0.12 + 4 / hit.shape[0]) });
     }
-    context.globalAlpha = 1;
   }
 
-  // Where a vehicle is now: in the child, or in the middle of the selected ghosts.
+  // Where a vehicle is now: in the child, or on the way of most of the selected ones.
   place(vehicle) {
-    const { run, state } = this, pose = [0, 0, 0];
-    if (state.child >= 0) return poseAt(run.poses, run.frames, run.track(state.child, vehicle), state.step, pose);
-    const sum = [0, 0];
-    let count = 0;
-    for (let row = run.owner.indexOf(vehicle); run.owner[row] === vehicle; row++) { // tracks are ordered by vehicle
-      if (!this.weights[row]) continue;
-      poseAt(run.poses, run.frames, row, state.step, pose);
-      sum[0] += this.weights[row] * pose[0];
-      sum[1] += this.weights[row] * pose[1];
-      count += this.weights[row];
-    }
-    return count ? [sum[0] / count, sum[1] / count, 0] : poseAt(run.poses, run.frames, run.track(0, vehicle), 0, pose);
-  }
-
-  drawRings(context) {
-    const ringed = [...(this.state.pair || []), ...(this.first !== null ? [this.first] : [])];
-    for (const vehicle of ringed) {
-      const [x, y] = this.place(vehicle);
-      Object.assign(context, { strokeStyle: theme.critical, lineWidth: 2.5 });
-      context.beginPath();
-      context.arc(...this.toScreen(x, y), Math.max(13, this.pairs.radius[vehicle] * this.scale * 1.25), 0, 7);
-      context.stroke();
-    }
+    const { run, state: { child, step } } = this;
+    return poseAt(run.poses, run.frames, child >= 0 ? run.track(child, vehicle) : this.usual[vehicle], step);
   }
 
   // Ids that do not overprint: the pair's first, the others where there is room.
   drawIds(context) {
     const { run, state } = this, taken = [], pair = state.pair || [];
-    Object.assign(context, { font: "600 12px system-ui", textAlign: "center", textBaseline: "middle", lineWidth: 3.5, strokeStyle: theme.halo, lineJoin: "round" });
-    const order = [...pair, ...Array.from({ length: run.vehicles }, (_, v) => v).filter((v) => !pair.includes(v))];
-    for (const vehicle of order) {
-      const [x, y] = this.place(vehicle), [px, py] = this.toScreen(x, y), words = String(run.info.track_ids[vehicle]);
-      const wide = context.measureText(words).width / 2 + 2, off = Math.max(12, this.pairs.radius[vehicle] * this.scale * 0.75 + 7);
-      const spots = [[0, -off], [off, 0], [0, off], [-off, 0], [off, -off], [-off, off]].map(([dx, dy]) => [px + dx, py + dy]);
-      const free = spots.find(([sx, sy]) => taken.every(([tx, ty, tw]) => Math.abs(sx - tx) > wide + tw || Math.abs(sy - ty) > 14));
+    context.textBaseline = "middle";
+    for (const vehicle of new Set([...pair, ...run.info.track_ids.keys()])) {
+      const [px, py] = this.toScreen(this.place(vehicle)), words = String(run.id(vehicle));
+      const wide = 4 * words.length + 2, off = Math.max(12, run.radius[vehicle] * this.scale * 0.75 + 7);
+      const spots = SPOTS.map(([dx, dy]) => [px + off * dx, py + off * dy]);
+      const free = spots.find(([x, y]) => taken.every(([tx, ty, tw]) => Math.abs(x - tx) > wide + tw || Math.abs(y - ty) > 14));
       if (!free && !pair.includes(vehicle)) continue;
-      const [sx, sy] = free || spots[0];
-      taken.push([sx, sy, wide]);
-      context.fillStyle = pair.includes(vehicle) || run.info.under_test.includes(run.info.track_ids[vehicle]) ? theme.critical : theme.ink;
-      context.strokeText(words, sx, sy);
-      context.fillText(words, sx, sy);
+      const [x, y] = free || spots[0], isMarked = pair.includes(vehicle) || run.info.under_test.includes(run.id(vehicle));
+      taken.push([x, y, wide]);
+      write(context, words, x, y, { fill: isMarked ? theme.critical : theme.ink, font: "600 12px system-ui", halo: theme.halo });
     }
     context.textBaseline = "alphabetic";
-  }
-
-  drawScale(context, height) {
-    const metres = [5, 10, 20, 50, 100, 200].find((m) => m * this.scale > 50) || 500, x = this.canvas.clientWidth - 14 - metres * this.scale;
-    Object.assign(context, { strokeStyle: theme.soft, fillStyle: theme.soft, lineWidth: 2, font: "11px system-ui", textAlign: "center" });
-    context.beginPath();
-    context.moveTo(x, height - 10);
-    context.lineTo(x + metres * this.scale, height - 10);
-    context.stroke();
-    context.fillText(`${metres} m`, x + metres * this.scale / 2, height - 15);
   }
 
   vehicleAt(px, py) {
     let best = null, least = Infinity;
     for (let v = 0; v < this.run.vehicles; v++) {
-      const [x, y] = this.place(v), [sx, sy] = this.toScreen(x, y), away = Math.hypot(sx - px, sy - py);
-      if (away < least && away < Math.max(14, this.pairs.radius[v] * this.scale)) [best, least] = [v, away];
+      const [x, y] = this.toScreen(this.place(v)), away = Math.hypot(x - px, y - py);
+      if (away < least && away < Math.max(14, this.run.radius[v] * this.scale)) [best, least] = [v, away];
     }
     return best;
   }
@@ -282,17 +217,15 @@ class MapView {
     this.canvas.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
     this.moved = 0;
-    this.canvas.classList.add("moving");
   }
 
   move(event) {
     const before = this.pointers.get(event.pointerId), here = [event.offsetX, event.offsetY];
     if (!before) return this.hover(event);
-    const other = [...this.pointers].find(([id]) => id !== event.pointerId);
-    if (other) { // two fingers
-      const [, [x, y]] = other, far = (p) => Math.hypot(p[0] - x, p[1] - y);
-      this.zoom(far(here) / Math.max(far(before), 1), x, y);
-    } else {
+    const [, other] = [...this.pointers].find(([id]) => id !== event.pointerId) || [];
+    const far = (point) => Math.hypot(point[0] - other[0], point[1] - other[1]);
+    if (other) this.zoom(far(here) / Math.max(far(before), 1), ...other); // two fingers
+    else {
       this.x -= (here[0] - before[0]) / this.scale;
       this.y += (here[1] - before[1]) / this.scale;
     }
@@ -302,55 +235,40 @@ class MapView {
   }
 
   up(event) {
-    if (this.pointers.delete(event.pointerId) && this.moved < 4) this.click(this.vehicleAt(event.offsetX, event.offsetY));
-    this.canvas.classList.remove("moving");
+    if (!this.pointers.delete(event.pointerId) || this.moved >= 4) return;
+    const vehicle = this.vehicleAt(event.offsetX, event.offsetY), { first } = this; // two one after the other make a pair
+    const isPair = vehicle !== null && first !== null && vehicle !== first;
+    this.first = isPair ? null : vehicle;
+    this.state.change({ pair: isPair ? [first, vehicle].sort((a, b) => a - b) : vehicle === null ? null : this.state.pair });
   }
 
-  click(vehicle) { // two vehicles one after the other make a pair
-    const both = vehicle !== null && this.first !== null && vehicle !== this.first;
-    const pair = both ? [this.first, vehicle].sort((a, b) => a - b) : vehicle === null ? null : this.state.pair;
-    this.first = both ? null : vehicle;
-    this.state.change({ pair });
-  }
-
-  hover(event) {
-    const vehicle = this.vehicleAt(event.offsetX, event.offsetY), tip = byId("tip"), { run, state } = this;
+  hover({ offsetX, offsetY }) {
+    const vehicle = this.vehicleAt(offsetX, offsetY), tip = byId("tip"), { run, state: { child, step } } = this;
     tip.hidden = vehicle === null;
     if (vehicle === null) return;
-    const words = [`${run.info.track_ids[vehicle]} ${run.info.types[vehicle]}`];
-    if (state.child >= 0) {
-      const row = run.track(state.child, vehicle), t = Math.min(Math.floor(state.step), run.frames - 2), i = (row * run.frames + t) * 3;
-      words.push(run.info.models[run.model(state.child, vehicle)], `${(10 * Math.hypot(run.poses[i + 3] - run.poses[i], run.poses[i + 4] - run.poses[i + 1])).toFixed(1)} m/s`);
+    const words = [`${run.id(vehicle)} ${run.info.types[vehicle]}`];
+    if (child >= 0) {
+      const t = Math.min(Math.floor(step), run.frames - 2), [a, b] = [t, t + 1].map((k) => poseAt(run.poses, run.frames, run.track(child, vehicle), k));
+      words.push(run.info.models[run.model(child, vehicle)], `${(10 * Math.hypot(b[0] - a[0], b[1] - a[1])).toFixed(1)} m/s`);
     }
     tip.textContent = words.join(", ");
-    tip.style.left = `${Math.min(event.offsetX + 12, this.canvas.clientWidth - 160)}px`;
-    tip.style.top = `${event.offsetY + 14}px`;
-  }
-
-  // Keeps the pair in view, without haste.
-  pursue() {
-    const [a, b] = this.state.pair.map((vehicle) => this.place(vehicle)), wide = Math.hypot(a[0] - b[0], a[1] - b[1]) + 24;
-    const scale = Math.min(this.canvas.clientWidth, this.canvas.clientHeight) / wide;
-    const step = [(a[0] + b[0]) / 2 - this.x, (a[1] + b[1]) / 2 - this.y, Math.log(scale / this.scale)];
-    this.x += 0.2 * step[0];
-    this.y += 0.2 * step[1];
-    this.scale *= Math.exp(0.2 * step[2]);
-    return Math.hypot(step[0], step[1]) * this.scale > 1 || Math.abs(step[2]) > 0.01;
+    tip.style = `left: ${Math.min(offsetX + 12, this.canvas.clientWidth - 160)}px; top: ${offsetY + 14}px`;
   }
 }
 
-// Lines of the road as paths in m.
-function roadOf(run) {
-  const { road_points: points, road_sizes: sizes, road_kinds: kinds, road_widths: widths } = run.arrays, unit = run.info.units.road;
+// Lines of the road, surfaces first: functions of the scale that give path and style.
+function roadOf({ info, arrays }) {
+  const { road_points: points, road_sizes: sizes, road_kinds: kinds, road_widths: widths } = arrays, unit = info.units.road;
   let i = 0;
-  return Array.from(sizes.values, (size, line) => {
-    const path = new Path2D();
-    let x = 0, y = 0;
-    for (let k = 0; k < size; k++, i++) {
-      x += points.values[2 * i];
-      y += points.values[2 * i + 1];
-      path.lineTo(x * unit, y * unit);
-    }
-    return { kind: kinds.values[line], width: widths.values[line] * unit, path };
+  const lines = Array.from(sizes.values, (size, line) => {
+    const path = new Path2D(), kind = kinds.values[line];
+    for (let k = 0, x = 0, y = 0; k < size; k++, i++) path.lineTo(unit * (x += points.values[2 * i]), unit * (y += points.values[2 * i + 1]));
+    return { kind, path, width: widths.values[line] * unit };
+  });
+  const isSurface = ({ kind }) => kind === 0 || kind === 3;
+  return [...lines.filter(isSurface), ...lines.filter((line) => !isSurface(line))].map(({ kind, path, width }) => (scale) => {
+    if (kind === 0) return { path, stroke: theme.road, width };
+    if (kind === 3) return { path, fill: theme.road };
+    return { path, stroke: kind === 2 ? theme.border : theme.mark, width: Math.max(kind === 4 ? 0.4 : 0.15, 0.7 / scale) };
   });
 }

@@ -1,45 +1,49 @@
 // Tables: sorted by a click on a head, rows that lead somewhere.
 
-// Columns are {title, text, sort, words, hint}; `text` and `sort` are functions of a row.
-function makeTable(host, columns, { onRow, isChosen, first = 12 } = {}) {
-  let rows = [], by = -1, down = false, whole = false;
+const FORMATS = {
+  text: String, count: String, percent, seconds: (s) => `${short(s, 1)} s`, metres: (m) => `${short(m, 1)} m`,
+  real: (value) => short(value, 3), times: (value) => `× ${value}`,
+};
+
+// A table is {columns: [{title, as, none, hint, words, down}], rows: [{cells, ...}]}: `as` is one of the
+// formats, `none` stands for what is missing, `down` begins with the largest.
+function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, first = 10 } = {}) {
+  let by = -1, down = false, whole = false;
+  const text = ({ as = "text", none = "–" }, value) => isMissing(value) ? none : FORMATS[as](value);
+
   function draw() {
-    const sorted = by < 0 ? rows : [...rows].sort((a, b) => compare(columns[by].sort(a), columns[by].sort(b)) * (down ? -1 : 1));
-    const head = make("tr", {}, ...columns.map((column, i) => {
+    const sorted = by < 0 ? rows : [...rows].sort((a, b) => (down ? -1 : 1) * compare(a.cells[by], b.cells[by]));
+    const head = make("tr", {}, ...columns.map(({ title, words, hint = "sort" }, i) => {
       const mark = i === by ? (down ? " ↓" : " ↑") : "";
-      const button = make("button", { textContent: column.title + mark, title: column.hint || "sort", onclick: () => sortBy(i) });
-      return make(column.words ? "th.words" : "th", {}, button);
+      const button = make("button", { textContent: title + mark, title: hint, onclick: () => sortBy(i) });
+      return make(words ? "th.words" : "th", {}, button);
     }));
-    const shown = whole ? sorted : sorted.slice(0, first);
-    const body = make("tbody", {}, ...shown.map((row) => {
-      const cells = columns.map((column) => make(column.words ? "td.words" : "td", { textContent: column.text(row) }));
-      const line = make(onRow ? "tr.go" : "tr", { tabIndex: onRow ? 0 : -1 }, ...cells);
-      if (isChosen && isChosen(row)) line.classList.add("chosen");
-      if (onRow) {
-        line.onclick = () => onRow(row);
-        line.onkeydown = (event) => { if (event.key === "Enter") onRow(row); };
-      }
-      return line;
+    const body = make("tbody", {}, ...(whole ? sorted : sorted.slice(0, first)).map((row) => {
+      const line = make(onRow ? "tr.go" : "tr", {}, ...columns.map((column, i) => make(column.words ? "td.words" : "td", text(column, row.cells[i]))));
+      line.classList.toggle("chosen", Boolean(isChosen(row)));
+      return onRow ? onPress(line, () => onRow(row)) : line;
     }));
-    const parts = [make("div.scroll", {}, make("table", {}, make("thead", {}, head), body))];
-    if (rows.length > first) {
-      parts.push(make("button", { textContent: whole ? "fewer" : `all ${rows.length}`, onclick: () => { whole = !whole; draw(); } }));
-    }
+    const table = make("div.scroll", {}, make("table", {}, make("thead", {}, head), body));
+    const more = make("button", { textContent: whole ? "fewer" : `all ${rows.length}`, onclick: () => { whole = !whole; draw(); } });
     const top = host.firstElementChild ? host.firstElementChild.scrollTop : 0;
-    host.replaceChildren(...parts);
-    parts[0].scrollTop = top;
+    host.replaceChildren(table, ...(rows.length > first ? [more] : []));
+    table.scrollTop = top;
   }
+
   function sortBy(column) {
-    down = by === column ? !down : false;
+    down = by === column ? !down : columns[column].down;
     by = column;
     draw();
   }
   return { show(next) { rows = next; draw(); }, draw };
 }
 
+// An element that acts on a click and on the Enter key.
+function onPress(element, act) {
+  return Object.assign(element, { tabIndex: 0, onclick: act, onkeydown: (event) => { if (event.key === "Enter") act(); } });
+}
+
 function compare(a, b) {
-  if (typeof a === "string") return a.localeCompare(b);
-  const missing = (value) => value === null || value === undefined || Number.isNaN(value);
-  if (missing(a) || missing(b)) return missing(a) - missing(b);
-  return a - b;
+  if (isMissing(a) || isMissing(b)) return isMissing(a) - isMissing(b);
+  return typeof a === "string" ? a.localeCompare(b, undefined, { numeric: true }) : a - b;
 }

@@ -1,0 +1,104 @@
+"""``scex-sumo inspect``: what a recording holds, before a moment of it is run."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Option
+
+from scex_sumo.commands.options import Case, MapPath, Time, Tracks
+from scex_sumo.errors import UsageError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording
+    from scex_sumo.converters.moments.moments import Moment
+    from scex_sumo.scene import SeedScene
+
+EVERY_S = 1.0
+
+
+def inspect_command(
+    map_path: MapPath,
+    tracks: Tracks = None,
+    case: Case = None,
+    time: Time = None,
+    every: Annotated[float, Option(metavar="S", help="Least time between two moments, s.")] = EVERY_S,
+) -> None:
+    """List the moments of a recording, or the vehicles of one of them, to choose --time and --assign."""
+    from rich.console import Console
+
+    from scex_sumo.converters.datasets.recordings import load_recording, recording_moments, seed_at
+
+    if every <= 0:
+        raise UsageError(f"--every {every:g}: give a time above 0 s, e.g. --every 1")
+    loaded = load_recording(dataclasses.replace(_recording(map_path, tracks), map_path=map_path))
+    console = Console(width=None if sys.stdout.isatty() else 110)
+    print(f"{loaded.recording.name}: {_size(loaded)}")
+    for finding in loaded.findings:
+        print(f"repaired: {finding}")
+    if time is None and case is None:
+        console.print(moments_table(recording_moments(loaded, every_s=every)))
+        print("vehicles of a moment: add --time S, or --case ID")
+        return
+    scene = seed_at(loaded, _time_of(loaded, case) if time is None else time, case=case)
+    console.print(vehicles_table(scene))
+    print(f"run it: scex-sumo run {map_path} --time {scene.time_s:g}")
+
+
+def _recording(map_path: Path, tracks: Path | None) -> Recording:
+    from scex_sumo.converters.datasets.recordings import find_recordings
+
+    found = find_recordings([map_path if tracks is None else tracks])
+    if not found:
+        raise UsageError(f"{tracks or map_path}: no tracks found; give them with --tracks CSV")
+    return found[0]
+
+
+def _size(loaded: LoadedRecording) -> str:
+    rows = loaded.table.vehicles
+    seconds = (int(rows.timestamp_ms.max()) - int(rows.timestamp_ms.min())) / 1000
+    return f"{len(set(rows.track_id.tolist()))} vehicles in {seconds:.1f} s"
+
+
+def _time_of(loaded: LoadedRecording, case: str | None) -> float:
+    """The moment of a case, s."""
+    from scex_sumo.converters.datasets.recordings import recording_moments
+
+    known = {moment.case: moment.time_s for moment in recording_moments(loaded, every_s=EVERY_S)}
+    if case not in known:
+        raise UsageError(f"--case {case}: no such case; known: {', '.join(list(known)[:8])}, ...")
+    return known[case]
+
+
+def moments_table(moments: list[Moment]) -> Table:
+    """When there are how many vehicles; the moments with most of them that move are marked."""
+    from rich.table import Table
+
+    table = Table(caption="complete: move, and are recorded from 1 s before to 3 s after; *: most of them")
+    cases = any(moment.case for moment in moments)
+    for head in (*(["case"] if cases else []), "time [s]", "vehicles", "complete", ""):
+        table.add_column(head, justify="right")
+    most = max((moment.complete for moment in moments), default=0)
+    for moment in moments:
+        cells = [f"{moment.time_s:g}", str(moment.vehicles), str(moment.complete)]
+        table.add_row(*([moment.case] if cases else []), *cells, "*" if moment.complete == most else "")
+    return table
+
+
+def vehicles_table(scene: SeedScene) -> Table:
+    """Who is where at a moment, and how fast."""
+    from rich.table import Table
+
+    table = Table(title=f"{scene.name}: {scene.vehicles} vehicles", title_justify="left")
+    for head in ("track", "type", "x [m]", "y [m]", "speed [m/s]", "length [m]", "history [steps]"):
+        table.add_column(head, justify="right")
+    now = scene.now
+    for v, track in enumerate(scene.track_ids):
+        sizes = (now.x[v], now.y[v], now.speed[v], scene.length[v])
+        table.add_row(str(track), scene.types[v], *(f"{x:.1f}" for x in sizes), str(scene.recorded_steps[v]))
+    return table

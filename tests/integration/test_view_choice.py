@@ -1,0 +1,78 @@
+"""``view`` frames what is worth a look: the worst step of a pair, encounters, the most different children."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from scex_sumo import example_path, extrapolate, read_seed
+from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.results.run import Run
+from scex_sumo.views.children import most_critical, most_different, write_encounter, write_grid, write_worst
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    out = tmp_path_factory.mktemp("view") / "out"
+    return extrapolate(read_seed(example_path("roundabout")), children=24, out=out)
+
+
+def stops_at(file: Path) -> float:
+    view = ElementTree.parse(file.with_suffix(".view.xml")).getroot()
+    return float(view.find("breakpoint").get("time"))  # type: ignore[union-attr, arg-type]
+
+
+def texts(file: Path) -> str:
+    drawn = ElementTree.parse(file.with_suffix(".add.xml")).getroot()
+    return " ".join(poi.get("id", "") for poi in drawn.iter("poi")).replace("\N{NO-BREAK SPACE}", " ")
+
+
+def rings(file: Path) -> set[str]:
+    drawn = ElementTree.parse(file.with_suffix(".add.xml")).getroot()
+    return {poly.get("id", "") for poly in drawn.iter("poly") if poly.get("id", "").startswith("ring.")}
+
+
+def test_the_most_critical_child_stops_at_its_worst_step_with_the_pair_ringed(run: Run) -> None:
+    file = write_worst(run, "wttc")
+    number = run.most_critical("wttc")
+    row = next(r for r in run.worst.to_pylist() if (r["child"], r["metric"]) == (number, "wttc"))
+    ids = run.info["seed_scene"]["track_ids"]
+    assert stops_at(file) == pytest.approx(row["timestamp_ms"] / 1000)
+    assert rings(file) == {f"ring.{ids.index(row[name])}" for name in ("track_id", "other_id")}
+    assert f"wttc {row['value']:.3g}" in texts(file)
+
+
+def test_an_encounter_stops_where_the_two_meet(run: Run) -> None:
+    row = run.encounters.to_pylist()[0]
+    file = write_encounter(run, row["other_id"], row["track_id"])
+    assert file.name == f"child_{row['child']:04d}.sumocfg"
+    assert stops_at(file) == pytest.approx(1.0 + row["time_s"], abs=0.051)
+    with pytest.raises(ResultError, match="3 and 3 meet in no child"):
+        write_encounter(run, 3, 3)
+
+
+def test_a_grid_shows_children_that_differ_most_or_the_most_critical(run: Run) -> None:
+    chosen = most_different(run, 9)
+    assert len(set(chosen.tolist())) == 9
+    ends = np.array([[run.states(c).x[:, -1], run.states(c).y[:, -1]] for c in range(run.children)])
+    apart = np.linalg.norm(ends[chosen][:, None] - ends[chosen][None], axis=(2, 3))
+    every = np.linalg.norm(ends[:, None] - ends[None], axis=(2, 3))
+    assert apart[np.triu_indices(9, 1)].min() > np.median(every[np.triu_indices(run.children, 1)]) / 2
+    values = run.values("wttc")[most_critical(run, 9, "wttc")]
+    np.testing.assert_array_equal(values, np.sort(run.values("wttc"))[:9])
+    with pytest.raises(UsageError, match="--grid 1: give 2 to 24"):
+        write_grid(run, 1)
+
+
+def test_a_grid_is_cropped_to_its_vehicles(run: Run) -> None:
+    file = write_grid(run, 9)
+    lanes = ElementTree.parse(file.with_suffix(".cropped.net.xml")).getroot().iter("lane")
+    points = np.array([p.split(",")[:2] for lane in lanes for p in lane.get("shape", "").split()], float)
+    states = run.tracks
+    for axis, name in enumerate(("x", "y")):
+        where = np.asarray(states[name])
+        assert where.min() - 25.01 <= points[:, axis].min()
+        assert points[:, axis].max() <= where.max() + 25.01
