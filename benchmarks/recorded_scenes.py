@@ -41,3 +41,28 @@ def recorded(
                 yield seed_at(loaded, time_s, min_history=min_history)
             except TrackError:  # nobody has been recorded for long enough
                 continue
+
+
+# Files of NGSIM are too short to be cut by time: these are kept for tests, the others are fitted to.
+NGSIM_TEST = ("Lanker-2_20", "Lanker-2_21", "Lanker-2_24", "Peach-3_1", "Peach-3_2")
+NGSIM_VALIDATION = ("Lanker-2_16",)
+EVERY_S = {"taf_bw": 1.0, "mona": 4.0, "ngsim": 1.5}
+
+
+def recorded_parts(data: Path, part: Part) -> Iterator[SeedScene]:
+    """Moments of a part of TAF-BW and MONA, split by time, and of NGSIM, split by file."""
+    for name in SETS:
+        yield from recorded(data / name, part, every_s=EVERY_S[name])
+    for recording in find_recordings([data / "ngsim"]):
+        if part != ngsim_part(recording.name):
+            continue
+        loaded = load_recording(recording)
+        for moment in recording_moments(loaded, every_s=EVERY_S["ngsim"])[1:]:
+            yield seed_at(loaded, moment.time_s)
+
+
+def ngsim_part(name: str) -> Part:
+    """The part that a file of NGSIM belongs to."""
+    if any(file in name for file in NGSIM_TEST):
+        return "test"
+    return "validation" if any(file in name for file in NGSIM_VALIDATION) else "train"
