@@ -15,6 +15,7 @@ from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredict
 from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity
 from scex_sumo.behaviors.models.emergency_brake import EmergencyBrake
 from scex_sumo.behaviors.models.idm import IdmDriver
+from scex_sumo.behaviors.models.likely_driver import LikelyDriver
 from scex_sumo.behaviors.models.replay import Replay
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.plug_in.files import FILES
@@ -54,6 +55,10 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], str]] = {
     "calibrated_driver": (
         IdmDriver,
         "Intelligent Driver Model as people drive, slow in curves, own lane only",
+    ),
+    "likely_driver": (
+        LikelyDriver,
+        "a driver drawn for every vehicle of every child, from a population fitted to recordings",
     ),
     "constant_velocity": (ConstantVelocity, "keeps its speed along its path, whatever is in the way"),
     "emergency_brake": (EmergencyBrake, "brakes to a standstill along its path"),
