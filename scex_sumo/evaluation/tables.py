@@ -13,8 +13,9 @@ from scex_sumo.converters.tracks.reader import TrackTable
 from scex_sumo.errors import UsageError
 from scex_sumo.evaluation.blocks import Block, blocks
 from scex_sumo.evaluation.plans import StoredPlans
-from scex_sumo.metrics.base import MetricParameters
-from scex_sumo.metrics.evaluate import PAPER, ScenarioValues, Worst, evaluate, evaluate_pairs
+from scex_sumo.metrics.base import PAPER, MetricParameters
+from scex_sumo.metrics.evaluate import ScenarioValues, evaluate, evaluate_pairs
+from scex_sumo.metrics.extrema import Worst, scene_sums
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.registry import metrics_named
 
@@ -210,14 +211,17 @@ class _Cases:
         self.smaller_is_worse = [metric.critical == "min" for metric in metrics]
         self.of_single_vehicles = np.zeros(size, dtype=bool)
         self.value = np.full((count, size), np.nan)
-        self.total, self.scenes = np.zeros((count, size)), np.zeros((count, size))
+        self.harmonic = [metric.harmonic for metric in metrics]
+        self.total, self.counted, self.scenes = (np.zeros((count, size)) for _ in range(3))
         self.origin = np.zeros((count, size, 3), dtype=np.int64)
 
     def add(self, block: Block, values: ScenarioValues) -> None:
         """Take in the values of a block."""
         for column, name in enumerate(self.order):
             scene, worst = values.scene[name], values.worst[name]
-            np.add.at(self.total[:, column], block.case, np.where(scene.defined, scene.value, 0).sum(axis=1))
+            count, total = scene_sums(scene, harmonic=self.harmonic[column])
+            np.add.at(self.total[:, column], block.case, total)
+            np.add.at(self.counted[:, column], block.case, count)
             np.add.at(self.scenes[:, column], block.case, scene.defined.sum(axis=1))
             self._keep_worse(column, block, worst)
 
@@ -243,7 +247,10 @@ class _Cases:
         columns: dict[str, Any] = {"case_id": names}
         for column, name in enumerate(self.order):
             undefined = self.scenes[:, column] == 0
-            mean = self.total[:, column] / np.maximum(self.scenes[:, column], 1)
+            over, under = self.total[:, column], self.counted[:, column]
+            if self.harmonic[column]:
+                over, under = under, over
+            mean = over / np.where(undefined, 1.0, under)
             columns[name] = pa.array(self.value[:, column], mask=undefined)
             columns[f"{name}_mean"] = pa.array(mean, mask=undefined)
         return pa.table(columns)

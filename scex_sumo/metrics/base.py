@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -219,3 +220,6 @@ class MetricParameters:
         names, which = np.unique(np.asarray(types), return_inverse=True)
         limits = [self.max_acceleration_by_type.get(str(name), self.max_acceleration) for name in names]
         return np.array(limits, dtype=float)[which.reshape(np.shape(types))]
+
+
+PAPER: Final = MetricParameters()

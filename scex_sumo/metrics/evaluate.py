@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, TypeVar
 
@@ -10,47 +10,15 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import InputError
-from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.metrics.extrema import SceneValues, Worst, extrema, scene_mean
 from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.pairs.batches import scene_batches
+from scex_sumo.metrics.pairs.presets import preset_named
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
-from scex_sumo.metrics.registry import columns_of, metrics_named, preset_named
+from scex_sumo.metrics.registry import columns_of, metrics_named
 
-BATCH_PAIR_STEPS = 1 << 16  # unordered pair-steps per batch: the working arrays stay in the processor's cache
-
-PAPER: Final = MetricParameters()
 PAPER_PRESET: Final = "paper"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SceneValues:
-    """The most critical value of every scene.
-
-    Attributes:
-        value: (C, T) as aggregated (``ttc`` in 1/s); NaN where undefined.
-        defined: (C, T).
-    """
-
-    value: FloatArray
-    defined: BoolArray
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Worst:
-    """Where a metric was most critical in every child, and who made it; read only where ``defined``.
-
-    Attributes:
-        value: (C,) as aggregated; NaN where undefined.
-        defined: (C,).
-        step: (C,) index on the step axis of the tracks, history included.
-        vehicle: (C,) the row's own vehicle (the follower).
-        other: (C,) the second vehicle; None for metrics of single vehicles.
-    """
-
-    value: FloatArray
-    defined: BoolArray
-    step: IntArray
-    vehicle: IntArray
-    other: IntArray | None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,28 +77,39 @@ def evaluate(
     parameters: MetricParameters = PAPER,
     metrics: Sequence[str | Metric] | None = None,
     vehicles: Collection[int] | None = None,
+    also: Callable[[int, Scenes], None] | None = None,
 ) -> ScenarioValues:
     """Metrics of every child.
 
     Args:
         tracks: what the vehicles did; steps before ``tracks.first`` are history.
         planned: their planned paths, for gap time (undefined without).
-        preset: rule for car-following.
+        preset: rule for car-following of the metrics that leave it open.
         parameters: constants.
         metrics: names, or the metrics themselves; the paper's six by default.
         vehicles: values are of pairs that involve one of these (indices), or of these themselves; None: all.
+        also: called with each batch of scenes and the number of its first child, while what the metrics have
+            derived from it is still there.
 
     Returns:
         The most critical value and the mean of the scenes' most critical values, per child and metric.
     """
     chosen = metrics_named(metrics)
     parts: dict[str, list[tuple[SceneValues, Worst]]] = {metric.name: [] for metric in chosen}
-    for _, metric, samples in _samples(tracks, planned, preset, parameters, chosen):
-        wanted = samples if vehicles is None else _of_vehicles(samples, vehicles)
-        parts[metric.name].append(_reduce(metric, wanted, tracks.first))
+    for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
+        for metric in chosen:
+            samples = _samples(metric, scenes, quick=vehicles is None)
+            wanted = samples if vehicles is None else _of_vehicles(samples, vehicles)
+            parts[metric.name].append(extrema(metric, wanted, tracks.first))
+        if also is not None:
+            also(start, scenes)
     scene = {name: _joined([p[0] for p in part]) for name, part in parts.items()}
     worst = {name: _joined([p[1] for p in part]) for name, part in parts.items()}
-    values = [column for m in chosen for column in (worst[m.name].value, _mean(scene[m.name]))]
+    values = [
+        column
+        for m in chosen
+        for column in (worst[m.name].value, scene_mean(scene[m.name], harmonic=m.harmonic))
+    ]
     defined = np.repeat(np.stack([worst[m.name].defined for m in chosen], axis=1), 2, axis=1)
     return ScenarioValues(
         columns=columns_of(chosen),
@@ -153,38 +132,19 @@ def evaluate_pairs(
     """Nanoscopic values of every metric, sorted by child, step, vehicle, other; arguments as ``evaluate``."""
     chosen = metrics_named(metrics)
     parts: dict[str, list[PairValues]] = {metric.name: [] for metric in chosen}
-    for offset, metric, samples in _samples(tracks, planned, preset, parameters, chosen):
-        parts[metric.name].append(_rows(samples, offset, tracks.first))
+    for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
+        for metric in chosen:
+            samples = _samples(metric, scenes, quick=False)
+            parts[metric.name].append(_rows(samples, start, tracks.first))
     return {name: _joined(part) for name, part in parts.items()}
 
 
-def _samples(
-    tracks: SceneTracks,
-    planned: PlannedPaths | None,
-    preset: str,
-    parameters: MetricParameters,
-    metrics: Sequence[Metric],
-) -> Iterator[tuple[int, Metric, Samples]]:
-    """Values of a few children at a time: the number of the first child, the metric, its values."""
-    rules = preset_named(preset)
-    children, _, vehicles = tracks.states.shape
-    if planned is not None:
-        planned.check_fit(tracks)
-    per_child = max(tracks.steps * vehicles * (vehicles - 1) // 2, 1)
-    size = max(BATCH_PAIR_STEPS // per_child, 1)
-    for start in range(0, max(children, 1), size):
-        part = slice(start, start + size)
-        scenes = Scenes(
-            tracks=tracks.children(part),
-            planned=None if planned is None else planned.children(part),
-            parameters=parameters,
-            preset=rules,
-        )
-        for metric in metrics:
-            samples = metric.evaluate(scenes)
-            _check_samples(metric, samples, scenes)
-            yield start, metric, samples
-        scenes.release()
+def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples:
+    """Values of a metric; ``quick``: those of pairs that cannot be a scene's extremum may be left out."""
+    function = metric.quick if quick and metric.quick is not None else metric.evaluate
+    samples = function(scenes if metric.preset is None else scenes.under(preset_named(metric.preset)))
+    _check_samples(metric, samples, scenes)
+    return samples
 
 
 def _check_samples(metric: Metric, samples: Samples, scenes: Scenes) -> None:
@@ -212,57 +172,6 @@ def _of_vehicles(samples: Samples, vehicles: Collection[int]) -> Samples:
         row=samples.row[keep],
         other=None if samples.other is None else samples.other[keep],
     )
-
-
-def _reduce(metric: Metric, samples: Samples, first_step: int) -> tuple[SceneValues, Worst]:
-    """Extremum of every scene, then of every child, with its origin."""
-    sign = 1.0 if metric.critical == "min" else -1.0
-    value, defined = samples.value, samples.defined
-    if metric.inverse:
-        with np.errstate(divide="ignore"):
-            value = 1.0 / value
-    if metric.finite:
-        defined = defined & np.isfinite(value)
-    # The smallest cost is the most critical; inf is a value, so undefined needs its own mask.
-    cost = np.where(defined, sign * value, np.inf)
-    scene_defined: BoolArray = np.any(defined, axis=0)
-    scene_cost = cost.min(axis=0, initial=np.inf)
-    scene_value = np.where(scene_defined, sign * scene_cost, np.nan)
-    children, steps = scene_cost.shape
-    child = np.arange(children)
-    child_defined: BoolArray = np.any(scene_defined, axis=1)
-    if steps == 0 or len(samples.row) == 0:
-        nobody = np.zeros(children, dtype=np.int64)
-        other = None if samples.other is None else nobody
-        worst = Worst(
-            value=np.full(children, np.nan), defined=child_defined, step=nobody, vehicle=nobody, other=other
-        )
-        return SceneValues(value=scene_value, defined=scene_defined), worst
-    step = _first_smallest(scene_cost, scene_defined)
-    entry = _first_smallest(cost[:, child, step].T, defined[:, child, step].T)
-    worst = Worst(
-        value=scene_value[child, step],
-        defined=child_defined,
-        step=step + first_step,
-        vehicle=samples.row[entry],
-        other=None if samples.other is None else samples.other[entry],
-    )
-    return SceneValues(value=scene_value, defined=scene_defined), worst
-
-
-def _first_smallest(cost: FloatArray, defined: BoolArray) -> IntArray:
-    """(N,) index of the first defined smallest cost along the last axis of (N, M)."""
-    smallest = cost.min(axis=-1, keepdims=True)
-    index: IntArray = np.argmax(defined & (cost == smallest), axis=-1)
-    return index
-
-
-def _mean(scene: SceneValues) -> FloatArray:
-    """(C,) mean of the scenes' extrema where defined."""
-    count = scene.defined.sum(axis=1)
-    total = np.where(scene.defined, scene.value, 0.0).sum(axis=1)
-    mean: FloatArray = np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0)
-    return mean
 
 
 def _rows(samples: Samples, first_child: int, first_step: int) -> PairValues:

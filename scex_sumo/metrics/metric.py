@@ -26,6 +26,9 @@ class Metric:
         inverse: aggregated as 1 / value (an infinite time becomes 0 1/s); ``critical``, ``threshold`` and
             ``label`` refer to the inverse.
         finite: infinite values are left out of the aggregates.
+        harmonic: the mean over scenes is 1 / mean(1 / value), infinite values counting as 0 there.
+        preset: rule for car-following that it is always evaluated by; None for that of the evaluation.
+        quick: the same extrema of scenes from fewer pairs; None to evaluate all.
         threshold: from which aggregated value on a child is critical; None for none.
         label: name in tables and pictures; empty for that of the column.
     """
@@ -36,6 +39,9 @@ class Metric:
     unit: str = ""
     inverse: bool = False
     finite: bool = False
+    harmonic: bool = False
+    preset: str | None = None
+    quick: Callable[[Scenes], Samples] | None = None
     threshold: float | None = None
     label: str = ""
 
@@ -66,7 +72,7 @@ class Metric:
 
     def description(self) -> dict[str, Any]:
         """All as JSON, with where the formula stands and the SHA-256 of that file in place of the formula."""
-        told = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "evaluate"}
+        told = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in _CODE}
         function = inspect.unwrap(self.evaluate)
         place = f"{getattr(function, '__module__', '')}:{getattr(function, '__qualname__', '')}"
         try:
@@ -78,8 +84,12 @@ class Metric:
     @classmethod
     def described(cls, description: Mapping[str, Any]) -> Metric:
         """A metric that can be named and judged, but not evaluated, from its description."""
-        known = {f.name: description[f.name] for f in dataclasses.fields(cls) if f.name in description}
+        names = [f.name for f in dataclasses.fields(cls) if f.name not in _CODE]
+        known = {name: description[name] for name in names if name in description}
         return cls(evaluate=_elsewhere, **known)
+
+
+_CODE = ("evaluate", "quick")  # attributes that are functions
 
 
 def _elsewhere(scenes: Scenes) -> Samples:

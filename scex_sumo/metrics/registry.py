@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final, Literal, TypeVar
 
 from scex_sumo.errors import UsageError
@@ -13,9 +14,10 @@ from scex_sumo.metrics.distance import distance
 from scex_sumo.metrics.drac import drac
 from scex_sumo.metrics.gap_time import gap_time
 from scex_sumo.metrics.metric import Metric
-from scex_sumo.metrics.pairs.by_heading import following_by_heading
-from scex_sumo.metrics.pairs.on_path import following_on_path
-from scex_sumo.metrics.pairs.scenes import Preset, Samples, Scenes
+from scex_sumo.metrics.outlines.gap import gap
+from scex_sumo.metrics.outlines.least import least_gap, least_wttc_path
+from scex_sumo.metrics.outlines.wttc_path import wttc_path
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 from scex_sumo.metrics.pet import pet
 from scex_sumo.metrics.pttc import pttc
 from scex_sumo.metrics.thw import thw
@@ -25,46 +27,66 @@ from scex_sumo.metrics.wttc import wttc
 
 F = TypeVar("F", bound=Callable[[Scenes], Samples])
 
-METRICS: Final[Mapping[str, Metric]] = {
-    metric.name: metric
-    for metric in (
-        Metric(name="distance", unit="m", critical="min", evaluate=distance, threshold=5.0),
-        Metric(name="tq", critical="max", evaluate=tq, threshold=1.2, label="traffic quality"),
-        Metric(name="gap_time", unit="s", critical="min", evaluate=gap_time, label="gap time"),
-        Metric(name="pttc", unit="s", critical="min", evaluate=pttc, finite=True, label="PTTC"),
-        Metric(name="wttc", unit="s", critical="min", evaluate=wttc, threshold=0.26, label="WTTC"),
-        Metric(
-            name="ttc",
-            unit="s",
-            critical="max",
-            evaluate=ttc,
-            inverse=True,
-            threshold=1 / 1.5,
-            label="1/TTC",
-        ),
-        Metric(name="drac", unit="m/s²", critical="max", evaluate=drac, label="DRAC"),
-        Metric(name="thw", unit="s", critical="min", evaluate=thw, label="THW"),
-        Metric(name="pet", unit="s", critical="min", evaluate=pet, label="PET"),
-    )
-}
-"""Built-in metrics; the first six are the paper's, in the order of the result columns."""
+_BY_HEADING = (
+    Metric(name="distance", unit="m", critical="min", evaluate=distance, threshold=5.0),
+    Metric(name="tq", critical="max", evaluate=tq, threshold=1.2, label="traffic quality"),
+    Metric(name="gap_time", unit="s", critical="min", evaluate=gap_time, label="gap time"),
+    Metric(name="pttc", unit="s", critical="min", evaluate=pttc, finite=True, harmonic=True, label="PTTC"),
+    Metric(name="wttc", unit="s", critical="min", evaluate=wttc, threshold=0.26, label="WTTC"),
+    Metric(
+        name="ttc",
+        unit="s",
+        critical="max",
+        evaluate=ttc,
+        inverse=True,
+        threshold=1 / 1.5,
+        label="1/TTC",
+    ),
+)
+_ON_PATHS = (
+    Metric(name="gap", unit="m", critical="min", evaluate=gap, quick=least_gap, label="body gap"),
+    replace(_BY_HEADING[5], name="ttc_path", preset="path", label="1/TTC on path"),
+    replace(_BY_HEADING[3], name="pttc_path", preset="path", label="PTTC on path"),
+    Metric(
+        name="wttc_path",
+        unit="s",
+        critical="min",
+        evaluate=wttc_path,
+        quick=least_wttc_path,
+        label="WTTC of outlines",
+    ),
+    Metric(name="thw", unit="s", critical="min", evaluate=thw, label="THW"),
+    Metric(name="drac", unit="m/s²", critical="max", evaluate=drac, threshold=3.4, label="DRAC"),
+    Metric(name="pet", unit="s", critical="min", evaluate=pet, threshold=1.0, label="PET"),
+)
+METRICS: Final[Mapping[str, Metric]] = {each.name: each for each in (*_BY_HEADING, *_ON_PATHS)}
+"""Built-in metrics; the first six are the paper's, the others those of preset ``path``, in their order."""
 
-PAPER_METRICS: Final[tuple[str, ...]] = tuple(METRICS)[:6]
+PAPER_METRICS: Final[tuple[str, ...]] = tuple(each.name for each in _BY_HEADING)
+PATH_METRICS: Final[tuple[str, ...]] = tuple(each.name for each in _ON_PATHS)
+SETS: Final[Mapping[str, tuple[Metric, ...]]] = {
+    "paper": _BY_HEADING,
+    "path": tuple(replace(each, preset="path") for each in _ON_PATHS),
+}
+"""Metrics that a word stands for; those of ``path`` are evaluated along paths whatever the others are."""
+
 COLUMNS: Final[tuple[str, ...]] = tuple(c for name in PAPER_METRICS for c in METRICS[name].columns)
 """The paper's twelve columns of a child scenario; ``ttc`` and ``ttc_mean`` are in 1/s."""
 
 THRESHOLDS: Final[Mapping[str, float]] = {
-    each.name: each.threshold for each in METRICS.values() if each.threshold is not None
+    each.name: each.threshold for each in _BY_HEADING if each.threshold is not None
 }
 """Thresholds that the paper suggests, by column."""
 
 ENTRY_POINTS: Final = "scex_sumo.metrics"
-_TAKEN: Final = ("paper", "child", "case_id", "all")  # the set of six, and other columns of the tables
-
-PRESETS: Final[Mapping[str, Preset]] = {
-    "paper": Preset(name="paper", leaders=following_by_heading, conflict_area=False),
-    "path": Preset(name="path", leaders=following_on_path, conflict_area=True),
-}
+_TAKEN: Final = (
+    *SETS,
+    "both",
+    "child",
+    "case_id",
+    "collision",
+    "all",
+)  # sets, and other columns of the tables
 
 _registered: dict[str, Metric] = {}
 _described: dict[str, Metric] = {}  # of results whose metrics are not registered here
@@ -129,12 +151,14 @@ def known_metrics() -> tuple[str, ...]:
 def metrics_named(names: Iterable[str | Metric] | None) -> tuple[Metric, ...]:
     """Metrics by name or import path, each once; ``paper``, and None, stand for the paper's six.
 
+    ``path`` stands for those of preset ``path``, evaluated along paths whatever the preset is.
+
     Raises:
         UsageError: an unknown metric, or one that cannot be loaded.
     """
     wanted: list[str | Metric] = []
     for name in ("paper",) if names is None else names:
-        wanted += PAPER_METRICS if name == "paper" else [name]
+        wanted += SETS[name] if isinstance(name, str) and name in SETS else [name]
     found = {m.name: m for m in (n if isinstance(n, Metric) else _metric(n) for n in wanted)}
     if not found:
         raise UsageError(f"metrics: none is named; known: {', '.join(known_metrics())}")
@@ -198,8 +222,8 @@ def side_of(column: str) -> Literal["left", "right"]:
 
 
 def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
-    """What ``run.json`` says of metrics, since they decide on the result; nothing of the paper's six."""
-    if tuple(each.name for each in metrics) == PAPER_METRICS:
+    """What ``run.json`` says of metrics, since they decide on the result; nothing of the sets of a preset."""
+    if tuple(metrics) in (SETS["paper"], SETS["path"], (*SETS["paper"], *SETS["path"])):
         return []
     return [each.description() for each in metrics]
 
@@ -207,10 +231,3 @@ def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
 def learn_metrics(descriptions: Iterable[Mapping[str, Any]]) -> None:
     """Take in what ``run.json`` says of metrics, for columns whose functions this process may not have."""
     _described.update((each["name"], Metric.described(each)) for each in descriptions)
-
-
-def preset_named(name: str) -> Preset:
-    """A preset by name."""
-    if name not in PRESETS:
-        raise UsageError(f"metrics: unknown preset {name!r}; known: {', '.join(PRESETS)}")
-    return PRESETS[name]

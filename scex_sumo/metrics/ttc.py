@@ -7,6 +7,8 @@ import numpy as np
 from scex_sumo.arrays import FloatArray
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
+NOT_CLOSING_MPS = 1e-9
+
 
 def time_to_collision(*, gap: FloatArray, closing_speed: FloatArray) -> FloatArray:
     """Time until the follower has used up the gap at present speeds.
@@ -16,11 +18,11 @@ def time_to_collision(*, gap: FloatArray, closing_speed: FloatArray) -> FloatArr
         closing_speed: (F,) follower minus leader, m/s.
 
     Returns:
-        (F,) s; inf where the gap opens or stays.
+        (F,) s; inf where the gap opens or stays, or closes by less than 1e-9 m/s, which is rounding.
 
     Source: Tamke et al. 2011.
     """
-    closing = closing_speed > 0
+    closing = closing_speed >= NOT_CLOSING_MPS
     time = np.full(np.broadcast(gap, closing_speed).shape, np.inf)
     with np.errstate(over="ignore"):  # a vanishing closing speed is an infinite time
         np.divide(gap, closing_speed, out=time, where=closing)

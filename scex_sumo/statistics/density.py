@@ -25,6 +25,14 @@ _GRID_MARGIN = 5  # bandwidths around every sample that the default grid covers
 _KERNEL_REACH = 39  # bandwidths after which the kernel is 0 in double precision
 
 
+@dataclass(frozen=True, kw_only=True)
+class Atom:
+    """A value that many samples share exactly, and the share of all samples that have it."""
+
+    value: float
+    share: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Density:
     """Kernel density of samples and their cumulative distribution.
@@ -34,12 +42,15 @@ class Density:
         pdf: (G,) density, 1 / unit.
         cdf: (G,) cumulative distribution with the same kernel.
         band: (G,) lower and (G,) upper limit of the cumulative distribution.
+        atoms: values told apart, ascending; ``pdf`` is the density of the rest and integrates to its share,
+            ``cdf`` and ``band`` are of all samples, with a step at every atom.
     """
 
     x: FloatArray
     pdf: FloatArray
     cdf: FloatArray
     band: tuple[FloatArray, FloatArray]
+    atoms: tuple[Atom, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +75,8 @@ def density(
     bandwidth: float = BANDWIDTH,
     *,
     x: ArrayLike | None = None,
+    reflect: bool = False,
+    half_width: float | None = None,
     confidence: float = CONFIDENCE,
 ) -> Density:
     """Gaussian kernel density with an absolute bandwidth.
@@ -76,19 +89,29 @@ def density(
         samples: (n,) values; inf allowed.
         bandwidth: h, in the unit of the samples.
         x: where to evaluate, ascending; by default a grid of h / 4 around the samples.
+        reflect: fold the part of the density below 0 back, for values that cannot be negative.
+        half_width: of the band; None takes that of independent draws.
         confidence: of the band.
     """
-    values = _checked(samples, "density")
+    values = checked(samples, "density")
     if not (np.isfinite(bandwidth) and bandwidth > 0):
         raise InputError(f"density: bandwidth {bandwidth}; choose one above 0, in the metric's unit")
     if values.size == 0:
         raise InputError("density: no samples; the metric is defined in no child")
+    if reflect and values.min() < 0:
+        raise InputError(f"density: reflection at 0 of a negative sample, {values.min()}; turn it off")
     finite = values[np.isfinite(values)]
-    grid = _common_grid(finite, bandwidth) if x is None else np.asarray(x, dtype=np.float64)
+    grid = common_grid(finite, bandwidth) if x is None else np.asarray(x, dtype=np.float64)
+    if reflect and x is None:
+        grid = grid[grid >= 0]
     pdf, below = _kernel_sums(finite, grid, bandwidth)
     below += np.count_nonzero(values == -np.inf)
+    if reflect:
+        mirrored_pdf, mirrored_below = _kernel_sums(-finite, grid, bandwidth)
+        pdf = np.where(grid >= 0, pdf + mirrored_pdf, 0.0)
+        below = np.where(grid >= 0, below + mirrored_below - finite.size, 0.0)
     cdf = below / values.size
-    half = dkw_half_width(values.size, confidence)
+    half = dkw_half_width(values.size, confidence) if half_width is None else half_width
     return Density(
         x=grid,
         pdf=pdf / (values.size * bandwidth),
@@ -128,7 +151,7 @@ def p_critical(
     Returns:
         The share and its interval; NaN in 0 to 1 without samples.
     """
-    values = _checked(samples, "p_critical")
+    values = checked(samples, "p_critical")
     if side not in ("left", "right"):
         raise InputError(f"p_critical: side {side!r}; choose left or right")
     if np.isnan(threshold):
@@ -152,7 +175,7 @@ def wilson(successes: int, count: int, confidence: float = CONFIDENCE) -> Interv
     return Interval(value=share, low=low, high=high, count=count)
 
 
-def _checked(samples: ArrayLike, what: str) -> FloatArray:
+def checked(samples: ArrayLike, what: str) -> FloatArray:
     """(N,) samples of any shape; an `InputError` that begins with ``what`` where some are NaN."""
     values = np.asarray(samples, dtype=np.float64).reshape(-1)
     missing = int(np.count_nonzero(np.isnan(values)))
@@ -166,7 +189,7 @@ def _check_confidence(confidence: float) -> None:
         raise InputError(f"confidence {confidence}; choose one between 0 and 1, e.g. 0.95")
 
 
-def _common_grid(finite: FloatArray, bandwidth: float) -> FloatArray:
+def common_grid(finite: FloatArray, bandwidth: float) -> FloatArray:
     """(G,) multiples of h / 4 within 5 h of any sample, without the space between clusters far apart."""
     step = bandwidth / _GRID_PER_BANDWIDTH
     reach = _GRID_MARGIN * _GRID_PER_BANDWIDTH

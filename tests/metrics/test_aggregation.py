@@ -9,10 +9,11 @@ import pytest
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import InputError, UsageError
-from scex_sumo.metrics import evaluate as evaluation
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
 from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.pairs import batches
+from scex_sumo.metrics.pairs.presets import preset_named
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 from scex_sumo.metrics.registry import COLUMNS, METRICS
 from scex_sumo.scene import STEP_S, States
@@ -110,7 +111,7 @@ def test_children_do_not_depend_on_who_shares_their_batch(
     tracks, planned = random_run(np.random.default_rng(3), children=7, absent=absent)
     together = evaluate(tracks, planned)
     for pair_steps in (1, 200):
-        monkeypatch.setattr(evaluation, "BATCH_PAIR_STEPS", pair_steps)
+        monkeypatch.setattr(batches, "BATCH_PAIR_STEPS", pair_steps)
         np.testing.assert_array_equal(evaluate(tracks, planned).values, together.values)
     for child in range(7):
         alone = evaluate(tracks.children(slice(child, child + 1)), planned.children(slice(child, child + 1)))
@@ -138,7 +139,11 @@ def test_scenes_and_children_are_the_extrema_of_the_pairs(absent: float) -> None
             assert result.defined[child, COLUMNS.index(name)] == bool(scenes)
             if scenes:
                 assert result.column(name)[0][child] == extremum(scenes)
-                assert result.column(f"{name}_mean")[0][child] == pytest.approx(np.mean(scenes), rel=1e-12)
+                mean = np.mean(scenes)
+                if name == "pttc":  # harmonic, over the scenes in which a pair follows
+                    following = len(np.unique(rows.step[rows.child == child]))
+                    mean = following / sum(1 / time for time in scenes)
+                assert result.column(f"{name}_mean")[0][child] == pytest.approx(mean, rel=1e-12)
 
 
 def test_the_worst_value_is_traced_to_its_step_and_pair() -> None:
@@ -175,7 +180,7 @@ def test_backward_differences_bridge_missing_samples() -> None:
         tracks=replace(tracks, states=states, present=present),
         planned=None,
         parameters=MetricParameters(),
-        preset=evaluation.preset_named("paper"),
+        preset=preset_named("paper"),
     )
     assert scenes.acceleration[0, 0].tolist() == pytest.approx([0.0, 0.0, 1.0 / (2 * STEP_S)])
 
@@ -211,17 +216,18 @@ INF = float("inf")
         ("ttc", [[INF], [INF, INF]], (0.0, 0.0)),
         ("gap_time", [[1.0], [], [3.0]], (1.0, 2.0)),
         ("gap_time", [[], [], []], (np.nan, np.nan)),
-        ("pttc", [[INF, 4.0], [INF], [2.0]], (2.0, 3.0)),
+        ("pttc", [[INF, 4.0], [INF], [2.0]], (2.0, 4.0)),  # 3 / (1/4 + 0 + 1/2)
         ("tq", [[0.2, 0.9], [1.3, 0.1], [0.5, 0.4]], (1.3, 0.9)),
     ],
 )
 def test_aggregation_of_given_values(
-    name: str, per_scene: list[list[float]], expected: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+    name: str, per_scene: list[list[float]], expected: tuple[float, float]
 ) -> None:
     metric: Metric = replace(METRICS[name], evaluate=lambda scenes: given_samples(per_scene))
-    monkeypatch.setattr(evaluation, "metrics_named", lambda names: [metric])
     tracks = on_a_line([0.0] * len(per_scene), [1.0] * len(per_scene))
-    assert evaluate(tracks, None).values[0] == pytest.approx(expected, rel=1e-12, nan_ok=True)
+    assert evaluate(tracks, None, metrics=[metric]).values[0] == pytest.approx(
+        expected, rel=1e-12, nan_ok=True
+    )
 
 
 def state(value: float) -> FloatArray:

@@ -5,6 +5,7 @@ With the scenes as the contiguous last axes, differences of pairs and extrema ov
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -171,10 +172,18 @@ class Scenes:
         """(P, C, T) between centres, m."""
         return np.sqrt(self.dx * self.dx + self.dy * self.dy)
 
-    @cached_property
+    @property
     def following(self) -> Following:
         """The car-following pairs, by the preset's rule."""
-        return self.preset.leaders(self)
+        return self.once(self.preset.leaders)
+
+    def under(self, preset: Preset) -> Scenes:
+        """The same scenes by another preset; what was derived from them is shared."""
+        if preset is self.preset:
+            return self
+        other = copy.copy(self)
+        object.__setattr__(other, "preset", preset)
+        return other
 
     def once(self, make: Callable[[Scenes], T]) -> T:
         """What ``make`` derives from these scenes, made at most once for all metrics."""

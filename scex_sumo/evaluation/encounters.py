@@ -1,0 +1,217 @@
+"""Encounters over all children: who meets whom, how often it is critical, when, where, by whose models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.metrics.outlines.collisions import KINDS
+from scex_sumo.metrics.outlines.encounters import (
+    CRITICAL_DRAC,
+    CRITICAL_PET_S,
+    CRITICAL_TTC_S,
+    Encounters,
+)
+from scex_sumo.statistics.intervals import DesignIntervals
+
+ENCOUNTERS: Final = "encounters.parquet"
+QUESTIONS: Final = ("collision", "ttc", "pet", "drac", "critical")
+"""What is asked about a pair, each a column with ``_low`` and ``_high``; the last is any of the others."""
+
+_MODELS = pa.list_(
+    pa.struct(
+        [
+            ("model", pa.string()),
+            ("other_model", pa.string()),
+            ("children", pa.int64()),
+            ("critical", pa.int64()),
+            ("probability", pa.float64()),
+            ("share", pa.float64()),
+            ("lift", pa.float64()),
+        ]
+    )
+)
+SCHEMA: Final = pa.schema(
+    [
+        ("track_id", pa.int64()),
+        ("other_id", pa.int64()),
+        *((name + end, pa.float64()) for name in QUESTIONS for end in ("", "_low", "_high")),
+        ("met", pa.float64()),
+        ("kind", pa.string()),
+        ("relative_speed", pa.float64()),
+        *((f"gap_p{percent:02}", pa.float64()) for percent in (5, 50, 95)),
+        ("time_s", pa.float64()),
+        ("x", pa.float64()),
+        ("y", pa.float64()),
+        ("models", _MODELS),
+    ]
+)
+"""One row a pair. ``met``: share of the children in which they have an encounter at all."""
+
+_GAPS = (0.05, 0.5, 0.95)
+_MOSTLY = 0.5
+
+
+def encounters_table(
+    found: Encounters, *, track_ids: IntArray, models: NDArray[np.str_], intervals: DesignIntervals
+) -> pa.Table:
+    """One row per pair of vehicles that has an encounter in some child, the most critical pair first.
+
+    Args:
+        found: of all C children.
+        track_ids: (V,) of the vehicles.
+        models: (C, V) who drove.
+        intervals: of the design that chose them.
+
+    Returns:
+        Columns as ``SCHEMA``: ``track_id`` hits or follows ``other_id`` where one of them does. Sorted by
+        P(collision), P(critical), then the 5th percentile of the least gap. ``time_s``, ``x``, ``y`` are
+        those of one child, the middle one in time of the children that collide (else are critical, else
+        meet). Gap quantiles are over all children; null above 10 m.
+    """
+    vehicles = len(track_ids)
+    pairs, which = np.unique(found.first * vehicles + found.second, return_inverse=True)
+    which = which.reshape(-1)
+    answers = _answers(found)
+    shares = {
+        name: intervals.all_shares(_by_child(which, found.child, answers[name], len(pairs), intervals.count))
+        for name in QUESTIONS
+    }
+    order = np.argsort(which, kind="stable")
+    ends = np.searchsorted(which[order], np.arange(len(pairs) + 1))
+    rows = []
+    for index in range(len(pairs)):
+        mine = order[ends[index] : ends[index + 1]]
+        row = _row(found, mine, answers, track_ids, models)
+        for name in QUESTIONS:
+            share = shares[name][index]
+            row |= {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
+        rows.append(row)
+    rows.sort(key=_criticality)
+    return pa.Table.from_pylist(rows, schema=SCHEMA)
+
+
+def _answers(found: Encounters) -> dict[str, BoolArray]:
+    """(N,) by question."""
+    answers: dict[str, BoolArray] = {
+        "collision": found.collided,
+        "ttc": found.ttc < CRITICAL_TTC_S,
+        "pet": found.pet < CRITICAL_PET_S,
+        "drac": found.drac > CRITICAL_DRAC,
+    }
+    return {**answers, "critical": np.any(list(answers.values()), axis=0)}
+
+
+def _by_child(which: IntArray, child: IntArray, answer: BoolArray, pairs: int, children: int) -> BoolArray:
+    """(C, pairs) answers, False where a pair does not meet."""
+    full = np.zeros((children, pairs), dtype=bool)
+    full[child[answer], which[answer]] = True
+    return full
+
+
+def _criticality(row: Mapping[str, Any]) -> tuple[float, float, float]:
+    gap = row["gap_p05"]
+    return (-row["collision"], -row["critical"], np.inf if gap is None else gap)
+
+
+def _row(
+    found: Encounters,
+    mine: IntArray,
+    answers: Mapping[str, BoolArray],
+    track_ids: IntArray,
+    models: NDArray[np.str_],
+) -> dict[str, Any]:
+    """What is known of one pair."""
+    first, second = int(found.first[mine[0]]), int(found.second[mine[0]])
+    worst = next(
+        (part for name in ("collision", "critical") if (part := mine[answers[name][mine]]).size), mine
+    )
+    if found.towards[worst].sum() < 0:
+        first, second = second, first
+    typical = worst[np.argsort(found.time_s[worst], kind="stable")[(len(worst) - 1) // 2]]
+    hits = mine[found.collided[mine]]
+    kind = KINDS[int(np.bincount(found.kind[hits]).argmax())] if hits.size else None
+    children = len(models)
+    gaps = np.concatenate([found.gap[mine], np.full(children - len(mine), np.inf)])
+    quantiles = np.quantile(gaps, _GAPS, method="inverted_cdf")
+    return {
+        "track_id": int(track_ids[first]),
+        "other_id": int(track_ids[second]),
+        "met": len(mine) / children,
+        "kind": kind,
+        "relative_speed": float(np.median(found.relative_speed[hits])) if hits.size else None,
+        **{
+            f"gap_p{round(100 * level):02}": float(gap) if np.isfinite(gap) else None
+            for level, gap in zip(_GAPS, quantiles, strict=True)
+        },
+        "time_s": float(found.time_s[typical]),
+        "x": float(found.x[typical]),
+        "y": float(found.y[typical]),
+        "models": _by_models(found.child[worst], models[:, first], models[:, second])
+        if worst is not mine
+        else [],
+    }
+
+
+def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) -> list[dict[str, Any]]:
+    """Which models of the two make it so: of every combination its children, hits, share of all hits.
+
+    ``probability`` is that of a hit given the two models, ``lift`` that over the probability in all children.
+    """
+    struck = np.zeros(len(own), dtype=bool)
+    struck[hit] = True
+    names, which = np.unique(np.stack([own, other], axis=1), axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    count = np.bincount(which, minlength=len(names))
+    hits = np.bincount(which[struck], minlength=len(names))
+    chance: FloatArray = hits / count
+    return [
+        {
+            "model": str(names[i, 0]),
+            "other_model": str(names[i, 1]),
+            "children": int(count[i]),
+            "critical": int(hits[i]),
+            "probability": float(chance[i]),
+            "share": float(hits[i] / struck.sum()),
+            "lift": float(chance[i] / struck.mean()),
+        }
+        for i in np.argsort(-hits, kind="stable")
+        if hits[i]
+    ]
+
+
+def in_words(row: Mapping[str, Any], *, place: str | None = None) -> str:
+    """A row of the table as one sentence, e.g. ``17 → 23 (rear-end, 1.8 s): collides in 12 % [9–16], ...``.
+
+    Args:
+        row: of `encounters_table`.
+        place: name of where it happens.
+    """
+    about = [row["kind"], place, f"{row['time_s']:.1f} s"]
+    head = f"{row['track_id']} → {row['other_id']} ({', '.join(part for part in about if part)}): "
+    if row["collision"] > 0:
+        text = f"collides in {_percent(row, 'collision')}"
+    elif row["critical"] > 0:
+        names = {"ttc": "TTC < 1.5 s", "pet": "PET < 1 s", "drac": "DRAC > 3.4 m/s²"}
+        name = max(names, key=lambda n: float(row[n]))
+        text = f"{names[name]} in {_percent(row, name)}"
+    elif row["gap_p05"] is None:
+        return head + "never within 10 m in 95 % of the children"
+    else:
+        return head + f"as near as {row['gap_p05']:.1f} m in 5 % of the children"
+    if not row["models"]:
+        return head + text
+    most = row["models"][0]
+    often = "mostly" if most["share"] >= _MOSTLY else "most often"
+    drivers = f"{row['track_id']} {most['model']}, {row['other_id']} {most['other_model']}"
+    return f"{head}{text}, {often} {drivers}"
+
+
+def _percent(row: Mapping[str, Any], name: str) -> str:
+    low, high = 100 * row[f"{name}_low"], 100 * row[f"{name}_high"]
+    return f"{100 * row[name]:.0f} % [{low:.0f}–{high:.0f}]"

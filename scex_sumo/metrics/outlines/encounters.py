@@ -1,0 +1,227 @@
+"""Encounters of pairs of vehicles in every child: how near, how critical, whether they collide.
+
+A pair has an encounter where its outlines come within 10 m, or one leads the other on its path, or their
+planned paths cross. Only those pairs are kept, some dozen bytes each, so that many vehicles and many children
+need little memory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.metrics.drac import deceleration_to_avoid_crash
+from scex_sumo.metrics.outlines.collisions import Collisions, find_collisions
+from scex_sumo.metrics.outlines.gap import gap_bounds, gaps_of
+from scex_sumo.metrics.pairs.batches import scene_batches
+from scex_sumo.metrics.pairs.paths_ahead import paths_ahead
+from scex_sumo.metrics.pairs.presets import preset_named
+from scex_sumo.metrics.pairs.scenes import Scenes
+from scex_sumo.metrics.pet import pet
+from scex_sumo.metrics.ttc import time_to_collision
+
+NEAR_M: Final = 10.0
+CRITICAL_TTC_S: Final = 1.5
+CRITICAL_PET_S: Final = 1.0
+CRITICAL_DRAC: Final = 3.4
+"""m/s²; above it hardly anybody brakes (Archer 2005)."""
+
+NO_COLLISION: Final = -1
+_MARGIN = 1e-6  # for rounding, so that the nearest step is never lost
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Encounters:
+    """One row per child and pair that has an encounter in it, sorted by child and pair.
+
+    Attributes:
+        child: (N,) index of the child.
+        first: (N,) vehicle, the lower index.
+        second: (N,) vehicle.
+        gap: (N,) least body gap, m; inf above 10 m.
+        ttc: (N,) least TTC on the path of either, s; inf where none closes in.
+        pet: (N,) least PET, s; inf where they do not cross.
+        drac: (N,) largest DRAC on the path of either, m/s²; 0 where none closes in.
+        kind: (N,) kind of the collision, index into `KINDS`; -1 without one.
+        time_s: (N,) of the most critical moment after the seed moment: the collision, else the least TTC
+            where that is critical, else the least gap.
+        x: (N,) middle between both centres then, m.
+        y: (N,) m.
+        relative_speed: (N,) at impact, m/s; 0 without a collision.
+        towards: (N,) 1 where the first one hits or follows the second, -1 where the second the first, 0 else.
+    """
+
+    child: IntArray
+    first: IntArray
+    second: IntArray
+    gap: FloatArray
+    ttc: FloatArray
+    pet: FloatArray
+    drac: FloatArray
+    kind: IntArray
+    time_s: FloatArray
+    x: FloatArray
+    y: FloatArray
+    relative_speed: FloatArray
+    towards: IntArray
+
+    def __len__(self) -> int:
+        return len(self.child)
+
+    @property
+    def collided(self) -> BoolArray:
+        """(N,)."""
+        return np.asarray(self.kind != NO_COLLISION)
+
+    @classmethod
+    def join(cls, parts: list[Encounters], offsets: list[int]) -> Encounters:
+        """Those of several batches, whose first children have these indices."""
+        columns = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)}
+        shift = np.repeat(np.array(offsets, dtype=np.int64), [len(p) for p in parts])
+        columns["child"] = columns["child"] + shift
+        return cls(**columns)
+
+
+def find_encounters(
+    tracks: SceneTracks,
+    planned: PlannedPaths | None,
+    *,
+    collisions: Collisions | None = None,
+    parameters: MetricParameters = PAPER,
+) -> Encounters:
+    """Encounters of all pairs in all children, a few children at a time.
+
+    Args:
+        tracks: what the vehicles did; steps before ``tracks.first`` are history.
+        planned: their planned paths; without, only nearness and collisions count.
+        collisions: of the same tracks, where they are known already.
+        parameters: constants of the metrics.
+    """
+    hits = find_collisions(tracks) if collisions is None else collisions
+    parts, offsets = [], []
+    for start, scenes in scene_batches(tracks, planned, preset="path", parameters=parameters):
+        parts.append(encounters_of(scenes, hits, start))
+        offsets.append(start)
+    return Encounters.join(parts, offsets)
+
+
+def encounters_of(scenes: Scenes, collisions: Collisions, start: int) -> Encounters:
+    """Encounters of a batch of scenes, whatever its preset.
+
+    Args:
+        scenes: the batch.
+        collisions: of all children.
+        start: number of the batch's first child; the encounters' own count from 0.
+    """
+    scenes = scenes.under(preset_named("path"))
+    children, steps = scenes.shape
+    inside = (collisions.child >= start) & (collisions.child < start + children)
+    hits = collisions.take(np.flatnonzero(inside))
+    first, second = scenes.pairs
+    size = len(first) * children
+    gap, gap_step = _least_gaps(scenes)
+    ttc, ttc_step, drac, towards = _on_paths(scenes)
+    least_pet = _least_pet(scenes)
+    kind = np.full(size, NO_COLLISION)
+    impact, x, y, speed = np.zeros((4, size))
+    low, high = np.minimum(hits.first, hits.second), np.maximum(hits.first, hits.second)
+    number = np.zeros((scenes.vehicles, scenes.vehicles), dtype=np.int64)
+    number[first, second] = np.arange(len(first))
+    at = number[low, high] * children + hits.child - start
+    kind[at], impact[at], speed[at] = hits.kind, hits.time_s, hits.relative_speed
+    hit_by = (hits.first_side == 0).astype(np.int64) - (hits.second_side == 0)  # who touches with the front
+    towards[at] = np.where(hits.first == low, hit_by, -hit_by)
+    # Steps are counted from the first evaluated one, times from the seed moment before it.
+    critical = np.where(ttc < CRITICAL_TTC_S, ttc_step, np.where(np.isfinite(gap), gap_step, ttc_step))
+    after = 1 if scenes.tracks.first else 0
+    time = np.where(kind != NO_COLLISION, impact, (critical + after) * scenes.tracks.step_s)
+    rows = np.flatnonzero(
+        np.isfinite(gap) | (kind != NO_COLLISION) | (ttc_step >= 0) | np.isfinite(least_pet) | _cross(scenes)
+    )
+    pair, child = np.divmod(rows, children)
+    step = np.clip(critical[rows], 0, max(steps - 1, 0))
+    x[rows] = (scenes.x[first[pair], child, step] + scenes.x[second[pair], child, step]) / 2
+    y[rows] = (scenes.y[first[pair], child, step] + scenes.y[second[pair], child, step]) / 2
+    x[at], y[at] = hits.x, hits.y
+    order = np.lexsort((pair, child))
+    rows, pair, child = rows[order], pair[order], child[order]
+    return Encounters(
+        child=child,
+        first=first[pair],
+        second=second[pair],
+        gap=np.where(kind[rows] != NO_COLLISION, 0.0, gap[rows]),
+        ttc=ttc[rows],
+        pet=least_pet[rows],
+        drac=drac[rows],
+        kind=kind[rows],
+        time_s=np.maximum(time[rows], 0.0),
+        x=x[rows],
+        y=y[rows],
+        relative_speed=speed[rows],
+        towards=towards[rows],
+    )
+
+
+def _least_gaps(scenes: Scenes) -> tuple[FloatArray, IntArray]:
+    """(P * C) least body gap below 10 m over the steps, inf else, and the step."""
+    children, steps = scenes.shape
+    size = len(scenes.pairs[0]) * children
+    least, most = gap_bounds(scenes)
+    bound = np.where(scenes.both_present, most, np.inf).min(axis=2, initial=np.inf, keepdims=True)
+    close = scenes.both_present & (least <= np.minimum(bound, NEAR_M) + _MARGIN)
+    flat = np.flatnonzero(close)
+    key = flat // max(steps, 1)
+    gaps = gaps_of(scenes, *np.divmod(flat, max(children * steps, 1)))
+    return _extremum(key, flat % max(steps, 1), np.where(gaps <= NEAR_M, gaps, np.inf), size)
+
+
+def _on_paths(scenes: Scenes) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
+    """(P * C) least TTC, its step (-1 where none leads the other), largest DRAC, who follows whom."""
+    children, steps = scenes.shape
+    size = len(scenes.pairs[0]) * children
+    following = scenes.following
+    ordered, scene = np.divmod(following.where, max(children * steps, 1))
+    pair = ordered % max(len(scenes.pairs[0]), 1)
+    key, step = pair * children + scene // max(steps, 1), scene % max(steps, 1)
+    closing = following.follower_speed - following.leader_speed
+    time = time_to_collision(gap=following.gap, closing_speed=closing)
+    ttc, at = _extremum(key, step, time, size)
+    some = np.zeros(size, dtype=bool)
+    some[key] = True
+    drac = np.zeros(size)
+    np.maximum.at(drac, key, deceleration_to_avoid_crash(gap=following.gap, closing_speed=closing))
+    follows = np.bincount(key, np.where(ordered < len(scenes.pairs[0]), 1.0, -1.0), minlength=size)
+    return ttc, np.where(some, at, -1), drac, np.sign(follows).astype(np.int64)
+
+
+def _extremum(key: IntArray, step: IntArray, value: FloatArray, size: int) -> tuple[FloatArray, IntArray]:
+    """(size,) smallest value of each key, inf without any, and its first step."""
+    least = np.full(size, np.inf)
+    np.minimum.at(least, key, value)
+    first = np.full(size, np.iinfo(np.int64).max)
+    best = np.flatnonzero(value == least[key])
+    np.minimum.at(first, key[best], step[best])
+    return least, np.where(first == np.iinfo(np.int64).max, 0, first)
+
+
+def _least_pet(scenes: Scenes) -> FloatArray:
+    """(P * C) least PET over the steps and both orders, s; inf where undefined."""
+    pairs = len(scenes.pairs[0])
+    samples = pet(scenes)
+    time = np.where(samples.defined, samples.value, np.inf).min(axis=2, initial=np.inf)
+    return np.asarray(np.minimum(time[:pairs], time[pairs:]).reshape(-1))
+
+
+def _cross(scenes: Scenes) -> BoolArray:
+    """(P * C) whether the planned paths cross at some step."""
+    children, steps = scenes.shape
+    pairs = len(scenes.pairs[0])
+    found = np.zeros(pairs * children, dtype=bool)
+    if scenes.planned is not None and pairs and steps:
+        ordered, scene = np.divmod(paths_ahead(scenes).crossings().where, children * steps)
+        found[(ordered % pairs) * children + scene // steps] = True
+    return found

@@ -1,0 +1,83 @@
+"""Atoms: values that many children share exactly, told apart from the density of the rest.
+
+A kernel would smear a WTTC of 0 that half of the children have, or a collision that a leader has whoever
+drives, over values that nobody has. Values that cannot be negative are reflected at 0.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.errors import InputError
+from scex_sumo.statistics.density import (
+    BANDWIDTH,
+    Atom,
+    Density,
+    checked,
+    common_grid,
+    density,
+    dkw_half_width,
+)
+
+LEAST_SHARE: Final = 0.02
+"""A finite value that more of the samples share exactly is an atom."""
+
+
+def split_atoms(samples: ArrayLike, least: float = LEAST_SHARE) -> tuple[tuple[Atom, ...], FloatArray]:
+    """Atoms of samples, and the samples that are none, infinite ones included.
+
+    Args:
+        samples: (n,) values; inf allowed.
+        least: a finite value that more than this share of them have is an atom, and at least two have.
+    """
+    values = checked(samples, "atoms")
+    if not 0 < least < 1:
+        raise InputError(f"atoms: least share {least}; choose one between 0 and 1, e.g. {LEAST_SHARE}")
+    # -0.0 and 0.0 are one value.
+    at, counts = np.unique(values + 0.0, return_counts=True)
+    many = (counts > np.maximum(least * values.size, 1)) & np.isfinite(at)
+    found = tuple(
+        Atom(value=float(value), share=float(count / values.size))
+        for value, count in zip(at[many], counts[many], strict=True)
+    )
+    return found, values[~np.isin(values, at[many])]
+
+
+def mixed_density(
+    samples: ArrayLike,
+    bandwidth: float = BANDWIDTH,
+    *,
+    reflect: bool | None = None,
+    half_width: float | None = None,
+    least: float = LEAST_SHARE,
+) -> Density:
+    """Atoms and the kernel density of the rest.
+
+    Args:
+        samples: (n,) values; inf allowed.
+        bandwidth: h, in the unit of the samples.
+        reflect: fold what the kernel puts below 0 back; None does so where no sample is negative.
+        half_width: of the band, of the design's intervals; None takes that of independent draws.
+        least: share above which a value is an atom.
+    """
+    values = checked(samples, "density")
+    if values.size == 0:
+        raise InputError("density: no samples; the metric is defined in no child")
+    atoms, rest = split_atoms(values, least)
+    folded = bool(values.min() >= 0) if reflect is None else reflect
+    finite = values[np.isfinite(values)]
+    grid = np.union1d(common_grid(finite, bandwidth), [atom.value for atom in atoms])
+    grid = grid[grid >= 0] if folded else grid
+    pdf, cdf = np.zeros(grid.size), np.zeros(grid.size)
+    if rest.size:
+        smooth, weight = density(rest, bandwidth, x=grid, reflect=folded), rest.size / values.size
+        pdf, cdf = weight * smooth.pdf, weight * smooth.cdf
+    for atom in atoms:
+        cdf = cdf + np.where(grid >= atom.value, atom.share, 0.0)
+    half = dkw_half_width(values.size) if half_width is None else half_width
+    band = np.maximum(cdf - half, 0.0), np.minimum(cdf + half, 1.0)
+    return Density(x=grid, pdf=pdf, cdf=np.minimum(cdf, 1.0), band=band, atoms=atoms)

@@ -1,0 +1,250 @@
+"""Intervals of means over the children of a design: as wide as the design leaves them uncertain.
+
+Independent draws have Wilson's interval and the band of Dvoretzky, Kiefer and Wolfowitz. A design that
+balances who drives whom leaves less: with y = mean + effects of single vehicles' models + interactions of
+two, three and more vehicles' models, the variance of the mean over the rows of the design is
+
+    sum over orders k of s²(k) · b(k),
+
+s²(k) the variance that interactions of k vehicles make, b(k) the mean of the normed kernel of order k over
+all pairs of rows (1 / N for independent rows, 0 where the design balances the order). The design says b; the
+components s² are estimated from the products of residuals of pairs of rows, which they make alike the more,
+the more models two rows share; typical components are mixed in as if they had been seen in a few children.
+From the variance follow the effective number of independent children, p (1 - p) / variance, Wilson's interval
+with it, and the band, in proportion to the standard deviation.
+
+Source: variance components by quadratic forms, Rao 1971 (MINQUE); Wilson 1927; the coverage is measured by
+``benchmarks/intervals.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from math import comb
+from typing import Final
+
+import numpy as np
+from scipy.special import ndtri
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.errors import InputError
+from scex_sumo.statistics.density import CONFIDENCE, Interval, dkw_half_width
+
+ORDERS: Final = 3
+"""Interactions of more vehicles are not told apart from noise of single children."""
+
+FEWEST_CHILDREN: Final = 30
+"""With fewer, nothing is said about the components: the interval is that of independent draws."""
+
+_FORMS_FOR: Final = (0.5, 0.2, 0.1, 0.2)  # components by order, then the rest, that the forms are best for
+_TYPICAL: Final = (0.6, 0.2, 0.1, 0.1)  # components of shares before anything is seen
+_PRIOR_CHILDREN: Final = 30  # as many children are worth the typical components
+_BLOCK_ROWS: Final = 1024  # blocks of a design are independent of each other
+_THRESHOLDS: Final = 33
+_WIDEST: Final = 0.9  # quantile of the standard deviations over thresholds that makes the band
+
+
+class DesignIntervals:
+    """Intervals of shares, and bands of distributions, over the children of one design.
+
+    Attributes:
+        count: number of children.
+        balanced: False for independent draws, where the ordinary intervals are given.
+    """
+
+    def __init__(
+        self,
+        levels: IntArray,
+        *,
+        design: str,
+        shares: Sequence[FloatArray] | None = None,
+        confidence: float = CONFIDENCE,
+    ) -> None:
+        """Prepare for children.
+
+        Args:
+            levels: (C, V) model of each vehicle in each child, whole numbers from 0.
+            design: how the assignments were drawn; ``random`` gets the ordinary intervals.
+            shares: per vehicle, how often each level is meant to come; by default all levels that come,
+                equally often.
+            confidence: of the intervals.
+        """
+        self.count = len(levels)
+        self._confidence = confidence
+        factors = _factors(np.asarray(levels, dtype=np.int64), shares)
+        self.balanced = design != "random" and bool(factors) and self.count >= FEWEST_CHILDREN
+        self._blocks: list[_Block] = []
+        if self.balanced:
+            starts = range(0, self.count, _BLOCK_ROWS)
+            parts = [slice(start, start + _BLOCK_ROWS) for start in starts]
+            self._blocks = [_Block([(level[p], share) for level, share in factors], p) for p in parts]
+
+    def variance(self, values: FloatArray) -> FloatArray:
+        """(M,) variance of the means of values (C, M) over the children, as the design leaves it."""
+        if not self.balanced:
+            return np.asarray(values.var(axis=0) / max(self.count, 1))
+        forms = sum(block.forms(values[block.rows]) for block in self._blocks)
+        design = sum(block.design for block in self._blocks)
+        components = _nonnegative(np.asarray(design), np.asarray(forms))
+        return np.asarray(np.maximum(self._weight() @ components, 0.0))
+
+    def _weight(self) -> FloatArray:
+        """(K + 1,) variance of the mean that components of 1 make."""
+        parts = [block.kernel_means * (block.size / self.count) ** 2 for block in self._blocks]
+        return np.asarray(np.sum(parts, axis=0))
+
+    def share(self, critical: BoolArray) -> Interval:
+        """Share of the critical children with its interval; NaN in 0 to 1 without children.
+
+        Args:
+            critical: (C,) False also where a metric is undefined.
+        """
+        return self.all_shares(np.asarray(critical)[:, None])[0]
+
+    def all_shares(self, critical: BoolArray) -> list[Interval]:
+        """The same for many questions at once, (C, M)."""
+        hits = np.asarray(critical, dtype=np.float64)
+        if len(hits) != self.count:
+            raise InputError(f"intervals: {len(hits)} values for the {self.count} children of the design")
+        if self.count == 0:
+            return [Interval(value=float("nan"), low=0.0, high=1.0, count=0)] * hits.shape[1]
+        share = hits.mean(axis=0)
+        effective = self.effective_number(hits)
+        bounds = [
+            wilson_of(float(p), float(n), self._confidence) for p, n in zip(share, effective, strict=True)
+        ]
+        return [
+            Interval(value=float(p), low=low, high=high, count=self.count)
+            for p, (low, high) in zip(share, bounds, strict=True)
+        ]
+
+    def effective_number(self, critical: FloatArray) -> FloatArray:
+        """(M,) independent children that would be as sure of shares (C, M); no fewer than there are."""
+        share = critical.mean(axis=0)
+        spread = share * (1 - share)
+        number = np.full(spread.shape, float(self.count))
+        if not self.balanced:
+            return number
+        some = np.flatnonzero(spread > 0)
+        seen = self.count / (self.count + _PRIOR_CHILDREN)
+        typical = spread[some] * float(self._weight() @ self._blocks[0].of_orders(_TYPICAL))
+        variance = seen * self.variance(critical[:, some]) + (1 - seen) * typical
+        # A design of all assignments leaves nothing but rounding.
+        known = variance <= 1e-12 * spread[some]
+        ratio = spread[some] / np.where(known, 1.0, variance)
+        number[some] = np.where(known, np.inf, np.maximum(ratio, self.count))
+        return number
+
+    def half_width(self, values: FloatArray) -> float:
+        """Half-width of the band around the cumulative distribution of a metric, 0 to 1.
+
+        Args:
+            values: (C,) NaN where undefined; 1 where it is defined nowhere.
+        """
+        known = ~np.isnan(values)
+        if not known.any():
+            return 1.0
+        independent = min(dkw_half_width(int(known.sum()), self._confidence), 1.0)
+        if not self.balanced:
+            return independent
+        levels = np.arange(1, _THRESHOLDS + 1) / (_THRESHOLDS + 1)
+        limits = np.unique(np.quantile(values[known], levels, method="inverted_cdf"))
+        below = np.where(known[:, None], values[:, None] <= limits, 0.0)
+        # A share among the defined children is a ratio of two means: its linearised value of each child.
+        linear = np.where(known[:, None], below - below.sum(axis=0) / known.sum(), 0.0) / known.mean()
+        spread = np.quantile(np.sqrt(self.variance(linear)), _WIDEST)
+        # The band of independent draws is so many of the largest deviation that a share can have.
+        return min(independent, float(2 * spread * dkw_half_width(1, self._confidence)))
+
+
+def wilson_of(share: float, number: float, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Wilson's interval of a share of trials whose number need not be whole; inf gives the share alone."""
+    if not np.isfinite(number):
+        return share, share
+    z2 = float(ndtri(0.5 + confidence / 2)) ** 2
+    centre = (share * number + z2 / 2) / (number + z2)
+    half = np.sqrt(z2 * (share * (1 - share) * number + z2 / 4)) / (number + z2)
+    low = 0.0 if share == 0 else max(float(centre - half), 0.0)
+    high = 1.0 if share == 1 else min(float(centre + half), 1.0)
+    return low, high
+
+
+def _factors(levels: IntArray, shares: Sequence[FloatArray] | None) -> list[tuple[IntArray, FloatArray]]:
+    """Levels and their shares of the vehicles that are drawn at all."""
+    found = []
+    for vehicle in range(levels.shape[1] if levels.size else 0):
+        names, level = np.unique(levels[:, vehicle], return_inverse=True)
+        share = np.full(len(names), 1 / len(names))
+        if shares is not None:
+            share, level = np.asarray(shares[vehicle], dtype=np.float64), levels[:, vehicle]
+        if len(share) > 1:
+            found.append((level.reshape(-1).astype(np.int64), share))
+    return found
+
+
+class _Block:
+    """Rows of a design whose products are looked at together.
+
+    Attributes:
+        rows: which.
+        size: how many.
+        kernel_means: (K + 1,) mean of the normed kernel of each order over all pairs of rows, then the rest.
+        design: (K + 1, K + 1) what the quadratic forms are for components of 1.
+    """
+
+    def __init__(self, factors: Sequence[tuple[IntArray, FloatArray]], rows: slice) -> None:
+        self.rows, self.size = rows, len(factors[0][0])
+        every = _kernels(factors)
+        kernels = [*every[:ORDERS], np.eye(self.size)]
+        self._kernels = kernels
+        means = [float(kernel.mean()) for kernel in every]
+        # The rest is mostly of the next order, where there is one, then of the one after, or of routes drawn.
+        after = [*means[ORDERS:], 1 / self.size, 1 / self.size]
+        self.kernel_means = np.array([*means[:ORDERS], (2 * after[0] + after[1]) / 3])
+        prior = self.of_orders(_FORMS_FOR)
+        inverse = np.linalg.inv(sum(p * k for p, k in zip(prior, kernels, strict=True)))
+        sums = inverse.sum(axis=1)
+        # Projects the mean out: residuals of a mean that is itself estimated.
+        self._projection = inverse - np.outer(sums, sums) / sums.sum()
+        parts = [self._projection @ kernel for kernel in kernels]
+        self.design = np.array([[np.sum(a * b.T) for b in parts] for a in parts])
+
+    def of_orders(self, components: Sequence[float]) -> FloatArray:
+        """(K + 1,) components of the orders that there are, and of the rest."""
+        return np.array([*components[: len(self._kernels) - 1], components[-1]])
+
+    def forms(self, values: FloatArray) -> FloatArray:
+        """(K + 1, M) quadratic forms of the residuals of values (R, M)."""
+        residuals = self._projection @ values
+        return np.stack([(residuals * (kernel @ residuals)).sum(axis=0) for kernel in self._kernels])
+
+
+def _kernels(factors: Sequence[tuple[IntArray, FloatArray]]) -> list[FloatArray]:
+    """(R, R) mean over all groups of k vehicles of how alike two rows are in all k, by order k."""
+    rows, most = len(factors[0][0]), min(ORDERS + 2, len(factors))
+    sums = [np.ones((rows, rows)), *(np.zeros((rows, rows)) for _ in range(most))]
+    for level, share in factors:
+        alike = np.diag(1 / share)[np.ix_(level, level)]
+        alike -= 1
+        alike /= len(share) - 1
+        for order in range(most, 0, -1):
+            sums[order] += sums[order - 1] * alike
+    return [sums[order] / comb(len(factors), order) for order in range(1, most + 1)]
+
+
+def _nonnegative(design: FloatArray, forms: FloatArray) -> FloatArray:
+    """(K, M) least squares solution of design @ x = forms with x >= 0: the best of all sets of components."""
+    count = len(design)
+    best, found = np.zeros(forms.shape[1]), np.zeros(forms.shape)
+    for size in range(1, count + 1):
+        for members in combinations(range(count), size):
+            part = list(members)
+            solution = np.linalg.lstsq(design[np.ix_(part, part)], forms[part], rcond=None)[0]
+            cost = -(solution * forms[part]).sum(axis=0)
+            better = np.all(solution >= 0, axis=0) & (cost < best)
+            best = np.where(better, cost, best)
+            full = np.zeros(forms.shape)
+            full[part] = solution
+            found = np.where(better, full, found)
+    return found
