@@ -25,7 +25,6 @@ import numpy as np
 from calibrate import AHEAD, OFF_PATH_M, path_taken, present
 from recorded_scenes import recorded_parts
 from scipy.optimize import minimize
-from scipy.stats import t as student
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
@@ -36,11 +35,10 @@ from scex_sumo.behaviors.models.idm import (
     CURVE_TIME_S,
     IdmParameters,
     desired_speed,
-    seed_motion,
 )
 from scex_sumo.behaviors.models.likely_driver import HARDEST_MPS2, HEADWAY_S, KEPT_SHARE, RELIEF_MPS2, STRONGEST_MPS2
-from scex_sumo.behaviors.models.likely_seen import STANDING_MPS, asked_acceleration, leaders_of, path_features, queue_place, seen_of
-from scex_sumo.behaviors.models.population import DEGREES, MOST_ASIDE_M, SECONDS, SHIPPED
+from scex_sumo.behaviors.models.likely_seen import STANDING_MPS, asked_acceleration, leaders_of, path_features, queue_place, seen_of, shown_by
+from scex_sumo.behaviors.models.population import DEGREES, MOST_ASIDE_M, MOST_OWN_MPS2, SECONDS, SHIPPED
 from scex_sumo.scene import STEP_S, SeedScene, Who
 
 STEPS = 30
@@ -49,7 +47,6 @@ RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
 FOLLOWING = {"speed": 3.0, "opening": 1.0, "headway": 3.0}
 LEAST_CLASS = 60  # vehicles of a class that sets a scale of its own
 STARTED_M = 0.7  # a standing vehicle that came this far has started; less is the boxes' jitter
-OWN_LIMIT = 5.0
 SMOOTH = 1.0  # m of way that a difference of 1 m/s² between two seconds must explain
 
 
@@ -63,7 +60,8 @@ class Samples:
         gap: (n, 31) to the leader if the vehicle stood where it is, now and after each step, m.
         leader_speed: (n, 31) m/s.
         headway: (n,) shown, s.
-        features: (n, 4) shown.
+        features: (n, 5) shown, as in `Seen`.
+        unsure: (n, 3) likewise.
         limit: (n, AHEAD) m/s.
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.
         way: (n, 30) that the vehicle really made, m.
@@ -76,6 +74,7 @@ class Samples:
     leader_speed: FloatArray
     headway: FloatArray
     features: FloatArray
+    unsure: FloatArray
     limit: FloatArray
     curves: FloatArray
     way: FloatArray
@@ -107,7 +106,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
     history, who = present(scene), Who(child=np.zeros_like(vehicle), vehicle=vehicle)
     now, future, seen = scene.now[vehicle], scene.future[vehicle], seen_of(scene, paths)
     s, _, _ = project(paths, row, now.x, now.y, expected_way(history, who))
-    leaders = leaders_of(history, who, paths, row, s)
+    leaders = leaders_of(history, who, paths, row, s, seen.offset[row])
     gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, leaders.gap, leaders.speed)
     ways = [
         project(paths, row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s
@@ -121,14 +120,15 @@ def samples_of(scene: SeedScene) -> Samples | None:
     later = future[:, STEPS - 1]
     x, y = rear_axle(later, scene.length[vehicle])
     _, aside, _ = project(paths, row, x, y, s + ways[-1])
-    speed, acceleration = seed_motion(history, who)
+    shown = shown_by(scene)
     return Samples(
-        speed=speed,
-        acceleration=acceleration,
+        speed=shown.speed[vehicle],
+        acceleration=shown.acceleration[vehicle],
         gap=gap,
         leader_speed=leader_speed,
         headway=seen.headway[row],
         features=seen.features[row],
+        unsure=seen.unsure[row],
         limit=paths.speed_limit[row[:, None], at],
         curves=curves,
         way=np.stack(ways, axis=1),
@@ -193,7 +193,7 @@ def own_accelerations(samples: Samples, headway: FloatArray) -> FloatArray:
     own = np.zeros((len(samples.speed), SECONDS))
     for _ in range(6):
         missing = samples.way - drive(samples, headway, own)
-        own = np.clip(own + (missing @ one.T - own @ (smooth.T @ smooth)) @ response, -OWN_LIMIT, OWN_LIMIT)
+        own = np.clip(own + (missing @ one.T - own @ (smooth.T @ smooth)) @ response, -MOST_OWN_MPS2, MOST_OWN_MPS2)
     return own
 
 
@@ -208,35 +208,47 @@ def headway_of(samples: Samples) -> tuple[float, float]:
     return float(np.median(log)), float(1.4826 * np.median(np.abs(log - np.median(log))))
 
 
-def accelerations_of(samples: Samples, headway: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Means (K, 3, 4) and roots (K, 3, 3) of what drivers add, by class of speed."""
+def accelerations_of(samples: Samples, headway: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Means (K, 3, 5) and roots (K, 3, 3) of what drivers add, by class of speed, and (3,) what spreads it.
+
+    Expectation and maximisation of a Student distribution: means, scale matrices and spreads in turn.
+    """
     own = own_accelerations(samples, headway)
     left = samples.way - drive(samples, headway, own)
     print(f"own accelerations leave {np.abs(left[:, -1]).mean():.2f} m of the way after 3 s")
     k = np.searchsorted(SPEED_EDGES, samples.speed, side="right")
-    width = student.ppf(0.75, DEGREES) - student.ppf(0.25, DEGREES)
-    means, roots = [], []
-    for c in range(1, len(SPEED_EDGES) + 1):
+    classes, members = range(1, len(SPEED_EDGES) + 1), []
+    for c in classes:
         mine = np.flatnonzero(k == c)
-        if len(mine) < LEAST_CLASS:  # as the class below
-            means.append(means[-1])
-            roots.append(roots[-1])
-            continue
-        x, y = samples.features[mine], own[mine]
-        weight = np.ones(len(mine))
-        penalty = RIDGE * np.diag([0.0, 1.0, 1.0, 1.0])
-        for _ in range(5):  # iteratively reweighted: the mean of Student's distribution
-            b = np.linalg.solve((x * weight[:, None]).T @ x + penalty, (x * weight[:, None]).T @ y)
-            rest = y - x @ b
-            scale = (rest * weight[:, None]).T @ rest / len(mine) + 1e-4 * np.eye(SECONDS)
-            weight = (DEGREES + SECONDS) / (DEGREES + np.einsum("ni,ij,nj->n", rest, np.linalg.inv(scale), rest))
-        means.append(b.T)
-        roots.append(np.linalg.cholesky(scale))
-        wide = np.subtract(*np.quantile(rest, [0.75, 0.25], axis=0)) / width
-        print(f"class {c}: {len(mine)} vehicles, scale {np.sqrt(np.diag(scale)).round(2)}, by quartiles {wide.round(2)},"
-              f" mean\n{b.T.round(2)}")  # fmt: skip
+        members.append(mine if len(mine) >= LEAST_CLASS else members[-1])  # as the class below
+    unsure, weight = np.zeros(samples.unsure.shape[1]), np.ones(len(own))
+    for _ in range(12):
+        spread = np.exp(samples.unsure @ unsure)
+        means, roots, square = [], [], np.zeros(len(own))
+        for mine in members:
+            x, y, w = samples.features[mine], own[mine], (weight / spread**2)[mine, None]
+            w = w / w.mean()
+            penalty = RIDGE * np.diag([0.0, *np.ones(x.shape[1] - 1)])
+            b = np.linalg.solve((x * w).T @ x + penalty, (x * w).T @ y)
+            rest = (y - x @ b) / spread[mine, None]
+            scale = (rest * weight[mine, None]).T @ rest / len(mine) + 1e-4 * np.eye(SECONDS)
+            means.append(b.T)
+            roots.append(np.linalg.cholesky(scale))
+            square[mine] = np.einsum("ni,ij,nj->n", rest, np.linalg.inv(scale), rest)
+        weight = (DEGREES + SECONDS) / (DEGREES + square)
+
+        def cost(change: FloatArray, square: FloatArray = square) -> float:
+            log = samples.unsure @ change
+            far = np.log1p(square * np.exp(-2 * log) / DEGREES)
+            return float((SECONDS * log + (DEGREES + SECONDS) / 2 * far).mean())
+
+        unsure = unsure + minimize(cost, np.zeros_like(unsure), method="L-BFGS-B").x
+    for c, mine, b, root in zip(classes, members, means, roots, strict=True):
+        scale = np.sqrt(np.diag(root @ root.T)).round(2)
+        print(f"class {c}: {len(mine)} vehicles, scale {scale}, mean\n{b.round(2)}")
+    print(f"spread grows with exp of {unsure.round(2)} of scatter, acceleration, leader")
     # Who stands adds nothing until it drives, and then as the slow ones do.
-    return np.array([np.zeros_like(means[0]), *means]), np.array([roots[0], *roots])
+    return np.array([np.zeros_like(means[0]), *means]), np.array([roots[0], *roots]), unsure
 
 
 def starts_of(samples: Samples) -> list[float]:
@@ -307,7 +319,7 @@ def fit(scenes: Sequence[SeedScene]) -> dict[str, object]:
     shown = np.maximum(KEPT_SHARE * samples.headway, HEADWAY_S[0])
     headway = np.clip(np.minimum(np.exp(log_headway[0]), shown), *HEADWAY_S)
     moving = samples.speed >= STANDING_MPS
-    mean, root = accelerations_of(samples.part(moving), headway[moving])
+    mean, root, unsure = accelerations_of(samples.part(moving), headway[moving])
     begin, end = samples.offset[moving & (np.abs(samples.offset[:, 1]) < MOST_ASIDE_M)].T
     keeps = float(begin @ end / (begin @ begin))
     rest = end - keeps * begin
@@ -317,6 +329,7 @@ def fit(scenes: Sequence[SeedScene]) -> dict[str, object]:
         "speed_edges": SPEED_EDGES,
         "mean": mean.round(4).tolist(),
         "root": root.round(4).tolist(),
+        "unsure": unsure.round(4).tolist(),
         "headway": [round(v, 4) for v in log_headway],
         "start_rate": [round(v, 4) for v in starts_of(samples)],
         "keeps_side": round(keeps, 4),

@@ -42,6 +42,7 @@ def find_leaders(
     clearance: float,
     radius: float,
     obstacle_clearance: float = 1.5,
+    aside: FloatArray | None = None,
 ) -> Leaders:
     """Find the next vehicle or obstacle on or near each driver's path.
 
@@ -68,6 +69,8 @@ def find_leaders(
         clearance: m from the path to the other vehicle's centre.
         radius: perception radius, m.
         obstacle_clearance: m from the path to an obstacle's centre; pedestrians wait beside the lane.
+        aside: (n,) how far beside its path each driver keeps, m, left positive; distances to the path are to
+            that line. None is on the path.
     """
     others = everyone(history)
     size = max(1, MOST_PAIRS // max(1, others.length.size))
@@ -81,6 +84,7 @@ def find_leaders(
             s_centre[k],
             np.where(others.obstacle, obstacle_clearance, clearance),
             radius,
+            None if aside is None else aside[k],
         )
         for k in (slice(i, i + size) for i in range(0, max(1, len(who)), size))
     ]
@@ -100,6 +104,7 @@ def _leaders_of(
     s_centre: FloatArray,
     clearance: FloatArray,
     radius: float,
+    aside: FloatArray | None,
 ) -> Leaders:
     """Leaders of a part of the drivers; the clearance is that of each of the others, (M,)."""
     own = history.now[who.child, who.vehicle]
@@ -114,10 +119,14 @@ def _leaders_of(
         float(clearance.max(initial=0.0)),
         float(width.max(initial=0.0)) / 2 + CORRIDOR_MARGIN_M + others.longest / 2,
     )
+    if aside is not None:
+        reach += float(np.abs(aside).max(initial=0.0))
     near &= first.distance2 <= (reach + COARSE * DS_M) ** 2
     i, j = np.nonzero(near)
     x, y = ox[i, j], oy[i, j]
     s, offset, path_heading = refine(paths, row[i], first.s[i, j], x, y, 3)
+    if aside is not None:
+        offset = offset - aside[i]
     turn = others.states.heading[who.child[i], j] - path_heading
     cos, sin = np.cos(turn), np.sin(turn)
     half_length, half_width = others.length[j] / 2, others.width[j] / 2

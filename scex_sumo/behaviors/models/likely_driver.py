@@ -26,7 +26,6 @@ from scex_sumo.behaviors.models.idm import (
     curve_speeds,
     desired_speed,
     desired_speeds,
-    seed_motion,
 )
 from scex_sumo.behaviors.models.likely_seen import (
     STANDING_MPS,
@@ -35,6 +34,7 @@ from scex_sumo.behaviors.models.likely_seen import (
     path_edges,
     queue_place,
     seen_of,
+    shown_by,
 )
 from scex_sumo.behaviors.models.population import (
     MOST_ASIDE_M,
@@ -107,10 +107,11 @@ class LikelyDriver:
         drivers = self._drivers(history, road, who, paths, row)
         own = history.now[who.child, who.vehicle]
         s, _, _ = project(paths, row, own.x, own.y, expected_way(history, who))
-        leaders = leaders_of(history, who, paths, row, s)
+        aside = _aside(history, drivers)
+        leaders = leaders_of(history, who, paths, row, s, aside[:, 0])
         waits = self._waits(history, who, leaders)
         accelerate = _acceleration(history, who, paths, row, leaders, drivers, waits)
-        return drive(history, who, paths, row, accelerate, aside=_aside(history, drivers))
+        return drive(history, who, paths, row, accelerate, aside=aside)
 
     def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
         if self.profile.path != "fitted":
@@ -129,14 +130,15 @@ class LikelyDriver:
     ) -> Drivers:
         drawn = uniforms(history.route_draw[who.child, who.vehicle], 8, _DRIVER)
         spread, known = self.profile.spread, self.population
-        seen = seen_of(history.scene, paths)
-        speed = seen.speed[who.vehicle]
+        seen, speed = seen_of(history.scene, paths), shown_by(history.scene).speed[who.vehicle]
         headway = np.exp(known.headway[0] + spread * known.headway[1] * normals(drawn[:, 5]))
         shown = np.maximum(KEPT_SHARE * seen.headway[row], HEADWAY_S[0])
         side = known.keeps_side * seen.offset[row] + spread * known.side_m * normals(drawn[:, 6])
         return Drivers(
             headway=np.clip(np.minimum(headway, shown), *HEADWAY_S),
-            own=known.own_acceleration(speed, seen.features[row], spread * students(drawn[:, :5])),
+            own=known.own_acceleration(
+                speed, seen.features[row], seen.unsure[row], spread * students(drawn[:, :5])
+            ),
             side=np.clip(side, -MOST_ASIDE_M, MOST_ASIDE_M),
             seen=seen.offset[row],
         )
@@ -175,7 +177,8 @@ def _acceleration(
     curves = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
     first, last = row * paths.samples, paths.samples - 1
     ahead = REAR_AXLE_SHARE * history.scene.length[who.vehicle]
-    habit = seed_motion(history, who)
+    shown = shown_by(history.scene)
+    habit = (shown.speed[who.vehicle], shown.acceleration[who.vehicle])
     stood = habit[0] < STANDING_MPS
     profile = IdmParameters.of(CALIBRATED, time_headway=drivers.headway)
 

@@ -14,17 +14,18 @@ from scex_sumo.behaviors.driving.projection import project
 from scex_sumo.behaviors.models.idm import (
     CALIBRATED,
     CURVE_TIME_S,
+    HABIT_STEPS,
     IdmParameters,
     curve_speeds,
     idm_acceleration,
-    seed_motion,
 )
 from scex_sumo.behaviors.models.population import FAR_M, MOST_ASIDE_M, Population
 from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.scene import SceneHistory, SeedScene, Who
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, Who
 
 STANDING_MPS = 0.5
+CALM_MPS2 = 0.7  # accelerations that scatter this much around their mean tell half
 QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
 
 
@@ -34,8 +35,10 @@ def queue_place(gap_m: FloatArray, leader_speed_mps: FloatArray) -> IntArray:
     return np.where(near, np.where(np.abs(leader_speed_mps) < STANDING_MPS, 0, 1), 2)
 
 
-def leaders_of(history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray, s: FloatArray) -> Leaders:
-    """Leaders along paths, as ``calibrated_driver`` sees them; see `find_leaders`."""
+def leaders_of(
+    history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray, s: FloatArray, aside: FloatArray
+) -> Leaders:
+    """Leaders along paths as ``calibrated_driver`` sees them, for vehicles beside them; see `find_leaders`."""
     return find_leaders(
         history,
         who,
@@ -45,24 +48,8 @@ def leaders_of(history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray,
         clearance=CALIBRATED.clearance,
         radius=CALIBRATED.radius,
         obstacle_clearance=CALIBRATED.obstacle_clearance,
+        aside=aside,
     )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Seen:
-    """What the seed scene shows, by vehicle (V,) or by path (P,).
-
-    Attributes:
-        speed: (V,) m/s.
-        headway: (P,) time headway to the leader on that path, s; inf without one.
-        offset: (P,) of the rear axle from the path, left positive, m, within `MOST_ASIDE_M`.
-        features: (P, 4) see `scex_sumo.behaviors.models.population.FEATURES`.
-    """
-
-    speed: FloatArray
-    headway: FloatArray
-    offset: FloatArray
-    features: FloatArray
 
 
 def asked_acceleration(
@@ -94,16 +81,55 @@ def asked_acceleration(
     return np.minimum(np.minimum(free, following), slowing)
 
 
-def features_of(acceleration: FloatArray, following: FloatArray, opening: FloatArray) -> FloatArray:
-    """(n, 4) `FEATURES` of the population.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shown:
+    """What the last second of each vehicle shows, (V,).
 
-    Args:
-        acceleration: (n,) over the last half second, m/s².
-        following: (n,) what the Intelligent Driver Model does for the leader alone, m/s².
-        opening: (n,) speed difference to the leader, m/s; 0 where none is near.
+    Attributes:
+        speed: now, m/s.
+        acceleration: m/s², the less the more its single steps scatter: measured accelerations are mostly noise.
+        scatter: of the accelerations of single steps around that of the whole second, m/s².
+        lag: speed that a straight line through the second has now, less the speed now, m/s.
     """
-    limits = ((acceleration, -4.0, 4.0), (following, -4.0, 0.5), (opening, -8.0, 8.0))
-    return np.column_stack([np.ones_like(acceleration), *(np.clip(*values) for values in limits)])
+
+    speed: FloatArray
+    acceleration: FloatArray
+    scatter: FloatArray
+    lag: FloatArray
+
+
+@derived
+def shown_by(scene: SeedScene) -> Shown:
+    """What the last second of a seed scene shows of its vehicles."""
+    speed = scene.history.speed
+    time = STEP_S * (np.arange(speed.shape[1]) - (speed.shape[1] - 1) / 2)
+    slope = speed @ time / (time @ time)
+    late = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
+    scatter = np.sqrt(((np.diff(speed, axis=1) / STEP_S - slope[:, None]) ** 2).mean(axis=1))
+    calm = 1 / (1 + (scatter / CALM_MPS2) ** 2)
+    now = np.maximum(speed[:, -1], 0.0)
+    line = speed.mean(axis=1) + slope * time[-1]
+    return Shown(
+        speed=now, acceleration=calm * (calm * late + (1 - calm) * slope), scatter=scatter, lag=line - now
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Seen:
+    """What the seed scene shows along each path, (P,).
+
+    Attributes:
+        headway: time headway to the leader on that path, s; inf without one.
+        offset: of the rear axle from the path, left positive, m, within `MOST_ASIDE_M`.
+        features: (P, 5) what own accelerations depend on: 1, the acceleration shown, what the leader asks for,
+            speed difference to it, and the lag shown.
+        unsure: (P, 3) what their spread depends on: scatter, size of the acceleration, leader near or not.
+    """
+
+    headway: FloatArray
+    offset: FloatArray
+    features: FloatArray
+    unsure: FloatArray
 
 
 @derived
@@ -111,21 +137,31 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
     """What a seed scene shows of every vehicle along each of its paths."""
     history = SceneHistory.of_scene(scene)
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
-    row = np.arange(len(vehicle))
+    row, shown = np.arange(len(vehicle)), shown_by(scene)
     who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
-    now = scene.now[vehicle]
-    s, _, _ = project(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
-    leaders = leaders_of(history, who, paths, row, s)
-    speed, acceleration = seed_motion(history, who)
-    following = idm_acceleration(CALIBRATED, speed, np.full_like(speed, np.inf), leaders.gap, leaders.speed)
+    now, begin = scene.now[vehicle], np.full(len(vehicle), BEHIND_M)
     x, y = rear_axle(now, scene.length[vehicle])
-    _, offset, _ = project(paths, row, x, y, np.full(len(row), BEHIND_M))
-    opening = np.where(leaders.gap < FAR_M, leaders.speed - speed, 0.0)
+    offset = np.clip(project(paths, row, x, y, begin)[1], -MOST_ASIDE_M, MOST_ASIDE_M)
+    s, _, _ = project(paths, row, now.x, now.y, begin)
+    leaders = leaders_of(history, who, paths, row, s, offset)
+    speed, acceleration = shown.speed[vehicle], shown.acceleration[vehicle]
+    free = np.full_like(speed, np.inf)
+    following = idm_acceleration(CALIBRATED, speed, free, leaders.gap, leaders.speed)
+    near = leaders.gap < FAR_M
+    opening = np.where(near, leaders.speed - speed, 0.0)
+    limits = (
+        (acceleration, -4.0, 4.0),
+        (following, -4.0, 0.5),
+        (opening, -8.0, 8.0),
+        (shown.lag[vehicle], -2.0, 2.0),
+    )
     return Seen(
-        speed=np.maximum(scene.now.speed, 0.0),
         headway=leaders.gap / np.maximum(speed, 1.0),
-        offset=np.clip(offset, -MOST_ASIDE_M, MOST_ASIDE_M),
-        features=features_of(acceleration, following, opening),
+        offset=offset,
+        features=np.column_stack([np.ones_like(speed), *(np.clip(*values) for values in limits)]),
+        unsure=np.column_stack(
+            [np.log1p(shown.scatter[vehicle]), np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]
+        ),
     )
 
 

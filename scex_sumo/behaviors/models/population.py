@@ -17,9 +17,9 @@ from scex_sumo.arrays import FloatArray, IntArray
 
 SHIPPED = Path(__file__).parents[1] / "weights" / "likely_driver.json"
 SECONDS = 3  # for so many intervals of 1 s a driver's own acceleration is drawn; the last one goes on
-FEATURES = 4  # 1, acceleration shown, what the leader asks for, and speed difference to it
 FAR_M = 50.0  # a leader beyond this does not count for that
-MOST_ASIDE_M = 1.2  # from the path: further off, a vehicle is on its way somewhere
+MOST_OWN_MPS2 = 5.0
+MOST_ASIDE_M = 1.75  # from the path: further off, a vehicle is on its way somewhere
 DEGREES = 4  # of freedom of the drawn accelerations: people are at times far from what one expects
 _WEYL = np.uint64(0x9E3779B97F4A7C15)
 
@@ -30,8 +30,10 @@ class Population:
 
     Attributes:
         speed_edges: (K - 1,) m/s between the K classes by speed in the seed scene.
-        mean: (K, 3, 4) the expected own acceleration in each of three seconds, m/s², linear in `FEATURES`.
-        root: (K, 3, 3) lower triangular; root @ root.T is the scale matrix of what is left, (m/s²)².
+        mean: (K, 3, 5) the expected own acceleration in each of three seconds, m/s², linear in what the seed
+            scene shows, ``Seen.features``.
+        root: (K, 3, 3) lower triangular; root @ root.T is the scale matrix of what is left, (m/s²)²,
+        unsure: (3,) and its square root grows as exp(unsure @ ``Seen.unsure``).
         headway: mean and standard deviation of the logarithm of the time headway in s.
         start_rate: 1/s at which a standing vehicle starts: behind a standing leader, behind a moving one, alone.
         keeps_side: share of its offset from the path that a vehicle still has after 3 s,
@@ -42,6 +44,7 @@ class Population:
     speed_edges: FloatArray
     mean: FloatArray
     root: FloatArray
+    unsure: FloatArray
     headway: tuple[float, float]
     start_rate: tuple[float, float, float]
     keeps_side: float
@@ -52,27 +55,31 @@ class Population:
         """(n,) class of each speed."""
         return np.searchsorted(self.speed_edges, speed, side="right").astype(np.int64)
 
-    def own_acceleration(self, speed: FloatArray, features: FloatArray, draw: FloatArray) -> FloatArray:
+    def own_acceleration(
+        self, speed: FloatArray, features: FloatArray, unsure: FloatArray, draw: FloatArray
+    ) -> FloatArray:
         """What each driver adds to the acceleration that the situation asks for.
 
         Args:
             speed: (n,) in the seed scene, m/s.
-            features: (n, 4) see `FEATURES`.
+            features: (n, 5) as in ``Seen``.
+            unsure: (n, 3) likewise.
             draw: (n, 3) of Student's distribution with `DEGREES`; 0 is the expected driver.
 
         Returns:
             (n, 3) m/s² in each of three seconds.
         """
         k = self.speed_class(speed)
-        own: FloatArray = np.einsum("nij,nj->ni", self.mean[k], features)
-        return own + np.einsum("nij,nj->ni", self.root[k], draw)
+        spread = np.exp(unsure @ self.unsure)[:, None] * np.einsum("nij,nj->ni", self.root[k], draw)
+        own: FloatArray = np.einsum("nij,nj->ni", self.mean[k], features) + spread
+        return np.clip(own, -MOST_OWN_MPS2, MOST_OWN_MPS2)
 
 
 @cache
 def population() -> Population:
     """The shipped population."""
     given = json.loads(SHIPPED.read_text(encoding="utf-8"))
-    arrays = {name: np.array(given[name]) for name in ("speed_edges", "mean", "root", "path")}
+    arrays = {name: np.array(given[name]) for name in ("speed_edges", "mean", "root", "unsure", "path")}
     pairs = {"headway": tuple(given["headway"]), "start_rate": tuple(given["start_rate"])}
     return Population(**arrays, **pairs, keeps_side=given["keeps_side"], side_m=given["side_m"])
 
