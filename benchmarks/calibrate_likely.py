@@ -60,7 +60,7 @@ class Samples:
         gap: (n, 31) to the leader if the vehicle stood where it is, now and after each step, m.
         leader_speed: (n, 31) m/s.
         headway: (n,) shown, s.
-        features: (n, 5) shown, as in `Seen`.
+        features: (n, 7) shown, as in `Seen`.
         unsure: (n, 3) likewise.
         limit: (n, AHEAD) m/s.
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.
@@ -209,7 +209,7 @@ def headway_of(samples: Samples) -> tuple[float, float]:
 
 
 def accelerations_of(samples: Samples, headway: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Means (K, 3, 5) and roots (K, 3, 3) of what drivers add, by class of speed, and (3,) what spreads it.
+    """Means (K, 3, 7) and roots (K, 3, 3) of what drivers add, by class of speed, and (3,) what spreads it.
 
     Expectation and maximisation of a Student distribution: means, scale matrices and spreads in turn.
     """

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
 from scex_sumo.behaviors.driving.motion import rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
@@ -26,6 +26,8 @@ from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, Who
 
 STANDING_MPS = 0.5
 CALM_MPS2 = 0.7  # accelerations that scatter this much around their mean tell half
+CLEARANCE_M = 1.2  # of another vehicle's centre from the line that a driver keeps to
+MARGIN_M = -0.2  # measured boxes of who drives beside a vehicle may touch its own
 QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
 
 
@@ -45,10 +47,11 @@ def leaders_of(
         paths,
         row,
         s,
-        clearance=CALIBRATED.clearance,
+        clearance=CLEARANCE_M,
         radius=CALIBRATED.radius,
         obstacle_clearance=CALIBRATED.obstacle_clearance,
         aside=aside,
+        margin=MARGIN_M,
     )
 
 
@@ -121,8 +124,8 @@ class Seen:
     Attributes:
         headway: time headway to the leader on that path, s; inf without one.
         offset: of the rear axle from the path, left positive, m, within `MOST_ASIDE_M`.
-        features: (P, 5) what own accelerations depend on: 1, the acceleration shown, what the leader asks for,
-            speed difference to it, and the lag shown.
+        features: (P, 7) what own accelerations depend on: 1, the acceleration shown, what the leader asks for,
+            speed difference to it, the lag shown, the leader's acceleration, speed below the limit.
         unsure: (P, 3) what their spread depends on: scatter, size of the acceleration, leader near or not.
     """
 
@@ -151,9 +154,11 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
     opening = np.where(near, leaders.speed - speed, 0.0)
     limits = (
         (acceleration, -4.0, 4.0),
-        (following, -4.0, 0.5),
+        (following, -4.0, 1.6),
         (opening, -8.0, 8.0),
         (shown.lag[vehicle], -2.0, 2.0),
+        (_of_leader(leaders, near, shown.acceleration), -3.0, 3.0),
+        (paths.speed_limit[row, int((BEHIND_M + 10.0) / DS_M)] - speed, -5.0, 10.0),
     )
     return Seen(
         headway=leaders.gap / np.maximum(speed, 1.0),
@@ -163,6 +168,12 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
             [np.log1p(shown.scatter[vehicle]), np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]
         ),
     )
+
+
+def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatArray:
+    """(P,) a value of each path's leader, of (V,) values; 0 where it is not near, or no vehicle."""
+    known = near & (leaders.index >= 0) & (leaders.index < len(values))
+    return np.where(known, values[np.where(known, leaders.index, 0)], 0.0)
 
 
 def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:

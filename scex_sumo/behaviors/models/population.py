@@ -30,7 +30,7 @@ class Population:
 
     Attributes:
         speed_edges: (K - 1,) m/s between the K classes by speed in the seed scene.
-        mean: (K, 3, 5) the expected own acceleration in each of three seconds, m/s², linear in what the seed
+        mean: (K, 3, 7) the expected own acceleration in each of three seconds, m/s², linear in what the seed
             scene shows, ``Seen.features``.
         root: (K, 3, 3) lower triangular; root @ root.T is the scale matrix of what is left, (m/s²)²,
         unsure: (3,) and its square root grows as exp(unsure @ ``Seen.unsure``).
@@ -62,7 +62,7 @@ class Population:
 
         Args:
             speed: (n,) in the seed scene, m/s.
-            features: (n, 5) as in ``Seen``.
+            features: (n, 7) as in ``Seen``.
             unsure: (n, 3) likewise.
             draw: (n, 3) of Student's distribution with `DEGREES`; 0 is the expected driver.
 
