@@ -17,13 +17,13 @@ import argparse
 import dataclasses
 import json
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from calibrate import AHEAD, OFF_PATH_M, path_taken, present
-from recorded_scenes import recorded_parts
+from recorded_scenes import EVERY_S, recorded_parts
 from scipy.optimize import minimize
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
@@ -38,13 +38,14 @@ from scex_sumo.behaviors.models.idm import (
 )
 from scex_sumo.behaviors.models.likely_driver import HARDEST_MPS2, HEADWAY_S, KEPT_SHARE, RELIEF_MPS2, STRONGEST_MPS2
 from scex_sumo.behaviors.models.likely_seen import STANDING_MPS, asked_acceleration, leaders_of, path_features, queue_place, seen_of, shown_by
-from scex_sumo.behaviors.models.population import DEGREES, MOST_ASIDE_M, MOST_OWN_MPS2, SECONDS, SHIPPED
+from scex_sumo.behaviors.models.population import DEGREES, MOST_ASIDE_M, MOST_OWN_MPS2, SECONDS, SHIPPED, Population, population
 from scex_sumo.scene import STEP_S, SeedScene, Who
 
 STEPS = 30
 SPEED_EDGES = (STANDING_MPS, 3.0, 7.0, 12.0, 20.0)
 RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
 FOLLOWING = {"speed": 3.0, "opening": 1.0, "headway": 3.0}
+DRAWS, TURNS = 40, 16  # of the settling
 LEAST_CLASS = 60  # vehicles of a class that sets a scale of its own
 STARTED_M = 0.7  # a standing vehicle that came this far has started; less is the boxes' jitter
 SMOOTH = 1.0  # m of way that a difference of 1 m/s² between two seconds must explain
@@ -208,7 +209,9 @@ def headway_of(samples: Samples) -> tuple[float, float]:
     return float(np.median(log)), float(1.4826 * np.median(np.abs(log - np.median(log))))
 
 
-def accelerations_of(samples: Samples, headway: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def accelerations_of(
+    samples: Samples, headway: FloatArray, importance: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Means (K, 3, 7) and roots (K, 3, 3) of what drivers add, by class of speed, and (3,) what spreads it.
 
     Expectation and maximisation of a Student distribution: means, scale matrices and spreads in turn.
@@ -226,12 +229,13 @@ def accelerations_of(samples: Samples, headway: FloatArray) -> tuple[FloatArray,
         spread = np.exp(samples.unsure @ unsure)
         means, roots, square = [], [], np.zeros(len(own))
         for mine in members:
-            x, y, w = samples.features[mine], own[mine], (weight / spread**2)[mine, None]
+            x, y, w = samples.features[mine], own[mine], (importance * weight / spread**2)[mine, None]
             w = w / w.mean()
             penalty = RIDGE * np.diag([0.0, *np.ones(x.shape[1] - 1)])
             b = np.linalg.solve((x * w).T @ x + penalty, (x * w).T @ y)
             rest = (y - x @ b) / spread[mine, None]
-            scale = (rest * weight[mine, None]).T @ rest / len(mine) + 1e-4 * np.eye(SECONDS)
+            each = importance[mine] / importance[mine].mean()
+            scale = (rest * (each * weight[mine])[:, None]).T @ rest / len(mine) + 1e-4 * np.eye(SECONDS)
             means.append(b.T)
             roots.append(np.linalg.cholesky(scale))
             square[mine] = np.einsum("ni,ij,nj->n", rest, np.linalg.inv(scale), rest)
@@ -240,7 +244,7 @@ def accelerations_of(samples: Samples, headway: FloatArray) -> tuple[FloatArray,
         def cost(change: FloatArray, square: FloatArray = square) -> float:
             log = samples.unsure @ change
             far = np.log1p(square * np.exp(-2 * log) / DEGREES)
-            return float((SECONDS * log + (DEGREES + SECONDS) / 2 * far).mean())
+            return float((importance * (SECONDS * log + (DEGREES + SECONDS) / 2 * far)).mean())
 
         unsure = unsure + minimize(cost, np.zeros_like(unsure), method="L-BFGS-B").x
     for c, mine, b, root in zip(classes, members, means, roots, strict=True):
@@ -249,6 +253,35 @@ def accelerations_of(samples: Samples, headway: FloatArray) -> tuple[FloatArray,
     print(f"spread grows with exp of {unsure.round(2)} of scatter, acceleration, leader")
     # Who stands adds nothing until it drives, and then as the slow ones do.
     return np.array([np.zeros_like(means[0]), *means]), np.array([roots[0], *roots]), unsure
+
+
+def settled(known: Population, samples: Samples, headway: FloatArray, weight: FloatArray) -> Population:
+    """Shift, spread and skew of each class, until the way after 3 s is where its draws say it is.
+
+    As often above as below their median, outside 5-95 % one time in ten, and there as often above as below:
+    what a driver adds acts through a leader, a limit and a standstill, which the regression does not see.
+    """
+    rng, y = np.random.default_rng(0), samples.way[:, -1]
+    draws = [rng.standard_t(DEGREES, (len(y), SECONDS)) for _ in range(DRAWS)]
+    mean, root, skew = known.mean.copy(), known.root.copy(), known.skew.copy()
+    k = known.speed_class(samples.speed)
+    for turn in range(TURNS):
+        now = dataclasses.replace(known, mean=mean, root=root, skew=skew)
+        own = (now.own_acceleration(samples.speed, samples.features, samples.unsure, d) for d in draws)
+        ways = np.stack([drive(samples, headway, a)[:, -1] for a in own])
+        low, middle, high = np.quantile(ways, [0.05, 0.5, 0.95], axis=0)
+        gain = 1.0 / (1 + turn / 4)
+        for c in np.unique(k):
+            w = weight[k == c] / weight[k == c].sum()
+            above, below = float(w @ (y > high)[k == c]), float(w @ (y < low)[k == c])
+            lift = float(w @ (y > middle)[k == c]) - 0.5
+            mean[c, :, 0] += gain * lift * np.sqrt(np.diag(root[c] @ root[c].T))
+            root[c] *= np.exp(np.clip(gain * 1.5 * (above + below - 0.1), -0.3, 0.3))
+            skew[c] = np.clip(skew[c] + gain * (above - below), -0.7, 0.7)
+            if turn == TURNS - 1:
+                print(f"class {c}: above {above:.2f}, below {below:.2f}, lift {lift:+.2f}, skew {skew[c]:+.2f}")
+    root[0] = root[1]
+    return dataclasses.replace(known, mean=mean, root=root, skew=skew)
 
 
 def starts_of(samples: Samples) -> list[float]:
@@ -310,16 +343,32 @@ def paths_of(scenes: Sequence[SeedScene]) -> FloatArray:
     return np.asarray(result.x)
 
 
-def fit(scenes: Sequence[SeedScene]) -> dict[str, object]:
-    """The population, as in `scex_sumo.behaviors.models.population.Population`."""
-    found = [s for s in map(samples_of, scenes) if s is not None]
-    samples = Samples.joined(found)
+def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
+    """The population, as in `scex_sumo.behaviors.models.population.Population`.
+
+    A data set counts as the square root of its vehicles: the largest shall not decide alone.
+    """
+    scenes = [scene for part in sets.values() for scene in part]
+    found = [[s for s in map(samples_of, part) if s is not None] for part in sets.values()]
+    samples = Samples.joined([s for part in found for s in part])
+    count = np.array([sum(len(s.speed) for s in part) for part in found])
+    weight = np.repeat(1 / np.sqrt(np.maximum(count, 1)), count)
     print(f"{len(scenes)} moments, {len(samples.speed)} vehicles")
     log_headway = headway_of(samples)
     shown = np.maximum(KEPT_SHARE * samples.headway, HEADWAY_S[0])
     headway = np.clip(np.minimum(np.exp(log_headway[0]), shown), *HEADWAY_S)
     moving = samples.speed >= STANDING_MPS
-    mean, root, unsure = accelerations_of(samples.part(moving), headway[moving])
+    driving = samples.part(moving)
+    mean, root, unsure = accelerations_of(driving, headway[moving], weight[moving] / weight[moving].mean())
+    regressed = dataclasses.replace(
+        population(),
+        speed_edges=np.array(SPEED_EDGES),
+        mean=mean,
+        root=root,
+        unsure=unsure,
+        skew=np.zeros(len(mean)),
+    )
+    known = settled(regressed, driving, headway[moving], weight[moving])
     begin, end = samples.offset[moving & (np.abs(samples.offset[:, 1]) < MOST_ASIDE_M)].T
     keeps = float(begin @ end / (begin @ begin))
     rest = end - keeps * begin
@@ -327,9 +376,10 @@ def fit(scenes: Sequence[SeedScene]) -> dict[str, object]:
     print(f"offsets: keeps {keeps:.2f}, rest {side:.2f} m (standard deviation {rest.std():.2f})")
     return {
         "speed_edges": SPEED_EDGES,
-        "mean": mean.round(4).tolist(),
-        "root": root.round(4).tolist(),
+        "mean": known.mean.round(4).tolist(),
+        "root": known.root.round(4).tolist(),
         "unsure": unsure.round(4).tolist(),
+        "skew": known.skew.round(4).tolist(),
         "headway": [round(v, 4) for v in log_headway],
         "start_rate": [round(v, 4) for v in starts_of(samples)],
         "keeps_side": round(keeps, 4),
@@ -343,8 +393,8 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", "../shared/data")))
     parser.add_argument("-o", "--out", type=Path, default=SHIPPED)
     arguments = parser.parse_args()
-    scenes = list(recorded_parts(arguments.data, "train"))
-    arguments.out.write_text(json.dumps(fit(scenes), indent=1) + "\n", encoding="utf-8")
+    sets = {name: list(recorded_parts(arguments.data, name, "train")) for name in EVERY_S}
+    arguments.out.write_text(json.dumps(fit(sets), indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

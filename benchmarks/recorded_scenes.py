@@ -49,16 +49,16 @@ NGSIM_VALIDATION = ("Lanker-2_16",)
 EVERY_S = {"taf_bw": 1.0, "mona": 4.0, "ngsim": 1.5}
 
 
-def recorded_parts(data: Path, part: Part) -> Iterator[SeedScene]:
-    """Moments of a part of TAF-BW and MONA, split by time, and of NGSIM, split by file."""
-    for name in SETS:
+def recorded_parts(data: Path, name: str, part: Part) -> Iterator[SeedScene]:
+    """Moments of a part of a data set: TAF-BW and MONA are split by time, NGSIM by file."""
+    if name in SETS:
         yield from recorded(data / name, part, every_s=EVERY_S[name])
-    for recording in find_recordings([data / "ngsim"]):
-        if part != ngsim_part(recording.name):
-            continue
-        loaded = load_recording(recording)
-        for moment in recording_moments(loaded, every_s=EVERY_S["ngsim"])[1:]:
-            yield seed_at(loaded, moment.time_s)
+        return
+    for recording in find_recordings([data / name]):
+        if part == ngsim_part(recording.name):
+            loaded = load_recording(recording)
+            for moment in recording_moments(loaded, every_s=EVERY_S[name])[1:]:
+                yield seed_at(loaded, moment.time_s)
 
 
 def ngsim_part(name: str) -> Part:

@@ -34,6 +34,7 @@ class Population:
             scene shows, ``Seen.features``.
         root: (K, 3, 3) lower triangular; root @ root.T is the scale matrix of what is left, (m/s²)²,
         unsure: (3,) and its square root grows as exp(unsure @ ``Seen.unsure``).
+        skew: (K,) draws that accelerate are exp(skew) times as large, those that brake exp(-skew) times.
         headway: mean and standard deviation of the logarithm of the time headway in s.
         start_rate: 1/s at which a standing vehicle starts: behind a standing leader, behind a moving one, alone.
         keeps_side: share of its offset from the path that a vehicle still has after 3 s,
@@ -45,6 +46,7 @@ class Population:
     mean: FloatArray
     root: FloatArray
     unsure: FloatArray
+    skew: FloatArray
     headway: tuple[float, float]
     start_rate: tuple[float, float, float]
     keeps_side: float
@@ -70,8 +72,9 @@ class Population:
             (n, 3) m/s² in each of three seconds.
         """
         k = self.speed_class(speed)
-        spread = np.exp(unsure @ self.unsure)[:, None] * np.einsum("nij,nj->ni", self.root[k], draw)
-        own: FloatArray = np.einsum("nij,nj->ni", self.mean[k], features) + spread
+        drawn = np.einsum("nij,nj->ni", self.root[k], draw)
+        size = np.exp(unsure @ self.unsure + self.skew[k] * np.sign(drawn.sum(axis=1)))
+        own: FloatArray = np.einsum("nij,nj->ni", self.mean[k], features) + size[:, None] * drawn
         return np.clip(own, -MOST_OWN_MPS2, MOST_OWN_MPS2)
 
 
@@ -79,7 +82,7 @@ class Population:
 def population() -> Population:
     """The shipped population."""
     given = json.loads(SHIPPED.read_text(encoding="utf-8"))
-    arrays = {name: np.array(given[name]) for name in ("speed_edges", "mean", "root", "unsure", "path")}
+    arrays = {name: np.array(given[name]) for name in ("speed_edges", "mean", "root", "unsure", "skew", "path")}
     pairs = {"headway": tuple(given["headway"]), "start_rate": tuple(given["start_rate"])}
     return Population(**arrays, **pairs, keeps_side=given["keeps_side"], side_m=given["side_m"])
 
