@@ -30,11 +30,16 @@ from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.sumo_models import SUMO_MODELS, check_driver
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
+LIKELY_MODELS = "likely_driver"
 ENTRY_POINTS = "scex_sumo.behaviors"
 SUMO = "sumo"
 # Names for several models at once. The default has no learned ones, though the paper does: what a run gives
 # must not depend on which extras are installed, and torch takes longer to load than such a run.
-SETS: Mapping[str, str] = {"rules": DEFAULT_MODELS, "paper": ",".join((DEFAULT_MODELS, *LEARNED))}
+SETS: Mapping[str, str] = {
+    "likely": LIKELY_MODELS,
+    "rules": DEFAULT_MODELS,
+    "paper": ",".join((DEFAULT_MODELS, *LEARNED)),
+}
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
