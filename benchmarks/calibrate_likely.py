@@ -36,9 +36,31 @@ from scex_sumo.behaviors.models.idm import (
     IdmParameters,
     desired_speed,
 )
-from scex_sumo.behaviors.models.likely_driver import HARDEST_MPS2, HEADWAY_S, KEPT_SHARE, RELIEF_MPS2, STRONGEST_MPS2
-from scex_sumo.behaviors.models.likely_seen import STANDING_MPS, asked_acceleration, leaders_of, path_features, queue_place, seen_of, shown_by
-from scex_sumo.behaviors.models.population import DEGREES, MOST_ASIDE_M, MOST_OWN_MPS2, SECONDS, SHIPPED, Population, population
+from scex_sumo.behaviors.models.likely_driver import (
+    HARDEST_MPS2,
+    HEADWAY_S,
+    KEPT_SHARE,
+    RELIEF_MPS2,
+    STRONGEST_MPS2,
+)
+from scex_sumo.behaviors.models.likely_seen import (
+    STANDING_MPS,
+    asked_acceleration,
+    leaders_of,
+    path_features,
+    queue_place,
+    seen_of,
+    shown_by,
+)
+from scex_sumo.behaviors.models.population import (
+    DEGREES,
+    MOST_ASIDE_M,
+    MOST_OWN_MPS2,
+    SECONDS,
+    SHIPPED,
+    Population,
+    population,
+)
 from scex_sumo.scene import STEP_S, SeedScene, Who
 
 STEPS = 30
@@ -138,7 +160,13 @@ def samples_of(scene: SeedScene) -> Samples | None:
 
 
 def _leader_ways(
-    scene: SeedScene, paths: SeedPaths, row: IntArray, s: FloatArray, index: IntArray, gap: FloatArray, speed: FloatArray
+    scene: SeedScene,
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    index: IntArray,
+    gap: FloatArray,
+    speed: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """(n, 31) gap to where the leader really was after each step, and its speed; at constant speed unrecorded."""
     assert scene.future is not None and scene.future_valid is not None
@@ -194,7 +222,9 @@ def own_accelerations(samples: Samples, headway: FloatArray) -> FloatArray:
     own = np.zeros((len(samples.speed), SECONDS))
     for _ in range(6):
         missing = samples.way - drive(samples, headway, own)
-        own = np.clip(own + (missing @ one.T - own @ (smooth.T @ smooth)) @ response, -MOST_OWN_MPS2, MOST_OWN_MPS2)
+        own = np.clip(
+            own + (missing @ one.T - own @ (smooth.T @ smooth)) @ response, -MOST_OWN_MPS2, MOST_OWN_MPS2
+        )
     return own
 
 
@@ -279,7 +309,9 @@ def settled(known: Population, samples: Samples, headway: FloatArray, weight: Fl
             root[c] *= np.exp(np.clip(gain * 1.5 * (above + below - 0.1), -0.3, 0.3))
             skew[c] = np.clip(skew[c] + gain * (above - below), -0.7, 0.7)
             if turn == TURNS - 1:
-                print(f"class {c}: above {above:.2f}, below {below:.2f}, lift {lift:+.2f}, skew {skew[c]:+.2f}")
+                print(
+                    f"class {c}: above {above:.2f}, below {below:.2f}, lift {lift:+.2f}, skew {skew[c]:+.2f}"
+                )
     root[0] = root[1]
     return dataclasses.replace(known, mean=mean, root=root, skew=skew)
 
@@ -339,7 +371,9 @@ def paths_of(scenes: Sequence[SeedScene]) -> FloatArray:
 
     result = minimize(cost, np.array([0.2, 0.5, 2.0, 0.2]), method="L-BFGS-B", bounds=[(0.0, 20.0)] * 4)
     n = max(len(found), 1)
-    print(f"  log loss {cost(np.zeros(4)) / n:.3f} by shares alone, {result.fun / n:.3f} fitted: {result.x.round(2)}")
+    print(
+        f"  log loss {cost(np.zeros(4)) / n:.3f} by shares alone, {result.fun / n:.3f} fitted: {result.x.round(2)}"
+    )
     return np.asarray(result.x)
 
 
@@ -389,7 +423,9 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", "../shared/data")))
     parser.add_argument("-o", "--out", type=Path, default=SHIPPED)
     arguments = parser.parse_args()

@@ -69,7 +69,9 @@ def _print_scores(done: Validation) -> None:
     from scex_sumo.reports.run_table import print_table
 
     info = done.info
-    print(f"{info['seeds']} seed scenes of {info['recordings']} recordings, models {', '.join(info['models'])}")
+    print(
+        f"{info['seeds']} seed scenes of {info['recordings']} recordings, models {', '.join(info['models'])}"
+    )
     print(
         f"mean Brier score of the paper's thresholds {info['mean_brier']:.3f}, "
         f"of the base rate {info['mean_brier_base_rate']:.3f}; P(collision) {info['p_collision']:.2%}"
@@ -86,8 +88,6 @@ def _print_scores(done: Validation) -> None:
     for name in ("value", "cases", "CRPS skill", "within 5-95 %"):
         values.add_column(name, justify="left" if name == "value" else "right")
     for row in done.tables["values"].to_pylist():
-        values.add_row(
-            row["column"], str(row["count"]), f"{row['crps_skill']:.2f}", f"{row['coverage']:.0%}"
-        )
+        values.add_row(row["column"], str(row["count"]), f"{row['crps_skill']:.2f}", f"{row['coverage']:.0%}")
     for each in (table, values):
         print_table(each, Console(width=None if sys.stdout.isatty() else 140))

@@ -68,7 +68,11 @@ def brier_parts(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) ->
     told = float(share @ (diagram.observed - base) ** 2)
     score, unsure = brier(forecast, happened), base * (1 - base)
     return BrierParts(
-        score=score, reliability=off, resolution=told, uncertainty=unsure, within=score - (off - told + unsure)
+        score=score,
+        reliability=off,
+        resolution=told,
+        uncertainty=unsure,
+        within=score - (off - told + unsure),
     )
 
 

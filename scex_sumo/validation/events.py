@@ -41,7 +41,12 @@ class Event:
 def _paper(column: str, threshold: float) -> Event:
     metric = metric_of(column)
     sign = "≤" if side_of(column) == "left" else "≥"
-    return Event(name=f"{metric.label or column} {sign} {threshold:.3g}", column=column, threshold=threshold, paper=True)
+    return Event(
+        name=f"{metric.label or column} {sign} {threshold:.3g}",
+        column=column,
+        threshold=threshold,
+        paper=True,
+    )
 
 
 EVENTS: Final = (

@@ -71,7 +71,9 @@ def _forecast(task: MomentTask, road: Road, net: SumoNet) -> Forecast:
     if not judged.any():
         raise TrackError(f"no vehicle is recorded for {steps} steps after it; take another moment")
     asked = dataclasses.replace(task.settings.run, metrics=METRICS, keep_plans=False)
-    plain = RunSettings(models="constant_velocity", children=1, steps=steps, metrics=METRICS, keep_plans=False)
+    plain = RunSettings(
+        models="constant_velocity", children=1, steps=steps, metrics=METRICS, keep_plans=False
+    )
     children = _run(scene, net, asked, built(task.settings.models), len(task.children))
     straight = _run(scene, net, plain, ModelSet.of(plain), 1)
     first = _run(scene, net, dataclasses.replace(plain, steps=1), ModelSet.of(plain), 1)
@@ -137,9 +139,7 @@ def _collided(scene: SeedScene, after: States, present: BoolArray | None = None)
     return find_collisions(tracks).any_of(after.shape[0])
 
 
-def _children_table(
-    columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArray, BoolArray]]
-) -> pa.Table:
+def _children_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArray, BoolArray]]) -> pa.Table:
     values = np.concatenate([part[1] for part in rows])
     data = {"child": pa.array(np.concatenate([part[0] for part in rows]), pa.int32())}
     for index, name in enumerate(columns):

@@ -54,7 +54,9 @@ _POSITION_COLUMNS = (
 )
 
 
-def write_page(folder: Path, info: Mapping[str, Any], rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
+def write_page(
+    folder: Path, info: Mapping[str, Any], rows: Mapping[str, Sequence[Mapping[str, Any]]]
+) -> None:
     """Write ``validation.html``.
 
     Args:
@@ -113,7 +115,9 @@ def _diagram(row: Mapping[str, Any]) -> str:
     dots = "".join(
         f'<circle cx="{10 + 160 * p:.1f}" cy="{170 - 160 * o:.1f}" r="{3 + 14 * math.sqrt(n / total):.1f}" '
         'fill="#1f77b4" fill-opacity=".6"/>'
-        for p, o, n in zip(row["diagram_forecast"], row["diagram_observed"], row["diagram_count"], strict=True)
+        for p, o, n in zip(
+            row["diagram_forecast"], row["diagram_observed"], row["diagram_count"], strict=True
+        )
     )
     frame = '<rect x="10" y="10" width="160" height="160" fill="none" stroke="#999"/>'
     line = '<line x1="10" y1="170" x2="170" y2="10" stroke="#999" stroke-dasharray="4"/>'

@@ -165,5 +165,7 @@ def _nearest(states: States, length: FloatArray, width: FloatArray) -> tuple[Flo
         ahead[:, :, v] = np.take_along_axis(room, first, axis=2)[:, :, 0]
         leader = np.take_along_axis(states.speed[:, :, rest], first, axis=2)[:, :, 0]
         closing = np.maximum(states.speed[:, :, v] - leader, 1e-6)
-        ttc[:, :, v] = np.minimum(np.where(np.isfinite(ahead[:, :, v]), ahead[:, :, v] / closing, MOST_TTC_S), MOST_TTC_S)
+        ttc[:, :, v] = np.minimum(
+            np.where(np.isfinite(ahead[:, :, v]), ahead[:, :, v] / closing, MOST_TTC_S), MOST_TTC_S
+        )
     return np.where(np.isfinite(gap), gap, 100.0), ttc

@@ -199,7 +199,9 @@ def encounter_scores(found: Forecasts) -> list[dict[str, Any]]:
     if not len(table):
         return []
     names = ("crps_m", "constant_velocity_error_m", "covered", "rank", "group")
-    return [{"column": "least gap of an encounter", **_of_values(*(table[name].to_pylist() for name in names))}]
+    return [
+        {"column": "least gap of an encounter", **_of_values(*(table[name].to_pylist() for name in names))}
+    ]
 
 
 def position_scores(found: Forecasts) -> list[dict[str, Any]]:

@@ -46,6 +46,7 @@ from scex_sumo.version import __version__
 _AHEAD = 4  # seed scenes built before a worker asks for them
 ALL = "all"
 
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Validation:
     """A finished validation.
@@ -191,7 +192,11 @@ def _cut(
                 of_part = split_moments(moments, Split())[part]  # type: ignore[index]
                 moments = []
                 for moment in of_part:
-                    if not moments or moment.case or moment.time_s >= moments[-1].time_s + settings.every - 1e-6:
+                    if (
+                        not moments
+                        or moment.case
+                        or moment.time_s >= moments[-1].time_s + settings.every - 1e-6
+                    ):
                         moments.append(moment)
             listing = list_moments(recording, moments, min_vehicles=settings.min_vehicles)
             road = pack_road(loaded.road)

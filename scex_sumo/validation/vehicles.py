@@ -38,7 +38,9 @@ def vehicles_table(
         if step >= children.shape[1]:
             continue
         for v in np.flatnonzero(judged).tolist():
-            x, y, heading = (float(a[v, step]) for a in (scene.future.x, scene.future.y, scene.future.heading))
+            x, y, heading = (
+                float(a[v, step]) for a in (scene.future.x, scene.future.y, scene.future.heading)
+            )
             dx, dy = children.x[:, step, v] - x, children.y[:, step, v] - y
             off = np.hypot(dx, dy)
             along = np.cos(heading) * dx + np.sin(heading) * dy

@@ -196,8 +196,6 @@ def _acceleration(
         own = np.where(waits > 0, 0.0, drivers.own[:, min(int(time_s + 1e-6), SECONDS - 1)])
         own = np.where(own > 0, own * np.clip(1 + asked / RELIEF_MPS2, 0.0, 1.0), own)
         still = np.where(v > 0, -STRONGEST_MPS2, 0.0)
-        return np.where(
-            waits > step * STEP_S, still, np.clip(asked + own, HARDEST_MPS2, STRONGEST_MPS2)
-        )
+        return np.where(waits > step * STEP_S, still, np.clip(asked + own, HARDEST_MPS2, STRONGEST_MPS2))
 
     return accelerate

@@ -205,5 +205,3 @@ def path_edges(scene: SeedScene, paths: SeedPaths, known: Population) -> FloatAr
         part = slice(first, first + count)
         edges[part] = np.cumsum(weight[part]) / weight[part].sum()
     return edges
-
-

@@ -82,7 +82,9 @@ class Population:
 def population() -> Population:
     """The shipped population."""
     given = json.loads(SHIPPED.read_text(encoding="utf-8"))
-    arrays = {name: np.array(given[name]) for name in ("speed_edges", "mean", "root", "unsure", "skew", "path")}
+    arrays = {
+        name: np.array(given[name]) for name in ("speed_edges", "mean", "root", "unsure", "skew", "path")
+    }
     pairs = {"headway": tuple(given["headway"]), "start_rate": tuple(given["start_rate"])}
     return Population(**arrays, **pairs, keeps_side=given["keeps_side"], side_m=given["side_m"])
 
