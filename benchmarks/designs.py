@@ -22,9 +22,10 @@ import scex_sumo
 from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import ScexError
 from scex_sumo.scenarios.reduction import choose_vehicles, reduced
-from scex_sumo.statistics.bands import Bands, grow, look
+from scex_sumo.statistics.bands import grow, look
 from scex_sumo.statistics.designs import DESIGNS
 from scex_sumo.statistics.distances import errors
+from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.sample_size import designed
 
 VEHICLES = 5
@@ -168,7 +169,7 @@ def cover(found: list[Truth], repetitions: int) -> None:
         for size in COVERAGE_SIZES:
             held, width = [], []
             for draw in designed(design, LEVELS, VEHICLES, size, repetitions, seed=8):
-                bands = Bands(np.stack(np.unravel_index(draw, shape), axis=1), design=design)
+                bands = DesignIntervals(np.stack(np.unravel_index(draw, shape), axis=1), design=design)
                 for truth in found:
                     for m in range(12):
                         values = truth.values[:, m]
@@ -195,7 +196,8 @@ def stop(found: list[Truth], repetitions: int) -> None:
 
                 def measure(count: int, levels=levels, values=values, truth=truth):  # type: ignore[no-untyped-def]
                     known = np.isfinite(values[:count])
-                    return look(levels[:count], values[:count], known, truth.columns, design=design)  # noqa: B023
+                    intervals = DesignIntervals(levels[:count], design=design)  # noqa: B023
+                    return look(intervals, values[:count], known, truth.columns)
 
                 end = grow(measure, band=BAND, most=3000)
                 counts.append(end.children)

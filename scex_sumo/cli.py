@@ -11,6 +11,7 @@ import typer
 
 from scex_sumo.commands.compare import compare_command
 from scex_sumo.commands.convert import convert_command
+from scex_sumo.commands.encounters import encounters_command
 from scex_sumo.commands.explain import explain_command
 from scex_sumo.commands.metrics import metrics_command
 from scex_sumo.commands.models import models_command
@@ -52,6 +53,7 @@ COMMANDS = (
     (convert_command, "convert DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"),
     (view_command, "view out/k733 --critical wttc"),
     (export_command, "export out/k733 --child 7 --to fcd -o child7.fcd.xml"),
+    (encounters_command, "encounters out/k733 --pair 17,23"),
     (metrics_command, "metrics vehicle_tracks_000.csv --level scene -o scenes.parquet"),
     (sample_size_command, "sample-size roundabout.osm -o out/enough"),
     (rank_command, "rank recordings/ --every 1 --workers 8 -o out/ranking"),

@@ -22,9 +22,11 @@ def metrics_command(
         Path, Argument(metavar="TRACKS|OUT", help="Tracks in INTERACTION format, or a result folder.")
     ],
     level: Annotated[str, Option(metavar="pair|scene|scenario|worst", help="Rows.")] = "scenario",
-    preset: Annotated[str, Option(metavar="paper|path", help="Who follows whom.")] = "paper",
+    preset: Annotated[
+        str | None, Option(metavar="paper|path", help="Who follows whom: paper; of OUT as in its run.")
+    ] = None,
     metrics: Annotated[
-        str | None, Option(metavar="NAME,...", help="These only; else the paper's six.")
+        str | None, Option(metavar="NAME,...", help="These only; else the paper's six, of OUT its run's.")
     ] = None,
     wttc_limits: Annotated[
         str | None, Option(metavar="TYPE=M/S2,...", help="Largest accelerations by type, for WTTC.")
@@ -42,6 +44,9 @@ def metrics_command(
     if out is not None and out.suffix not in SUFFIXES:
         raise UsageError(f"-o {out}: unknown format {out.suffix!r}; known: {', '.join(SUFFIXES)}")
     names = None if metrics is None else tuple(name.strip() for name in metrics.split(","))
+    if source.is_dir() and preset is None and names is None:
+        preset, names = _of_run(source)
+    preset = preset or "paper"
     parameters = MetricParameters(max_acceleration_by_type=_limits(wttc_limits))
     tracks, history = read_source(source)
     plans = read_plans(source) if source.is_dir() else None
@@ -55,6 +60,7 @@ def metrics_command(
         metrics=names,
         history=history,
         plans=plans,
+        outcomes=source.is_dir(),
     )
     # The preset is part of every number's meaning, so it goes with the file.
     table = table.replace_schema_metadata({"preset": preset, "level": level})
@@ -64,6 +70,18 @@ def metrics_command(
     else:
         write_table(table, out)
         print(f"{out}: {table.num_rows} rows, level {level}, preset {preset}")
+
+
+def _of_run(folder: Path) -> tuple[str, tuple[str, ...]]:
+    """Rule for car-following and names of the metrics that a run evaluated."""
+    from scex_sumo.extrapolation.settings import RUN_PRESETS
+    from scex_sumo.metrics.registry import METRICS
+    from scex_sumo.results.run import open_run
+
+    info = open_run(folder).info
+    preset = str(info.get("preset", "paper"))
+    own = [d["name"] if d["name"] in METRICS else d["function"] for d in info.get("metrics", ())]
+    return "path" if preset == "path" else "paper", tuple(own) or RUN_PRESETS[preset]
 
 
 def write_table(table: pa.Table, path: Path) -> None:

@@ -62,10 +62,14 @@ def run_command(
     until_band: Annotated[
         float | None, Option(metavar="W", help="Go on until all 95 % bands are within +-W, e.g. 0.05.")
     ] = None,
+    preset: Annotated[
+        str, Option(metavar="paper|path|both", help="Metrics: the paper's, those along paths, or both.")
+    ] = "both",
     metrics: Annotated[
-        str | None, Option(metavar="NAME,...", help="These metrics, also of your own; else the paper's six.")
+        str | None, Option(metavar="NAME,...", help="These metrics, also of your own; else the preset's.")
     ] = None,
     threshold: Thresholds = None,
+    reflect: Annotated[bool, Option(help="Tell atoms apart and reflect densities at 0.")] = True,
     seed: Seed = 0,
     workers: Processes = 1,
     batch: Annotated[int | None, Option(help="Children side by side in one SUMO; else chosen.")] = None,
@@ -95,8 +99,10 @@ def run_command(
             "steps": steps,
             "replan": replan,
             "seed": seed,
+            "preset": preset,
             "metrics": None if metrics is None else [name.strip() for name in metrics.split(",")],
             "thresholds": parse_thresholds(threshold),
+            "reflect": reflect,
             "keep_plans": keep_plans,
         }
         scene = seed_scene(

@@ -17,6 +17,8 @@ from scex_sumo.metrics.outlines.encounters import (
     CRITICAL_TTC_S,
     Encounters,
 )
+from scex_sumo.road import Road
+from scex_sumo.roads.places import places_of
 from scex_sumo.statistics.intervals import DesignIntervals
 
 ENCOUNTERS: Final = "encounters.parquet"
@@ -48,6 +50,7 @@ SCHEMA: Final = pa.schema(
         ("time_s", pa.float64()),
         ("x", pa.float64()),
         ("y", pa.float64()),
+        ("place", pa.string()),
         ("models", _MODELS),
     ]
 )
@@ -58,7 +61,12 @@ _MOSTLY = 0.5
 
 
 def encounters_table(
-    found: Encounters, *, track_ids: IntArray, models: NDArray[np.str_], intervals: DesignIntervals
+    found: Encounters,
+    *,
+    track_ids: IntArray,
+    models: NDArray[np.str_],
+    intervals: DesignIntervals,
+    road: Road | None = None,
 ) -> pa.Table:
     """One row per pair of vehicles that has an encounter in some child, the most critical pair first.
 
@@ -67,6 +75,7 @@ def encounters_table(
         track_ids: (V,) of the vehicles.
         models: (C, V) who drove.
         intervals: of the design that chose them.
+        road: names the places; None leaves them null.
 
     Returns:
         Columns as ``SCHEMA``: ``track_id`` hits or follows ``other_id`` where one of them does. Sorted by
@@ -92,6 +101,9 @@ def encounters_table(
             share = shares[name][index]
             row |= {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
         rows.append(row)
+    points = np.array([(row["x"], row["y"]) for row in rows]).reshape(-1, 2)
+    places = places_of(road, points) if road is not None else [None] * len(rows)
+    rows = [{**row, "place": place} for row, place in zip(rows, places, strict=True)]
     rows.sort(key=_criticality)
     return pa.Table.from_pylist(rows, schema=SCHEMA)
 
@@ -185,14 +197,9 @@ def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) ->
     ]
 
 
-def in_words(row: Mapping[str, Any], *, place: str | None = None) -> str:
-    """A row of the table as one sentence, e.g. ``17 → 23 (rear-end, 1.8 s): collides in 12 % [9–16], ...``.
-
-    Args:
-        row: of `encounters_table`.
-        place: name of where it happens.
-    """
-    about = [row["kind"], place, f"{row['time_s']:.1f} s"]
+def in_words(row: Mapping[str, Any]) -> str:
+    """A row of the table in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``."""
+    about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
     head = f"{row['track_id']} → {row['other_id']} ({', '.join(part for part in about if part)}): "
     if row["collision"] > 0:
         text = f"collides in {_percent(row, 'collision')}"

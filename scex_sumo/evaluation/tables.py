@@ -12,11 +12,13 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.tracks.reader import TrackTable
 from scex_sumo.errors import UsageError
 from scex_sumo.evaluation.blocks import Block, blocks
+from scex_sumo.evaluation.cases import Cases
+from scex_sumo.evaluation.outcomes import after_collision
 from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PAPER, MetricParameters
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate, evaluate_pairs
-from scex_sumo.metrics.extrema import Worst, scene_sums
 from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.outlines.collisions import Collisions, find_collisions
 from scex_sumo.metrics.registry import metrics_named
 
 Level: TypeAlias = Literal["pair", "scene", "scenario", "worst"]
@@ -32,6 +34,7 @@ def recording_table(
     metrics: Sequence[str | Metric] | None = None,
     history: int = 0,
     plans: StoredPlans | None = None,
+    outcomes: bool = False,
 ) -> pa.Table:
     """Metric values of the motor vehicles of a recording or of child scenarios.
 
@@ -46,6 +49,8 @@ def recording_table(
         metrics: names, import paths or metrics; the paper's six by default.
         history: steps at the start of each case that are not evaluated.
         plans: what the vehicles planned, the cases being children; None takes the tracks driven.
+        outcomes: the cases are children: tell whether they collide (``scenario``: collision), and which
+            values are of two vehicles that had collided (``pair`` and ``worst``: after_collision).
 
     Raises:
         UsageError: an unknown level, preset or metric.
@@ -59,11 +64,12 @@ def recording_table(
     options: dict[str, Any] = {"preset": preset, "parameters": parameters, "metrics": chosen}
     parts = list(blocks(table, history=history, plans=plans))
     if level == "pair":
-        return _sorted_pairs([_pair_rows(block, order, options) for block in parts], names, order)
+        rows = [_pair_rows(block, order, options, outcomes=outcomes) for block in parts]
+        return _sorted_pairs(rows, names, order)
     evaluated = [(block, evaluate(block.tracks, block.planned, **options)) for block in parts]
     if level == "scene":
         return _scene_table(evaluated, names, order)
-    collected = _Cases(len(names), chosen)
+    collected = Cases(len(names), chosen, outcomes=outcomes)
     for block, values in evaluated:
         collected.add(block, values)
     return collected.scenarios(names) if level == "scenario" else collected.origins(names)
@@ -88,6 +94,7 @@ def worst_table(
     child: Sequence[int] | IntArray,
     track_ids: IntArray,
     timestamp_ms: IntArray,
+    hits: Collisions | None = None,
 ) -> pa.Table:
     """Where the extremum of every child and metric came from: ``worst.parquet`` of a result folder.
 
@@ -96,28 +103,37 @@ def worst_table(
         child: (C,) their numbers.
         track_ids: (V,) of the vehicles.
         timestamp_ms: (T,) of the steps, history included.
+        hits: collisions of the same tracks; None for none.
 
     Returns:
-        child, metric, timestamp_ms, track_id, other_id (null for single vehicles), value; no row where
-        undefined.
+        child, metric, timestamp_ms, track_id, other_id (null for single vehicles), value, after_collision
+        (whether the two had collided by then); no row where undefined.
     """
     parts = []
     numbers = np.asarray(child, dtype=np.int64)
     for name, worst in values.worst.items():
         at = np.flatnonzero(worst.defined)
         other = None if worst.other is None else track_ids[worst.other[at]]
-        parts.append(
-            _rows_table(
-                {"child": numbers[at]},
-                name,
-                timestamp_ms[worst.step[at]],
-                track_ids[worst.vehicle[at]],
-                other,
-                worst.value[at],
-                metric_first=True,
-            )
+        rows = _rows_table(
+            {"child": numbers[at]},
+            name,
+            timestamp_ms[worst.step[at]],
+            track_ids[worst.vehicle[at]],
+            other,
+            worst.value[at],
+            metric_first=True,
         )
+        pair = worst.vehicle[at], None if worst.other is None else worst.other[at]
+        after = np.zeros(len(at), dtype=np.bool_)
+        if hits is not None:
+            after = after_collision(hits, at, worst.step[at], *pair)
+        parts.append(_flagged(rows, after))
     return pa.concat_tables(parts).sort_by([("child", "ascending")]) if parts else pa.table({})
+
+
+def _flagged(rows: pa.Table, after: BoolArray) -> pa.Table:
+    """The rows with a column that tells those of vehicles that had collided with each other."""
+    return rows.append_column("after_collision", pa.array(after))
 
 
 def _rows_table(
@@ -138,8 +154,11 @@ def _rows_table(
     return pa.table({**lead, **time, "track_id": track_id, "other_id": other, "value": value})
 
 
-def _pair_rows(block: Block, order: tuple[str, ...], options: dict[str, Any]) -> list[pa.Table]:
+def _pair_rows(
+    block: Block, order: tuple[str, ...], options: dict[str, Any], *, outcomes: bool
+) -> list[pa.Table]:
     """One table per metric with ``case`` as index."""
+    hits = find_collisions(block.tracks) if outcomes else None
     found = evaluate_pairs(block.tracks, block.planned, **options)
     tables = []
     for name in order:
@@ -148,7 +167,10 @@ def _pair_rows(block: Block, order: tuple[str, ...], options: dict[str, Any]) ->
         other = None if rows.other is None else ids[rows.child, rows.other]
         stamps = block.timestamp_ms[rows.child, rows.step]
         lead = {"case": block.case[rows.child]}
-        tables.append(_rows_table(lead, name, stamps, ids[rows.child, rows.vehicle], other, rows.value))
+        table = _rows_table(lead, name, stamps, ids[rows.child, rows.vehicle], other, rows.value)
+        if hits is not None:
+            table = _flagged(table, after_collision(hits, rows.child, rows.step, rows.vehicle, rows.other))
+        tables.append(table)
     return tables
 
 
@@ -200,73 +222,3 @@ def _scene_table(
             "value": value[by],
         }
     )
-
-
-class _Cases:
-    """Extrema and means of whole cases, collected block by block."""
-
-    def __init__(self, count: int, metrics: Sequence[Metric]) -> None:
-        size = len(metrics)
-        self.order = tuple(metric.name for metric in metrics)
-        self.smaller_is_worse = [metric.critical == "min" for metric in metrics]
-        self.of_single_vehicles = np.zeros(size, dtype=bool)
-        self.value = np.full((count, size), np.nan)
-        self.harmonic = [metric.harmonic for metric in metrics]
-        self.total, self.counted, self.scenes = (np.zeros((count, size)) for _ in range(3))
-        self.origin = np.zeros((count, size, 3), dtype=np.int64)
-
-    def add(self, block: Block, values: ScenarioValues) -> None:
-        """Take in the values of a block."""
-        for column, name in enumerate(self.order):
-            scene, worst = values.scene[name], values.worst[name]
-            count, total = scene_sums(scene, harmonic=self.harmonic[column])
-            np.add.at(self.total[:, column], block.case, total)
-            np.add.at(self.counted[:, column], block.case, count)
-            np.add.at(self.scenes[:, column], block.case, scene.defined.sum(axis=1))
-            self._keep_worse(column, block, worst)
-
-    def _keep_worse(self, column: int, block: Block, worst: Worst) -> None:
-        now = self.value[block.case, column]
-        worse: BoolArray = worst.value < now if self.smaller_is_worse[column] else worst.value > now
-        at = np.flatnonzero(worst.defined & (np.isnan(now) | worse))
-        case, ids = block.case[at], block.track_id
-        self.of_single_vehicles[column] = worst.other is None
-        other = worst.vehicle if worst.other is None else worst.other
-        self.value[case, column] = worst.value[at]
-        self.origin[case, column] = np.stack(
-            [
-                block.timestamp_ms[at, worst.step[at]],
-                ids[at, worst.vehicle[at]],
-                ids[at, other[at]],
-            ],
-            axis=1,
-        )
-
-    def scenarios(self, names: pa.Array) -> pa.Table:
-        """case_id and two columns per metric, null where undefined."""
-        columns: dict[str, Any] = {"case_id": names}
-        for column, name in enumerate(self.order):
-            undefined = self.scenes[:, column] == 0
-            over, under = self.total[:, column], self.counted[:, column]
-            if self.harmonic[column]:
-                over, under = under, over
-            mean = over / np.where(undefined, 1.0, under)
-            columns[name] = pa.array(self.value[:, column], mask=undefined)
-            columns[f"{name}_mean"] = pa.array(mean, mask=undefined)
-        return pa.table(columns)
-
-    def origins(self, names: pa.Array) -> pa.Table:
-        """case_id, metric, timestamp_ms, track_id, other_id, value."""
-        case, column = np.nonzero(self.scenes > 0)
-        metric = pa.array(list(self.order), pa.string()).take(pa.array(column))
-        stamp, track, other = self.origin[case, column].T
-        return pa.table(
-            {
-                "case_id": names.take(pa.array(case)),
-                "metric": metric,
-                "timestamp_ms": stamp,
-                "track_id": track,
-                "other_id": pa.array(other, mask=self.of_single_vehicles[column]),
-                "value": self.value[case, column],
-            }
-        )

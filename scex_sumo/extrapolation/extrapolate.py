@@ -16,10 +16,12 @@ from scex_sumo.converters.net.convert import convert
 from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.fallbacks import count_fallbacks
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
+from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.notes import handover_notes, outcome_notes, recorded_info
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
-from scex_sumo.extrapolation.writing import handover_notes, write_tables
+from scex_sumo.extrapolation.writing import write_tables
 from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part, Parts
@@ -64,7 +66,7 @@ def extrapolate(
         command: the command line, for ``run.json``.
         settings: all that decides on the values, each of the attributes of
             `scex_sumo.extrapolation.settings.RunSettings`: models, assign, under_test, baseline, children,
-            design, until_band, steps, replan, seed, thresholds, keep_plans.
+            design, until_band, steps, replan, seed, preset, metrics, thresholds, reflect, keep_plans.
 
     Returns:
         The finished run.
@@ -107,8 +109,12 @@ def extrapolate(
                 **_without_test(job),
             )
     watch.lap("simulate_and_measure")
-    part = write_tables(folder, job)
-    info = _info(job, command, band, part, pool.deaths)
+    recorded = measure_recorded(
+        scene, wanted.steps, replan=wanted.replan, metrics=wanted.measured, preset=wanted.rule
+    )
+    part = write_tables(folder, job, recorded)
+    notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *pool.deaths]
+    info = _info(job, command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
     folder.finish({**info, "timings_s": watch.lap("write")})
     return Run(folder.path, temporary)
 
@@ -135,7 +141,7 @@ def _identity(
 
 
 def _info(
-    job: Job, command: Sequence[str] | None, band: Look | None, part: Part, deaths: Sequence[str]
+    job: Job, command: Sequence[str] | None, band: Look | None, part: Part, notes: Sequence[str]
 ) -> dict[str, Any]:
     """What ``run.json`` says but for the times.
 
@@ -144,7 +150,7 @@ def _info(
         command: the command line.
         band: how wide the bands are, where they decide when it is enough.
         part: all children.
-        deaths: one phrase for each worker that was replaced.
+        notes: what the reader should know of the run, one phrase each.
     """
     settings, names = job.settings, job.models.names
     plans = -(-settings.steps // settings.replan)  # of a vehicle in a child
@@ -159,7 +165,7 @@ def _info(
         "thresholds": {**thresholds_of(settings.measured), **settings.thresholds},
         "net": job.road.name,
         "net_notes": list(job.net.notes),
-        "run_notes": [*handover_notes(job, part), *deaths],
+        "run_notes": list(notes),
         "fallbacks": count_fallbacks(part.fallbacks, job.assignment, names, plans),
         "versions": versions(learned=bool(job.models.weights)),
     }
@@ -188,9 +194,7 @@ def _run_children(job: Job, go: Callable[[Job], None]) -> tuple[Job, Look | None
     def measure(count: int) -> Look:
         grown = job.of(count)
         go(grown)
-        return look(
-            grown.assignment, *Parts(job.folder).values(count), settings.columns, design=settings.design
-        )
+        return look(grown.intervals, *Parts(job.folder).values(count), settings.columns)
 
     band = grow(measure, band=settings.until_band, most=settings.count)
     return job.of(band.children), band

@@ -14,15 +14,18 @@ from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.convert import SumoNet
 from scex_sumo.errors import ScexError
+from scex_sumo.evaluation.outcomes import collisions_table, encounter_rows
 from scex_sumo.extrapolation.assignments import child_generator, route_draws
 from scex_sumo.extrapolation.fallbacks import fallbacks_table
-from scex_sumo.extrapolation.measure import measure_rollout, worst_of
+from scex_sumo.extrapolation.measure import measure_outcome, measure_rollout, worst_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Cast, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.results.design import design_intervals
 from scex_sumo.results.parts import Part, save_part
 from scex_sumo.road import Road
-from scex_sumo.scene import SeedScene
+from scex_sumo.scene import LOGGED_HISTORY, SeedScene
+from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.world.colors import model_colors
 from scex_sumo.world.sumo import TILE_SLOTS, SumoDriven, SumoWorld
 
@@ -65,6 +68,13 @@ class Job:
         settings, ids = self.settings, self.scene.track_ids
         drawn = self.models.draw(ids, children=children, seed=settings.seed, design=settings.design)
         return replace(self, assignment=drawn)
+
+    @property
+    def intervals(self) -> DesignIntervals:
+        """Of shares and distributions over the children."""
+        drawn, fixed = self.models.drawn, np.isin(self.scene.track_ids, list(self.models.fixed))
+        design = self.settings.to_json()["design"]
+        return design_intervals(self.assignment, [spec.weight for spec in drawn], fixed, design)
 
     @property
     def apart(self) -> bool:
@@ -137,13 +147,15 @@ def run_batch(job: Job, world: SumoWorld, children: IntArray, *, on_step: OnStep
     rollout = roll_out(
         world, job.road, job.scene, cast, steps=settings.steps, replan=settings.replan, on_step=on_step
     )
-    values = measure_rollout(job.scene, rollout, metrics=settings.measured)
+    found = measure_outcome(job.scene, rollout, metrics=settings.measured, preset=settings.rule)
+    values, hits = found.values, found.collisions
+    ids = job.scene.track_ids
     return Part(
         children=children,
         states=rollout.states,
         values=values.values,
         defined=values.defined,
-        worst=worst_of(job.scene, values, children),
+        worst=worst_of(job.scene, values, children, hits),
         plan_x=rollout.plan_x if settings.keep_plans else None,
         plan_y=rollout.plan_y if settings.keep_plans else None,
         fallbacks=fallbacks_table(
@@ -151,18 +163,22 @@ def run_batch(job: Job, world: SumoWorld, children: IntArray, *, on_step: OnStep
             children=children,
             assignment=cast.assignment,
             names=cast.names,
-            track_ids=job.scene.track_ids,
+            track_ids=ids,
         ),
         tested=_tested(job, rollout),
+        collisions=collisions_table(hits, children=children, track_ids=ids, first=LOGGED_HISTORY),
+        encounters=encounter_rows(found.encounters, children),
     )
 
 
 def _tested(job: Job, rollout: Rollout) -> FloatArray | None:
-    """(2, C, 12) metric values of the vehicles under test alone, and 1 where they are defined."""
+    """(2, C, M) metric values of the vehicles under test alone, and 1 where they are defined."""
     tested = np.flatnonzero(np.isin(job.scene.track_ids, list(job.models.tested))).tolist()
     if not tested:
         return None
-    own = measure_rollout(job.scene, rollout, metrics=job.settings.measured, vehicles=tested)
+    own = measure_rollout(
+        job.scene, rollout, metrics=job.settings.measured, preset=job.settings.rule, vehicles=tested
+    )
     return np.stack([own.values, own.defined.astype(np.float64)])
 
 

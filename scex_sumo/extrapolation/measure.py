@@ -3,18 +3,69 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.models.replay import Replay, ReplayProfile
 from scex_sumo.evaluation.tables import worst_table
-from scex_sumo.extrapolation.rollout import Rollout
+from scex_sumo.extrapolation.rollout import Cast, Rollout, roll_out
+from scex_sumo.geometry.overlap import Rectangles, overlap_area
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
-from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
+from scex_sumo.metrics.evaluate import PAPER_PRESET, ScenarioValues, evaluate
 from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.outlines.collisions import OVERLAP_M2, Collisions, find_collisions
+from scex_sumo.metrics.outlines.encounters import Encounters, encounters_of
+from scex_sumo.metrics.pairs.scenes import Scenes
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
+from scex_sumo.world.plain import PlainWorld
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """What a batch of children came to: metric values, who hit whom, who met whom."""
+
+    values: ScenarioValues
+    collisions: Collisions
+    encounters: Encounters
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recorded:
+    """What really happened, measured like a child.
+
+    Attributes:
+        values: one row.
+        overlaps: boxes that overlapped after the seed moment, as inexact boxes of recordings do.
+        last_step: (V,) steps from the seed moment on in which a vehicle is there.
+        steps: those of a child.
+    """
+
+    values: ScenarioValues
+    overlaps: Collisions
+    last_step: IntArray
+    steps: int
+
+
+def measure_outcome(
+    scene: SeedScene,
+    rollout: Rollout,
+    *,
+    metrics: Sequence[Metric] | None = None,
+    preset: str = PAPER_PRESET,
+) -> Outcome:
+    """Metric values, collisions and encounters of a batch of children; arguments as `measure_rollout`."""
+    tracks, planned = _evaluated(scene, rollout, None)
+    hits = find_collisions(tracks)
+    met: list[Encounters] = []
+
+    def meet(start: int, scenes: Scenes) -> None:
+        met.append(encounters_of(scenes, hits, start))
+
+    values = evaluate(tracks, planned, preset=preset, metrics=metrics, also=meet)
+    return Outcome(values=values, collisions=hits, encounters=Encounters.join(met))
 
 
 def measure_rollout(
@@ -22,6 +73,7 @@ def measure_rollout(
     rollout: Rollout,
     *,
     metrics: Sequence[Metric] | None = None,
+    preset: str = PAPER_PRESET,
     vehicles: Collection[int] | None = None,
 ) -> ScenarioValues:
     """Metric values of a batch of child scenarios; paths are those of the current plans.
@@ -30,51 +82,81 @@ def measure_rollout(
         scene: the seed scene.
         rollout: the children.
         metrics: None for the paper's six.
+        preset: rule for car-following of the metrics that leave it open.
         vehicles: only pairs that involve one of these (indices); None: all.
     """
-    count, steps, _ = rollout.states.shape
-    tracks = _tracks(scene, scene.history.repeat(count), rollout.states, None)
-    made_at = np.arange(0, steps, rollout.replan, dtype=np.int64)
-    planned = PlannedPaths.from_replans(rollout.plan_x, rollout.plan_y, made_at, steps)
-    return evaluate(tracks, planned, metrics=metrics, vehicles=vehicles)
+    tracks, planned = _evaluated(scene, rollout, None)
+    return evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles)
 
 
-def worst_of(scene: SeedScene, values: ScenarioValues, children: IntArray) -> pa.Table:
+def worst_of(
+    scene: SeedScene, values: ScenarioValues, children: IntArray, hits: Collisions | None = None
+) -> pa.Table:
     """Which step and which vehicles made each child's extremum; times as in ``tracks.parquet``.
 
     Args:
         scene: the seed scene.
         values: of a batch of child scenarios.
         children: (C,) their numbers.
+        hits: their collisions, of which values afterwards are flagged.
     """
     steps = next(iter(values.scene.values())).value.shape[1]
     frames = np.arange(1, LOGGED_HISTORY + steps + 1, dtype=np.int64)
-    return worst_table(values, child=children, track_ids=scene.track_ids, timestamp_ms=frames * 100)
+    return worst_table(
+        values, child=children, track_ids=scene.track_ids, timestamp_ms=frames * 100, hits=hits
+    )
 
 
 def measure_recorded(
-    scene: SeedScene, steps: int, *, metrics: Sequence[Metric] | None = None
-) -> ScenarioValues | None:
+    scene: SeedScene,
+    steps: int,
+    *,
+    replan: int = 5,
+    metrics: Sequence[Metric] | None = None,
+    preset: str = PAPER_PRESET,
+) -> Recorded | None:
     """The same for what really happened, one row; None where no future was recorded.
 
-    Vehicles count as long as they were recorded; paths are those driven from each step on, to the end of
-    the recording that the seed scene holds.
+    It is what a child of `Replay` for every vehicle is, in a world of arrays: the same steps, planned paths
+    and code. Vehicles count as long as they were recorded.
     """
     if scene.future is None or scene.future_valid is None or scene.future.shape[1] == 0:
         return None
-    after = scene.future.repeat(1).swapaxes(1, 2)
-    whole = _tracks(scene, scene.history.repeat(1), after, scene.future_valid[None].swapaxes(1, 2))
-    paths = PlannedPaths.from_tracks(whole)
-    # The paths go on to the end of the recording, the values only as far as the children's.
-    known = min(steps, after.shape[1])
-    until = whole.first + known
-    tracks = replace(
-        whole,
-        states=whole.states[:, :until],
-        present=None if whole.present is None else whole.present[:, :until],
+    assert scene.road is not None
+    one, vehicles = np.zeros(1, dtype=np.int64), scene.vehicles
+    cast = Cast(
+        children=one,
+        assignment=np.zeros((1, vehicles), dtype=np.int64),
+        models=[Replay(ReplayProfile())],
+        names=["replay"],
+        overridden=np.ones(1, dtype=np.bool_),
+        route_draw=np.zeros((1, vehicles)),
+        generators=[np.random.default_rng(0)],
     )
-    ahead = replace(paths, index=paths.index[:known], column=paths.column[:known])
-    return evaluate(tracks, ahead, metrics=metrics)
+    rollout = roll_out(PlainWorld(1, vehicles), scene.road, scene, cast, steps=steps, replan=replan)
+    known = np.cumprod(scene.future_valid, axis=1).sum(axis=1)  # up to the first gap, as `Replay` has it
+    last = np.minimum(known, steps).astype(np.int64)
+    there = (np.arange(steps)[:, None] < last)[None]
+    tracks, planned = _evaluated(scene, rollout, there)
+    values = evaluate(tracks, planned, preset=preset, metrics=metrics)
+    return Recorded(values=values, overlaps=find_collisions(tracks), last_step=last, steps=steps)
+
+
+def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:
+    """Pairs of vehicles (indices) whose boxes overlap at the seed moment by more than a collision needs."""
+    now, (one, two) = scene.now, np.triu_indices(scene.vehicles, 1)
+    boxes = [
+        Rectangles(
+            x=now.x[side],
+            y=now.y[side],
+            heading=now.heading[side],
+            half_length=scene.length[side] / 2,
+            half_width=scene.width[side] / 2,
+        )
+        for side in (one, two)
+    ]
+    at = np.flatnonzero(overlap_area(*boxes) > OVERLAP_M2)
+    return list(zip(one[at].tolist(), two[at].tolist(), strict=True))
 
 
 def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> FloatArray:
@@ -98,13 +180,17 @@ def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> Float
     return jumps
 
 
-def _tracks(scene: SeedScene, history: States, after: States, present: BoolArray | None) -> SceneTracks:
+def _evaluated(
+    scene: SeedScene, rollout: Rollout, present: BoolArray | None
+) -> tuple[SceneTracks, PlannedPaths]:
+    """Tracks and planned paths of a rollout as metrics take them; ``present`` (C, T, V): None for all."""
+    count, steps, _ = rollout.states.shape
     # No more than tracks.parquet holds, so that its children can be evaluated again to the same values.
-    past = history[:, :, -LOGGED_HISTORY:].swapaxes(1, 2)
+    past = scene.history.repeat(count)[:, :, -LOGGED_HISTORY:].swapaxes(1, 2)
     if present is not None:
         present = np.concatenate([np.ones(past.shape, dtype=bool), present], axis=1)
-    return SceneTracks(
-        states=States.concatenate([past, after], axis=1),
+    tracks = SceneTracks(
+        states=States.concatenate([past, rollout.states], axis=1),
         length=scene.length,
         width=scene.width,
         present=present,
@@ -112,3 +198,5 @@ def _tracks(scene: SeedScene, history: States, after: States, present: BoolArray
         first=past.shape[1],
         types=scene.types,
     )
+    made_at = np.arange(0, steps, rollout.replan, dtype=np.int64)
+    return tracks, PlannedPaths.from_replans(rollout.plan_x, rollout.plan_y, made_at, steps)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, parse_models
@@ -18,6 +18,13 @@ from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 
 Models: TypeAlias = str | Sequence[str | ModelSpec]
+
+RUN_PRESETS: Final[Mapping[str, tuple[str, ...]]] = {
+    "paper": ("paper",),
+    "path": ("path",),
+    "both": ("paper", "path"),
+}
+"""The sets of metrics that a run evaluates."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,13 +42,17 @@ class RunSettings:
             half; ``"all"`` for every combination.
         design: how the assignments are drawn, one of `scex_sumo.statistics.designs.DESIGNS`.
         until_band: go on until the 95 % bands of all cumulative distributions have this half-width, see
-            `scex_sumo.statistics.bands.Bands`; ``children`` is then the most that are run.
+            `scex_sumo.statistics.intervals`; ``children`` is then the most that are run.
         steps: steps of 0.1 s per child.
         replan: steps that a plan is followed before the next, 1 to 30.
         seed: the same seed gives the same result.
-        metrics: names, import paths or metrics, after the check the latter; ``paper`` stands for the six
-            of the paper, which are the default.
+        preset: ``paper`` for the paper's six metrics, ``path`` for those along planned paths and between
+            outlines, ``both``.
+        metrics: names, import paths or metrics, after the check the latter, in the place of the preset's;
+            ``paper`` and ``path`` stand for those of a preset.
         thresholds: by metric column, on top of the defaults.
+        reflect: tell apart the values that many children share, and fold what a density puts below 0 back
+            where values cannot be negative; False gives the paper's plain kernel.
         keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
 
     Raises:
@@ -58,8 +69,10 @@ class RunSettings:
     steps: int = 30
     replan: int = 5
     seed: int = 0
+    preset: str = "both"
     metrics: Sequence[str | Metric] | None = None
     thresholds: Mapping[str, float] = field(default_factory=dict)
+    reflect: bool = True
     keep_plans: bool = True
 
     def __post_init__(self) -> None:
@@ -83,8 +96,10 @@ class RunSettings:
                 raise UsageError(
                     "--until-band: all combinations leave nothing to estimate; give no --children all"
                 )
+        if self.preset not in RUN_PRESETS:
+            raise UsageError(f"--preset: unknown {self.preset!r}; known: {', '.join(RUN_PRESETS)}")
         # Metrics, not their names, go to the workers: what is registered here is not registered there.
-        object.__setattr__(self, "metrics", metrics_named(self.metrics))
+        object.__setattr__(self, "metrics", metrics_named(self.metrics or RUN_PRESETS[self.preset]))
         object.__setattr__(self, "thresholds", dict(self.thresholds or {}))
         check_thresholds(self.thresholds, self.columns)
 
@@ -122,6 +137,11 @@ class RunSettings:
         return metrics_named(self.metrics)
 
     @property
+    def rule(self) -> str:
+        """Rule for car-following of the metrics that leave it open."""
+        return "path" if self.preset == "path" else PAPER_PRESET
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """The metric columns of a child."""
         return columns_of(self.measured)
@@ -142,7 +162,8 @@ class RunSettings:
             "design": self.design if self.count is not None else "all",
             "until_band": self.until_band,
             "seed": self.seed,
-            "preset": PAPER_PRESET,
+            "preset": self.preset,
+            "reflect": self.reflect,
             "keep_plans": self.keep_plans,
         }
 

@@ -5,25 +5,33 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pyarrow as pa
 
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.moments.writer import write_tracks
+from scex_sumo.evaluation.encounters import ENCOUNTERS, encounters_table
+from scex_sumo.evaluation.outcomes import COLLISIONS, collided, encounters_of_rows
 from scex_sumo.evaluation.plans import PLANS, plans_table
 from scex_sumo.extrapolation.fallbacks import FALLBACKS
 from scex_sumo.extrapolation.job import Job
-from scex_sumo.extrapolation.measure import handover_jumps, measure_recorded
+from scex_sumo.extrapolation.measure import Recorded
+from scex_sumo.results.densities import DENSITIES, densities_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import Part, joined
-from scex_sumo.results.run import densities_table
+from scex_sumo.results.run import COLLISION
 from scex_sumo.results.under_test import UNDER_TEST
 from scex_sumo.scene import LOGGED_HISTORY
+from scex_sumo.statistics.intervals import DesignIntervals
 
-HANDOVER_M = 0.5  # a jump of a vehicle's centre that SUMO's own drivers are told of
 ROWS_AT_ONCE = 1 << 20  # of tracks, written to the disk: a row group of Parquet
 
 
-def write_tables(folder: ResultFolder, job: Job) -> Part:
+def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> Part:
     """Write the tables of a run whose children are all in the folder.
+
+    Args:
+        folder: of the result.
+        job: what was run.
+        recorded: what really happened; None where nothing was recorded.
 
     Returns:
         The children, of their states the first step only, without plans.
@@ -31,23 +39,35 @@ def write_tables(folder: ResultFolder, job: Job) -> Part:
     Raises:
         ResultError: a file cannot be written, or children are missing.
     """
-    part = _write_tracks(folder, job)
-    columns = job.settings.columns
+    part, intervals = _write_tracks(folder, job), job.intervals
+    columns, settings = job.settings.columns, job.settings
     metrics = values_table(columns, part.values, part.defined, part.children)
-    folder.write_table("metrics.parquet", metrics)
+    assert part.collisions is not None and part.encounters is not None
+    hit = collided(part.collisions, part.children)
+    folder.write_table("metrics.parquet", metrics.append_column(COLLISION, pa.array(hit)))
     folder.write_table("worst.parquet", part.worst)
+    folder.write_table(COLLISIONS, part.collisions)
+    folder.write_table(ENCOUNTERS, _encounters(job, part.encounters, intervals))
     if part.tested is not None:
         values, defined = part.tested
         folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, part.children))
     if part.fallbacks is not None:
         folder.write_table(FALLBACKS, part.fallbacks)
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.models.names))
-    folder.write_table("densities.parquet", densities_table(metrics))
-    recorded = measure_recorded(job.scene, job.settings.steps, metrics=job.settings.measured)
+    folder.write_table(DENSITIES, densities_table(metrics, columns, intervals, reflect=settings.reflect))
     if recorded is not None:
-        folder.write_table("recorded.parquet", values_table(columns, recorded.values, recorded.defined))
+        found = recorded.values
+        folder.write_table("recorded.parquet", values_table(columns, found.values, found.defined))
     write_tracks(folder.path / "seed.csv", job.scene)
     return part
+
+
+def _encounters(job: Job, rows: pa.Table, intervals: DesignIntervals) -> pa.Table:
+    """``encounters.parquet``."""
+    models = np.array(job.models.names)[job.assignment]
+    found = encounters_of_rows(rows)
+    ids = job.scene.track_ids
+    return encounters_table(found, track_ids=ids, models=models, intervals=intervals, road=job.road)
 
 
 def _write_tracks(folder: ResultFolder, job: Job) -> Part:
@@ -61,21 +81,3 @@ def _write_tracks(folder: ResultFolder, job: Job) -> Part:
             first = part.states[:, :1].map(np.copy)
             left.append(dataclasses.replace(part, states=first, plan_x=None, plan_y=None))
     return joined(left)
-
-
-def handover_notes(job: Job, part: Part) -> list[str]:
-    """Whether SUMO moved vehicles when it took them over, one phrase.
-
-    Args:
-        job: the run.
-        part: its children, with the first step of their states.
-    """
-    by_sumo = np.array([isinstance(model, SumoDriver) for model in job.models.built])[job.assignment]
-    jumps = handover_jumps(job.scene, part.states[:, 0], by_sumo)
-    far = int((jumps > HANDOVER_M).sum())
-    if far == 0:
-        return []
-    return [
-        f"SUMO turned {far} of {len(jumps)} vehicles that it drives into their lanes in the first step, "
-        f"by up to {jumps.max():.1f} m of their centres; the metrics of that step feel it"
-    ]

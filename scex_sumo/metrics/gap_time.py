@@ -91,7 +91,7 @@ def gap_time(scenes: Scenes) -> Samples:
     size = len(scenes.ordered_pairs[0]) * int(np.prod(scenes.shape))
     if scenes.planned is None or size == 0:
         return scenes.scattered(np.empty(0, dtype=np.int64), np.empty(0))
-    crossing = first_on_own_path(paths_ahead(scenes).crossings(), size)
+    crossing = first_on_own_path(paths_ahead(scenes).crossings, size)
     pair, scene = np.divmod(crossing.where, int(np.prod(scenes.shape)))
     row, other = scenes.ordered_pairs
     speed = scenes.speed.reshape(scenes.vehicles, -1)

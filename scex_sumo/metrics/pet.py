@@ -43,10 +43,8 @@ def pet(scenes: Scenes) -> Samples:
     size = len(scenes.ordered_pairs[0]) * int(np.prod(scenes.shape))
     if size == 0:
         return scenes.scattered(np.empty(0, dtype=np.int64), np.empty(0))
-    planned = scenes.planned
-    driven = planned if planned is not None and planned.driven else PlannedPaths.from_tracks(scenes.tracks)
-    paths = PathsAhead(scenes, driven, moving_only=False)
-    crossing = first_on_own_path(paths.crossings(), size)
+    paths = scenes.once(_driven_paths)
+    crossing = first_on_own_path(paths.crossings, size)
     own_reach = other_reach = np.zeros(crossing.where.size)
     if scenes.preset.conflict_area:
         own_reach, other_reach = area_reach(scenes, crossing)
@@ -66,3 +64,10 @@ def pet(scenes: Scenes) -> Samples:
     time = post_encroachment_time(own_in=own_in, own_out=own_out, other_in=other_in, other_out=other_out)
     known = np.flatnonzero(np.isfinite(time))
     return scenes.scattered(crossing.where[known], time[known])
+
+
+def _driven_paths(scenes: Scenes) -> PathsAhead:
+    """The tracks driven from each step on."""
+    planned = scenes.planned
+    driven = planned if planned is not None and planned.driven else PlannedPaths.from_tracks(scenes.tracks)
+    return PathsAhead(scenes, driven, moving_only=False)

@@ -18,9 +18,11 @@ from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, LOGGED_HISTORY, SeedScene, States
+from scex_sumo.statistics.density import Density
 
 _CURVE, _CRITICAL, _RECORDED = "#1f4e79", "#c0392b", "#222222"
 _MARGIN_M = 10.0
+_WIDE = 4  # panels side by side
 
 
 def draw_run(run: Run, scene: SeedScene) -> list[Path]:
@@ -42,7 +44,7 @@ def futures_of(run: Run, scene: SeedScene) -> list[FloatArray]:
 
 
 def draw_densities(run: Run, stem: Path) -> list[Path]:
-    """Write the density of each of the 12 metric columns as SVG and PNG, one panel each.
+    """Write the density of each metric column as SVG and PNG, one panel each; atoms as stems.
 
     Args:
         run: a finished run.
@@ -57,8 +59,8 @@ def draw_cumulative(run: Run, stem: Path) -> list[Path]:
 
 
 def _draw_panels(run: Run, what: str, draw: Callable[[Run, str, Axes], None], stem: Path) -> list[Path]:
-    with sheet.sheet(11.5, 7.2) as figure:
-        for axes, column in sheet.metric_panels(figure, run.columns):
+    with sheet.sheet(11.5, 2.4 * -(-len(run.columns) // _WIDE)) as figure:
+        for axes, column in sheet.metric_panels(figure, run.columns, wide=_WIDE):
             samples = run.samples(column)
             if not np.isfinite(samples).any():
                 sheet.empty(axes)
@@ -79,8 +81,19 @@ def density_panel(run: Run, column: str, axes: Axes) -> None:
     """Draw the density of a metric with its threshold and recorded value."""
     curve = run.density(column)
     sheet.filled(axes, curve.x, np.zeros_like(curve.x), curve.pdf, curve.pdf, _CURVE)
+    _atoms(curve, axes)
     axes.set_ylim(bottom=0)
     _mark(run, column, axes, curve.x)
+
+
+def _atoms(curve: Density, axes: Axes) -> None:
+    """Values that many children share, as stems as high as the highest density allows, with their shares."""
+    top = max(float(curve.pdf.max(initial=0.0)), 1e-9)
+    for atom in curve.atoms:
+        axes.vlines(
+            atom.value, 0, top * min(atom.share / max(a.share for a in curve.atoms), 1.0), _CURVE, linewidth=2
+        )
+        axes.annotate(f"{atom.share:.0%}", (atom.value, top * 1.01), fontsize=6, color=_CURVE, ha="center")
 
 
 def cumulative_panel(run: Run, column: str, axes: Axes) -> None:

@@ -9,17 +9,23 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.evaluation.encounters import in_words
 from scex_sumo.extrapolation.fallbacks import fallback_lines
 from scex_sumo.metrics.registry import metric_of, most_critical, side_of
-from scex_sumo.results.run import Run
+from scex_sumo.results.run import COLLISION, Run
+from scex_sumo.statistics.density import Interval
+
+WORST = 3
+"""Encounters that are told in words."""
 
 _LEAST = 12  # characters of a column that may take several lines
 
 
 def print_summary(run: Run, console: Console) -> None:
-    """Print the table, and what was planned by the path-following driver instead."""
+    """Print the table, the worst encounters, and what was planned by the path-following driver instead."""
     print_table(summary_table(run), console, breaks=(" if", " interval"))
+    for row in run.encounters.slice(0, WORST).to_pylist():
+        console.print(Text(in_words(row)), soft_wrap=True)
     for line in fallback_lines(run.info.get("fallbacks", [])):
         console.print(Text(line), soft_wrap=True)
 
@@ -54,12 +60,22 @@ def summary_table(run: Run) -> Table:
         title=f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, "
         f"{counted(run.children, 'child scenario')}",
         title_justify="left",
-        caption="worst value of each child; interval: 95 %, Wilson",
+        caption="worst value of each child; critical of all children, with the design's 95 % interval",
         caption_justify="left",
     )
     table.add_column("metric")
     for name in ("recorded", "median", "critical if", "P(critical)", "95 % interval", "defined"):
         table.add_column(name, justify="right", no_wrap=True)
+    if COLLISION in run.metrics.column_names:
+        share = run.p_collision
+        table.add_row(
+            "collision",
+            _recorded_overlaps(run),
+            "–",
+            "any",
+            *_shares(share),
+            f"{run.children}/{run.children}",
+        )
     for column in most_critical(run.columns):
         samples = run.samples(column)
         recorded = run.recorded_value(column)
@@ -68,21 +84,27 @@ def summary_table(run: Run) -> Table:
             Text(metric_of(column).titled()),  # or rich takes the unit in brackets for markup
             _number(recorded),
             _number(float(np.median(samples)) if len(samples) else None),
-            *_critical(run, column, threshold, samples),
+            *_critical(run, column, threshold),
             f"{len(samples)}/{run.children}",
         )
     return table
 
 
-def _critical(run: Run, column: str, threshold: float | None, samples: FloatArray) -> tuple[str, str, str]:
+def _critical(run: Run, column: str, threshold: float | None) -> tuple[str, str, str]:
     if threshold is None:
         return "–", "–", "–"
     sign = "≤" if side_of(column) == "left" else "≥"
-    limit = f"{sign} {threshold:.3g}"
-    if len(samples) == 0:
-        return limit, "–", "–"
-    share = run.p_critical(column)
-    return limit, f"{share.value:.1%}", f"{share.low:.1%} – {share.high:.1%}"
+    return f"{sign} {threshold:.3g}", *_shares(run.p_critical(column))
+
+
+def _shares(share: Interval) -> tuple[str, str]:
+    return f"{share.value:.1%}", f"{share.low:.1%} – {share.high:.1%}"
+
+
+def _recorded_overlaps(run: Run) -> str:
+    """Recorded boxes that overlap are no collisions; how many pairs there are is said in their place."""
+    known = run.info.get("recorded")
+    return "–" if known is None else counted(len(known["overlaps"]), "overlap")
 
 
 def counted(count: int, noun: str) -> str:

@@ -160,7 +160,10 @@ _PATTERNS = (
 )
 _TABLES = tuple(
     f"{name}.parquet"
-    for name in ("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst")
+    for name in (
+        *("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst"),
+        *("collisions", "encounters"),
+    )
 )
 
 

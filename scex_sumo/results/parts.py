@@ -19,6 +19,7 @@ from scex_sumo.files import remove_unfinished, replacing
 from scex_sumo.scene import States
 
 PARTS = ".parts"
+TABLES = ("worst", "fallbacks", "collisions", "encounters")
 _STATES = ("x", "y", "heading", "speed")
 
 
@@ -29,13 +30,15 @@ class Part:
     Attributes:
         children: (C,) their numbers.
         states: (C, T, V) simulated states.
-        values: (C, 12) metric values.
-        defined: (C, 12) False where a metric is defined in no scene of the child.
+        values: (C, M) metric values.
+        defined: (C, M) False where a metric is defined in no scene of the child.
         worst: where each child's extremum came from, columns of ``worst.parquet``.
         plan_x: (C, R, V, H) centres planned at each of the R replans, m; None where plans are not kept.
         plan_y: (C, R, V, H) likewise.
         fallbacks: plans that are not the models' own, rows of ``fallbacks.parquet``; None for none.
-        tested: (2, C, 12) values, and 1 where defined, of the vehicles under test alone; None without any.
+        tested: (2, C, M) values, and 1 where defined, of the vehicles under test alone; None without any.
+        collisions: rows of ``collisions.parquet``.
+        encounters: one row per child and pair that has an encounter in it, as `encounter_rows` makes them.
     """
 
     children: IntArray
@@ -47,15 +50,18 @@ class Part:
     plan_y: FloatArray | None = None
     fallbacks: pa.Table | None = None
     tested: FloatArray | None = None
+    collisions: pa.Table | None = None
+    encounters: pa.Table | None = None
 
 
 def save_part(folder: Path, part: Part) -> None:
     """Keep a batch of children in a result folder until the run is finished."""
     name = f"{int(part.children[0]):08d}-{int(part.children[-1]):08d}.npz"
     target = folder / PARTS / name
-    fallbacks = None if part.fallbacks is None else _packed(part.fallbacks)
-    given = {"plan_x": part.plan_x, "plan_y": part.plan_y, "fallbacks": fallbacks, "tested": part.tested}
+    tables = {name: table for name in TABLES if (table := getattr(part, name)) is not None}
+    given = {"plan_x": part.plan_x, "plan_y": part.plan_y, "tested": part.tested}
     some: dict[str, Any] = {name: values for name, values in given.items() if values is not None}
+    some |= {name: _packed(table) for name, table in tables.items()}
     with replacing(target) as temporary, temporary.open("wb") as file:
         np.savez(
             file,
@@ -66,7 +72,6 @@ def save_part(folder: Path, part: Part) -> None:
             speed=part.states.speed,
             values=part.values,
             defined=part.defined,
-            worst=_packed(part.worst),
             **some,
         )
 
@@ -108,7 +113,7 @@ class Parts:
         self._row = np.concatenate([np.empty(0, np.int64), *(np.arange(len(c)) for c, _ in rows)])[first]
 
     def values(self, children: int) -> tuple[FloatArray, BoolArray]:
-        """(C, 12) metric values of the first children and where they are defined."""
+        """(C, M) metric values of the first children and where they are defined."""
         some = self._taken(slice(0, children), ("values", "defined"))
         return some["values"], some["defined"]
 
@@ -116,7 +121,7 @@ class Parts:
         """Children ``first`` to ``stop - 1`` in order; they must be there."""
         part = slice(*np.searchsorted(self.children, (first, stop)))
         some = self._taken(part, (*_STATES, "values", "defined", "plan_x", "plan_y", "tested"))
-        tables: dict[str, list[pa.Table]] = {"worst": [], "fallbacks": []}
+        tables: dict[str, list[pa.Table]] = {name: [] for name in TABLES}
         for file in np.unique(self._file[part]):
             mine = pa.array(self.children[part][self._file[part] == file])
             with np.load(self._files[file]) as data:
@@ -127,7 +132,9 @@ class Parts:
             children=self.children[part],
             states=States(**{name: some[name] for name in _STATES}),
             worst=_by_child(tables["worst"]),
-            fallbacks=_in_order(tables["fallbacks"]),
+            fallbacks=_none_if_empty(_in_order(tables["fallbacks"])),
+            collisions=_in_order(tables["collisions"]),
+            encounters=_in_order(tables["encounters"]),
             values=some["values"],
             defined=some["defined"],
             plan_x=some.get("plan_x"),
@@ -160,7 +167,10 @@ def joined(parts: Sequence[Part]) -> Part:
         there = [array for array in arrays if array is not None]
         return np.concatenate(there, axis) if there else None
 
-    fallbacks = [part.fallbacks for part in parts if part.fallbacks is not None]
+    def table(name: str) -> pa.Table | None:
+        there = [found for part in parts if (found := getattr(part, name)) is not None]
+        return pa.concat_tables(there) if there else None
+
     return Part(
         children=one([part.children for part in parts]),
         states=States.concatenate([part.states for part in parts], axis=0),
@@ -169,7 +179,9 @@ def joined(parts: Sequence[Part]) -> Part:
         worst=pa.concat_tables([part.worst for part in parts]),
         plan_x=one([part.plan_x for part in parts]),
         plan_y=one([part.plan_y for part in parts]),
-        fallbacks=pa.concat_tables(fallbacks) if fallbacks else None,
+        fallbacks=table("fallbacks"),
+        collisions=table("collisions"),
+        encounters=table("encounters"),
         tested=one([part.tested for part in parts], axis=1),
     )
 
@@ -182,8 +194,12 @@ def _by_child(tables: Sequence[pa.Table]) -> pa.Table:
 
 
 def _in_order(tables: Sequence[pa.Table]) -> pa.Table | None:
-    """Rows ordered by child, whose own rows are in one part; None where no part has any."""
-    whole = pa.concat_tables(tables) if tables else None
-    if whole is None or whole.num_rows == 0:
+    """Rows ordered by child, whose own rows are in one part; None where no part has the table."""
+    if not tables:
         return None
+    whole = pa.concat_tables(tables)
     return whole.take(np.argsort(np.asarray(whole["child"]), kind="stable"))
+
+
+def _none_if_empty(table: pa.Table | None) -> pa.Table | None:
+    return None if table is None or table.num_rows == 0 else table

@@ -6,7 +6,7 @@ import json
 import tempfile
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -15,16 +15,18 @@ import pyarrow.parquet as pq
 from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.metrics.registry import learn_metrics, side_of
+from scex_sumo.results.densities import half_widths, metric_density
+from scex_sumo.results.design import column_of, intervals_of, is_critical
 from scex_sumo.results.under_test import BASELINE, UNDER_TEST, UnderTest
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
-from scex_sumo.statistics.density import Density, Interval, density, p_critical
+from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
+from scex_sumo.statistics.intervals import DesignIntervals
 
 if TYPE_CHECKING:
     from scex_sumo.converters.net.convert import SumoNet
 
-DENSITIES_SCHEMA = pa.schema(
-    [("metric", pa.string()), *((name, pa.float64()) for name in ("x", "pdf", "cdf", "low", "high"))]
-)
+COLLISION: Final = "collision"
+"""Column of ``metrics.parquet`` that says whether two vehicles of a child collide."""
 
 
 class Run:
@@ -47,12 +49,12 @@ class Run:
 
     @cached_property
     def metrics(self) -> pa.Table:
-        """One row per child: ``child`` and the 12 metric columns, null where undefined."""
+        """One row per child: ``child``, the metric columns, null where undefined, and ``collision``."""
         return self.table("metrics.parquet")
 
     @cached_property
     def recorded(self) -> pa.Table | None:
-        """The same 12 columns for what really happened, one row; None where nothing was recorded."""
+        """The same metric columns for what really happened, one row; None where nothing was recorded."""
         return self.table("recorded.parquet") if (self.folder / "recorded.parquet").exists() else None
 
     @cached_property
@@ -67,8 +69,31 @@ class Run:
 
     @cached_property
     def worst(self) -> pa.Table:
-        """Where each extremum came from: child, metric, timestamp_ms, track_id, other_id, value."""
+        """Where each extremum came from: child, metric, timestamp_ms, track_id, other_id, value, and whether
+        the two had collided by then, after_collision.
+        """
         return self.table("worst.parquet")
+
+    @cached_property
+    def collisions(self) -> pa.Table:
+        """Who hits whom, when, where and how hard: one row per child and pair of vehicles that collide."""
+        return self.table("collisions.parquet")
+
+    @cached_property
+    def encounters(self) -> pa.Table:
+        """One row per pair of vehicles that meet in some child, the most critical pair first."""
+        return self.table("encounters.parquet")
+
+    @cached_property
+    def intervals(self) -> DesignIntervals:
+        """Of shares and distributions over the children, as their design leaves them."""
+        there = (self.folder / "assignments.parquet").is_file()
+        return intervals_of(self.info, self.assignments if there else None, self.children)
+
+    @cached_property
+    def p_collision(self) -> Interval:
+        """Share of the children in which two vehicles collide, with its 95 % interval."""
+        return self.intervals.share(np.asarray(self.metrics[COLLISION]))
 
     @cached_property
     def baseline(self) -> Run | None:
@@ -141,8 +166,8 @@ class Run:
 
     @property
     def columns(self) -> list[str]:
-        """The 12 metric columns."""
-        return [name for name in self.metrics.column_names if name != "child"]
+        """The metric columns."""
+        return [name for name in self.metrics.column_names if name not in ("child", COLLISION)]
 
     @property
     def children(self) -> int:
@@ -154,22 +179,40 @@ class Run:
         """Threshold of each metric that has one."""
         return dict(self.info["thresholds"])
 
-    def samples(self, column: str) -> FloatArray:
-        """(n,) the values of a metric in the children where it is defined."""
+    def values(self, column: str) -> FloatArray:
+        """(C,) values of a metric in all children, NaN where undefined."""
         if column not in self.columns:
             raise UsageError(f"unknown metric {column!r}; known: {', '.join(self.columns)}")
-        values = self.metrics[column].drop_null().to_numpy(zero_copy_only=False)
-        return np.asarray(values, dtype=np.float64)
+        return column_of(self.metrics, column)
 
-    def density(self, column: str, *, bandwidth: float = 0.1) -> Density:
-        """Kernel density and cumulative density of a metric with its 95 % band."""
-        return density(self.samples(column), bandwidth=bandwidth)
+    def samples(self, column: str) -> FloatArray:
+        """(n,) the values of a metric in the children where it is defined."""
+        values = self.values(column)
+        return values[~np.isnan(values)]
 
-    def p_critical(self, column: str, *, threshold: float | None = None) -> Interval:
-        """Share of the children with a critical value of a metric, with its 95 % interval.
+    def density(self, column: str, *, bandwidth: float = BANDWIDTH, reflect: bool | None = None) -> Density:
+        """Kernel density and cumulative density of a metric with its 95 % band.
 
         Args:
-            column: one of the 12 columns.
+            column: one of the metric columns.
+            bandwidth: of the kernel, in the metric's unit.
+            reflect: tell atoms apart and reflect at 0 what cannot be negative; None does as the run was told.
+        """
+        folded = bool(self.info.get("reflect", True)) if reflect is None else reflect
+        values = self.values(column)
+        return metric_density(values, self._half_widths[column], reflect=folded, bandwidth=bandwidth)
+
+    @cached_property
+    def _half_widths(self) -> dict[str, float]:
+        return half_widths(self.metrics, self.columns, self.intervals)
+
+    def p_critical(self, column: str, *, threshold: float | None = None) -> Interval:
+        """Share of all children with a critical value of a metric, with its 95 % interval.
+
+        A child in which the metric is undefined is not critical.
+
+        Args:
+            column: one of the metric columns.
             threshold: None takes the run's.
 
         Raises:
@@ -181,7 +224,7 @@ class Run:
                 f"{column}: has no threshold; those that have: {', '.join(self.thresholds)}; "
                 "give one as threshold="
             )
-        return p_critical(self.samples(column), limit, side=side_of(column))
+        return self.intervals.share(is_critical(self.values(column), column, limit))
 
     def recorded_value(self, column: str) -> float | None:
         """What a metric was in the recorded future, or None."""
@@ -196,7 +239,7 @@ class Run:
         Raises:
             ResultError: the metric is defined in no child.
         """
-        values = self.metrics[column].to_numpy(zero_copy_only=False)
+        values = self.values(column)
         if np.isnan(values).all():
             raise ResultError(f"{self.folder}: {column} is defined in none of {self.children} children")
         index = np.nanargmin(values) if side_of(column) == "left" else np.nanargmax(values)
@@ -221,38 +264,6 @@ def open_run(folder: str | Path) -> Run:
         ResultError: no finished result is there.
     """
     return Run(Path(folder))
-
-
-def densities_table(metrics: pa.Table) -> pa.Table:
-    """Density and cumulative density with its 95 % band of each column: metric, x, pdf, cdf, low, high.
-
-    Args:
-        metrics: as :attr:`Run.metrics`.
-
-    Returns:
-        Without rows for a metric that is undefined in every child; a single vehicle leaves none.
-    """
-    parts = [DENSITIES_SCHEMA.empty_table()]
-    for column in metrics.column_names[1:]:
-        samples = np.asarray(metrics[column].drop_null(), dtype=np.float64)
-        if len(samples) == 0:
-            continue
-        curve = density(samples)
-        low, high = curve.band
-        parts.append(
-            pa.table(
-                {
-                    "metric": pa.repeat(pa.scalar(column), len(curve.x)),
-                    "x": curve.x,
-                    "pdf": curve.pdf,
-                    "cdf": curve.cdf,
-                    "low": low,
-                    "high": high,
-                },
-                schema=DENSITIES_SCHEMA,
-            )
-        )
-    return pa.concat_tables(parts)
 
 
 def _read_info(folder: Path) -> dict[str, Any]:

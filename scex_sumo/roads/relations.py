@@ -67,19 +67,32 @@ def lane_relations(lanes: Sequence[Lane]) -> LaneRelations:
     number = {lane.lane_id: k for k, lane in enumerate(lanes)}
     length = np.array([length_of(lane.centreline) for lane in lanes], dtype=np.float64)
     ahead = _ways(lanes, number, length)
-    following = [[number[i] for i in lane.successors if i in number] for lane in lanes]
-    round_again = [ahead[next_, k].min(initial=np.inf) for k, next_ in enumerate(following)]
     side, lead, stretch_a, stretch_b = _beside(lanes, number, length, ahead)
     return LaneRelations(
         length=length,
         ahead=ahead,
-        loop=length + np.array(round_again, dtype=np.float64),
+        loop=_loops(lanes, number, length, ahead),
         side=side,
         lead=lead,
         stretch_a=stretch_a,
         stretch_b=stretch_b,
         meeting=_meetings(lanes, number, length, ahead),
     )
+
+
+def ways_round(lanes: Sequence[Lane]) -> FloatArray:
+    """(L,) the shortest way from the start of a lane round to its start again, m; inf without one."""
+    number = {lane.lane_id: k for k, lane in enumerate(lanes)}
+    length = np.array([length_of(lane.centreline) for lane in lanes], dtype=np.float64)
+    return _loops(lanes, number, length, _ways(lanes, number, length))
+
+
+def _loops(
+    lanes: Sequence[Lane], number: dict[int, int], length: FloatArray, ahead: FloatArray
+) -> FloatArray:
+    following = [[number[i] for i in lane.successors if i in number] for lane in lanes]
+    again = [ahead[after, k].min(initial=np.inf) for k, after in enumerate(following)]
+    return length + np.array(again, dtype=np.float64)
 
 
 def _ways(lanes: Sequence[Lane], number: dict[int, int], length: FloatArray) -> FloatArray:

@@ -142,20 +142,36 @@ class DesignIntervals:
         Args:
             values: (C,) NaN where undefined; 1 where it is defined nowhere.
         """
+        return float(self.half_widths(np.asarray(values)[:, None])[0])
+
+    def half_widths(self, values: FloatArray) -> FloatArray:
+        """(M,) the same for many metrics at once, (C, M)."""
         known = ~np.isnan(values)
-        if not known.any():
-            return 1.0
-        independent = min(dkw_half_width(int(known.sum()), self._confidence), 1.0)
-        if not self.balanced:
-            return independent
-        levels = np.arange(1, _THRESHOLDS + 1) / (_THRESHOLDS + 1)
-        limits = np.unique(np.quantile(values[known], levels, method="inverted_cdf"))
-        below = np.where(known[:, None], values[:, None] <= limits, 0.0)
-        # A share among the defined children is a ratio of two means: its linearised value of each child.
-        linear = np.where(known[:, None], below - below.sum(axis=0) / known.sum(), 0.0) / known.mean()
-        spread = np.quantile(np.sqrt(self.variance(linear)), _WIDEST)
-        # The band of independent draws is so many of the largest deviation that a share can have.
-        return min(independent, float(2 * spread * dkw_half_width(1, self._confidence)))
+        counts = known.sum(axis=0)
+        widths = np.array([min(dkw_half_width(n, self._confidence), 1.0) if n else 1.0 for n in counts])
+        some = np.flatnonzero(counts)
+        if not self.balanced or some.size == 0:
+            return widths
+        linear = [_linearised(values[:, m], known[:, m]) for m in some]
+        spreads = np.sqrt(self.variance(np.concatenate(linear, axis=1)))
+        ends = np.cumsum([part.shape[1] for part in linear])[:-1]
+        for m, spread in zip(some, np.split(spreads, ends), strict=True):
+            # The band of independent draws is so many of the largest deviation that a share can have.
+            width = 2 * float(np.quantile(spread, _WIDEST)) * dkw_half_width(1, self._confidence)
+            widths[m] = min(widths[m], width)
+        return widths
+
+
+def _linearised(values: FloatArray, known: BoolArray) -> FloatArray:
+    """(C, thresholds) each child's part of the share below thresholds among the defined children.
+
+    That share is a ratio of two means; this is its linearised value.
+    """
+    levels = np.arange(1, _THRESHOLDS + 1) / (_THRESHOLDS + 1)
+    limits = np.unique(np.quantile(values[known], levels, method="inverted_cdf"))
+    below = np.where(known[:, None], values[:, None] <= limits, 0.0)
+    linear: FloatArray = np.where(known[:, None], below - below.sum(axis=0) / known.sum(), 0.0) / known.mean()
+    return linear
 
 
 def wilson_of(share: float, number: float, confidence: float = CONFIDENCE) -> tuple[float, float]:
@@ -217,7 +233,8 @@ class _Block:
     def forms(self, values: FloatArray) -> FloatArray:
         """(K + 1, M) quadratic forms of the residuals of values (R, M)."""
         residuals = self._projection @ values
-        return np.stack([(residuals * (kernel @ residuals)).sum(axis=0) for kernel in self._kernels])
+        alike = [kernel @ residuals for kernel in self._kernels[:-1]]  # the last one is the identity
+        return np.stack([(residuals * part).sum(axis=0) for part in (*alike, residuals)])
 
 
 def _kernels(factors: Sequence[tuple[IntArray, FloatArray]]) -> list[FloatArray]:

@@ -7,6 +7,7 @@ need little memory.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Final
 
@@ -78,12 +79,9 @@ class Encounters:
         return np.asarray(self.kind != NO_COLLISION)
 
     @classmethod
-    def join(cls, parts: list[Encounters], offsets: list[int]) -> Encounters:
-        """Those of several batches, whose first children have these indices."""
-        columns = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)}
-        shift = np.repeat(np.array(offsets, dtype=np.int64), [len(p) for p in parts])
-        columns["child"] = columns["child"] + shift
-        return cls(**columns)
+    def join(cls, parts: Sequence[Encounters]) -> Encounters:
+        """Those of several batches of the same children."""
+        return cls(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)})
 
 
 def find_encounters(
@@ -102,11 +100,8 @@ def find_encounters(
         parameters: constants of the metrics.
     """
     hits = find_collisions(tracks) if collisions is None else collisions
-    parts, offsets = [], []
-    for start, scenes in scene_batches(tracks, planned, preset="path", parameters=parameters):
-        parts.append(encounters_of(scenes, hits, start))
-        offsets.append(start)
-    return Encounters.join(parts, offsets)
+    batches = scene_batches(tracks, planned, preset="path", parameters=parameters)
+    return Encounters.join([encounters_of(scenes, hits, start) for start, scenes in batches])
 
 
 def encounters_of(scenes: Scenes, collisions: Collisions, start: int) -> Encounters:
@@ -115,7 +110,7 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int) -> Encount
     Args:
         scenes: the batch.
         collisions: of all children.
-        start: number of the batch's first child; the encounters' own count from 0.
+        start: index of the batch's first child among them.
     """
     scenes = scenes.under(preset_named("path"))
     children, steps = scenes.shape
@@ -150,7 +145,7 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int) -> Encount
     order = np.lexsort((pair, child))
     rows, pair, child = rows[order], pair[order], child[order]
     return Encounters(
-        child=child,
+        child=child + start,
         first=first[pair],
         second=second[pair],
         gap=np.where(kind[rows] != NO_COLLISION, 0.0, gap[rows]),
@@ -222,6 +217,6 @@ def _cross(scenes: Scenes) -> BoolArray:
     pairs = len(scenes.pairs[0])
     found = np.zeros(pairs * children, dtype=bool)
     if scenes.planned is not None and pairs and steps:
-        ordered, scene = np.divmod(paths_ahead(scenes).crossings().where, children * steps)
+        ordered, scene = np.divmod(paths_ahead(scenes).crossings.where, children * steps)
         found[(ordered % pairs) * children + scene // steps] = True
     return found

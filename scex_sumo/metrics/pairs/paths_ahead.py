@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -109,6 +110,7 @@ class PathsAhead:
         self.length = np.where(self.has_path, self.lines.arc[self.line, -1] + self.offset, 0.0)
         self.first_boxes = segment_boxes(scenes.x, scenes.y, scenes.x + self.dx, scenes.y + self.dy)
 
+    @cached_property
     def crossings(self) -> Crossings:
         """All crossing points ahead of all ordered pairs."""
         found = [self._between_plans(), *self._with_first_segments()]

@@ -1,0 +1,62 @@
+"""Places of a road in a word: ring, crossing, merge or lane."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.derived import derived
+from scex_sumo.geometry.polylines import project
+from scex_sumo.road import Road
+from scex_sumo.roads.conflicts import conflicts
+from scex_sumo.roads.relations import ways_round
+
+LONGEST_RING_M = 400.0  # the way round; longer ways back to the same lane are blocks of streets
+AROUND_M = 5.0  # a place counts to a conflict of lanes as far before and after it
+PLACES = ("ring", "crossing", "merge", "lane")
+
+
+def places_of(road: Road, points: FloatArray) -> list[str | None]:
+    """What kind of place each of some points is, one of ``PLACES``; None off the lanes.
+
+    A ring is a lane from which a way of at most 400 m leads round to its own start; a crossing and a merge
+    reach 5 m beyond where the lanes are in each other's way.
+
+    Args:
+        road: the map.
+        points: (N, 2) m.
+    """
+    rank = np.full(len(points), len(PLACES))
+    rings, meetings = _rings(road), _meetings(road)
+    for lane in road.vehicle_lanes.values():
+        low, high = lane.centreline.min(axis=0) - lane.width_m, lane.centreline.max(axis=0) + lane.width_m
+        near = np.flatnonzero(np.all((points >= low) & (points <= high), axis=1))
+        if near.size == 0:
+            continue
+        along, aside = project(points[near], lane.centreline)
+        on, along = near[aside <= lane.width_m / 2], along[aside <= lane.width_m / 2]
+        rank[on] = np.minimum(rank[on], PLACES.index("ring" if lane.lane_id in rings else "lane"))
+        for kind, start, end in meetings.get(lane.lane_id, ()):
+            here = on[(along >= start - AROUND_M) & (along <= end + AROUND_M)]
+            rank[here] = np.minimum(rank[here], PLACES.index(kind))
+    return [PLACES[k] if k < len(PLACES) else None for k in rank.tolist()]
+
+
+@derived
+def _rings(road: Road) -> frozenset[int]:
+    """Lanes from which a short way leads round to their own start."""
+    lanes = list(road.vehicle_lanes.values())
+    short = ways_round(lanes) <= LONGEST_RING_M
+    return frozenset(lane.lane_id for lane, ring in zip(lanes, short.tolist(), strict=True) if ring)
+
+
+@derived
+def _meetings(road: Road) -> dict[int, list[tuple[str, float, float]]]:
+    """By lane where it crosses or merges with others: kind, arc lengths of start and end, m."""
+    words = {"cross": "crossing", "merge": "merge"}
+    found: dict[int, list[tuple[str, float, float]]] = {}
+    for conflict in conflicts(road.vehicle_lanes):
+        if conflict.kind in words:
+            for lane, (start, end) in zip(conflict.lanes, conflict.spans, strict=True):
+                found.setdefault(lane, []).append((words[conflict.kind], start, end))
+    return found
