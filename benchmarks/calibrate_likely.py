@@ -168,7 +168,7 @@ def _leader_ways(
     gap: FloatArray,
     speed: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """(n, 31) gap to where the leader really was after each step, and its speed; at constant speed unrecorded."""
+    """(n, 31) gap to where the leader really was after each step, and its speed; constant if unrecorded."""
     assert scene.future is not None and scene.future_valid is not None
     time = STEP_S * np.arange(STEPS + 1)
     gaps, speeds = gap[:, None] + speed[:, None] * time, np.repeat(speed[:, None], STEPS + 1, axis=1)
@@ -178,10 +178,10 @@ def _leader_ways(
         leader = scene.future[index[known]]
         first = scene.now[index[known]]
         start = project(paths, row[known], first.x, first.y, s[known] + np.minimum(gap[known], 100.0))[0]
-        way = np.stack(
-            [project(paths, row[known], leader.x[:, k], leader.y[:, k], start + speed[known] * time[k + 1])[0] - start
-             for k in range(STEPS)], axis=1)  # fmt: skip
-        gaps[known, 1:] = gap[known, None] + way
+        for k in range(STEPS):
+            guess = start + speed[known] * time[k + 1]
+            there = project(paths, row[known], leader.x[:, k], leader.y[:, k], guess)[0]
+            gaps[known, k + 1] = gap[known] + there - start
         speeds[known, 1:] = leader.speed[:, :STEPS]
     return gaps, speeds
 
@@ -372,7 +372,7 @@ def paths_of(scenes: Sequence[SeedScene]) -> FloatArray:
     result = minimize(cost, np.array([0.2, 0.5, 2.0, 0.2]), method="L-BFGS-B", bounds=[(0.0, 20.0)] * 4)
     n = max(len(found), 1)
     print(
-        f"  log loss {cost(np.zeros(4)) / n:.3f} by shares alone, {result.fun / n:.3f} fitted: {result.x.round(2)}"
+        f"  log loss {cost(np.zeros(4)) / n:.3f} by shares, {result.fun / n:.3f} fitted: {result.x.round(2)}"
     )
     return np.asarray(result.x)
 

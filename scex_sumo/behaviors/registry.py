@@ -30,7 +30,7 @@ from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.sumo_models import SUMO_MODELS, check_driver
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
-LIKELY_MODELS = "likely_driver"
+LIKELY_MODELS = "likely_driver:guard=true"
 ENTRY_POINTS = "scex_sumo.behaviors"
 SUMO = "sumo"
 # Names for several models at once. The default has no learned ones, though the paper does: what a run gives

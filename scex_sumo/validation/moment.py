@@ -16,8 +16,6 @@ from scex_sumo.extrapolation.job import Job, batch_size, batches_of, run_batch
 from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.metrics.base import SceneTracks
-from scex_sumo.metrics.outlines.collisions import find_collisions
 from scex_sumo.ranking.moments import Failure
 from scex_sumo.ranking.run_moment import MomentTask, check_versions, converted, one_at_a_time
 from scex_sumo.ranking.settings import built
@@ -28,7 +26,6 @@ from scex_sumo.validation.realism import realism, realism_score
 from scex_sumo.validation.vehicles import encounters_table, vehicles_table
 from scex_sumo.world.sumo import SumoWorld
 
-METRICS = ("paper", "path")
 RECORDED, CONSTANT_VELOCITY, SEED_MOMENT = -1, -2, -3
 """Children of a moment that are none: what happened, constant velocity, the first step of that."""
 
@@ -70,23 +67,20 @@ def _forecast(task: MomentTask, road: Road, net: SumoNet) -> Forecast:
     judged = _recorded_to_end(scene, steps)
     if not judged.any():
         raise TrackError(f"no vehicle is recorded for {steps} steps after it; take another moment")
-    asked = dataclasses.replace(task.settings.run, metrics=METRICS, keep_plans=False)
-    plain = RunSettings(
-        models="constant_velocity", children=1, steps=steps, metrics=METRICS, keep_plans=False
-    )
+    asked = dataclasses.replace(task.settings.run, preset="both", metrics=None, keep_plans=False)
+    plain = RunSettings(models="constant_velocity", children=1, steps=steps, keep_plans=False)
     children = _run(scene, net, asked, built(task.settings.models), len(task.children))
     straight = _run(scene, net, plain, ModelSet.of(plain), 1)
     first = _run(scene, net, dataclasses.replace(plain, steps=1), ModelSet.of(plain), 1)
-    recorded = measure_recorded(scene, steps, metrics=asked.measured)
+    recorded = measure_recorded(scene, steps, metrics=asked.measured, preset=asked.rule)
     assert recorded is not None and scene.future is not None
     after = scene.future[:, :steps].repeat(1).swapaxes(1, 2)
-    present = np.ones((1, 1, scene.vehicles), dtype=bool)
-    valid = np.concatenate([present, scene.future_valid[None, :, :steps].swapaxes(1, 2)], axis=1)
+    known = np.where(recorded.values.defined, recorded.values.values, np.nan)
     rows = [
-        (np.arange(len(task.children)), children.values, _collided(scene, children.states)),
-        (np.array([RECORDED]), recorded.values, _collided(scene, after, valid)),
-        (np.array([CONSTANT_VELOCITY]), straight.values, _collided(scene, straight.states)),
-        (np.array([SEED_MOMENT]), first.values, np.zeros(1, dtype=bool)),
+        (np.arange(len(task.children)), children.values, children.collided),
+        (np.array([RECORDED]), known, recorded.overlaps.any_of(1)),
+        (np.array([CONSTANT_VELOCITY]), straight.values, straight.collided),
+        (np.array([SEED_MOMENT]), first.values, first.collided),
     ]
     rng = np.random.default_rng(zlib.crc32(task.ref.moment.encode()))
     likelihood = realism(children.states, after, scene.length, scene.width, judged, road)
@@ -102,6 +96,7 @@ def _forecast(task: MomentTask, road: Road, net: SumoNet) -> Forecast:
 class _Children:
     states: States
     values: FloatArray
+    collided: BoolArray
 
 
 def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet, count: int) -> _Children:
@@ -112,7 +107,14 @@ def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet
     slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
     with SumoWorld(net, scene, slots=slots) as world:
         parts = [run_batch(job, world, batch) for batch in batches]
+    hit = [
+        np.asarray(part.collisions["child"], dtype=np.int64) for part in parts if part.collisions is not None
+    ]
+    collided = np.zeros(count, dtype=bool)
+    for children in hit:
+        collided[children] = True
     return _Children(
+        collided=collided,
         states=States.concatenate([part.states for part in parts], axis=0),
         values=np.concatenate([np.where(part.defined, part.values, np.nan) for part in parts]),
     )
@@ -124,19 +126,6 @@ def _recorded_to_end(scene: SeedScene, steps: int) -> BoolArray:
         return np.zeros(scene.vehicles, dtype=bool)
     whole: BoolArray = scene.future_valid[:, :steps].all(axis=1)
     return whole
-
-
-def _collided(scene: SeedScene, after: States, present: BoolArray | None = None) -> BoolArray:
-    """(C,) whether any two vehicles collide; `present` (C, 1 + T, V)."""
-    start = scene.now.repeat(after.shape[0])[:, None]
-    tracks = SceneTracks(
-        states=States.concatenate([start, after], axis=1),
-        length=scene.length,
-        width=scene.width,
-        present=present,
-        first=1,
-    )
-    return find_collisions(tracks).any_of(after.shape[0])
 
 
 def _children_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArray, BoolArray]]) -> pa.Table:

@@ -12,7 +12,8 @@ from scex_sumo.files import write_atomic
 
 HTML = "validation.html"
 _STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}
-table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .7em;text-align:right;border-bottom:1px solid #ddd}
+table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .7em;text-align:right}
+td,th{border-bottom:1px solid #ddd}
 td:first-child,th:first-child{text-align:left}figure{display:inline-block;margin:.5em}figcaption{font-size:85%}
 p.note{color:#555}"""
 _EVENT_COLUMNS = (
@@ -68,24 +69,24 @@ def write_page(
     usual = [row for row in events if 0.0 < row["happened"] < 1.0]
     parts = [
         f"<h1>Validation of {escape(', '.join(info['models']))}</h1>",
-        f"<p>{info['seeds']} seed scenes of {info['recordings']} recordings, {info['children']} children each, "
-        f"part of the recordings: {escape(info['part'])}. Mean Brier score over the paper's thresholds "
+        f"<p>{info['seeds']} seed scenes of {info['recordings']} recordings, {info['children']} children "
+        f"each, part of the recordings: {escape(info['part'])}. Mean Brier score over the paper's thresholds "
         f"<b>{info['mean_brier']:.3f}</b> (base rate {info['mean_brier_base_rate']:.3f}); P(collision) "
         f"{info['p_collision']:.2%}, overlaps in the recordings {info['recorded_overlaps']:.2%}; realism "
         f"{_shown(info['realism'])}.</p>",
-        '<p class="note">Realism is after the definition of the Waymo Sim Agents Challenge, of 3 s and without '
-        "lights: compare mixes with it, not with that leaderboard. Intervals are of recordings drawn with "
+        '<p class="note">Realism is after that of the Waymo Sim Agents Challenge, of 3 s and '
+        "without lights: compare mixes with it, not with that leaderboard. Intervals are of recordings drawn with "
         "replacement.</p>",
         "<h2>Events</h2>",
         _table(_EVENT_COLUMNS, events),
         "<h2>Reliability</h2>",
-        '<p class="note">Where a forecast of 30 % came true 30 % of the time, the dot is on the line; its area is '
-        "the number of seed scenes.</p>",
+        '<p class="note">Where a forecast of 30 % came true 30 % of the time, the dot is on the line; its '
+        "area is the number of seed scenes.</p>",
         *(_diagram(row) for row in usual),
         "<h2>Values</h2>",
         _table(_VALUE_COLUMNS, values),
-        '<p class="note">Ranks of the recorded value among the children: flat where the children are like it, '
-        "high at both ends where they spread too little.</p>",
+        '<p class="note">Ranks of the recorded value among the children: flat where the children are like '
+        "it, high at both ends where they spread too little.</p>",
         *(_ranks(row["column"], row["ranks"]) for row in values),
         "<h2>Positions</h2>",
         _table(_POSITION_COLUMNS, rows["positions"]),
@@ -129,12 +130,14 @@ def _ranks(name: str, counts: Sequence[int]) -> str:
     """Rank histogram, as SVG; the line is what equal ranks would give."""
     most, total = max(*counts, 1), sum(counts)
     bars = "".join(
-        f'<rect x="{5 + 14 * k}" y="{65 - 60 * n / most:.1f}" width="12" height="{60 * n / most:.1f}" fill="#1f77b4"/>'
+        f'<rect x="{5 + 14 * k}" y="{65 - 60 * n / most:.1f}" width="12" height="{60 * n / most:.1f}" '
+        'fill="#1f77b4"/>'
         for k, n in enumerate(counts)
     )
     level = 65 - 60 * total / len(counts) / most
     line = f'<line x1="5" x2="145" y1="{level:.1f}" y2="{level:.1f}" stroke="#d62728"/>'
-    return f'<figure><svg width="150" height="70">{bars}{line}</svg><figcaption>{escape(name)}</figcaption></figure>'
+    svg = f'<svg width="150" height="70">{bars}{line}</svg>'
+    return f"<figure>{svg}<figcaption>{escape(name)}</figcaption></figure>"
 
 
 def _failures(failed: Mapping[str, str]) -> list[str]:

@@ -1,7 +1,7 @@
 """Realism: how probable the recorded motion is among the children, feature by feature.
 
-After the realism meta-metric of the Waymo Open Sim Agents Challenge (Montali et al. 2023) with the histograms and
-weights of 2025; traffic lights are left out and the other weights renormalised, futures have 3 s instead of 8.
+After the realism meta-metric of the Waymo Open Sim Agents Challenge (Montali et al. 2023) with the histograms
+and weights of 2025; traffic lights are left out and the other weights renormalised, futures have 3 s, not 8.
 The numbers are not comparable with that leaderboard.
 """
 

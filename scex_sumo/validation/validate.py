@@ -87,8 +87,8 @@ def validate(
         children: of each moment.
         every: least time between two moments of a recording, s.
         min_vehicles: fewer moving vehicles make no moment.
-        part: ``train``, ``validation`` or ``test`` of each recording's time, as learned drivers are trained, or
-            ``all``.
+        part: ``train``, ``validation`` or ``test`` of each recording's time, as learned drivers are trained,
+            or ``all``.
         seed: random seed.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.

@@ -1,4 +1,4 @@
-"""Vehicles and pairs of one moment against what was recorded: positions at 1, 2, 3 s, least gaps of encounters."""
+"""Vehicles and pairs of one moment against the recording: positions at 1, 2, 3 s, gaps of encounters."""
 
 from __future__ import annotations
 

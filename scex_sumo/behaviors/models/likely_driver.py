@@ -39,7 +39,6 @@ from scex_sumo.behaviors.models.likely_seen import (
 from scex_sumo.behaviors.models.population import (
     MOST_ASIDE_M,
     SECONDS,
-    Population,
     normals,
     population,
     students,
@@ -116,7 +115,7 @@ class LikelyDriver:
     def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
         if self.profile.path != "fitted":
             return chosen_paths(history, road, who, self.profile.path)  # type: ignore[arg-type]
-        paths, first = chosen_paths(history, road, who, 0)
+        paths, _ = chosen_paths(history, road, who, 0)
         edges = path_edges(history.scene, paths, self.population)
         draw = uniforms(history.route_draw[who.child, who.vehicle], 1, 7)[:, 0]
         row = paths.first[who.vehicle]

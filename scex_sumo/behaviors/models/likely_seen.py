@@ -40,7 +40,7 @@ def queue_place(gap_m: FloatArray, leader_speed_mps: FloatArray) -> IntArray:
 def leaders_of(
     history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray, s: FloatArray, aside: FloatArray
 ) -> Leaders:
-    """Leaders along paths as ``calibrated_driver`` sees them, for vehicles beside them; see `find_leaders`."""
+    """Leaders along paths as ``calibrated_driver`` sees them, of vehicles beside them; see `find_leaders`."""
     return find_leaders(
         history,
         who,
@@ -90,7 +90,7 @@ class Shown:
 
     Attributes:
         speed: now, m/s.
-        acceleration: m/s², the less the more its single steps scatter: measured accelerations are mostly noise.
+        acceleration: m/s², the less the more its single steps scatter: then it is mostly noise.
         scatter: of the accelerations of single steps around that of the whole second, m/s².
         lag: speed that a straight line through the second has now, less the speed now, m/s.
     """
@@ -124,8 +124,8 @@ class Seen:
     Attributes:
         headway: time headway to the leader on that path, s; inf without one.
         offset: of the rear axle from the path, left positive, m, within `MOST_ASIDE_M`.
-        features: (P, 7) what own accelerations depend on: 1, the acceleration shown, what the leader asks for,
-            speed difference to it, the lag shown, the leader's acceleration, speed below the limit.
+        features: (P, 7) what own accelerations depend on: 1, the acceleration shown, what the leader asks
+            for, speed difference to it, the lag shown, the leader's acceleration, speed below the limit.
         unsure: (P, 3) what their spread depends on: scatter, size of the acceleration, leader near or not.
     """
 

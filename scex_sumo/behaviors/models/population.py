@@ -36,7 +36,7 @@ class Population:
         unsure: (3,) and its square root grows as exp(unsure @ ``Seen.unsure``).
         skew: (K,) draws that accelerate are exp(skew) times as large, those that brake exp(-skew) times.
         headway: mean and standard deviation of the logarithm of the time headway in s.
-        start_rate: 1/s at which a standing vehicle starts: behind a standing leader, behind a moving one, alone.
+        start_rate: 1/s at which a standing vehicle starts: behind a standing leader, a moving one, alone.
         keeps_side: share of its offset from the path that a vehicle still has after 3 s,
         side_m: and the standard deviation of the rest, m.
         path: (4,) weights of how a path fits the seed scene, see `path_features`.
@@ -82,11 +82,15 @@ class Population:
 def population() -> Population:
     """The shipped population."""
     given = json.loads(SHIPPED.read_text(encoding="utf-8"))
-    arrays = {
-        name: np.array(given[name]) for name in ("speed_edges", "mean", "root", "unsure", "skew", "path")
-    }
-    pairs = {"headway": tuple(given["headway"]), "start_rate": tuple(given["start_rate"])}
-    return Population(**arrays, **pairs, keeps_side=given["keeps_side"], side_m=given["side_m"])
+    arrays = ("speed_edges", "mean", "root", "unsure", "skew", "path")
+    standing, moving, alone = given["start_rate"]
+    return Population(
+        **{name: np.array(given[name]) for name in arrays},
+        headway=(given["headway"][0], given["headway"][1]),
+        start_rate=(standing, moving, alone),
+        keeps_side=given["keeps_side"],
+        side_m=given["side_m"],
+    )
 
 
 def uniforms(draw: FloatArray, count: int, salt: int = 0) -> FloatArray:
