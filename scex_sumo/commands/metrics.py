@@ -72,12 +72,14 @@ def metrics_command(
         print(f"{out}: {table.num_rows} rows, level {level}, preset {preset}")
 
 
-def _of_run(folder: Path) -> tuple[str, tuple[str, ...]]:
-    """Rule for car-following and names of the metrics that a run evaluated."""
+def _of_run(folder: Path) -> tuple[str, tuple[str, ...] | None]:
+    """Rule for car-following and names of the metrics that a run evaluated, where the folder says so."""
     from scex_sumo.extrapolation.settings import RUN_PRESETS
     from scex_sumo.metrics.registry import METRICS
     from scex_sumo.results.run import open_run
 
+    if not (folder / "run.json").is_file():
+        return "paper", None
     info = open_run(folder).info
     preset = str(info.get("preset", "paper"))
     own = [d["name"] if d["name"] in METRICS else d["function"] for d in info.get("metrics", ())]

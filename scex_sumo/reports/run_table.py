@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scex_sumo.evaluation.encounters import in_words
+from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
 from scex_sumo.extrapolation.fallbacks import fallback_lines
 from scex_sumo.metrics.registry import metric_of, most_critical, side_of
 from scex_sumo.results.run import COLLISION, Run
@@ -24,8 +24,9 @@ _LEAST = 12  # characters of a column that may take several lines
 def print_summary(run: Run, console: Console) -> None:
     """Print the table, the worst encounters, and what was planned by the path-following driver instead."""
     print_table(summary_table(run), console, breaks=(" if", " interval"))
-    for row in run.encounters.slice(0, WORST).to_pylist():
-        console.print(Text(in_words(row)), soft_wrap=True)
+    if (run.folder / ENCOUNTERS).is_file():
+        for row in run.encounters.slice(0, WORST).to_pylist():
+            console.print(Text(in_words(row)), soft_wrap=True)
     for line in fallback_lines(run.info.get("fallbacks", [])):
         console.print(Text(line), soft_wrap=True)
 

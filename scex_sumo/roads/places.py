@@ -20,7 +20,8 @@ def places_of(road: Road, points: FloatArray) -> list[str | None]:
     """What kind of place each of some points is, one of ``PLACES``; None off the lanes.
 
     A ring is a lane from which a way of at most 400 m leads round to its own start; a crossing and a merge
-    reach 5 m beyond where the lanes are in each other's way.
+    reach 5 m beyond where the lanes are in each other's way; an acceleration lane and the one beside it are a
+    merge.
 
     Args:
         road: the map.
@@ -55,8 +56,14 @@ def _meetings(road: Road) -> dict[int, list[tuple[str, float, float]]]:
     """By lane where it crosses or merges with others: kind, arc lengths of start and end, m."""
     words = {"cross": "crossing", "merge": "merge"}
     found: dict[int, list[tuple[str, float, float]]] = {}
-    for conflict in conflicts(road.vehicle_lanes):
+    lanes = road.vehicle_lanes
+    for conflict in conflicts(lanes):
         if conflict.kind in words:
-            for lane, (start, end) in zip(conflict.lanes, conflict.spans, strict=True):
-                found.setdefault(lane, []).append((words[conflict.kind], start, end))
+            for number, (start, end) in zip(conflict.lanes, conflict.spans, strict=True):
+                found.setdefault(number, []).append((words[conflict.kind], start, end))
+    for lane in lanes.values():  # one that ends beside another that goes on: an acceleration lane
+        for beside in (lane.left, lane.right):
+            if beside in lanes and lanes[beside].successors and not lane.successors:
+                for number in (lane.lane_id, beside):
+                    found.setdefault(number, []).append(("merge", 0.0, np.inf))
     return found

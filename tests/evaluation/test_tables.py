@@ -186,7 +186,8 @@ def test_worst_rows_of_children() -> None:
     values = evaluate(tracks, planned)
     ids, stamps = np.array([11, 12, 13, 14, 15]), np.arange(1, 11) * 100
     table = worst_table(values, child=[4, 5, 6], track_ids=ids, timestamp_ms=stamps)
-    assert table.column_names == ["child", "metric", "timestamp_ms", "track_id", "other_id", "value"]
+    names = ["child", "metric", "timestamp_ms", "track_id", "other_id", "value", "after_collision"]
+    assert table.column_names == names
     rows = table.to_pylist()
     assert len(rows) == sum(int(w.defined.sum()) for w in values.worst.values())
     for entry in rows:

@@ -7,8 +7,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from scex_sumo.extrapolation.measure import handover_jumps, measure_recorded, measure_rollout, worst_of
+from scex_sumo.extrapolation.measure import (
+    handover_jumps,
+    measure_recorded,
+    measure_rollout,
+    overlapping_at_first,
+    worst_of,
+)
+from scex_sumo.extrapolation.notes import outcome_notes
 from scex_sumo.extrapolation.rollout import Rollout
+from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene, States
 from tests.seeds import straight_seed
 
@@ -37,13 +45,18 @@ def crossing_seed() -> SeedScene:
     )
     scene = dataclasses.replace(straight_seed(), history=history)
     future = going_on(scene, 50)
-    return dataclasses.replace(scene, future=future, future_valid=np.ones(future.shape, dtype=bool))
+    road = Road(name="empty", lanes={})
+    return dataclasses.replace(
+        scene, road=road, future=future, future_valid=np.ones(future.shape, dtype=bool)
+    )
 
 
-def test_recorded_paths_go_on_beyond_the_measured_steps() -> None:
-    # They cross 4.2 s and 4.5 s after the moment; only 3 s are measured, but the paths are known for 5 s.
-    values = measure_recorded(crossing_seed(), 30)
-    assert values is not None
+def test_recorded_paths_reach_as_far_as_a_plan() -> None:
+    # They cross 4.2 s and 4.5 s after the moment; a plan reaches 3 s, this far from 1.5 s on.
+    recorded = measure_recorded(crossing_seed(), 30)
+    assert recorded is not None
+    values = recorded.values
+    assert np.flatnonzero(values.scene["gap_time"].defined[0]).min() == 14  # step 15
     gap, defined = values.column("gap_time")
     assert defined[0]
     assert gap[0] == pytest.approx(0.3, abs=1e-9)
@@ -59,9 +72,10 @@ def test_vehicles_count_as_long_as_they_were_recorded() -> None:
     valid = np.ones(scene.future.shape, dtype=bool) if scene.future is not None else None
     assert valid is not None
     valid[1, 10:] = False
-    values = measure_recorded(dataclasses.replace(scene, future_valid=valid), 30)
-    assert values is not None
-    assert values.scene["distance"].defined[0].tolist() == [True] * 10 + [False] * 20
+    recorded = measure_recorded(dataclasses.replace(scene, future_valid=valid), 30)
+    assert recorded is not None
+    assert recorded.last_step.tolist() == [30, 10]
+    assert recorded.values.scene["distance"].defined[0].tolist() == [True] * 10 + [False] * 20
 
 
 def test_only_the_vehicles_that_sumo_drives_can_jump_at_its_takeover() -> None:
@@ -91,3 +105,18 @@ def test_the_worst_moment_is_named_by_its_frame() -> None:
     assert closest["timestamp_ms"] == 4000
     assert {closest["track_id"], closest["other_id"]} == {0, 1}
     assert closest["value"] == pytest.approx(np.hypot(12, 15))
+    assert not closest["after_collision"]
+
+
+def test_boxes_that_overlap_at_first_and_vehicles_that_leave_are_said() -> None:
+    scene = crossing_seed()
+    assert overlapping_at_first(scene) == []
+    met = dataclasses.replace(scene, length=np.full(2, 60.0), width=np.full(2, 60.0))
+    assert overlapping_at_first(met) == [(0, 1)]
+    assert scene.future_valid is not None
+    valid = scene.future_valid.copy()
+    valid[1, 10:] = False
+    gone = dataclasses.replace(met, future_valid=valid)
+    notes = outcome_notes(gone, measure_recorded(gone, 30))
+    assert notes[0] == "boxes overlap at the seed moment already, which is no collision: 0 and 1"
+    assert "1 of 2 vehicles leave within the time of a child" in notes[-1] and notes[-1].endswith(": 1")

@@ -11,96 +11,12 @@ import numpy as np
 import pytest
 
 import scex_sumo
-from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import UsageError
-from scex_sumo.extrapolation.assignments import all_assignments
-from scex_sumo.statistics.bands import Bands, Look, check_band, grow, look
-from scex_sumo.statistics.density import dkw_half_width
-from scex_sumo.statistics.designs import balanced, independent
+from scex_sumo.statistics.bands import Look, check_band, grow, look
+from scex_sumo.statistics.designs import balanced
+from scex_sumo.statistics.intervals import DesignIntervals
 
 FOURS = [[0.25] * 4] * 4
-
-
-def band_half_width(levels: IntArray, values: FloatArray, *, design: str) -> float:
-    return Bands(levels, design=design).half_width(values)
-
-
-def test_independent_draws_have_the_dkw_band_of_the_defined_children() -> None:
-    values = np.arange(400.0)
-    values[:100] = np.nan
-    levels = np.zeros((400, 2), dtype=np.int64)
-    # sqrt(ln 40 / 600) = 0.0784
-    assert band_half_width(levels, values, design="random") == pytest.approx(0.0784, abs=5e-5)
-
-
-def test_a_metric_of_one_vehicle_is_known_at_once_from_balanced_draws() -> None:
-    levels = all_assignments([4, 4, 4])
-    assert band_half_width(levels, levels[:, 2] ** 2.0, design="balanced") < 1e-6
-    # 80 runs have each model 20 times, or nearly so.
-    levels = balanced(FOURS, 80, np.random.default_rng(0))
-    assert band_half_width(levels, levels[:, 2] ** 2.0, design="balanced") < 0.2 * dkw_half_width(80)
-
-
-def test_where_no_vehicle_matters_balance_narrows_nothing() -> None:
-    levels = balanced(FOURS, 800, np.random.default_rng(0))
-    width = band_half_width(levels, np.random.default_rng(1).normal(size=800), design="balanced")
-    # The largest of 99 residual deviations of shares around 1/2, each 0.5 +- 0.5 %.
-    assert 0.97 * dkw_half_width(800) < width <= dkw_half_width(800)
-
-
-def test_half_the_variance_from_single_vehicles_narrows_the_band_by_the_root_of_two() -> None:
-    # Below 1/2 or not is the exclusive or of a coin of vehicle 0 and a hidden biased one: P(equal) = p.
-    # The share explained by vehicle 0 is (2p - 1)^2 = 1/2.
-    levels = balanced([[0.5, 0.5]] * 3, 1000, np.random.default_rng(2))
-    hidden = np.random.default_rng(3).random(1000) < (1 + np.sqrt(0.5)) / 2
-    values = np.where(hidden, levels[:, 0], 1 - levels[:, 0]).astype(float)
-    width = band_half_width(levels, values, design="balanced")
-    assert width == pytest.approx(dkw_half_width(1000) / np.sqrt(2), rel=0.05)
-
-
-def test_a_metric_of_two_vehicles_together_is_known_as_well_as_their_pairs_are_balanced() -> None:
-    # 64 runs have each of the 8 combinations of 3 coins 8 times.
-    levels = balanced([[0.5, 0.5]] * 3, 64, np.random.default_rng(0))
-    values = (levels[:, 0] ^ levels[:, 2]).astype(float)
-    assert band_half_width(levels, values, design="balanced") < 1e-6
-    # Seven more runs leave the pairs uneven by one run, which the band has to show.
-    levels = balanced([[0.5, 0.5]] * 3, 71, np.random.default_rng(0))
-    uneven = band_half_width(levels, (levels[:, 0] ^ levels[:, 2]).astype(float), design="balanced")
-    assert 0.001 < uneven < 0.2 * dkw_half_width(71)
-
-
-def test_independent_draws_taken_for_balanced_keep_nearly_their_band() -> None:
-    # Their imbalance is 1 on average: nothing of a vehicle's share is balanced out.
-    rng = np.random.default_rng(1)
-    ratios = []
-    for _ in range(40):
-        levels = independent([[0.25] * 4] * 4, 200, rng)
-        ratios.append(band_half_width(levels, levels[:, 0] * 1.0, design="balanced") / dkw_half_width(200))
-    assert np.mean(ratios) > 0.8
-
-
-def test_a_metric_defined_nowhere_is_not_known_at_all() -> None:
-    levels = balanced(FOURS, 50, np.random.default_rng(0))
-    assert band_half_width(levels, np.full(50, np.nan), design="balanced") == 1.0
-
-
-def test_few_children_have_the_band_of_independent_draws() -> None:
-    levels = balanced(FOURS, 20, np.random.default_rng(0))
-    assert band_half_width(levels, levels[:, 0] * 1.0, design="balanced") == dkw_half_width(20)
-
-
-def test_the_estimated_band_holds_about_as_often_as_it_says() -> None:
-    # A population of 256 with effects of one, two and all vehicles; 200 samples: 0.95 +- 0.015.
-    every = all_assignments([4] * 4)
-    value = every[:, 0] + every[:, 1] * every[:, 2] + np.random.default_rng(4).normal(size=256)
-    held = []
-    for repetition in range(200):
-        levels = balanced(FOURS, 128, np.random.default_rng([5, repetition]))
-        sample = value[np.ravel_multi_index(tuple(levels.T), (4,) * 4)]
-        at = np.sort(value)
-        apart = np.searchsorted(np.sort(sample), at, side="right") / 128 - np.arange(1, 257) / 256
-        held.append(np.abs(apart).max() <= band_half_width(levels, sample, design="balanced"))
-    assert np.mean(held) > 0.9
 
 
 def test_a_look_names_the_widest_band_and_leaves_out_what_is_rare() -> None:
@@ -109,7 +25,7 @@ def test_a_look_names_the_widest_band_and_leaves_out_what_is_rare() -> None:
     values = np.stack([levels[:, 0] * 1.0, rng.normal(size=200), rng.normal(size=200)], axis=1)
     defined = np.ones((200, 3), dtype=bool)
     defined[39:, 2] = False  # 39 of 200 are below 20 %
-    found = look(levels, values, defined, ("a", "b", "c"), design="balanced")
+    found = look(DesignIntervals(levels, design="balanced"), values, defined, ("a", "b", "c"))
     assert found.metric == "b"
     assert found.left_out == ("c",)
     assert found.children == 200

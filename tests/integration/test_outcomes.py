@@ -1,0 +1,75 @@
+"""What a run says of who hits and meets whom, and that what really happened is measured like a child."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import scex_sumo
+from scex_sumo.results.run import Run
+from tests.integration.test_cli import ROUNDABOUT, refused, scex
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    out = tmp_path_factory.mktemp("run") / "out"
+    done = scex("run", ROUNDABOUT, "--children", 40, "--no-plots", "-o", out)
+    assert done.returncode == 0, done.stderr
+    assert "\u2502 collision " in done.stdout and "collides in" in done.stdout
+    return scex_sumo.open_run(out)
+
+
+def test_collisions_encounters_and_shares_say_the_same(run: Run) -> None:
+    hit = np.asarray(run.metrics["collision"])
+    assert set(run.collisions["child"].to_pylist()) == set(np.flatnonzero(hit).tolist())
+    share = run.p_collision
+    assert 0 < share.low < share.value == hit.mean() < share.high < 1
+    assert max(row["collision"] for row in run.encounters.to_pylist()) <= share.value
+    first = run.encounters.to_pylist()[0]
+    together = {
+        row["child"]
+        for row in run.collisions.to_pylist()
+        if {row["track_id"], row["other_id"]} == {first["track_id"], first["other_id"]}
+    }
+    assert first["collision"] == len(together) / 40
+
+
+def test_a_child_without_a_value_is_not_critical(run: Run) -> None:
+    values = run.values("gap_time")
+    assert np.isnan(values).any()
+    assert run.p_critical("gap_time", threshold=np.inf).value == np.mean(~np.isnan(values))
+
+
+def test_encounters_are_listed_and_a_pair_is_told_in_full(run: Run) -> None:
+    first = run.encounters.to_pylist()[0]
+    listed = scex("encounters", run.folder)
+    assert f"{first['track_id']} \u2192 {first['other_id']}" in listed.stdout
+    pair = scex("encounters", run.folder, "--pair", f"{first['other_id']},{first['track_id']}")
+    assert "collides in children" in pair.stdout and "by their models" in pair.stdout
+    assert "needs two track ids" in refused("encounters", run.folder, "--pair", "17", status=2)
+    assert "meet in no child" in refused("encounters", run.folder, "--pair", "98,99", status=2)
+
+
+def test_children_of_replay_are_the_recorded_row(tmp_path: Path) -> None:
+    scene = scex_sumo.read_seed(ROUNDABOUT)
+    assert scene.future_valid is not None and scene.future_valid[:, :30].all()  # all recorded to the end
+    run = scex_sumo.extrapolate(scene, models="replay", children=2, out=tmp_path / "out")
+    assert run.recorded is not None and run.info["recorded"] == {"left": {}, "overlaps": []}
+    for column in run.columns:
+        recorded = run.recorded_value(column)
+        for value in run.values(column):
+            assert (recorded is None) == np.isnan(value), column
+            assert recorded is None or value == pytest.approx(recorded, rel=1e-6, abs=1e-9), column
+
+
+def test_presets_choose_the_columns_and_the_kernel_may_be_plain(tmp_path: Path) -> None:
+    scene = scex_sumo.read_seed(ROUNDABOUT)
+    path = scex_sumo.extrapolate(scene, preset="path", children=3, reflect=False, out=tmp_path / "path")
+    assert path.columns[:2] == ["gap", "gap_mean"] and len(path.columns) == 14
+    assert path.density("gap").x[0] < 0 <= path.density("gap", reflect=True).x[0]
+    assert path.density("gap").atoms == ()
+    paper = scex_sumo.extrapolate(scene, preset="paper", children=3, out=tmp_path / "paper")
+    assert len(paper.columns) == 12
+    assert "unknown 'lane'" in refused("run", ROUNDABOUT, "--preset", "lane", status=2)
