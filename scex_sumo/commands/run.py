@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from scex_sumo.scene import SeedScene
 
 
+NO_REFERENCE = "none"
+
+
 def run_command(
     map_path: MapPath,
     tracks: Tracks = None,
@@ -56,6 +59,9 @@ def run_command(
         Option(metavar="TRACK=MODEL", help="A driving function under test, told apart; repeatable."),
     ] = None,
     baseline: Annotated[bool, Option(help="Run the children without the models under test, too.")] = True,
+    reference: Annotated[
+        str, Option(metavar="MIX|none", help="Models that tell what is likely, run beside the others.")
+    ] = "likely",
     design: Annotated[
         str | None, Option(metavar="NAME", help="How assignments are drawn: balanced (default), random, ...")
     ] = None,
@@ -84,7 +90,9 @@ def run_command(
 
     useful = max(int(children), 1) if children and children.isdecimal() else workers
     with Workers(1 if gui else min(workers, useful)) as pool:  # they start while this process reads
+        from scex_sumo.behaviors.registry import parse_models
         from scex_sumo.extrapolation.extrapolate import extrapolate
+        from scex_sumo.extrapolation.reference import add_reference, drop_reference
         from scex_sumo.statistics.bands import MOST_CHILDREN
 
         if until_band is not None and children is None:
@@ -108,6 +116,9 @@ def run_command(
         scene = seed_scene(
             map_path, tracks=tracks, case=case, time=time, synthetic=synthetic, origin=origin, seed=seed
         )
+        if reference != NO_REFERENCE:
+            parse_models(reference)  # says now what is wrong with it
+        command = ["scex-sumo", *sys.argv[1:]]
         folder = out if out is not None else Path("out") / scene.name
         with progress_bar(scene.name) as tick, resumable("children", folder):
             result = extrapolate(
@@ -118,9 +129,16 @@ def run_command(
                 batch=batch,
                 gui=gui,
                 progress=tick,
-                command=["scex-sumo", *sys.argv[1:]],
+                command=command,
                 **settings,
             )
+        if reference == NO_REFERENCE:
+            drop_reference(result)
+        else:
+            with progress_bar("reference") as tick, resumable("children", folder):
+                add_reference(
+                    result, scene, reference, workers=pool, progress=tick, command=command, **settings
+                )
     _tell(result, scene, folder, plots=plots)
 
 

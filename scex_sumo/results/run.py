@@ -25,6 +25,9 @@ from scex_sumo.statistics.intervals import DesignIntervals
 if TYPE_CHECKING:
     from scex_sumo.converters.net.convert import SumoNet
 
+REFERENCE: Final = "reference"
+"""Folder of the children that tell what is likely, in the folder of a run."""
+
 COLLISION: Final = "collision"
 """Column of ``metrics.parquet`` that says whether two vehicles of a child collide."""
 
@@ -99,6 +102,12 @@ class Run:
     def baseline(self) -> Run | None:
         """The same children without the models under test; None where there are none, or it was not run."""
         folder = self.folder / BASELINE
+        return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
+
+    @cached_property
+    def reference(self) -> Run | None:
+        """What likely happens, by another mix of models; None where it was not run."""
+        folder = self.folder / REFERENCE
         return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
 
     @cached_property

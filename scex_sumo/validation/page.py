@@ -75,7 +75,7 @@ def write_page(
         f"{info['p_collision']:.2%}, overlaps in the recordings {info['recorded_overlaps']:.2%}; realism "
         f"{_shown(info['realism'])}.</p>",
         '<p class="note">Realism is after that of the Waymo Sim Agents Challenge, of 3 s and '
-        "without lights: compare mixes with it, not with that leaderboard. Intervals are of recordings drawn with "
+        "without lights: compare mixes with it, not with that leaderboard. Intervals: recordings drawn with "
         "replacement.</p>",
         "<h2>Events</h2>",
         _table(_EVENT_COLUMNS, events),
