@@ -124,7 +124,7 @@ def _recorded_to_end(scene: SeedScene, steps: int) -> BoolArray:
     """(V,) vehicles with a recorded future of so many steps."""
     if scene.future_valid is None or scene.future_valid.shape[1] < steps:
         return np.zeros(scene.vehicles, dtype=bool)
-    whole: BoolArray = scene.future_valid[:, :steps].all(axis=1)
+    whole: BoolArray = np.all(scene.future_valid[:, :steps], axis=1)
     return whole
 
 
