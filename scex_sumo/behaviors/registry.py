@@ -30,16 +30,14 @@ from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.sumo_models import SUMO_MODELS, check_driver
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
-LIKELY_MODELS = "likely_driver:guard=true"
 ENTRY_POINTS = "scex_sumo.behaviors"
 SUMO = "sumo"
-# Names for several models at once. The default has no learned ones, though the paper does: what a run gives
-# must not depend on which extras are installed, and torch takes longer to load than such a run.
+# The default has no learned models, though the paper does: what a run gives must not depend on which extras
+# are installed, and torch takes longer to load than such a run.
+PAPER_MODELS = ",".join((DEFAULT_MODELS, *LEARNED))
 SETS: Mapping[str, str] = {
-    "likely": LIKELY_MODELS,
-    "rules": DEFAULT_MODELS,
-    "paper": ",".join((DEFAULT_MODELS, *LEARNED)),
-}
+    "likely": "likely_driver:guard=true", "rules": DEFAULT_MODELS, "paper": PAPER_MODELS
+}  # fmt: skip
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -61,10 +59,7 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], str]] = {
         IdmDriver,
         "Intelligent Driver Model as people drive, slow in curves, own lane only",
     ),
-    "likely_driver": (
-        LikelyDriver,
-        "a driver drawn for every vehicle of every child, from a population fitted to recordings",
-    ),
+    "likely_driver": (LikelyDriver, "a driver drawn for every vehicle and child, as people were recorded"),
     "constant_velocity": (ConstantVelocity, "keeps its speed along its path, whatever is in the way"),
     "emergency_brake": (EmergencyBrake, "brakes to a standstill along its path"),
     "graph_predictor": (GraphPredictor, "learned: motion along its path, from the semantic scene graph"),
