@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from scex_sumo.converters.datasets.recordings import (
     find_recordings,
     load_recording,
@@ -46,19 +48,28 @@ def recorded(
 # Files of NGSIM are too short to be cut by time: these are kept for tests, the others are fitted to.
 NGSIM_TEST = ("Lanker-2_20", "Lanker-2_21", "Lanker-2_24", "Peach-3_1", "Peach-3_2")
 NGSIM_VALIDATION = ("Lanker-2_16",)
-EVERY_S = {"taf_bw": 1.0, "mona": 4.0, "ngsim": 1.5}
+EVERY_S = {"taf_bw": 2.0, "mona": 5.0, "ngsim": 1.5}
+LEAST_MOVING = 2
 
 
 def recorded_parts(data: Path, name: str, part: Part) -> Iterator[SeedScene]:
     """Moments of a part of a data set: TAF-BW and MONA are split by time, NGSIM by file."""
-    if name in SETS:
-        yield from recorded(data / name, part, every_s=EVERY_S[name])
-        return
     for recording in find_recordings([data / name]):
-        if part == ngsim_part(recording.name):
-            loaded = load_recording(recording)
-            for moment in recording_moments(loaded, every_s=EVERY_S[name])[1:]:
-                yield seed_at(loaded, moment.time_s)
+        if name == "ngsim" and part != ngsim_part(recording.name):
+            continue
+        loaded = load_recording(recording)
+        every = recording_moments(loaded, every_s=STEP_S)
+        if name == "ngsim":
+            begin, end = every[0].time_s + 1.0 - 1e-6, every[-1].time_s - 3.0 + 1e-6
+            every = [moment for moment in every if begin <= moment.time_s <= end]
+        else:
+            every = split_moments(every, Split())[part]
+        last = -np.inf
+        for moment in every:
+            if moment.time_s >= last + EVERY_S[name] - 1e-6:
+                last = moment.time_s
+                if moment.complete >= LEAST_MOVING:
+                    yield seed_at(loaded, moment.time_s)
 
 
 def ngsim_part(name: str) -> Part:

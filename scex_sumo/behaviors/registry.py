@@ -35,8 +35,7 @@ SUMO = "sumo"
 # The default has no learned models, though the paper does: what a run gives must not depend on which extras
 # are installed, and torch takes longer to load than such a run.
 PAPER_MODELS = ",".join((DEFAULT_MODELS, *LEARNED))
-# Drivers answer to each other in the closed loop: the whole spread of single vehicles would be too much.
-LIKELY_MODELS = "likely_driver:guard=true:spread=0.7"
+LIKELY_MODELS = "likely_driver:guard=true"  # not what depends on extras, either
 SETS: Mapping[str, str] = {"likely": LIKELY_MODELS, "rules": DEFAULT_MODELS, "paper": PAPER_MODELS}
 
 T = TypeVar("T")

@@ -97,4 +97,4 @@ def test_spread_is_not_negative_and_the_path_a_known_one() -> None:
 
 
 def test_likely_stands_for_guarded_drawn_drivers() -> None:
-    assert [str(spec) for spec in parse_models("likely")] == ["likely_driver:guard=true:spread=0.7"]
+    assert [str(spec) for spec in parse_models("likely")] == ["likely_driver:guard=true"]
