@@ -31,7 +31,7 @@ check: $(TEST_STAMP)
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports --no-logo
 
-docs-pictures: $(STAMP)
+docs-pictures: $(TEST_STAMP)
 	$(VENV)/bin/python docs/make_pictures.py
 
 clean:

@@ -156,13 +156,14 @@ def main() -> None:
     parser.add_argument("--children", type=int, default=385)
     parser.add_argument("--vehicles", type=int, default=11)
     parser.add_argument("--steps", type=int, default=30)
+    parser.add_argument("--way", choices=WAYS, help="only this one")
     options = parser.parse_args()
     road = read_map(options.map, origin=None, own_corner=True)
     poses = straight_poses(road, options.children, options.vehicles, options.steps)
     total = options.children * options.vehicles * options.steps
     with tempfile.TemporaryDirectory() as folder:
         net = convert(road, Path(folder) / "map.net.xml").path
-        for way in WAYS:
+        for way in [options.way] if options.way else WAYS:
             spent = bare_loop(net, poses, way)
             print(f"\n{way}")
             for name, seconds in [*spent.items(), ("all", sum(spent.values()))]:

@@ -39,9 +39,9 @@ SIX = f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor"
 STAGES = {
     "read map and tracks": ("scex_sumo.scenarios.seeds.read_seed",),
     "draw the design": ("scex_sumo.extrapolation.assignments.designed_assignments",),
-    "convert": ("scex_sumo.extrapolation.extrapolate.convert",),
+    "convert": ("scex_sumo.extrapolation.extrapolate.converted",),
     "world": tuple(
-        f"scex_sumo.world.sumo.World.{name}"
+        f"scex_sumo.world.sumo.SumoWorld.{name}"
         for name in ("__init__", "begin", "move", "step", "read", "close")
     ),
     "loop": ("scex_sumo.extrapolation.job.roll_out",),

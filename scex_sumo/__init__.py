@@ -21,17 +21,17 @@ if TYPE_CHECKING:
     from scex_sumo.behaviors.scene_graph.export import to_networkx as to_networkx
     from scex_sumo.behaviors.scene_graph.graph import SceneGraph as SceneGraph
     from scex_sumo.behaviors.scene_graph.graph import scene_graph as scene_graph
+    from scex_sumo.converters.datasets.find import Recording as Recording
+    from scex_sumo.converters.datasets.find import find_recordings as find_recordings
     from scex_sumo.converters.datasets.recordings import LoadedRecording as LoadedRecording
-    from scex_sumo.converters.datasets.recordings import Recording as Recording
-    from scex_sumo.converters.datasets.recordings import find_recordings as find_recordings
     from scex_sumo.converters.datasets.recordings import load_recording as load_recording
     from scex_sumo.converters.datasets.recordings import recording_moments as recording_moments
     from scex_sumo.converters.datasets.recordings import seed_at as seed_at
     from scex_sumo.converters.datasets.report import dataset_report as dataset_report
     from scex_sumo.converters.lanelet.reader import read_road as read_road
     from scex_sumo.converters.maps import read_map as read_map
-    from scex_sumo.converters.net.convert import SumoNet as SumoNet
     from scex_sumo.converters.net.convert import convert as convert
+    from scex_sumo.converters.net.sumo_net import SumoNet as SumoNet
     from scex_sumo.errors import ScexError as ScexError
     from scex_sumo.extrapolation.extrapolate import extrapolate as extrapolate
     from scex_sumo.metrics.registry import metric as metric
@@ -62,7 +62,7 @@ _HOMES = {
     "Plan": "scex_sumo.scene",
     "Predictor": "scex_sumo.behaviors.plug_in.predictor",
     "Ranking": "scex_sumo.ranking.rank",
-    "Recording": "scex_sumo.converters.datasets.recordings",
+    "Recording": "scex_sumo.converters.datasets.find",
     "Road": "scex_sumo.road",
     "Run": "scex_sumo.results.run",
     "SceneGraph": "scex_sumo.behaviors.scene_graph.graph",
@@ -71,7 +71,7 @@ _HOMES = {
     "SeedScene": "scex_sumo.scene",
     "States": "scex_sumo.scene",
     "Surroundings": "scex_sumo.behaviors.plug_in.inputs",
-    "SumoNet": "scex_sumo.converters.net.convert",
+    "SumoNet": "scex_sumo.converters.net.sumo_net",
     "UnderTest": "scex_sumo.results.under_test",
     "Validation": "scex_sumo.validation.validate",
     "Who": "scex_sumo.scene",
@@ -80,7 +80,7 @@ _HOMES = {
     "dataset_report": "scex_sumo.converters.datasets.report",
     "example_path": "scex_sumo.scenarios",
     "extrapolate": "scex_sumo.extrapolation.extrapolate",
-    "find_recordings": "scex_sumo.converters.datasets.recordings",
+    "find_recordings": "scex_sumo.converters.datasets.find",
     "load_recording": "scex_sumo.converters.datasets.recordings",
     "metric": "scex_sumo.metrics.registry",
     "open_run": "scex_sumo.results.run",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import io
+import os
 import signal
 import sys
 from typing import Annotated
@@ -15,13 +17,17 @@ from scex_sumo.commands.encounters import encounters_command
 from scex_sumo.commands.explain import explain_command
 from scex_sumo.commands.metrics import metrics_command
 from scex_sumo.commands.models import models_command
+from scex_sumo.commands.plot import plot_command
 from scex_sumo.commands.rank import rank_command
+from scex_sumo.commands.report import report_command
 from scex_sumo.commands.run import run_command
 from scex_sumo.commands.sample_size import sample_size_command
 from scex_sumo.commands.train import train_command
 from scex_sumo.commands.validate import validate_command
 from scex_sumo.commands.view import export_command, view_command
 from scex_sumo.errors import ScexError, UsageError
+
+GARBAGE_AFTER = 100_000  # new objects; Python's own is 700
 
 app = typer.Typer(
     name="scex-sumo",
@@ -51,6 +57,8 @@ def _root(
 COMMANDS = (
     (run_command, "run k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"),
     (convert_command, "convert DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"),
+    (report_command, "report out/k733"),
+    (plot_command, "plot out/k733 --metric ttc -o ttc.svg"),
     (view_command, "view out/k733 --critical wttc"),
     (export_command, "export out/k733 --child 7 --to fcd -o child7.fcd.xml"),
     (encounters_command, "encounters out/k733 --pair 17,23"),
@@ -69,6 +77,10 @@ for _command, _example in COMMANDS:
 
 def main() -> None:
     """Entry point: errors become one line and an exit status."""
+    # Numpy's products are small here; its threads, one for each core, cost more to start than they save.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Objects of a run live as long as it does: looking for garbage among them takes a tenth of a short run.
+    gc.set_threshold(GARBAGE_AFTER)
     # A scheduler's SIGTERM leaves what Ctrl-C leaves: finished children, and no worker behind.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     for stream in (sys.stdout, sys.stderr):

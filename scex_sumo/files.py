@@ -1,4 +1,4 @@
-"""File writing that leaves a file whole or not at all, and locks of folders."""
+"""File writing that leaves a file whole or not at all, locks of folders, and values of XML attributes."""
 
 from __future__ import annotations
 
@@ -11,6 +11,10 @@ from pathlib import Path
 from scex_sumo.errors import ResultError
 
 _WRITING = ".writing"
+_REFERENCES = (
+    *(("&", "&amp;"), (">", "&gt;"), ("<", "&lt;")),
+    *(("\n", "&#10;"), ("\r", "&#13;"), ("\t", "&#9;")),
+)
 
 
 @contextlib.contextmanager
@@ -79,3 +83,12 @@ def unlock(folder: Path) -> None:
     descriptor = _locked.pop(folder.resolve(), None)
     if descriptor is not None:
         os.close(descriptor)
+
+
+def quoted(text: str) -> str:
+    """A value of an XML attribute in its quotes, as `xml.sax.saxutils.quoteattr`, which loads ``urllib``."""
+    for plain, reference in _REFERENCES:
+        text = text.replace(plain, reference)
+    if '"' not in text:
+        return f'"{text}"'
+    return f"'{text}'" if "'" not in text else '"' + text.replace('"', "&quot;") + '"'

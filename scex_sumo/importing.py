@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import importlib
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from scex_sumo.errors import UsageError
 
 
-def import_object(path: str) -> Any:
+def _raised(error: BaseException) -> str:
+    return f"raised {type(error).__name__}: {error}"
+
+
+def import_object(path: str, *, hint: str = "", reason: Callable[[BaseException], str] = _raised) -> Any:
     """What an import path names; modules of the current directory are found too, after installed ones.
 
     Args:
         path: ``package.module:name``.
+        hint: what else could have been meant, for the message where there is no such module.
+        reason: says of an error of the module what it raised.
 
     Raises:
         UsageError: there is no such module or name, or importing it fails.
@@ -30,10 +37,16 @@ def import_object(path: str) -> Any:
         if error.name is None or not (name == error.name or name.startswith(f"{error.name}.")):
             raise UsageError(f"{path}: {name} imports {error.name}, which is not installed") from None
         raise UsageError(
-            f"{path}: no module {error.name} in {here} or among the installed packages"
+            f"{path}: no module {error.name} in {here} or among the installed packages{hint}"
         ) from None
     except Exception as error:  # whatever a user's module does when it is imported
-        raise UsageError(f"{path}: importing {name} raised {type(error).__name__}: {error}") from error
+        raise UsageError(f"{path}: importing {name} {reason(error)}") from error
     if not hasattr(module, attribute):
-        raise UsageError(f"{path}: {name} ({module.__file__}) has no {attribute}")
+        own = [
+            key
+            for key, value in vars(module).items()
+            if callable(value) and getattr(value, "__module__", None) == name and not key.startswith("_")
+        ]
+        there = f"; it has {', '.join(sorted(own))}" if own else ""
+        raise UsageError(f"{path}: {name} ({module.__file__}) has no {attribute}{there}")
     return getattr(module, attribute)

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from scex_sumo.arrays import FloatArray
 
+NAMED = 5  # elements named in one sentence; the rest are counted
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lane:
@@ -23,7 +25,8 @@ class Lane:
         width_m: mean distance of the bounds.
         speed_limit_mps: limit for cars.
         kind: ``vehicle`` (cars may drive here), ``bus``, ``bicycle``, ``pedestrian`` or ``other``.
-        subtype: Lanelet2's subtype as written, e.g. ``road``, or an empty string.
+        subtype: Lanelet2's subtype as written, e.g. ``road``, or an empty string; ``road`` where an unknown
+            one is taken for it.
         location: ``urban``, ``nonurban`` or an empty string.
         successors: lanes that a vehicle enters at the end (vehicle routing graph).
         predecessors: the reverse of ``successors``.
@@ -106,6 +109,43 @@ class Area:
     outline: FloatArray
 
 
+@dataclass(frozen=True, kw_only=True)
+class Loss:
+    """Elements of the map that the road does without.
+
+    Attributes:
+        kind: ``lanelets``, ``lights`` or ``lane changes``.
+        why: what became of them, e.g. ``not driven, subtype main_road``.
+        elements: their ids; a lane change is two lanelets with a word between.
+    """
+
+    kind: str
+    why: str
+    elements: tuple[int | str, ...]
+
+    def __str__(self) -> str:
+        shown = ", ".join(map(str, self.elements[:NAMED]))
+        more = len(self.elements) - NAMED
+        return f"{len(self.elements)} {self.kind} {self.why}: {shown}" + (
+            f" and {more} more" if more > 0 else ""
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Georeference:
+    """Where a road lies on Earth.
+
+    Attributes:
+        projection: in PROJ's words, e.g. ``+proj=utm +zone=32 ...``.
+        east_m: what is to be added to x for the projection's easting.
+        north_m: what is to be added to y for its northing.
+    """
+
+    projection: str
+    east_m: float
+    north_m: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Road:
     """All lanes of a map, with the rules between them.
@@ -117,7 +157,9 @@ class Road:
         markings: lines for drawing.
         areas: areas for drawing.
         origin: (latitude, longitude) that the coordinates were projected with.
+        georeference: the projection, where it is known and the origin a real place.
         notes: what was repaired or left out, one short sentence each, naming ids.
+        losses: what of the map is not there.
     """
 
     name: str
@@ -127,6 +169,8 @@ class Road:
     areas: tuple[Area, ...] = ()
     origin: tuple[float, float] = (0.0, 0.0)
     notes: tuple[str, ...] = ()
+    losses: tuple[Loss, ...] = ()
+    georeference: Georeference | None = None
 
     @property
     def vehicle_lanes(self) -> dict[int, Lane]:

@@ -72,16 +72,17 @@ class States:
     @classmethod
     def concatenate(cls, parts: Sequence[States], axis: int) -> States:
         """Join states along an existing axis."""
-        return cls._join(parts, lambda arrays: np.concatenate(arrays, axis))
+        return cls.joined(parts, lambda arrays: np.concatenate(arrays, axis))
 
     @classmethod
     def stack(cls, parts: Sequence[States], axis: int) -> States:
         """Join states along a new axis."""
-        return cls._join(parts, lambda arrays: np.stack(arrays, axis))
+        return cls.joined(parts, lambda arrays: np.stack(arrays, axis))
 
-    @classmethod
-    def _join(cls, parts: Sequence[States], join: Callable[[list[FloatArray]], FloatArray]) -> States:
-        return cls(
+    @staticmethod
+    def joined(parts: Sequence[States], join: Callable[[list[FloatArray]], FloatArray]) -> States:
+        """Each of the four arrays made of those of all parts."""
+        return States(
             x=join([p.x for p in parts]),
             y=join([p.y for p in parts]),
             heading=join([p.heading for p in parts]),
@@ -163,7 +164,7 @@ class SeedScene:
         return len(self.track_ids)
 
     def reordered(self, order: Sequence[int], *, name: str) -> SeedScene:
-        """The same scene under another name, its vehicles in another order (indices into the present one)."""
+        """The same scene under another name with these of its vehicles (indices) in this order."""
         index = np.asarray(order, dtype=np.int64)
         return replace(
             self,
@@ -241,26 +242,21 @@ class Who:
     def __len__(self) -> int:
         return len(self.child)
 
+    def __getitem__(self, key: Any) -> Who:
+        return Who(child=self.child[key], vehicle=self.vehicle[key])
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Plan:
-    """Intended future states of n vehicles; column 0 is the next step (0.1 s ahead).
+class Plan(States):
+    """Intended future states of n vehicles, (n, H >= 30); column 0 is the next step (0.1 s ahead).
 
     Attributes:
-        x: (n, H >= 30) centre, m.
-        y: (n, H) centre, m.
-        heading: (n, H) rad.
-        speed: (n, H) m/s.
         fallback: (n,) True where the model had no usable plan and the path-following driver planned instead;
             None where that cannot happen.
         reasons: (n) why, a phrase for each vehicle, empty where the model's own plan stands; or nothing at
             all where no reason is known.
     """
 
-    x: FloatArray
-    y: FloatArray
-    heading: FloatArray
-    speed: FloatArray
     fallback: BoolArray | None = None
     reasons: tuple[str, ...] = ()
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import pytest
 
 from scex_sumo.errors import ResultError
-from scex_sumo.files import lock, replacing, unlock, write_atomic
+from scex_sumo.files import lock, quoted, replacing, unlock, write_atomic
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.results.folder import ResultFolder
 
@@ -97,3 +98,8 @@ def test_what_fails_on_the_way_leaves_the_file_as_it_was(tmp_path: Path) -> None
 def test_an_error_while_writing_names_the_file(tmp_path: Path) -> None:
     with pytest.raises(ResultError, match=r"missing/run\.json: cannot write: No such file"):
         write_atomic(tmp_path / "missing" / "run.json", b"{}")
+
+
+@pytest.mark.parametrize("text", ["", "a & b < c > d", 'in "quotes"', "it's", "both ' and \"", "a\tb\nc\r"])
+def test_attributes_are_quoted_as_the_standard_library_does(text: str) -> None:
+    assert quoted(text) == quoteattr(text)

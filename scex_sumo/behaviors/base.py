@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -11,6 +11,11 @@ from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
 
 PLAN_STEPS = 30
+Sight: TypeAlias = Literal["itself", "everyone"]
+"""What decides on a vehicle's plan, beside the seed scene, the map and the step: its own states, or all.
+
+A model of ours says so in an attribute ``sight``; None, or no such attribute, is one that draws as well.
+"""
 BY_ITSELF = "had no plan of its own"  # why a model fell back, where it does not say
 
 

@@ -38,7 +38,7 @@ class ModelSpec:
 def profile_of(spec: ModelSpec) -> Any:
     """Parameters of a built-in model: its defaults with the given values."""
     defaults = DEFAULTS[spec.name]
-    known = {f.name: getattr(defaults, f.name) for f in dataclasses.fields(defaults)}
+    known = vars(defaults)
     known_parameter(spec, tuple(known))
     values = {key: converted(spec, key, known[key], value) for key, value in spec.parameters.items()}
     try:

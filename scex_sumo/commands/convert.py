@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +16,8 @@ from scex_sumo.errors import MapError, ResultError, UsageError
 
 if TYPE_CHECKING:
     from scex_sumo.converters.fidelity.report import FidelityReport
-    from scex_sumo.road import Road
+    from scex_sumo.converters.net.convert import SumoNet
+    from scex_sumo.road import Loss, Road
 
 
 def convert_command(
@@ -39,29 +41,41 @@ def convert_command(
         bool, Option("--drive", help="With --check: let 120 of SUMO's cars drive all routes, too.")
     ] = False,
     json_report: Annotated[bool, Option("--json-report", help="Print the fidelity figures as JSON.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Fail where anything of the map is lost.")] = False,
+    country: Annotated[
+        str | None, Option(metavar="CODE", help="Whose speed limits hold where the map gives none, e.g. us.")
+    ] = None,
 ) -> None:
-    """Convert a Lanelet2 or CommonRoad map to a SUMO net, or judge a net against its map."""
-    if check is not None:
-        source = check_map or map_path
-        if source is None:
-            raise UsageError("--check: needs the map too, with --map MAP.osm")
-        _check(check, source, origin=origin, drive=drive, as_json=json_report)
-    elif drive:
+    """Convert a Lanelet2 or CommonRoad map to a SUMO net and judge it, or judge a net against its map."""
+    source = check_map or map_path
+    if check is not None and source is None:
+        raise UsageError("--check: needs the map too, with --map MAP.osm")
+    if drive and check is None:
         raise UsageError("--drive: needs a net to drive on, with --check NET --map MAP")
-    elif map_path is None:
+    if source is None:
         raise UsageError("convert: needs MAP.osm, or --check NET --map MAP.osm")
+    started = time.perf_counter()
+    road = _read(source, origin, country)
+    if check is not None:
+        report, losses = _check(check, road, drive=drive), road.losses
     else:
-        _convert(map_path, out, origin=origin, signals=signals, as_json=json_report)
+        net = _convert(road, out, signals=signals)
+        seconds = time.perf_counter() - started
+        report, losses = _judge(net, road), net.losses
+    if json_report:
+        timing = {} if check is not None else {"seconds": round(seconds, 3)}
+        print(json.dumps({**report.to_dict(), **timing}, indent=2))
+    elif check is not None:
+        _print_report(report)
+    else:
+        _print_net(net, road, seconds, report)
+    _verdict(check or net.path, report, losses, strict=strict, quiet=json_report)
 
 
-def _convert(
-    map_path: Path, out: Path | None, *, origin: str | None, signals: Path | None, as_json: bool
-) -> None:
-    """Write the net, its lane table and its drawing; print the figures when asked for."""
+def _convert(road: Road, out: Path | None, *, signals: Path | None) -> SumoNet:
+    """Write the net, its lane table and its drawing."""
     from scex_sumo.converters.net.convert import convert
 
-    started = time.perf_counter()
-    road = _read(map_path, origin)
     warn(road.notes)
     net_path = out if out is not None else Path(f"{road.name}.net.xml")
     try:
@@ -69,53 +83,67 @@ def _convert(
         net = convert(road, net_path, signals=signals)
     except OSError as error:
         raise ResultError(f"{net_path}: cannot write: {error.strerror or error}") from None
-    seconds = time.perf_counter() - started
-    if as_json:
-        from scex_sumo.converters.fidelity.report import check_net
+    warn(net.notes)
+    return net
 
-        print(
-            json.dumps(
-                {**check_net(net.path, road, net.lanes).to_dict(), "seconds": round(seconds, 3)}, indent=2
-            )
-        )
-        return
+
+def _judge(net: SumoNet, road: Road) -> FidelityReport:
+    from scex_sumo.converters.fidelity.report import check_net
+
+    return check_net(net.path, road, net.lanes)
+
+
+def _check(net_path: Path, road: Road, *, drive: bool) -> FidelityReport:
+    """Judge a net, ours or another converter's, against the map; let SUMO's cars drive on it if wanted."""
+    from scex_sumo.converters.fidelity.report import check_net, drive_net
+    from scex_sumo.converters.net.lane_table import LaneTable
+    from scex_sumo.converters.net.sumo_net import net_file
+
+    if not net_path.is_file():
+        raise MapError(f"{net_path}: no such file; give the SUMO net to judge")
+    table_path = net_file(net_path, ".lanes.csv")
+    table = LaneTable.read(table_path) if table_path.is_file() else None
+    report = check_net(net_path, road, table)
+    return report.with_driving(drive_net(net_path)) if drive else report
+
+
+def _verdict(
+    net_path: Path, report: FidelityReport, losses: Sequence[Loss], *, strict: bool, quiet: bool
+) -> None:
+    """Say what was lost, one line for each kind, and end in an error where the net is not faithful.
+
+    Raises:
+        MapError: figures miss what a faithful net has, or, if strict, anything was lost.
+    """
+    for loss in losses if not quiet else ():
+        print(f"lost: {loss}")
+    problems = report.problems()
+    if problems:
+        raise MapError(f"{net_path}: {len(problems)} of its figures miss what a faithful net has")
+    if strict and losses:
+        lost = ", ".join(f"{len(loss.elements)} {loss.kind} {loss.why}" for loss in losses)
+        raise MapError(f"{net_path}: --strict, and the map lost {lost}; mend the map, or leave --strict out")
+
+
+def _read(map_path: Path, origin: str | None, country: str | None) -> Road:
+    from scex_sumo.converters.lanelet.origin import parse_origin
+    from scex_sumo.converters.lanelet.tags import parse_country
+    from scex_sumo.converters.maps import read_map
+
+    return read_map(
+        map_path,
+        origin=parse_origin(origin) if origin is not None else None,
+        country=parse_country(country) if country is not None else None,
+    )
+
+
+def _print_net(net: SumoNet, road: Road, seconds: float, report: FidelityReport) -> None:
     lanes = len(road.vehicle_lanes)
     print(f"{net.path}: {lanes} lanelets for vehicles, {len(road.lanes) - lanes} others, {seconds:.2f} s")
     if net.extras is not None:
         print(f"look: sumo-gui -n {net.path} -a {net.extras}")
-
-
-def _check(net_path: Path, map_path: Path, *, origin: str | None, drive: bool, as_json: bool) -> None:
-    """Judge a net, ours or another converter's, against the map it should be; let SUMO's cars drive on it.
-
-    Raises:
-        MapError: what is wrong with it, where something is.
-    """
-    from scex_sumo.converters.fidelity.report import check_net, drive_net
-    from scex_sumo.converters.net.convert import LaneTable, net_file
-
-    if not net_path.is_file():
-        raise MapError(f"{net_path}: no such file; give the SUMO net to judge")
-    road = _read(map_path, origin)
-    table_path = net_file(net_path, ".lanes.csv")
-    table = LaneTable.read(table_path) if table_path.is_file() else None
-    report = check_net(net_path, road, table)
-    if drive:
-        report = report.with_driving(drive_net(net_path))
-    if as_json:
-        print(json.dumps(report.to_dict(), indent=2))
-    else:
-        _print_report(report)
-    problems = report.problems()
-    if problems:
-        raise MapError(f"{net_path}: {len(problems)} of its figures miss what a faithful net has")
-
-
-def _read(map_path: Path, origin: str | None) -> Road:
-    from scex_sumo.converters.lanelet.origin import parse_origin
-    from scex_sumo.converters.maps import read_map
-
-    return read_map(map_path, origin=parse_origin(origin) if origin is not None else None)
+    for problem in report.problems():
+        print(f"- {problem}")
 
 
 def _print_report(report: FidelityReport) -> None:

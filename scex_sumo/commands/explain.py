@@ -28,30 +28,42 @@ def explain_command(
     metric: Annotated[
         str | None, Option(metavar="METRIC", help="Print this one, with all its worst children.")
     ] = None,
+    encounter: Annotated[
+        str | None, Option(metavar="A,B", help="Print whose models make these two collide.")
+    ] = None,
     worst: Annotated[int, Option(metavar="N", help="How many of the worst children are named.")] = 5,
     plots: Annotated[bool, Option(help="Draw the shares.")] = True,
 ) -> None:
     """Say which vehicles' drivers make a scene critical, and how."""
     from rich.console import Console
 
+    from scex_sumo.metrics.registry import COLLISION
     from scex_sumo.results.run import open_run
-    from scex_sumo.studies.explain import assignment_of, condition_rows, effect_rows, explain, worst_rows
+    from scex_sumo.studies.explain import (
+        asked,
+        assignment_of,
+        condition_rows,
+        effect_rows,
+        explain,
+        worst_rows,
+    )
 
     if worst < 1:
         raise UsageError(f"--worst: got {worst}, needs at least 1")
     run = open_run(folder)
+    metric = encounter or metric
     if metric is not None:
-        run.samples(metric)
+        asked(run, metric)
     levels, names = assignment_of(run)
     ids = run.info["seed_scene"]["track_ids"]
-    found = [explain(run, column, worst=worst) for column in run.columns]
+    questions = [*run.outcomes, *run.columns, *([encounter] if encounter else [])]
+    found = [explain(run, question, worst=worst) for question in questions]
     _write(folder / "explain_effects.parquet", [r for e in found for r in effect_rows(e, ids)])
     _write(folder / "explain_conditions.parquet", [r for e in found for r in condition_rows(e, ids, names)])
     worst_of = {e.metric: worst_rows(run, e, levels, names) for e in found}
     _write(folder / "explain_worst.parquet", [r for rows in worst_of.values() for r in rows])
-    shown = [
-        e for e in found if (e.metric == metric if metric is not None else not e.metric.endswith("_mean"))
-    ]
+    wanted = [COLLISION, *run.thresholds] if metric is None else [metric]
+    shown = [e for e in found if e.metric in wanted]
     scene = run.info["seed_scene"]["name"]
     print(f"{scene}: share of the variance over {run.children} children that comes from who drives")
     Console(width=None if sys.stdout.isatty() else 110).print(_effects_table(run, shown))
@@ -60,7 +72,7 @@ def explain_command(
     if plots:
         from scex_sumo.reports.statistics_pictures import draw_effects
 
-        draw_effects(found, run, folder / "explain")
+        draw_effects([e for e in found if e.metric in run.columns], run, folder / "explain")
     print(f"result: {folder / 'explain_effects.parquet'}, explain_conditions, explain_worst")
 
 
@@ -109,6 +121,20 @@ def _sum(effects: Sequence[Effect]) -> str:
     return f"{max(sum(e.share for e in effects), 0.0):.1%}" if effects else "–"
 
 
+def _question(explanation: Explanation) -> str:
+    """What is explained, in words."""
+    from scex_sumo.metrics.registry import COLLISION, side_of
+    from scex_sumo.studies.explain import pair_of
+
+    if explanation.metric == COLLISION:
+        return "collision"
+    if pair := pair_of(explanation.metric):
+        return f"collision of {pair[0]} and {pair[1]}"
+    sign = "<=" if side_of(explanation.metric) == "left" else ">="
+    kind = "critical" if explanation.given else "worst tenth"
+    return f"{explanation.metric} {kind} ({sign} {explanation.threshold:.3g})"
+
+
 def _print_conditions(
     explanation: Explanation,
     ids: Sequence[int],
@@ -118,17 +144,10 @@ def _print_conditions(
     every: bool,
 ) -> None:
     """What must happen for this scene to become dangerous, in sentences."""
-    from scex_sumo.metrics.registry import side_of
-
     if explanation.defined == 0:
         print(f"{explanation.metric}: defined in no child")
         return
-    sign = "<=" if side_of(explanation.metric) == "left" else ">="
-    kind = "critical" if explanation.given else "worst tenth"
-    print(
-        f"{explanation.metric} {kind} ({sign} {explanation.threshold:.3g}): "
-        f"{explanation.p_critical:.1%} of {explanation.defined} children"
-    )
+    print(f"{_question(explanation)}: {explanation.p_critical:.1%} of {explanation.defined} children")
     for c in explanation.rules:
         who = " and ".join(f"{ids[v]}={names[m]}" for v, m in zip(c.vehicles, c.models, strict=True))
         print(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
@@ -26,6 +27,7 @@ def rank_command(
     first: Annotated[int, Option(help="Children of every seed scene; more where ranks are close.")] = 32,
     min_vehicles: Annotated[int, Option(help="Fewer moving vehicles make no seed scene.")] = 2,
     models: Models = None,
+    preset: Annotated[str, Option(metavar="paper|path|both", help="Which metrics are evaluated.")] = "both",
     threshold: Thresholds = None,
     keep: Annotated[
         str, Option(metavar="none|critical|all", help="Children whose tracks are kept.")
@@ -54,6 +56,7 @@ def rank_command(
             first=first,
             min_vehicles=min_vehicles,
             models=models if models is not None else DEFAULT_MODELS,
+            preset=preset,
             thresholds=parse_thresholds(threshold),
             keep=keep,
             top=top,
@@ -92,21 +95,35 @@ def _print_top(ranking: Ranking) -> None:
     from scex_sumo.reports.run_table import print_table
 
     table = Table(title="most critical moments, at least 3 s apart", title_justify="left")
-    shares = list(ranking.info["thresholds"])
     shown = is_in(ranking.table["seed"], array(ranking.info["shown"], string()))
-    for name in ("rank", "95 %", "seed", "vehicles", "children", *(f"P({c})" for c in shares)):
-        if name == "seed":
+    for name in ("rank", "95 %", "seed", "vehicles", "children", "P(collision)", "encounters", "worst pair"):
+        if name in ("seed", "worst pair"):
             table.add_column(name, overflow="fold")
         else:
             table.add_column(name, justify="right", no_wrap=True)
     for row in ranking.table.filter(shown).to_pylist():
-        values = [row[f"p_{column}"] for column in shares]
         table.add_row(
             str(row["rank"]),
             f"{row['rank_low']}–{row['rank_high']}",
             row["seed"],
             str(row["vehicles"]),
             str(row["children"]),
-            *("–" if value is None else f"{value:.0%}" for value in values),
+            "{:.0f}% [{:.0f}–{:.0f}]".format(
+                *(100 * row[f"p_collision{end}"] for end in ("", "_low", "_high"))
+            ),
+            f"{row['encounters']:.2f}",
+            _worst_pair(row),
         )
     print_table(table, Console(width=None if sys.stdout.isatty() else 160))
+    print(
+        "encounters: critical ones of a child on average; ranked by collisions, how hard they are, and these"
+    )
+
+
+def _worst_pair(row: Mapping[str, Any]) -> str:
+    if row["worst_track_id"] is None:
+        return "–"
+    often = f"{row['worst_p_critical']:.0%} critical"
+    if row["worst_p_collision"] > 0:
+        often = f"{row['worst_p_collision']:.0%} collide"
+    return f"{row['worst_track_id']}, {row['worst_other_id']}: {often}"

@@ -80,39 +80,48 @@ def run_command(
     workers: Processes = 1,
     batch: Annotated[int | None, Option(help="Children side by side in one SUMO; else chosen.")] = None,
     gui: Annotated[bool, Option("--gui", help="Show the run live in sumo-gui.")] = False,
-    plots: Annotated[bool, Option(help="Draw the densities.")] = True,
+    plots: Annotated[
+        bool, Option("--report/--no-report", "--plots/--no-plots", help="Write report.html.")
+    ] = True,
+    world: Annotated[
+        str, Option(metavar="sumo|plain", help="plain: arrays, where SUMO drives nobody; the same to 1e-9.")
+    ] = "sumo",
+    cache: Annotated[bool, Option(help="Keep the converted net for the next run on this map.")] = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = True,
     overwrite: Overwrite = False,
     out: ResultPath = None,
 ) -> None:
     """Let one moment of traffic run on many times, and measure every child scenario."""
+    from scex_sumo.behaviors.registry import parse_models
+    from scex_sumo.extrapolation.extrapolate import extrapolate, load_for
+    from scex_sumo.extrapolation.reference import add_reference, drop_reference
     from scex_sumo.extrapolation.workers import Workers
+    from scex_sumo.statistics.bands import MOST_CHILDREN
 
+    if until_band is not None and children is None:
+        children = str(MOST_CHILDREN)
+    given = {"models": models, "children": children, "design": design}
+    settings = {
+        **{name: value for name, value in given.items() if value is not None},
+        "assign": parse_assign(assign or ()),
+        "under_test": parse_under_test(under_test or ()),
+        "baseline": baseline,
+        "until_band": until_band,
+        "steps": steps,
+        "replan": replan,
+        "seed": seed,
+        "world": world,
+        "preset": preset,
+        "metrics": None if metrics is None else [name.strip() for name in metrics.split(",")],
+        "thresholds": parse_thresholds(threshold),
+        "reflect": reflect,
+        "keep_plans": keep_plans,
+    }
     useful = max(int(children), 1) if children and children.isdecimal() else workers
-    with Workers(1 if gui else min(workers, useful)) as pool:  # they start while this process reads
-        from scex_sumo.behaviors.registry import parse_models
-        from scex_sumo.extrapolation.extrapolate import extrapolate
-        from scex_sumo.extrapolation.reference import add_reference, drop_reference
-        from scex_sumo.statistics.bands import MOST_CHILDREN
-
-        if until_band is not None and children is None:
-            children = str(MOST_CHILDREN)
-        given = {"models": models, "children": children, "design": design}
-        settings = {
-            **{name: value for name, value in given.items() if value is not None},
-            "assign": parse_assign(assign or ()),
-            "under_test": parse_under_test(under_test or ()),
-            "baseline": baseline,
-            "until_band": until_band,
-            "steps": steps,
-            "replan": replan,
-            "seed": seed,
-            "preset": preset,
-            "metrics": None if metrics is None else [name.strip() for name in metrics.split(",")],
-            "thresholds": parse_thresholds(threshold),
-            "reflect": reflect,
-            "keep_plans": keep_plans,
-        }
+    processes = 1 if gui else min(workers, useful)
+    if processes > 1:
+        load_for(settings)
+    with Workers(processes) as pool:  # copies of this process, before it reads anything
         scene = seed_scene(
             map_path, tracks=tracks, case=case, time=time, synthetic=synthetic, origin=origin, seed=seed
         )
@@ -128,6 +137,7 @@ def run_command(
                 workers=pool,
                 batch=batch,
                 gui=gui,
+                cache=cache,
                 progress=tick,
                 command=command,
                 **settings,
@@ -143,7 +153,7 @@ def run_command(
 
 
 def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
-    """Print the summary, draw the pictures, say where the result is."""
+    """Print the summary, write the report, say where the result is."""
     from rich.console import Console
 
     from scex_sumo.reports.run_table import print_summary
@@ -157,19 +167,17 @@ def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
         from scex_sumo.reports.under_test_table import print_under_test
 
         print_under_test(run.under_test, Console(width=None if sys.stdout.isatty() else 110))
-    pictures = ""
+    print(f"result: {out}")
     if plots:
-        from scex_sumo.reports.run_pictures import draw_run
+        from scex_sumo.reports.page.report import write_report
         from scex_sumo.views.children import write_critical
 
-        drawn = draw_run(run, scene)
+        write_critical(run)
+        print(f"report: {write_report(run, scene)}")
         if tested:
             from scex_sumo.reports.under_test_picture import draw_under_test
 
-            drawn += draw_under_test(run, run.folder / "under_test")
-        write_critical(run)
-        pictures = "; pictures in it: " + ", ".join(file.name for file in drawn if file.suffix == ".png")
-    print(f"result: {out}{pictures}")
+            print(f"under test: {draw_under_test(run, run.folder / 'under_test')[-1]}")
     print(f"look:   scex-sumo view {shlex.quote(str(out))} {_which_child(run)}")
 
 

@@ -6,17 +6,16 @@ import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from scex_sumo.behaviors.learned.extra import check_libraries
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import Seed
 from scex_sumo.errors import ResultError, UsageError
 
 if TYPE_CHECKING:
-    from scex_sumo.training.data.dataset import Dataset
+    from scex_sumo.converters.datasets.recordings import Recording
     from scex_sumo.training.train import Progress, Trainer
 
 KINDS = ("graph", "hybrid")
@@ -47,18 +46,23 @@ def train_command(
     overwrite: Annotated[bool, Option("--overwrite", help="Replace the weights.")] = False,
 ) -> None:
     """Train a learned driver on recordings: INTERACTION, TAF-BW, CommonRoad, inD and its family."""
+    from scex_sumo.behaviors.learned.models import check_libraries
+
     weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
     if every <= 0 or minutes < 0:
         raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
     if (epochs is not None and epochs < 1) or (rounds or 0) < 0:
         raise UsageError("train: --epochs needs at least 1, --rounds at least 0")
     check_libraries("train")
-    from scex_sumo.training.device import device_of
+    from scex_sumo.training.closed_loop import closed_loop
+    from scex_sumo.training.data.dataset import SampleOptions, default_cache, make_dataset
     from scex_sumo.training.options import TrainOptions
-    from scex_sumo.training.train import Trainer
+    from scex_sumo.training.train import Trainer, device_of
 
     where = device_of(device)
-    dataset, rooms = _dataset(data or [], every, leave_out or [], cache)
+    recordings, sampling = _recordings(data or [], leave_out or []), SampleOptions(every_s=every)
+    with progress_bar("samples") as tick:
+        dataset = make_dataset(recordings, sampling, cache=cache or default_cache(), tick=tick)
     options = TrainOptions(
         kind=kind,  # type: ignore[arg-type]  # checked above
         seed=seed,
@@ -68,7 +72,8 @@ def train_command(
         sizes={} if edges else {"edges": False},
     )
     folder = _checkpoints(weights)
-    run = Trainer(dataset, options, device=where, drift=rooms(options), folder=folder)
+    drift = closed_loop(recordings, sampling, dataset.sites, options)
+    run = Trainer(dataset, options, device=where, drift=drift, folder=folder)
     if resume:
         if not run.resume():
             warn([f"{folder}: no checkpoint in it; training from the beginning"])
@@ -117,13 +122,9 @@ def _checkpoints(out: Path) -> Path:
     return out.with_name(out.name + ".training")
 
 
-def _dataset(
-    roots: Sequence[Path], every_s: float, leave_out: Sequence[str], cache: Path | None
-) -> tuple[Dataset, Any]:
-    """The samples, and a function of the options that gives what drives in closed loop."""
+def _recordings(roots: Sequence[Path], leave_out: Sequence[str]) -> tuple[Recording, ...]:
+    """What to train on."""
     from scex_sumo.converters.datasets.recordings import find_recordings
-    from scex_sumo.training.data.dataset import SampleOptions, default_cache, make_dataset
-    from scex_sumo.training.drift import closed_loop
 
     recordings = find_recordings(roots)
     sites = sorted({recording.site for recording in recordings})
@@ -133,14 +134,7 @@ def _dataset(
     kept = tuple(r for r in recordings if r.site not in leave_out)
     if not kept:
         raise UsageError("--leave-out: leaves no recording to train on")
-    sampling = SampleOptions(every_s=every_s)
-    with progress_bar("samples") as tick:
-        dataset = make_dataset(kept, sampling, cache=cache or default_cache(), tick=tick)
-
-    def loop(options: Any) -> Any:
-        return closed_loop(kept, sampling, dataset.sites, options)
-
-    return dataset, loop
+    return kept
 
 
 def _train(run: Trainer) -> None:

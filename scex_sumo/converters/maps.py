@@ -15,6 +15,7 @@ def read_map(
     origin: tuple[float, float] | None = None,
     tracks: str | Path | None = None,
     own_corner: bool = True,
+    country: str | None = None,
 ) -> Road:
     """Read a map: CommonRoad where its name ends in ``.xml`` or ``.xml.gz``, else Lanelet2.
 
@@ -27,6 +28,7 @@ def read_map(
         tracks: the recording that shall lie on the map; its ``meta_data.csv`` may tell the origin.
         own_corner: a Lanelet2 map whose origin is not known begins at its south-west corner; otherwise that
             is an error, for tracks would not lie on it.
+        country: whose speed limits hold where a Lanelet2 map gives none; None for that of its tags.
 
     Raises:
         MapError: the map cannot be read, or is OpenDRIVE.
@@ -52,4 +54,4 @@ def read_map(
         from scex_sumo.converters.lanelet.origin import find_origin
 
         origin = find_origin(path, tracks_path=tracks, origin=origin)
-    return read_road(path, origin=origin)
+    return read_road(path, origin=origin, country=country)

@@ -86,7 +86,7 @@ def encounters_table(
     vehicles = len(track_ids)
     pairs, which = np.unique(found.first * vehicles + found.second, return_inverse=True)
     which = which.reshape(-1)
-    answers = _answers(found)
+    answers = answers_of(found)
     shares = {
         name: intervals.all_shares(_by_child(which, found.child, answers[name], len(pairs), intervals.count))
         for name in QUESTIONS
@@ -108,8 +108,8 @@ def encounters_table(
     return pa.Table.from_pylist(rows, schema=SCHEMA)
 
 
-def _answers(found: Encounters) -> dict[str, BoolArray]:
-    """(N,) by question."""
+def answers_of(found: Encounters) -> dict[str, BoolArray]:
+    """(N,) whether each encounter is critical, by question."""
     answers: dict[str, BoolArray] = {
         "collision": found.collided,
         "ttc": found.ttc < CRITICAL_TTC_S,

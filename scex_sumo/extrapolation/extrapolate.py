@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import importlib
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,7 +13,9 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from scex_sumo.arrays import IntArray
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.spec import LEARNED as LEARNED_MODELS
+from scex_sumo.converters.net.kept import converted
 from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.fallbacks import count_fallbacks
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
@@ -31,6 +34,7 @@ from scex_sumo.results.under_test import BASELINE
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.bands import Look, grow, look
 from scex_sumo.version import __version__
+from scex_sumo.world.sumo import load_sumo
 
 LEARNED = ("scex_sumo.behaviors.learned.driver",)  # takes seconds to import
 
@@ -47,6 +51,7 @@ def extrapolate(
     workers: int | Workers = 1,
     batch: int | None = None,
     gui: bool = False,
+    cache: bool = True,
     progress: Progress | None = None,
     command: Sequence[str] | None = None,
     **settings: Any,
@@ -62,11 +67,12 @@ def extrapolate(
         batch: children side by side in one world, None for about 2400 vehicles; the result does not depend
             on it.
         gui: show the run live in sumo-gui.
+        cache: keep the converted net in ``~/.cache/scex-sumo`` for the next run on the same map.
         progress: called with (steps done, steps in all) as the run advances.
         command: the command line, for ``run.json``.
         settings: all that decides on the values, each of the attributes of
             `scex_sumo.extrapolation.settings.RunSettings`: models, assign, under_test, baseline, children,
-            design, until_band, steps, replan, seed, preset, metrics, thresholds, reflect, keep_plans.
+            design, until_band, steps, replan, seed, world, preset, metrics, thresholds, reflect, keep_plans.
 
     Returns:
         The finished run.
@@ -88,11 +94,12 @@ def extrapolate(
             design=wanted.design,
         )
         models.try_on(scene, seed=wanted.seed)
+        _check_world(wanted, models, gui)
         temporary = tempfile.TemporaryDirectory(prefix="scex-sumo-") if out is None else None
         path = Path(temporary.name if temporary else str(out))
         folder = ResultFolder(path, _identity(scene, wanted, models, assignment), overwrite=overwrite)
         assert scene.road is not None
-        net = convert(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml")
+        net = converted(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml", keep=cache)
         watch.lap("convert")
         job = Job(scene, net, wanted, models, assignment, folder.path, gui)
         first = _part_of(progress, 0, 2) if wanted.compared else progress
@@ -104,6 +111,7 @@ def extrapolate(
                 overwrite=True,
                 workers=pool,
                 batch=batch,
+                cache=cache,
                 progress=_part_of(progress, 1, 2),
                 command=command,
                 **_without_test(job),
@@ -119,6 +127,21 @@ def extrapolate(
     return Run(folder.path, temporary)
 
 
+def load_for(settings: Mapping[str, Any]) -> None:
+    """Import what a run with such settings needs, before there are workers: they are copies of this process.
+
+    Raises:
+        UsageError: a setting that makes no sense.
+    """
+    wanted = RunSettings(**settings)
+    if wanted.world == "sumo":
+        load_sumo()
+    if any(spec.name in LEARNED_MODELS for spec in wanted.drawn):
+        for module in LEARNED:
+            with contextlib.suppress(ImportError):  # what is missing is said where it is used
+                importlib.import_module(module)
+
+
 def _checked(scene: SeedScene, batch: int | None, settings: Mapping[str, Any]) -> RunSettings:
     """The settings, where all arguments of a run make sense."""
     unknown = sorted(set(settings) - set(SETTINGS))
@@ -129,6 +152,14 @@ def _checked(scene: SeedScene, batch: int | None, settings: Mapping[str, Any]) -
     if batch is not None and batch < 1:
         raise UsageError(f"--batch: got {batch}, needs at least 1")
     return RunSettings(**settings)
+
+
+def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:
+    """A `UsageError` where the plain world cannot do what is asked of it."""
+    by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
+    if settings.world == "plain" and (by_sumo or gui):
+        who = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"
+        raise UsageError(f"--world plain: {who}, which is not there; use --world sumo")
 
 
 def _identity(
@@ -164,7 +195,7 @@ def _info(
         "band": None if band is None else {"asked": settings.until_band, **dataclasses.asdict(band)},
         "thresholds": {**thresholds_of(settings.measured), **settings.thresholds},
         "net": job.road.name,
-        "net_notes": list(job.net.notes),
+        "net_notes": [*job.net.notes, *map(str, job.net.losses)],
         "run_notes": list(notes),
         "fallbacks": count_fallbacks(part.fallbacks, job.assignment, names, plans),
         "versions": versions(learned=bool(job.models.weights)),

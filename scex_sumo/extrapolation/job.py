@@ -6,13 +6,14 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.converters.net.convert import SumoNet
+from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.errors import ScexError
 from scex_sumo.evaluation.outcomes import collisions_table, encounter_rows
 from scex_sumo.extrapolation.assignments import child_generator, route_draws
@@ -26,7 +27,9 @@ from scex_sumo.results.parts import Part, save_part
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 from scex_sumo.statistics.intervals import DesignIntervals
+from scex_sumo.world.base import World
 from scex_sumo.world.colors import model_colors
+from scex_sumo.world.plain import PlainWorld
 from scex_sumo.world.sumo import TILE_SLOTS, SumoDriven, SumoWorld
 
 OnStep = Callable[[int], None]
@@ -126,24 +129,30 @@ def batch_runner(job: Job, slots: Sequence[int]) -> Iterator[Callable[[IntArray,
         The function, of the children's numbers and of what is called with a number of children when they
         have made a step; it returns the children.
     """
+    if job.settings.world == "plain":
+        yield partial(_run_and_keep, job, None)
+        return
     names = job.models.names
     legend = tuple(zip(names, model_colors(names), strict=True))
     with SumoWorld(job.net, job.scene, slots=slots, gui=job.gui, legend=legend) as world:
-
-        def run(children: IntArray, on_step: OnStep) -> IntArray:
-            save_part(job.folder, run_batch(job, world, children, on_step=on_step))
-            return children
-
-        yield run
+        yield partial(_run_and_keep, job, world)
 
 
-def run_batch(job: Job, world: SumoWorld, children: IntArray, *, on_step: OnStep | None = None) -> Part:
-    """Run some children side by side and measure them."""
+def _run_and_keep(job: Job, world: SumoWorld | None, children: IntArray, on_step: OnStep) -> IntArray:
+    save_part(job.folder, run_batch(job, world, children, on_step=on_step))
+    return children
+
+
+def run_batch(job: Job, sumo: SumoWorld | None, children: IntArray, *, on_step: OnStep | None = None) -> Part:
+    """Run some children side by side, in SUMO's world or, without one, in the plain one, and measure them."""
     cast, settings = _cast(job, children), job.settings
-    start = job.scene.now.repeat(len(children))
-    world.begin(start, job.slots(children), _driven_by_sumo(job, cast))
-    if job.gui:
-        _paint(world, cast)
+    world: World = PlainWorld(len(children), job.scene.vehicles)
+    if sumo is not None:
+        world = sumo
+        start = job.scene.now.repeat(len(children))
+        sumo.begin(start, job.slots(children), _driven_by_sumo(job, cast))
+        if job.gui:
+            _paint(sumo, cast)
     rollout = roll_out(
         world, job.road, job.scene, cast, steps=settings.steps, replan=settings.replan, on_step=on_step
     )

@@ -10,6 +10,7 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
 from scex_sumo.errors import ScexError
+from scex_sumo.extrapolation.situations import plan_once
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, Who
 from scex_sumo.world.base import World
@@ -120,7 +121,7 @@ def roll_out(
             history = history_at(scene, window, cast.children, cast.route_draw, step=step)
             for index, who in enumerate(groups):
                 if len(who):
-                    made = cast.models[index].plan(history, road, who, cast.generators)
+                    made = plan_once(cast.models[index], history, road, who, cast.generators)
                     _take(made, plan, who, cast.names[index])
                     replaced += _replaced(made, who, cast, step)
             plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]

@@ -17,6 +17,8 @@ from scex_sumo.metrics.registry import COLUMNS, columns_of, describe_metrics, me
 from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 
+WORLDS = ("sumo", "plain")
+
 Models: TypeAlias = str | Sequence[str | ModelSpec]
 
 RUN_PRESETS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -46,6 +48,8 @@ class RunSettings:
         steps: steps of 0.1 s per child.
         replan: steps that a plan is followed before the next, 1 to 30.
         seed: the same seed gives the same result.
+        world: ``sumo``, what SUMO holds is what models see and metrics measure; or ``plain``, arrays alone,
+            in which SUMO drives nobody: the same to 1e-9.
         preset: ``paper`` for the paper's six metrics, ``path`` for those along planned paths and between
             outlines, ``both``.
         metrics: names, import paths or metrics, after the check the latter, in the place of the preset's;
@@ -69,6 +73,7 @@ class RunSettings:
     steps: int = 30
     replan: int = 5
     seed: int = 0
+    world: str = "sumo"
     preset: str = "both"
     metrics: Sequence[str | Metric] | None = None
     thresholds: Mapping[str, float] = field(default_factory=dict)
@@ -82,6 +87,8 @@ class RunSettings:
             raise UsageError(
                 f"--replan: got {self.replan}, needs 1 to {PLAN_STEPS} (models plan {PLAN_STEPS} steps)"
             )
+        if self.world not in WORLDS:
+            raise UsageError(f"--world: got {self.world!r}, needs {' or '.join(WORLDS)}")
         if self.seed < 0:
             raise UsageError(f"--seed: got {self.seed}, needs 0 or more")
         self._put_under_test()
@@ -162,6 +169,7 @@ class RunSettings:
             "design": self.design if self.count is not None else "all",
             "until_band": self.until_band,
             "seed": self.seed,
+            **({"world": self.world} if self.world != "sumo" else {}),
             "preset": self.preset,
             "reflect": self.reflect,
             "keep_plans": self.keep_plans,

@@ -1,4 +1,4 @@
-"""Worker process: another interpreter that works for this one, over pickles on its standard streams.
+"""Worker process: another one that works for this one, over pickles on its standard streams.
 
 A process holds one simulation of libsumo, so that more of them need more interpreters; one that hangs on the
 pipes of this process ends with it, whatever ends that.
@@ -19,6 +19,8 @@ import threading
 from contextlib import suppress
 from typing import IO, Any
 
+from scex_sumo.extrapolation.forked import Forked, can_fork, keep_to_this, let_go
+
 DIED = (EOFError, OSError, pickle.UnpicklingError)
 """What `WorkerProcess.send` and `WorkerProcess.receive` raise where the process has died."""
 
@@ -28,7 +30,9 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 
 
 class WorkerProcess:
-    """One more process, as this one sees it."""
+    """One more process, as this one sees it: a copy of this one where that has one thread, else another
+    interpreter.
+    """
 
     def __init__(self, module: str, folder: str) -> None:
         """Start the process.
@@ -50,13 +54,17 @@ class WorkerProcess:
         """
         with self._ending:
             self._raise_if_ended()
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", _START.format(path=sys.path, module=self._module)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env={**os.environ, **_ONE_THREAD, "TMPDIR": self._folder},
-                start_new_session=True,  # Ctrl-C is for the process that the user started, which ends these
-            )
+            self._process = Forked(self._module, self._folder) if can_fork() else self._interpreter()
+            keep_to_this(self._process.stdin, self._process.stdout)
+
+    def _interpreter(self) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, "-c", _START.format(path=sys.path, module=self._module)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={**os.environ, **_ONE_THREAD, "TMPDIR": self._folder},
+            start_new_session=True,  # Ctrl-C is for the process that the user started, which ends these
+        )
 
     def send(self, content: Any) -> None:
         """Send it something; raises one of `DIED` where it has died."""
@@ -98,10 +106,7 @@ class WorkerProcess:
     def wait_for_exit(self) -> int:
         """Exit status of one that was killed, whose pipes are closed."""
         status = self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout):
-            if stream is not None:
-                with suppress(OSError):  # what it did not read any more
-                    stream.close()
+        let_go(self._process.stdin, self._process.stdout)
         return status
 
 

@@ -212,8 +212,8 @@ class _Worker(WorkerProcess):
     """
 
     def __init__(self, folder: str) -> None:
-        self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")
         super().__init__(__name__, folder)
+        self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")
 
     def start(self) -> None:
         """Start the process, which has nothing open."""

@@ -14,10 +14,10 @@ from scex_sumo.evaluation.plans import PLANS, plans_table
 from scex_sumo.extrapolation.fallbacks import FALLBACKS
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.measure import Recorded
+from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.densities import DENSITIES, densities_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import Part, joined
-from scex_sumo.results.run import COLLISION
 from scex_sumo.results.under_test import UNDER_TEST
 from scex_sumo.scene import LOGGED_HISTORY
 from scex_sumo.statistics.intervals import DesignIntervals

@@ -14,6 +14,8 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 
+PAIRS_AT_ONCE = 2**21  # of segments, so that long bounds take megabytes
+
 
 def wrap(angle: Any) -> Any:
     """The same angle in [-pi, pi]; one that is there already is returned to the last bit."""
@@ -27,8 +29,10 @@ def turn(before: float, after: float) -> float:
 
 def arc_lengths(points: FloatArray) -> FloatArray:
     """(P,) arc length at each point, m."""
-    step = np.diff(points, axis=0)
-    return np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
+    step = points[1:] - points[:-1]
+    arc: FloatArray = np.zeros(len(points))
+    np.hypot(step[:, 0], step[:, 1]).cumsum(out=arc[1:])
+    return arc
 
 
 def length_of(points: FloatArray) -> float:
@@ -52,8 +56,12 @@ def samples(line: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
 def cut(line: FloatArray, start: float, end: float) -> FloatArray:
     """Part of a polyline (P, 2) between two arc lengths; at least two points."""
     arc = arc_lengths(line)
-    inside = (arc > start + 1e-6) & (arc < end - 1e-6)
-    return np.vstack([along(line, start)[None], line[inside], along(line, end)[None]])
+    inside = np.flatnonzero((arc > start + 1e-6) & (arc < end - 1e-6))
+    result: FloatArray = np.empty((len(inside) + 2, 2))
+    result[1:-1] = line[inside]
+    result[[0, -1], 0] = np.interp((start, end), arc, line[:, 0])
+    result[[0, -1], 1] = np.interp((start, end), arc, line[:, 1])
+    return result
 
 
 def join(parts: Sequence[FloatArray]) -> FloatArray:
@@ -155,14 +163,40 @@ def nearest(points: FloatArray, x: float, y: float) -> float:
 
 def project(points: FloatArray, line: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Arc length (N,) of the nearest point of a polyline and distance (N,) to it."""
-    start, step = line[:-1], np.diff(line, axis=0)
-    square = np.maximum((step**2).sum(1), 1e-18)
-    offset = points[:, None, :] - start[None]
-    t = np.clip((offset * step[None]).sum(2) / square, 0.0, 1.0)
-    gap = np.hypot(*np.moveaxis(offset - t[..., None] * step[None], 2, 0))
+    return _project(points, line, arc_lengths(line))
+
+
+def _project(points: FloatArray, line: FloatArray, arc: FloatArray) -> tuple[FloatArray, FloatArray]:
+    step = np.diff(line, axis=0)
+    dx, dy = step[:, 0], step[:, 1]
+    square = np.maximum(dx * dx + dy * dy, 1e-18)
+    x, y = points[:, :1] - line[:-1, 0], points[:, 1:] - line[:-1, 1]
+    t = np.clip((x * dx + y * dy) / square, 0.0, 1.0)
+    gap = np.hypot(x - t * dx, y - t * dy)
     best = gap.argmin(axis=1)
     rows = np.arange(len(points))
-    return arc_lengths(line)[best] + t[rows, best] * np.sqrt(square[best]), gap[rows, best]
+    return arc[best] + t[rows, best] * np.sqrt(square[best]), gap[rows, best]
+
+
+def project_near(points: FloatArray, line: FloatArray, reach_m: float) -> tuple[FloatArray, FloatArray]:
+    """The same within a reach; points farther away, as far as this is quickly seen, are at infinity.
+
+    Args:
+        points: (N, 2) m.
+        line: (P, 2) m.
+        reach_m: distances from here on may be infinite.
+    """
+    arc, gap = np.zeros(len(points)), np.full(len(points), np.inf)
+    low, high = line.min(axis=0) - reach_m, line.max(axis=0) + reach_m
+    near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    if len(near):
+        low, high = points[near].min(axis=0) - reach_m, points[near].max(axis=0) + reach_m
+        beside = (np.maximum(line[:-1], line[1:]) >= low) & (np.minimum(line[:-1], line[1:]) <= high)
+        segments = np.flatnonzero(beside.all(axis=1))
+        if len(segments):
+            part = slice(int(segments[0]), int(segments[-1]) + 2)
+            arc[near], gap[near] = _project(points[near], line[part], arc_lengths(line)[part])
+    return arc, gap
 
 
 def distances(points: FloatArray, line: FloatArray) -> FloatArray:
@@ -202,15 +236,24 @@ def bounds_cross(left: FloatArray, right: FloatArray) -> bool:
     """
     start = np.concatenate([left[:-1], right[:-1]])
     end = np.concatenate([left[1:], right[1:]])
-    ahead = _side(start, end, start)  # (S, S): where each segment's start lies beside each segment
-    behind = _side(start, end, end)
-    apart = (ahead * behind) < 0
-    return bool(np.any(apart & apart.T))
+    order = np.argsort(np.minimum(start[:, 0], end[:, 0]), kind="stable")
+    start, end = start[order], end[order]
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    rows = max(1, PAIRS_AT_ONCE // max(len(start), 1))
+    for first in range(0, len(start), rows):
+        block = slice(first, first + rows)
+        last = int(np.searchsorted(low[:, 0], high[block, 0].max(), side="right"))
+        later = slice(first, last)  # of two segments that cross, one begins first from the left
+        near = (low[later][None] <= high[block][:, None]) & (high[later][None] >= low[block][:, None])
+        i, j = np.nonzero(near.all(axis=2))
+        if np.any(_pass(start, end, first + i, first + j) & _pass(start, end, first + j, first + i)):
+            return True
+    return False
 
 
-def _side(start: FloatArray, end: FloatArray, points: FloatArray) -> FloatArray:
-    """(S, P) twice the area of the triangles of S segments and P points; positive on their left."""
-    along = end - start
-    to = points[None, :, :] - start[:, None, :]
-    side: FloatArray = along[:, None, 0] * to[..., 1] - along[:, None, 1] * to[..., 0]
-    return side
+def _pass(start: FloatArray, end: FloatArray, i: IntArray, j: IntArray) -> BoolArray:
+    """(N,) whether segments j lie on both sides of the lines through segments i."""
+    along, ahead, behind = end[i] - start[i], start[j] - start[i], end[j] - start[i]
+    sides = (along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0] for to in (ahead, behind))
+    apart: BoolArray = np.multiply(*sides) < 0
+    return apart

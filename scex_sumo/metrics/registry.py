@@ -89,7 +89,12 @@ _TAKEN: Final = (
 )  # sets, and other columns of the tables
 
 _registered: dict[str, Metric] = {}
-_described: dict[str, Metric] = {}  # of results whose metrics are not registered here
+COLLISION: Final = "collision"
+"""Column of what is no metric: 1 where two vehicles of a child collide, else 0."""
+
+_described: dict[str, Metric] = {  # what results have columns of without a function here
+    COLLISION: Metric.described({"name": COLLISION, "critical": "max", "threshold": 1.0})
+}
 
 
 def metric(

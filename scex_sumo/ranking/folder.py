@@ -12,12 +12,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from scex_sumo.arrays import IntArray
 from scex_sumo.errors import ResultError
 from scex_sumo.files import lock, unlock, write_atomic
-from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.moments import Failure, Listing, MomentRef, as_row, from_row, plain
 from scex_sumo.ranking.run_moment import MomentPart
 
@@ -186,17 +187,23 @@ class RankFolder:
 def children_table(part: MomentPart) -> pa.Table:
     """Rows of a moment's children.
 
-    Columns: child, the 12 metrics, fallbacks, kept, and the lists track_id and model, one of each for every
-    vehicle.
+    Columns: child, the metrics, fallbacks, kept, the lists track_id and model, one of each for every vehicle,
+    and critical_pairs, four numbers for each critical encounter, see `MomentPart`.
     """
     data: dict[str, Any] = {"child": pa.array(part.children, pa.int32())}
-    for index, name in enumerate(COLUMNS):
+    for index, name in enumerate(part.columns):
         data[name] = pa.array(part.values[:, index], mask=~part.defined[:, index])
     data["fallbacks"] = pa.array(part.fallbacks, pa.int32())
     data["kept"] = part.kept
     data["track_id"] = pa.array([part.track_ids.tolist()] * len(part.children), pa.list_(pa.int64()))
     data["model"] = pa.array([list(row) for row in part.models], pa.list_(pa.string()))
+    data["critical_pairs"] = pa.array([rows.reshape(-1) for rows in part.pairs], pa.list_(pa.int64()))
     return pa.table(data)
+
+
+def pairs_of(table: pa.Table) -> list[IntArray]:
+    """For each child its critical encounters, as `MomentPart` has them."""
+    return [np.asarray(row, dtype=np.int64).reshape(-1, 4) for row in table["critical_pairs"].to_pylist()]
 
 
 def _write(path: Path, table: pa.Table) -> None:

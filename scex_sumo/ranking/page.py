@@ -145,14 +145,14 @@ def _bar(row: Mapping[str, Any], column: str, limit: float) -> str:
     unit = f" {metric.column_unit}" if metric.column_unit else ""
     mean = ", mean" if column.endswith("_mean") else ""
     label = f"{metric.words}{mean} {sign} {limit:.3g}{unit}"
-    value, low, high = (row[f"p_{column}{end}"] for end in ("", "_low", "_high"))
-    if value is None:
+    median = row[f"median_{column}"]
+    if median is None:
         return f'<tr><td>{label}</td><td class="track"></td><td>defined in no child</td></tr>'
+    value, low, high = (row[f"p_{column}{end}"] for end in ("", "_low", "_high"))
     bar = (
         f'<i style="width:{100 * value:.1f}%"></i>'
         f'<u style="left:{100 * low:.1f}%;width:{100 * (high - low):.1f}%"></u>'
     )
-    median = row[f"median_{column}"]
     return (
         f'<tr><td>{label}</td><td class="track">{bar}</td><td>{value:.0%}</td>'
         f"<td>median {median:.2f}{unit}</td></tr>"

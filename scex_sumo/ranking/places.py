@@ -1,4 +1,4 @@
-"""Places of moments by composite score, how sure they are, and which moments get more children for that.
+"""Places of moments by score, how sure they are, and which moments get more children for that.
 
 A round ends when all its moments are through, and the next is decided from whole rounds only: what is run
 depends on neither workers nor interruptions nor the order in which moments finish.
@@ -14,12 +14,12 @@ import numpy as np
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.ranking.moments import MomentRef
 from scex_sumo.statistics.density import CONFIDENCE
+from scex_sumo.statistics.intervals import DesignIntervals
 
 DRAWS = 200
 NEARBY_S = 3.0
 """Two moments of a recording closer than a child is long show the same situation."""
 _STREAM = 4  # of the random numbers; the runs' own use 0 to 3
-_JEFFREYS = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,7 +27,7 @@ class Places:
     """Places of n moments, 1 the most critical.
 
     Attributes:
-        score: (n,) 0 to 1, see `scores`.
+        score: (n,) mean over the children, see `scex_sumo.ranking.run_moment.score_of`.
         rank: (n,) 1 plus the number of moments with a greater score, or an equal one and more severe.
         low: (n,) best rank of the 95 % interval.
         high: (n,) worst rank of it.
@@ -41,21 +41,6 @@ class Places:
     def order(self) -> list[int]:
         """Indices, best first; equals in the order given."""
         return [int(i) for i in np.argsort(self.rank, kind="stable")]
-
-
-def scores(share: FloatArray) -> FloatArray:
-    """Composite score of moments: the mean of their shares of critical children over the metrics.
-
-    A mean of ranks would do as well where metrics tell moments apart. But where hundreds have 100 % by one
-    metric, as the distance in queues, it would make much of the last tenths of a percent between them.
-
-    Args:
-        share: (n, M) of all children, those in which a metric is undefined included.
-
-    Returns:
-        (n,) 0 to 1; 0 without metrics.
-    """
-    return share.mean(axis=1) if share.shape[1] else np.zeros(len(share))
 
 
 def beaten(values: FloatArray) -> FloatArray:
@@ -80,47 +65,56 @@ def beaten(values: FloatArray) -> FloatArray:
 
 
 def place(
-    critical: IntArray,
-    children: IntArray,
+    score: FloatArray,
+    error: FloatArray,
     *,
     severity: FloatArray | None = None,
     seed: int,
     draws: int = DRAWS,
 ) -> Places:
-    """Ranks by composite score, with intervals.
+    """Ranks by score, with intervals.
 
-    Moments of equal score, as where all children of both are critical by every metric, are ranked by how many
+    Moments of equal score, as where no child of either has a critical encounter, are ranked by how many
     others they beat in severity.
 
-    The probability of a critical child given k of n is drawn from its Beta(k + 1/2, n - k + 1/2) posterior,
-    whose central 95 % are the Jeffreys interval of the binomial, for all moments, ``draws`` times; the
-    interval of a rank is that of the middle 95 % of the draws. A moment's metrics are drawn at one common
-    level: they come from the same children, and the widest that the rank can vary is when they err together.
+    Each score is drawn from the normal distribution of its standard error, cut at 0, ``draws`` times; the
+    interval of a rank is that of the middle 95 % of the draws.
 
     Args:
-        critical: (n, M) number of critical children by each metric.
-        children: (n,) number of children, at least 1.
+        score: (n,) mean over the children, the larger the more critical.
+        error: (n,) its standard error.
         severity: (n, M) typical value of each metric, the larger the more critical; -inf where undefined.
         seed: of the draws.
         draws: how many.
 
-    Source of the interval of ranks: Goldstein and Spiegelhalter 1996, 5.2; of the binomial's: Brown, Cai and
-    DasGupta 2001.
+    Source of the interval of ranks: Goldstein and Spiegelhalter 1996, 5.2.
     """
-    score = scores(critical / children[:, None])
+    from scipy.special import ndtri
+
     rank = _ranks(score if severity is None else _refined(score, beaten(severity)))
-    if len(score) < 2 or critical.shape[1] == 0:
+    if len(score) < 2:
         return Places(score=score, rank=rank, low=rank, high=rank)
-    level = _levels(len(score), draws, seed)
-    quantiles, row = _posterior(critical, children, draws)
-    drawn = np.empty((draws, len(score)), dtype=np.int64)
-    for d in range(draws):
-        drawn[d] = _ranks(scores(quantiles[row, level[:, d, None]]))
-    drawn.sort(axis=0)
+    level = (_levels(len(score), draws, seed) + 0.5) / draws
+    possible = np.maximum(score[:, None] + error[:, None] * ndtri(level), 0.0)
+    drawn = np.sort(np.stack([_ranks(possible[:, d]) for d in range(draws)]), axis=0)
     tail = (1 - CONFIDENCE) / 2
     low, high = drawn[int(tail * draws)], drawn[draws - 1 - int(tail * draws)]
-    # Among many equals the posterior spreads over all their places; the rank itself is the best of them.
+    # Among many equals the draws spread over all their places; the rank itself is the best of them.
     return Places(score=score, rank=rank, low=np.minimum(low, rank), high=np.maximum(high, rank))
+
+
+def mean_score(values: FloatArray, intervals: DesignIntervals) -> tuple[float, float]:
+    """Mean of the children's scores and its standard error, as their design leaves it.
+
+    Children that are all alike do not prove that the next would be, too: half a child of another score is
+    reckoned with.
+
+    Args:
+        values: (C,) score of each child.
+        intervals: of the children.
+    """
+    variance = float(intervals.variance(values[:, None])[0]) + (0.5 / (len(values) + 1)) ** 2
+    return float(values.mean()), float(np.sqrt(variance))
 
 
 def _refined(score: FloatArray, second: FloatArray) -> FloatArray:
@@ -141,34 +135,20 @@ def _levels(count: int, draws: int, seed: int) -> IntArray:
     return rng.permuted(levels, axis=1)
 
 
-def _posterior(critical: IntArray, children: IntArray, draws: int) -> tuple[FloatArray, IntArray]:
-    """Quantiles of the posteriors, once for each k of n that occurs.
-
-    Returns:
-        (U, draws) quantiles at the middle of ``draws`` equal parts, and the (n, M) row of each.
-    """
-    from scipy.special import betaincinv
-
-    pairs = np.stack([critical, np.broadcast_to(children[:, None], critical.shape)], axis=-1).reshape(-1, 2)
-    known, row = np.unique(pairs, axis=0, return_inverse=True)
-    k, n = known[:, :1], known[:, 1:]
-    level = (np.arange(draws) + 0.5) / draws
-    quantiles = betaincinv(k + _JEFFREYS, n - k + _JEFFREYS, level)
-    return quantiles, row.reshape(critical.shape).astype(np.int64)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tally:
     """What a round found of a moment.
 
     Attributes:
         children: how many ran.
-        critical: (M,) how many of them are critical by each metric that has a threshold.
-        kept: how many of them have their tracks kept.
+        score: of all its children, up to this round, see `mean_score`.
+        error: standard error of it.
+        kept: how many of this round's have their tracks kept.
     """
 
     children: int
-    critical: IntArray
+    score: float
+    error: float
     kept: int = 0
 
 
@@ -182,9 +162,9 @@ def round_ends(children: int, first: int) -> list[int]:
 
 def standing(refs: Sequence[MomentRef], tallies: Mapping[str, Sequence[Tally]], *, seed: int) -> Places:
     """The places of moments by all their rounds."""
-    children = np.array([sum(t.children for t in tallies[ref.moment]) for ref in refs], dtype=np.int64)
-    critical = np.array([sum(t.critical for t in tallies[ref.moment]) for ref in refs], dtype=np.int64)
-    return place(critical.reshape(len(refs), -1), children, seed=seed)
+    last = [tallies[ref.moment][-1] for ref in refs]
+    score, error = np.array([tally.score for tally in last]), np.array([tally.error for tally in last])
+    return place(score, error, seed=seed)
 
 
 def undecided(

@@ -8,13 +8,12 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.arrays import BoolArray
+from scex_sumo.arrays import BoolArray, IntArray
 from scex_sumo.converters.datasets.recordings import Recording
-from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.ranking.folder import RankFolder
+from scex_sumo.ranking.folder import RankFolder, pairs_of
 from scex_sumo.ranking.moments import Failure, Listing, MomentRef
-from scex_sumo.ranking.places import Tally, round_ends, undecided
-from scex_sumo.ranking.run_moment import KEEP_MOST, MomentPart, MomentTask, critical_by
+from scex_sumo.ranking.places import Tally, mean_score, round_ends, undecided
+from scex_sumo.ranking.run_moment import KEEP_MOST, MomentPart, MomentTask, score_of
 from scex_sumo.ranking.settings import RankSettings
 from scex_sumo.ranking.tasks import cut, read_ahead
 from scex_sumo.ranking.workers import MomentWorkers
@@ -53,6 +52,7 @@ class RankingRun:
         self.unreadable: dict[str, Failure] = {}
         self.tallies: dict[str, list[Tally]] = {}
         self.failures: dict[str, Failure] = {}
+        self._scores: dict[str, tuple[list[Sequence[str]], list[float]]] = {}  # drivers and scores so far
         self._done = self._total = 0
         for name, failure in folder.failures().items():
             if failure.died:  # of the machine, maybe, and not of the moment
@@ -91,7 +91,7 @@ class RankingRun:
                         self._fail(found)
                     else:
                         self._folder.append(task.ref, found)
-                        self._count(task.ref, found.critical, found.kept)
+                        self._count(task.ref, found.models, found.pairs, found.kept)
                     self._tick(len(span))
             finally:
                 items.close()  # ends the thread, wherever the workers have stopped
@@ -160,13 +160,22 @@ class RankingRun:
                 if not self._folder.has(ref, first):
                     break
                 table = self._folder.read(ref, first)
-                values = np.stack([_column(table, name) for name in COLUMNS], axis=-1)
-                critical = critical_by(values, ~np.isnan(values), self.settings.thresholds)
-                self._count(ref, critical, np.asarray(table["kept"], dtype=bool))
+                kept = np.asarray(table["kept"], dtype=bool)
+                self._count(ref, table["model"].to_pylist(), pairs_of(table), kept)
 
-    def _count(self, ref: MomentRef, critical: BoolArray, kept: BoolArray) -> None:
-        found = critical.sum(axis=0, dtype=np.int64)
-        tally = Tally(children=len(critical), critical=found, kept=int(kept.sum()))
+    def _count(
+        self,
+        ref: MomentRef,
+        models: Sequence[Sequence[str]],
+        pairs: Sequence[IntArray],
+        kept: BoolArray,
+    ) -> None:
+        """Enter what a round found of a moment."""
+        drivers, scores = self._scores.setdefault(ref.moment, ([], []))
+        drivers.extend(models)
+        scores.extend(score_of(pairs).tolist())
+        score, error = mean_score(np.array(scores), self.settings.intervals(drivers))
+        tally = Tally(children=len(kept), score=score, error=error, kept=int(kept.sum()))
         self.tallies.setdefault(ref.moment, []).append(tally)
 
     def _fail(self, failure: Failure) -> None:
@@ -192,8 +201,3 @@ class RankingRun:
         self._done += children
         if self._progress is not None:
             self._progress(self._done, max(self._total, self._done))
-
-
-def _column(table: pa.Table, name: str) -> np.ndarray:
-    """(C,) a metric column; NaN where undefined."""
-    return np.asarray(table[name].to_numpy(zero_copy_only=False), dtype=np.float64)

@@ -12,7 +12,7 @@ import tempfile
 import threading
 import weakref
 import zlib
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -22,10 +22,12 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.net.convert import SumoNet, convert
+from scex_sumo.converters.net.kept import converted
+from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.errors import TrackError, UsageError, reason_of
+from scex_sumo.evaluation.encounters import answers_of
+from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, run_batch
-from scex_sumo.metrics.registry import COLUMNS, side_of
 from scex_sumo.ranking.moments import Failure, MomentRef
 from scex_sumo.ranking.settings import RankSettings, built
 from scex_sumo.results.folder import tracks_table
@@ -38,6 +40,10 @@ from scex_sumo.world.sumo import SumoWorld
 
 KEEP_MOST = 5
 """Children of a moment whose tracks ``critical`` keeps at most."""
+CRITICAL_WEIGHT = 0.1
+"""Of a critical encounter beside a collision in the score of a moment."""
+HARD_MPS = 10.0
+"""Relative speed at impact that makes a collision count twice."""
 
 
 def pack_road(road: Road) -> bytes:
@@ -81,9 +87,11 @@ class MomentPart:
 
     Attributes:
         children: (C,) their numbers.
-        values: (C, 12) NaN where undefined.
-        defined: (C, 12).
-        critical: (C, M) by each metric that has a threshold.
+        columns: the M metric columns.
+        values: (C, M) NaN where undefined.
+        defined: (C, M).
+        pairs: (C,) for each child its critical encounters as rows track_id, other_id, 1 where they collide,
+            their relative speed at impact in cm/s.
         fallbacks: (C,) how many plans are the path-following driver's, where a model had none.
         kept: (C,) whose states are in ``tracks``.
         models: (C, V) who drives.
@@ -92,9 +100,10 @@ class MomentPart:
     """
 
     children: IntArray
+    columns: tuple[str, ...]
     values: FloatArray
     defined: BoolArray
-    critical: BoolArray
+    pairs: tuple[IntArray, ...]
     fallbacks: IntArray
     kept: BoolArray
     models: tuple[tuple[str, ...], ...]
@@ -113,7 +122,7 @@ def run_moment(task: MomentTask, road: bytes | None = None) -> MomentPart | Fail
         assert packed is not None, "no road"
         check_versions(task)
         with one_at_a_time:
-            return _run(task, *converted(packed))
+            return _run(task, *road_and_net(packed))
     except Exception as error:  # whatever it is, the other moments go on
         return Failure.of(task.ref, reason_of(error))
 
@@ -129,10 +138,10 @@ def check_versions(task: MomentTask) -> None:
 
 
 @lru_cache(maxsize=8)
-def converted(packed: bytes) -> tuple[Road, SumoNet]:
+def road_and_net(packed: bytes) -> tuple[Road, SumoNet]:
     """The road and its net, whose folder goes with it; made at the first moment of a map."""
     road, folder = unpack_road(packed), tempfile.mkdtemp(prefix="scex-rank-")
-    net = convert(road, Path(folder) / "map.net.xml")
+    net = converted(road, Path(folder) / "map.net.xml")
     weakref.finalize(net, rmtree, folder, ignore_errors=True)
     return road, net
 
@@ -172,14 +181,15 @@ def _collected(task: MomentTask, job: Job, parts: list[Part]) -> MomentPart:
     children = np.concatenate([part.children for part in parts])
     values = np.concatenate([part.values for part in parts])
     defined = np.concatenate([part.defined for part in parts])
-    critical = critical_by(values, defined, task.settings.thresholds)
-    kept = choose_kept(critical, task.settings.keep, task.spare)
+    pairs = tuple(rows for part in parts for rows in _critical_pairs(part, job.scene.track_ids))
+    kept = choose_kept(score_of(pairs), task.settings.keep, task.spare)
     names = np.asarray(job.models.names, dtype=object)[job.assignment[children]]
     return MomentPart(
         children=children,
+        columns=job.settings.columns,
         values=values,
         defined=defined,
-        critical=critical,
+        pairs=pairs,
         fallbacks=np.concatenate([_fallbacks(part) for part in parts]),
         kept=kept,
         models=tuple(tuple(row) for row in names.tolist()),
@@ -197,31 +207,35 @@ def _fallbacks(part: Part) -> IntArray:
     return np.bincount(row, minlength=len(part.children)).astype(np.int64)
 
 
-def critical_by(values: FloatArray, defined: BoolArray, thresholds: Mapping[str, float]) -> BoolArray:
-    """(C, M) which children are critical by each metric that has a threshold; undefined ones are not.
+def _critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
+    """For each child its critical encounters, see `MomentPart`."""
+    assert part.encounters is not None
+    found = encounters_of_rows(part.encounters)
+    answers = answers_of(found)
+    some = np.flatnonzero(answers["critical"])
+    speed = np.round(100 * found.relative_speed[some])
+    hits = answers["collision"][some]
+    rows = np.stack([track_ids[found.first[some]], track_ids[found.second[some]], hits, speed], axis=-1)
+    child = found.child[some]
+    return [rows[child == number].astype(np.int64) for number in part.children]
 
-    Args:
-        values: (C, 12).
-        defined: (C, 12).
-        thresholds: by metric column.
+
+def score_of(pairs: Sequence[IntArray]) -> FloatArray:
+    """(C,) score of children from their critical encounters.
+
+    A collision counts 1 and its relative speed over 10 m/s; every critical encounter, collision or not, 0.1.
     """
-    result = np.zeros((len(values), len(thresholds)), dtype=bool)
-    for m, (column, limit) in enumerate(thresholds.items()):
-        index = COLUMNS.index(column)
-        sample = values[:, index]
-        beyond = sample <= limit if side_of(column) == "left" else sample >= limit
-        result[:, m] = beyond & defined[:, index]
-    return result
+    hard = [(rows[:, 2] * (1 + rows[:, 3] / (100 * HARD_MPS))).sum() for rows in pairs]
+    return np.array(hard, dtype=np.float64) + CRITICAL_WEIGHT * np.array([len(rows) for rows in pairs])
 
 
-def choose_kept(critical: BoolArray, keep: str, spare: int) -> BoolArray:
-    """(C,) whose tracks are kept: of ``critical`` those critical by most metrics, the first of equals."""
-    count = critical.sum(axis=1)
+def choose_kept(score: FloatArray, keep: str, spare: int) -> BoolArray:
+    """(C,) whose tracks are kept: of ``critical`` those of the greatest score, the first of equals."""
     if keep != "critical":
-        return np.full(len(critical), keep == "all")
-    kept = np.zeros(len(critical), dtype=bool)
-    kept[np.argsort(-count, kind="stable")[:spare]] = True
-    return np.asarray(kept & (count > 0), dtype=bool)
+        return np.full(len(score), keep == "all")
+    kept = np.zeros(len(score), dtype=bool)
+    kept[np.argsort(-score, kind="stable")[:spare]] = True
+    return np.asarray(kept & (score > 0), dtype=bool)
 
 
 def _tracks(scene: SeedScene, parts: list[Part], kept: BoolArray) -> pa.Table:

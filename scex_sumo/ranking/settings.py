@@ -7,13 +7,17 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.converters.datasets.recordings import Recording
 from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import Models, RunSettings
-from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
+from scex_sumo.metrics.registry import thresholds_of
+from scex_sumo.results.design import design_intervals
 from scex_sumo.statistics.designs import DEFAULT_DESIGN
+from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.version import __version__
 
 KEEP = ("none", "critical", "all")
@@ -35,6 +39,7 @@ class RankSettings:
         steps: steps of 0.1 s per child.
         replan: steps that a plan is followed.
         design: how assignments are drawn; fewer children must be the first of more.
+        preset: which metrics are evaluated, as of a run.
         seed: the same seed gives the same ranking.
         thresholds: by metric column, on top of the defaults; kept whole, in the order of the columns.
         keep: whose tracks are kept: ``none``, ``critical`` (at most 5 of a moment) or ``all``.
@@ -54,6 +59,7 @@ class RankSettings:
     steps: int = 30
     replan: int = 5
     design: str = field(init=False, default=DEFAULT_DESIGN)
+    preset: str = "both"
     seed: int = 0
     thresholds: Mapping[str, float] = field(default_factory=dict)
     keep: str = "none"
@@ -61,23 +67,25 @@ class RankSettings:
 
     def __post_init__(self) -> None:
         self._check()
-        models, limits = written(self.models), {**THRESHOLDS, **self.thresholds}
+        models = written(self.models)
         run = RunSettings(
             models=models,
             children=self.children,
             design=self.design,
+            preset=self.preset,
             steps=self.steps,
             replan=self.replan,
             seed=self.seed,
             thresholds=self.thresholds,
             keep_plans=False,
         )
+        limits = {**thresholds_of(run.measured), **self.thresholds}
         settled = {
             "run": run,
             "first": min(self.first, self.children),
             "models": models,
             "weights": built(models).weights,
-            "thresholds": {column: limits[column] for column in COLUMNS if column in limits},
+            "thresholds": {column: limits[column] for column in run.columns if column in limits},
         }
         for name, value in settled.items():
             object.__setattr__(self, name, value)
@@ -106,11 +114,20 @@ class RankSettings:
             "steps": self.steps,
             "replan": self.replan,
             "design": self.design,
+            "preset": self.preset,
             "seed": self.seed,
             "thresholds": dict(self.thresholds),
             "keep": self.keep,
             "version": __version__,
         }
+
+    def intervals(self, models: Sequence[Sequence[str]]) -> DesignIntervals:
+        """Intervals over children with these models, one for each vehicle."""
+        drawn = built(self.models).drawn
+        place = {str(spec): index for index, spec in enumerate(drawn)}
+        levels = np.array([[place[name] for name in row] for row in models], dtype=np.int64)
+        always = np.zeros(levels.shape[1], dtype=np.bool_)
+        return design_intervals(levels, [spec.weight for spec in drawn], always, self.design)
 
 
 def _described(recording: Recording) -> dict[str, Any]:

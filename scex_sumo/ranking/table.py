@@ -13,17 +13,22 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import TrackError
 from scex_sumo.files import write_atomic
-from scex_sumo.metrics.registry import COLUMNS, side_of
+from scex_sumo.metrics.registry import side_of
+from scex_sumo.ranking.folder import pairs_of
 from scex_sumo.ranking.moments import Failure, MomentRef, as_row
-from scex_sumo.ranking.places import place
+from scex_sumo.ranking.places import Tally, place
 from scex_sumo.ranking.ranking_run import RankingRun
-from scex_sumo.statistics.density import p_critical
+from scex_sumo.ranking.settings import RankSettings
+from scex_sumo.results.design import column_of, is_critical
+from scex_sumo.statistics.density import Interval
+from scex_sumo.statistics.intervals import DesignIntervals
 
 PARQUET, CSV = "ranking.parquet", "ranking.csv"
 _ROWS_AT_ONCE = 500
+_ENDS = ("", "_low", "_high")
 
 
 def ranking_table(run: RankingRun) -> pa.Table:
@@ -41,8 +46,8 @@ def ranking_table(run: RankingRun) -> pa.Table:
             f"none of {len(run.recordings)} recordings has a moment with {settings.min_vehicles} moving "
             f"vehicles that could be run{reason}; lower --min-vehicles or look at the recordings"
         )
-    rows = (moment_row(ref, run.parts(ref), limits) for ref in refs)
-    table = placed(tabulate(rows, limits), limits, seed=settings.seed)
+    rows = (moment_row(ref, run.parts(ref), run.tallies[ref.moment][-1], settings) for ref in refs)
+    table = placed(tabulate(rows, settings), limits, seed=settings.seed)
     known = {ref.moment for ref in refs}
     late = {name: failure.reason for name, failure in run.failures.items() if name in known}
     if late:  # they have their first children, but not those that were asked for later
@@ -50,44 +55,79 @@ def ranking_table(run: RankingRun) -> pa.Table:
         table = table.set_column(table.schema.get_field_index("failure"), "failure", reasons)
     failed = [*run.unreadable.values()]
     failed += [failure for name, failure in sorted(run.failures.items()) if name not in known]
-    return pa.concat_tables([table, tabulate(map(failed_row, failed), limits)]).combine_chunks()
+    return pa.concat_tables([table, tabulate(map(failed_row, failed), settings)]).combine_chunks()
 
 
-def schema(thresholds: Mapping[str, float]) -> pa.Schema:
-    """Columns: places, the moment, the medians of the 12 metrics, shares of critical children, failure."""
+def schema(settings: RankSettings) -> pa.Schema:
+    """Columns of the table.
+
+    Places and score; the moment; P(collision) and critical encounters of a child, the pair that is critical
+    most often; medians of the metrics; shares of critical children; failure.
+    """
     fields = [("rank", pa.int64()), ("rank_low", pa.int64()), ("rank_high", pa.int64())]
-    fields += [("score", pa.float64())]
+    fields += [("score", pa.float64()), ("score_error", pa.float64())]
     fields += [(name, pa.string()) for name in ("seed", "location", "recording", "case")]
     fields += [("time_s", pa.float64()), ("vehicles", pa.int64()), ("children", pa.int64())]
     fields += [("fallbacks", pa.int64())]
-    fields += [(f"median_{column}", pa.float64()) for column in COLUMNS]
-    for column in thresholds:
+    fields += [(f"p_collision{end}", pa.float64()) for end in _ENDS]
+    fields += [("collisions", pa.float64()), ("encounters", pa.float64())]
+    fields += [("worst_track_id", pa.int64()), ("worst_other_id", pa.int64())]
+    fields += [("worst_p_collision", pa.float64()), ("worst_p_critical", pa.float64())]
+    fields += [(f"median_{column}", pa.float64()) for column in settings.run.columns]
+    for column in settings.thresholds:
         fields += [(f"critical_{column}", pa.int64()), (f"defined_{column}", pa.int64())]
-        fields += [(f"p_{column}{end}", pa.float64()) for end in ("", "_low", "_high")]
+        fields += [(f"p_{column}{end}", pa.float64()) for end in _ENDS]
     return pa.schema([*fields, ("failure", pa.string())])
 
 
-def moment_row(ref: MomentRef, parts: Sequence[pa.Table], thresholds: Mapping[str, float]) -> dict[str, Any]:
+def moment_row(
+    ref: MomentRef, parts: Sequence[pa.Table], tally: Tally, settings: RankSettings
+) -> dict[str, Any]:
     """Row of a moment, but for its place.
 
     Args:
         ref: the moment.
         parts: its children.
-        thresholds: by metric column.
+        tally: of all of them.
+        settings: of the ranking.
     """
-    row: dict[str, Any] = as_row(ref) | {"children": sum(part.num_rows for part in parts)}
-    row["fallbacks"] = sum(int(np.asarray(part["fallbacks"]).sum()) for part in parts)
-    for column in COLUMNS:
-        chunks = [np.asarray(part[column].drop_null(), dtype=np.float64) for part in parts]
-        samples = np.concatenate(chunks)
+    children = pa.concat_tables(parts)
+    intervals = settings.intervals(children["model"].to_pylist())
+    pairs = pairs_of(children)
+    row: dict[str, Any] = as_row(ref) | {"children": children.num_rows}
+    row |= {"score": tally.score, "score_error": tally.error}
+    row["fallbacks"] = int(np.asarray(children["fallbacks"]).sum())
+    row |= _outcome(pairs, intervals)
+    for column in settings.run.columns:
+        values = column_of(children, column)
+        samples = values[~np.isnan(values)]
         row[f"median_{column}"] = float(np.median(samples)) if len(samples) else None
-        if column in thresholds:
-            share = p_critical(samples, thresholds[column], side=side_of(column))
-            found = share.value if share.count else None
-            row[f"critical_{column}"] = round(share.value * share.count) if share.count else 0
-            row[f"defined_{column}"] = share.count
-            row |= {f"p_{column}": found, f"p_{column}_low": share.low, f"p_{column}_high": share.high}
+        if column in settings.thresholds:
+            critical = is_critical(values, column, settings.thresholds[column])
+            row |= {f"critical_{column}": int(critical.sum()), f"defined_{column}": len(samples)}
+            row |= _share(f"p_{column}", intervals.share(critical))
     return row
+
+
+def _share(name: str, found: Interval) -> dict[str, float]:
+    return dict(zip((name + end for end in _ENDS), (found.value, found.low, found.high), strict=True))
+
+
+def _outcome(pairs: Sequence[IntArray], intervals: DesignIntervals) -> dict[str, Any]:
+    """Who meets whom critically: shares, means of a child, and the pair that does most often."""
+    collides = np.array([rows[:, 2].any() for rows in pairs])
+    every = np.concatenate(pairs)
+    row: dict[str, Any] = _share("p_collision", intervals.share(collides))
+    row |= {"collisions": every[:, 2].sum() / len(pairs), "encounters": len(every) / len(pairs)}
+    if not len(every):
+        return row
+    known, which = np.unique(every[:, :2], axis=0, return_inverse=True)
+    critical = np.bincount(which.reshape(-1))
+    hits = np.bincount(which.reshape(-1), weights=every[:, 2])
+    worst = int(np.lexsort((critical, hits))[-1])
+    names = ("worst_track_id", "worst_other_id", "worst_p_collision", "worst_p_critical")
+    shares = (hits[worst] / len(pairs), critical[worst] / len(pairs))
+    return row | dict(zip(names, (*known[worst].tolist(), *shares), strict=True))
 
 
 def failed_row(failure: Failure) -> dict[str, Any]:
@@ -95,9 +135,9 @@ def failed_row(failure: Failure) -> dict[str, Any]:
     return as_row(failure) | {"children": 0, "failure": failure.reason}
 
 
-def tabulate(rows: Iterable[dict[str, Any]], thresholds: Mapping[str, float]) -> pa.Table:
+def tabulate(rows: Iterable[dict[str, Any]], settings: RankSettings) -> pa.Table:
     """Rows as a table; they are made and taken a few at a time."""
-    wanted, waiting = schema(thresholds), iter(rows)
+    wanted, waiting = schema(settings), iter(rows)
     tables = [wanted.empty_table()]
     while chunk := list(islice(waiting, _ROWS_AT_ONCE)):
         tables.append(pa.Table.from_pylist(chunk, schema=wanted))
@@ -112,11 +152,9 @@ def placed(table: pa.Table, thresholds: Mapping[str, float], *, seed: int) -> pa
         thresholds: by metric column.
         seed: of the draws of the intervals.
     """
-    critical = np.stack([np.asarray(table[f"critical_{c}"]) for c in thresholds], axis=-1)
     medians = np.stack([_larger_is_worse(table, column) for column in thresholds], axis=-1)
-    children = np.asarray(table["children"])
-    found = place(critical, children, severity=medians, seed=seed)
-    values = {"rank": found.rank, "rank_low": found.low, "rank_high": found.high, "score": found.score}
+    found = place(np.asarray(table["score"]), np.asarray(table["score_error"]), severity=medians, seed=seed)
+    values = {"rank": found.rank, "rank_low": found.low, "rank_high": found.high}
     for name, column in values.items():
         index = table.schema.get_field_index(name)
         table = table.set_column(index, table.schema.field(index), pa.array(column))

@@ -8,14 +8,13 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Colormap
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import UsageError
 from scex_sumo.reports.run_pictures import draw_road, look_at, vehicle_boxes
 from scex_sumo.reports.sheet import sheet
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, States, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, Who
 
 VALUES = (0.0, 0.25, 0.5, 0.75, 1.0)
 SHOWN = 3  # vehicles whose speeds are drawn
@@ -43,9 +42,6 @@ def plot_attention(
         head: ``bounded`` or ``free``, as of the model.
         around_m: how far to see to all sides, m.
 
-    Returns:
-        The file.
-
     Raises:
         UsageError: the scene has no road, or no values are given.
         InputError: the weights cannot be used.
@@ -58,15 +54,14 @@ def plot_attention(
     order = _most_different(plans)
     centre = _middle(scene, plans, order[0])
     order = [v for v in order if np.abs(_middle(scene, plans, v) - centre).max() < around_m][:SHOWN]
-    palette = mpl.colormaps["plasma"]
     with sheet(9, 5.4) as figure:
         grid = figure.add_gridspec(len(order), 2, width_ratios=[1.7, 1])
         whole = figure.add_subplot(grid[:, 0])
-        _scene(whole, scene, plans, values, order, palette)
+        _scene(whole, scene, plans, values, order)
         look_at(whole, centre - around_m, centre + around_m)
         for place, vehicle in enumerate(order):
             axes = figure.add_subplot(grid[place, 1])
-            _speeds(axes, scene, plans, values, vehicle, palette)
+            _speeds(axes, scene, plans, values, vehicle)
             axes.set_title("ABC"[place], loc="left", fontweight="bold")
         figure.axes[-1].set_xlabel("time [s]")
         figure.savefig(path, dpi=130)
@@ -89,12 +84,7 @@ def _most_different(plans: Sequence[Plan]) -> list[int]:
 
 
 def _scene(
-    axes: Axes,
-    scene: SeedScene,
-    plans: Sequence[Plan],
-    values: Sequence[float],
-    order: Sequence[int],
-    palette: Colormap,
+    axes: Axes, scene: SeedScene, plans: Sequence[Plan], values: Sequence[float], order: Sequence[int]
 ) -> None:
     assert scene.road is not None
     draw_road(axes, scene.road)
@@ -102,11 +92,10 @@ def _scene(
         axes.fill(*box.T, facecolor="#222222", edgecolor="white", linewidth=0.6, zorder=5)
     for number, (plan, w) in enumerate(zip(plans, values, strict=True)):
         x, y = (np.column_stack([a, b]) for a, b in ((scene.now.x, plan.x), (scene.now.y, plan.y)))
-        color = _color(palette, w)
+        color = _color(w)
         lines = axes.plot(x.T, y.T, color=color, linewidth=1.4, zorder=4 - 0.1 * number)
         lines[0].set_label(f"w = {w:g}")
-        ends = States(x=plan.x, y=plan.y, heading=plan.heading, speed=plan.speed)[:, -1]
-        for box in vehicle_boxes(scene, ends):
+        for box in vehicle_boxes(scene, plan[:, -1]):
             axes.fill(*box.T, facecolor="none", edgecolor=color, linewidth=1.2, zorder=6)
     for name, vehicle in zip("ABC", order, strict=False):
         at = (float(scene.now.x[vehicle]), float(scene.now.y[vehicle]))
@@ -116,25 +105,20 @@ def _scene(
 
 
 def _speeds(
-    axes: Axes,
-    scene: SeedScene,
-    plans: Sequence[Plan],
-    values: Sequence[float],
-    vehicle: int,
-    palette: Colormap,
+    axes: Axes, scene: SeedScene, plans: Sequence[Plan], values: Sequence[float], vehicle: int
 ) -> None:
     past = scene.history.speed[vehicle]
     before = STEP_S * np.arange(1 - len(past), 1)
     axes.plot(before, past, color="#222222", linewidth=1.4)
     for plan, w in zip(plans, values, strict=True):
         ahead = STEP_S * np.arange(plan.speed.shape[1] + 1)
-        axes.plot(ahead, [past[-1], *plan.speed[vehicle]], color=_color(palette, w), linewidth=1.4)
+        axes.plot(ahead, [past[-1], *plan.speed[vehicle]], color=_color(w), linewidth=1.4)
     axes.set(ylabel="speed [m/s]", xlim=(before[0], STEP_S * plans[0].speed.shape[1]))
     axes.set_ylim(bottom=min(0.0, float(axes.get_ylim()[0])))
 
 
-def _color(palette: Colormap, w: float) -> tuple[float, float, float, float]:
-    return palette(0.9 * w)
+def _color(w: float) -> tuple[float, float, float, float]:
+    return mpl.colormaps["plasma"](0.9 * w)
 
 
 def _middle(scene: SeedScene, plans: Sequence[Plan], vehicle: int) -> FloatArray:

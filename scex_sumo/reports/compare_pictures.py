@@ -37,11 +37,8 @@ def draw_dendrogram(
     """Write the tree of the runs beside the matrix of their distances as SVG and PNG.
 
     Args:
-        comparison: the runs.
-        grouping: their groups.
         stem: path without ending.
         kinds: (R,) what is known of the runs, which then colours their names; else their group does.
-        title: above the picture.
     """
     count = len(comparison.labels)
     row_height, font = (0.24, 8.0) if count <= _LARGE_ROWS_UP_TO else (0.15, 6.0)
@@ -132,7 +129,6 @@ def draw_compared_densities(
     """Write the densities of all runs as SVG and PNG: a row per run, a column per metric.
 
     Args:
-        runs: those compared.
         comparison: gives every column its axis.
         grouping: gives the order of the rows.
         stem: path without ending.

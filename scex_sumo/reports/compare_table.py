@@ -24,9 +24,6 @@ def comparison_lines(
     """All that is told of a comparison, by lines.
 
     Args:
-        runs: what was compared.
-        comparison: their distances.
-        grouping: which belong together.
         centre: the run whose neighbours are listed; None lists pairs, or the nearest of each.
     """
     names, count = comparison.labels, len(runs)

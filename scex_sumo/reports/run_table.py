@@ -11,8 +11,8 @@ from rich.text import Text
 
 from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
 from scex_sumo.extrapolation.fallbacks import fallback_lines
-from scex_sumo.metrics.registry import metric_of, most_critical, side_of
-from scex_sumo.results.run import COLLISION, Run
+from scex_sumo.metrics.registry import COLLISION, metric_of, most_critical, side_of
+from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
 WORST = 3

@@ -38,7 +38,6 @@ def plot_scene_graph(
     Numbers are track ids.
 
     Args:
-        scene: the vehicles.
         path: PNG or SVG file.
         road: the map; None takes that of the seed scene.
         radius: of the graph, m.

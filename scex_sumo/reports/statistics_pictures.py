@@ -22,7 +22,6 @@ def draw_subsets(run: Run, subsets: Mapping[int, IntArray], stem: Path) -> list[
     """Density of every metric over all children, and over one subset of each size, as SVG and PNG.
 
     Args:
-        run: all assignments.
         subsets: children of one subset by size.
         stem: path without ending.
     """
@@ -55,7 +54,6 @@ def draw_errors(rows: Sequence[Mapping[str, Any]], run: Run, stem: Path) -> list
 
     Args:
         rows: of `scex_sumo.studies.sample_size.study`.
-        run: all assignments.
         stem: path without ending.
     """
     designs = dict(zip(dict.fromkeys(r["design"] for r in rows), _DESIGNS, strict=False))
@@ -88,7 +86,6 @@ def draw_effects(found: Sequence[Explanation], run: Run, stem: Path) -> list[Pat
 
     Args:
         found: of `scex_sumo.studies.explain.explain`, one per metric column.
-        run: the run explained.
         stem: path without ending.
     """
     ids = [str(t) for t in run.info["seed_scene"]["track_ids"]]

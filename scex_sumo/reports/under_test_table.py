@@ -10,7 +10,7 @@ from rich.text import Text
 
 from scex_sumo.metrics.registry import metric_of, most_critical
 from scex_sumo.reports.run_table import counted, print_table
-from scex_sumo.results.under_test import Difference, UnderTest
+from scex_sumo.results.under_test import UnderTest
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.paired import holm
 
@@ -43,17 +43,13 @@ def under_test_table(tested: UnderTest) -> Table:
             Text(metric_of(one.column).titled()),
             _number(one.under_test),
             _number(one.baseline),
-            _counts(one),
+            f"{one.worse} : {one.better}" if one.children else "–",
             _chance(p_value),
             _share(one.p_critical),
             _share(one.baseline_p_critical),
             _chance(p_share),
         )
     return table
-
-
-def _counts(one: Difference) -> str:
-    return f"{one.worse} : {one.better}" if one.children else "–"
 
 
 def _number(value: float) -> str:

@@ -48,5 +48,5 @@ def describe(scene: SeedScene) -> dict[str, Any]:
 def versions(*, learned: bool = False) -> dict[str, str]:
     """Versions of what the numbers depend on; with learned models, of PyTorch as well."""
     names = ["libsumo", "eclipse-sumo", "lanelet2", "numpy", "scipy", "shapely", "pyarrow"]
-    names += ["torch", "torch-geometric"] if learned else []
+    names += ["torch"] if learned else []
     return {"python": platform.python_version(), **{n: importlib.metadata.version(n) for n in names}}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -14,7 +15,7 @@ import pyarrow.parquet as pq
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import ResultError, UsageError
-from scex_sumo.metrics.registry import learn_metrics, side_of
+from scex_sumo.metrics.registry import COLLISION, learn_metrics, side_of
 from scex_sumo.results.densities import half_widths, metric_density
 from scex_sumo.results.design import column_of, intervals_of, is_critical
 from scex_sumo.results.under_test import BASELINE, UNDER_TEST, UnderTest
@@ -23,13 +24,10 @@ from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.net.convert import SumoNet
+    from scex_sumo.converters.net.sumo_net import SumoNet
 
 REFERENCE: Final = "reference"
 """Folder of the children that tell what is likely, in the folder of a run."""
-
-COLLISION: Final = "collision"
-"""Column of ``metrics.parquet`` that says whether two vehicles of a child collide."""
 
 
 class Run:
@@ -125,11 +123,20 @@ class Run:
             )
         if self.baseline is None:
             raise ResultError(f"{self.folder}: its baseline was not run; run again without --no-baseline")
-        tested, without = self.table(UNDER_TEST), self.baseline.table(UNDER_TEST)
+        tested, without = self._tested(known), self.baseline._tested(known)
         if without["child"] != tested["child"]:
             raise ResultError(f"{self.baseline.folder}: has not the children of {self.folder}; run again")
         vehicles = {int(track): model for track, model in known.items()}
-        return UnderTest(vehicles, tested, without, self.thresholds)
+        return UnderTest(vehicles, tested, without, self.thresholds | {COLLISION: 1.0}, self.intervals)
+
+    def _tested(self, vehicles: Iterable[str]) -> pa.Table:
+        """Metrics of the pairs that involve a vehicle under test, and whether one of them collides."""
+        own = [int(track) for track in vehicles]
+        either = [np.isin(np.asarray(self.collisions[name]), own) for name in ("track_id", "other_id")]
+        struck = np.asarray(self.collisions["child"])[either[0] | either[1]]
+        table = self.table(UNDER_TEST)
+        hit = np.isin(np.asarray(table["child"]), struck).astype(np.float64)
+        return table.add_column(1, COLLISION, pa.array(hit))
 
     @cached_property
     def scene(self) -> SeedScene:
@@ -148,7 +155,7 @@ class Run:
     @cached_property
     def net(self) -> SumoNet:
         """The SUMO net that the run used."""
-        from scex_sumo.converters.net.convert import open_net
+        from scex_sumo.converters.net.sumo_net import open_net
 
         return open_net(self.folder / "sumo" / f"{self.info['net']}.net.xml")
 
@@ -179,6 +186,11 @@ class Run:
         return [name for name in self.metrics.column_names if name not in ("child", COLLISION)]
 
     @property
+    def outcomes(self) -> list[str]:
+        """``collision``, where the result tells of them."""
+        return [name for name in self.metrics.column_names if name == COLLISION]
+
+    @property
     def children(self) -> int:
         """Number of children."""
         return int(self.metrics.num_rows)
@@ -189,8 +201,8 @@ class Run:
         return dict(self.info["thresholds"])
 
     def values(self, column: str) -> FloatArray:
-        """(C,) values of a metric in all children, NaN where undefined."""
-        if column not in self.columns:
+        """(C,) values of a metric in all children, NaN where undefined; of ``collision`` 0 and 1."""
+        if column not in (*self.columns, *self.outcomes):
             raise UsageError(f"unknown metric {column!r}; known: {', '.join(self.columns)}")
         return column_of(self.metrics, column)
 

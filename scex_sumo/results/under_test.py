@@ -17,7 +17,9 @@ import pyarrow as pa
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.errors import UsageError
 from scex_sumo.metrics.registry import side_of
-from scex_sumo.statistics.density import Density, Interval, density, p_critical
+from scex_sumo.results.design import is_critical
+from scex_sumo.statistics.density import Density, Interval, density
+from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.statistics.paired import mcnemar, signed_rank, signs
 
 UNDER_TEST: Final = "under_test.parquet"
@@ -78,6 +80,7 @@ class UnderTest:
         metrics: pa.Table,
         baseline: pa.Table,
         thresholds: Mapping[str, float],
+        intervals: DesignIntervals,
     ) -> None:
         """Put two tables of the same children side by side.
 
@@ -86,9 +89,10 @@ class UnderTest:
             metrics: of the children with the models under test.
             baseline: of the same children without.
             thresholds: by metric column.
+            intervals: of shares of the children.
         """
         self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
-        self.thresholds = thresholds
+        self.thresholds, self.intervals = thresholds, intervals
         self.columns = [name for name in metrics.column_names if name != "child"]
 
     @property
@@ -114,11 +118,12 @@ class UnderTest:
         return density(self.samples(column, driven), bandwidth=bandwidth)
 
     def p_critical(self, column: str, driven: Driven = "under_test") -> Interval | None:
-        """Share of critical children with its 95 % interval; None without a threshold or a value."""
-        limit, samples = self.thresholds.get(column), self.samples(column, driven)
-        if limit is None or len(samples) == 0:
+        """Share of all children that are critical with its 95 % interval; None without a threshold."""
+        limit = self.thresholds.get(column)
+        if limit is None:
             return None
-        return p_critical(samples, limit, side=side_of(column))
+        values, defined = self.values(column, driven)
+        return self.intervals.share(defined & is_critical(values, column, limit))
 
     def difference(self, column: str) -> Difference:
         """Compare the children one by one."""

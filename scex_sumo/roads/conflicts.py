@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.geometry.polylines import along, length_of, project, samples
+from scex_sumo.geometry.polylines import along, length_of, project_near, samples
 from scex_sumo.road import Lane
 
 CLEARANCE_M = 2.4  # centreline distance under which a wide car and a car do not pass each other
 STEP_M = 0.25
+
+_Samples: TypeAlias = tuple[FloatArray, FloatArray]  # arc lengths and points of a centreline
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,10 +40,11 @@ def conflicts(lanes: Mapping[int, Lane]) -> list[Conflict]:
     pairs = {(min(i, j), max(i, j)) for i, lane in lanes.items() for j in lane.conflicts if j in lanes}
     pairs -= {(i, j) for i, j in pairs if i == j}
     found: list[Conflict] = []
+    sampled = {i: samples(lanes[i].centreline, STEP_M) for i in {i for pair in pairs for i in pair}}
     for i, j in sorted(pairs):
         if _neighbours(lanes[i], lanes[j]) or j in lanes[i].successors or i in lanes[j].successors:
             continue
-        found += _stretches(lanes[i], lanes[j])
+        found += _stretches(lanes[i], lanes[j], sampled[i], sampled[j])
     # Lanes that fork at the map's border have no common approach where a junction could begin: they stay
     # road, and whoever puts vehicles there must look at both.
     border = {i for i, lane in lanes.items() if not lane.predecessors}
@@ -99,12 +103,13 @@ def _neighbours(a: Lane, b: Lane) -> bool:
     return b.lane_id in (a.left, a.right, a.adjacent_left, a.adjacent_right)
 
 
-def _stretches(a: Lane, b: Lane) -> list[Conflict]:
+def _stretches(a: Lane, b: Lane, samples_a: _Samples, samples_b: _Samples) -> list[Conflict]:
     clearance = min(CLEARANCE_M, 0.45 * (a.width_m + b.width_m))
-    sa, pa = samples(a.centreline, STEP_M)
-    sb, pb = samples(b.centreline, STEP_M)
-    on_b, gap_a = project(pa, b.centreline)
-    _, gap_b = project(pb, a.centreline)
+    (sa, pa), (sb, pb) = samples_a, samples_b
+    on_b, gap_a = project_near(pa, b.centreline, clearance)
+    if not (gap_a < clearance).any():
+        return []
+    _, gap_b = project_near(pb, a.centreline, clearance)
     found = []
     for first, last in runs(gap_a < clearance):
         low, high = sorted((float(on_b[first : last + 1].min()), float(on_b[first : last + 1].max())))

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.geometry.crossings import intersect
@@ -97,6 +95,9 @@ def _loops(
 
 def _ways(lanes: Sequence[Lane], number: dict[int, int], length: FloatArray) -> FloatArray:
     """(L, L) shortest ways along successors from start to start, m."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+
     pairs = {(k, number[i]) for k, lane in enumerate(lanes) for i in lane.successors if i in number}
     if not pairs:
         ways = np.full((len(lanes), len(lanes)), np.inf)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Final
 
@@ -77,21 +76,9 @@ def reduced(scene: SeedScene, vehicles: Sequence[int] | IntArray) -> SeedScene:
     """The seed scene with some of its vehicles only; other participants stay.
 
     Args:
-        scene: the seed scene.
         vehicles: indices of those that stay.
     """
     kept = np.asarray(vehicles, dtype=np.int64)
     if len(kept) == scene.vehicles:
         return scene
-    return dataclasses.replace(
-        scene,
-        name=f"{scene.name}_{len(kept)}v",
-        track_ids=scene.track_ids[kept],
-        types=tuple(scene.types[v] for v in kept),
-        length=scene.length[kept],
-        width=scene.width[kept],
-        history=scene.history[kept],
-        recorded_steps=scene.recorded_steps[kept],
-        future=scene.future[kept] if scene.future is not None else None,
-        future_valid=scene.future_valid[kept] if scene.future_valid is not None else None,
-    )
+    return scene.reordered(kept.tolist(), name=f"{scene.name}_{len(kept)}v")

@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ndtr, ndtri
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import InputError
+from scex_sumo.statistics.normal import normal_cdf, normal_quantile
 
 BANDWIDTH: Final = 0.1
 CONFIDENCE: Final = 0.95
@@ -165,7 +165,7 @@ def wilson(successes: int, count: int, confidence: float = CONFIDENCE) -> Interv
     _check_confidence(confidence)
     if count == 0:
         return Interval(value=float("nan"), low=0.0, high=1.0, count=0)
-    z2 = float(ndtri(0.5 + confidence / 2)) ** 2
+    z2 = normal_quantile(0.5 + confidence / 2) ** 2
     share = successes / count
     centre = (successes + z2 / 2) / (count + z2)
     half = np.sqrt(z2 * (share * (1 - share) * count + z2 / 4)) / (count + z2)
@@ -212,7 +212,7 @@ def _kernel_sums(finite: FloatArray, grid: FloatArray, bandwidth: float) -> tupl
     z = (grid[column] - finite[sample]) / bandwidth
     heights = np.exp(-0.5 * z * z) / np.sqrt(2 * np.pi)
     pdf = np.asarray(np.bincount(column, heights, minlength=grid.size), dtype=np.float64)
-    below = np.asarray(np.bincount(column, ndtr(z), minlength=grid.size), dtype=np.float64)
+    below = np.asarray(np.bincount(column, normal_cdf(z), minlength=grid.size), dtype=np.float64)
     # Samples that the grid has left behind count fully.
     passed = np.bincount(stop, minlength=grid.size + 1)[: grid.size]
     below += np.cumsum(passed)

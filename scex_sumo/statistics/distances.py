@@ -57,9 +57,6 @@ def pooled_scale(columns: Columns) -> Scale:
 
     The unit is the width of the middle 80 % of the values; where more than 80 % agree, that of all values;
     where all agree, 1. The fences lie one unit beyond the middle 80 %.
-
-    Args:
-        columns: one metric in all runs.
     """
     finite = [column[np.isfinite(column)] for column in columns]
     pool = np.concatenate(finite)
@@ -172,25 +169,22 @@ def errors(values: FloatArray, draws: Sequence[IntArray] | IntArray, *, with_jsd
     return Errors(ks=ks, w1=w1, jsd=jsd)
 
 
-def _divergence(
-    at: FloatArray, share: FloatArray, whole: FloatArray, bandwidth: float = BANDWIDTH
-) -> FloatArray:
+def _divergence(at: FloatArray, share: FloatArray, whole: FloatArray) -> FloatArray:
     """(D,) Jensen-Shannon divergence of the kernel densities of weighted samples from that of all.
 
     Args:
         at: (U,) values, ascending.
         share: (D, U) weights of the values in each draw.
         whole: (U,) weights of the values in the truth.
-        bandwidth: of the kernel, in the metric's unit.
     """
     from scipy.sparse import csr_matrix
 
-    grid = density(at, bandwidth).x
-    reach = _KERNEL_REACH * bandwidth
+    grid = density(at).x
+    reach = _KERNEL_REACH * BANDWIDTH
     start, stop = np.searchsorted(grid, at - reach), np.searchsorted(grid, at + reach)
     ends = np.concatenate([[0], np.cumsum(stop - start)])
     column = np.arange(ends[-1]) - np.repeat(ends[:-1] - start, stop - start)
-    z = (grid[column] - np.repeat(at, stop - start)) / bandwidth
+    z = (grid[column] - np.repeat(at, stop - start)) / BANDWIDTH
     kernel = csr_matrix((np.exp(-0.5 * z * z), column, ends), shape=(len(at), len(grid)))
     truth_mass = np.asarray(kernel.T @ whole)
     truth_mass /= truth_mass.sum()

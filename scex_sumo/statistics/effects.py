@@ -236,7 +236,6 @@ def covering(levels: IntArray, critical: BoolArray, most: int) -> list[Condition
     Args:
         levels: (C, V) model of each vehicle in each child.
         critical: (C,) whether the child is critical.
-        most: how many conditions.
 
     Returns:
         Conditions with their numbers over all children.

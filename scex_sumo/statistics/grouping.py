@@ -52,7 +52,6 @@ def group_runs(
         labels: (R,) different names.
         groups: how many to cut the tree into, 1 to R; None takes 2 to R - 1, whichever has the largest mean
             silhouette (two runs are two groups).
-        method: ``ward`` or ``average``.
 
     Raises:
         UsageError: a number of groups that is not there, or an unknown method.

@@ -65,16 +65,6 @@ class Comparison:
         """(R, R) distance of the runs: the mean over all metrics."""
         return np.asarray(self.per_metric.mean(axis=2))
 
-    def index(self, label: str) -> int:
-        """Number of a run.
-
-        Raises:
-            UsageError: no run has this name.
-        """
-        if label not in self.labels:
-            raise UsageError(f"no run {label!r} in the comparison; there are: {', '.join(self.labels)}")
-        return self.labels.index(label)
-
     def nearest(self, run: int) -> IntArray:
         """(R - 1,) all other runs, the most similar first; of equally similar ones by name."""
         others = np.array([r for r in range(len(self.labels)) if r != run], dtype=np.int64)
@@ -119,10 +109,6 @@ def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
     such runs are refused. Other drivers, another replanning interval or fewer children may be what the user
     wants to compare; that they differ is said.
 
-    Args:
-        runs: the runs.
-        labels: (R,) their names.
-
     Returns:
         What the reader should know of the differences, one sentence each.
 
@@ -166,7 +152,6 @@ def compare_samples(
 
     Args:
         samples: per metric R arrays (C,), NaN where undefined; C may differ between runs.
-        labels: (R,) names of the runs.
         distance: ``w1`` or ``jsd``, as in :func:`compare`.
 
     Raises:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
-from scex_sumo.arrays import IntArray
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.errors import UsageError
+from scex_sumo.metrics.registry import COLLISION
+from scex_sumo.results.run import Run
 from scex_sumo.statistics.effects import Condition, Effect, conditions, covering, effects
-
-if TYPE_CHECKING:
-    from scex_sumo.results.run import Run
 
 WORST_SHARE: Final = 0.1
 """The most critical tenth stands in for the critical children of a metric without threshold."""
@@ -53,21 +53,20 @@ def explain(run: Run, metric: str, *, worst: int = 5) -> Explanation:
     """Explain one metric of a finished run.
 
     Args:
-        run: a finished run.
-        metric: one of its columns.
+        metric: one of its columns, ``collision``, or two track ids ``A,B``: whether these two collide.
         worst: how many of the most critical children are named.
     """
     from scex_sumo.metrics.registry import side_of
 
-    run.samples(metric)  # says which metrics there are
+    values, thresholds = asked(run, metric), run.thresholds | {COLLISION: 1.0}
     levels, _ = assignment_of(run)
-    values = np.asarray(run.metrics[metric].to_numpy(zero_copy_only=False), dtype=np.float64)
     known = ~np.isnan(values)
-    sign = 1.0 if side_of(metric) == "left" else -1.0
-    given = metric in run.thresholds
+    column = COLLISION if pair_of(metric) else metric
+    sign = 1.0 if side_of(column) == "left" else -1.0
+    given = column in thresholds
     limit = float("nan")
     if given:
-        limit = run.thresholds[metric]
+        limit = thresholds[column]
     elif known.any():
         limit = float(sign * np.quantile(sign * values[known], WORST_SHARE, method="lower"))
     critical = known & (sign * values <= sign * limit)
@@ -85,6 +84,31 @@ def explain(run: Run, metric: str, *, worst: int = 5) -> Explanation:
         rules=covering(levels[known], critical[known], RULES),
         worst=[int(c) for c in order[: min(worst, int(known.sum()))]],
     )
+
+
+def pair_of(metric: str) -> tuple[int, int] | None:
+    """The two vehicles that ``A,B`` names, or None for a metric."""
+    ids = [part.strip() for part in metric.split(",")]
+    if len(ids) != 2 or not all(part.isdecimal() for part in ids):
+        return None
+    return int(ids[0]), int(ids[1])
+
+
+def asked(run: Run, metric: str) -> FloatArray:
+    """(C,) what is to be explained; for two vehicles 1 in children in which they collide, else 0.
+
+    Raises:
+        UsageError: there is no such metric, or the two collide in no child.
+    """
+    pair = pair_of(metric)
+    if pair is None:
+        return run.values(metric)
+    table = run.collisions
+    one, two = np.asarray(table["track_id"]), np.asarray(table["other_id"])
+    both = np.isin(one, pair) & np.isin(two, pair) & (one != two)
+    if not both.any():
+        raise UsageError(f"{metric}: these two collide in no child; see scex-sumo encounters {run.folder}")
+    return np.isin(np.asarray(run.metrics["child"]), np.asarray(table["child"])[both]).astype(np.float64)
 
 
 def assignment_of(run: Run) -> tuple[IntArray, list[str]]:
@@ -140,8 +164,6 @@ def worst_rows(
     """The most critical children as rows: value, who with whom and when, and who drove whom.
 
     Args:
-        run: a finished run.
-        explanation: of one of its metrics.
         levels: (C, V) of `assignment_of`.
         names: the models, of `assignment_of`.
     """
@@ -152,7 +174,10 @@ def worst_rows(
         for row in (run.worst.to_pylist() if metric == explanation.metric else [])
         if row["metric"] == metric and row["child"] in explanation.worst
     }
-    rows = []
+    if explanation.metric == COLLISION:
+        hits = run.collisions.sort_by([("time_s", "descending")]).to_pylist()  # the first of a child stays
+        source = {hit["child"]: hit | {"timestamp_ms": MOMENT_MS + 1000 * hit["time_s"]} for hit in hits}
+    values, rows = asked(run, explanation.metric), []
     for rank, child in enumerate(explanation.worst, 1):
         by = source.get(child, {})
         stamp = by.get("timestamp_ms")
@@ -162,7 +187,7 @@ def worst_rows(
                 "metric": explanation.metric,
                 "rank": rank,
                 "child": child,
-                "value": run.metrics[explanation.metric][child].as_py(),
+                "value": None if np.isnan(values[child]) else float(values[child]),
                 "track_id": by.get("track_id"),
                 "other_id": by.get("other_id"),
                 "after_s": None if stamp is None else (stamp - MOMENT_MS) / 1000,

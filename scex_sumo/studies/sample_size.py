@@ -41,9 +41,7 @@ def truth(
     Args:
         scene: the seed scene, with its road.
         out: result folder; an interrupted run goes on.
-        models: behaviour models.
         seed: of the routes that models of random routes take; one draw per assignment.
-        workers: processes.
         overwrite: replace another result in ``out``.
         command: the command line, for ``run.json``.
         progress: called with (steps done, steps in all).
@@ -86,7 +84,6 @@ def subsets(count: int, size: int, draws: int, *, seed: int = 0) -> IntArray:
         count: number of children in all.
         size: children per subset.
         draws: number of subsets D.
-        seed: the same seed gives the same subsets.
     """
     rngs = (np.random.default_rng([seed, size, draw]) for draw in range(draws))
     return np.stack([rng.permutation(count)[:size] for rng in rngs])
@@ -103,7 +100,6 @@ def designed(
         vehicles: number of vehicles.
         size: runs per repetition.
         draws: number of repetitions D.
-        seed: the same seed gives the same repetitions.
 
     Returns:
         D arrays (size,), numbered as `scex_sumo.extrapolation.assignments.all_assignments` does.

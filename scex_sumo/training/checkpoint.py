@@ -53,7 +53,7 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint, drifted: list[Samples
         file = folder / f"round{number}.npz"
         if not file.exists():
             buffer = io.BytesIO()
-            np.savez(buffer, **samples.columns())
+            np.savez(buffer, **vars(samples))
             write_atomic(file, buffer.getvalue())
     buffer = io.BytesIO()
     torch.save({f.name: getattr(checkpoint, f.name) for f in fields(Checkpoint)}, buffer)
@@ -62,10 +62,6 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint, drifted: list[Samples
 
 def read_checkpoint(folder: Path, identity: dict[str, Any]) -> tuple[Checkpoint, list[Samples]] | None:
     """The checkpoint of a folder and the samples of its rounds; None where there is none.
-
-    Args:
-        folder: of the run.
-        identity: of the run that goes on.
 
     Raises:
         ResultError: the checkpoint cannot be read, or is that of another run.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
@@ -14,6 +15,7 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.behaviors.learned.networks.graph import GraphPredictorNet
 from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet
 from scex_sumo.behaviors.learned.networks.layers import Scaler
+from scex_sumo.behaviors.learned.weights import KINDS
 from scex_sumo.errors import UsageError
 from scex_sumo.training.data.batches import Batch
 from scex_sumo.training.data.dataset import Dataset
@@ -22,10 +24,6 @@ from scex_sumo.training.loss import LossWeights
 
 Kind: TypeAlias = Literal["graph", "hybrid"]
 Net: TypeAlias = GraphPredictorNet | GraphImageNet
-NETS: dict[str, type[GraphPredictorNet] | type[GraphImageNet]] = {
-    "graph": GraphPredictorNet,
-    "hybrid": GraphImageNet,
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,8 +71,8 @@ class TrainOptions:
     weights: LossWeights = field(default_factory=LossWeights)
 
     def __post_init__(self) -> None:
-        if self.kind not in NETS:
-            raise UsageError(f"train: unknown network {self.kind!r}; known: {', '.join(NETS)}")
+        if self.kind not in KINDS:
+            raise UsageError(f"train: unknown network {self.kind!r}; known: {', '.join(KINDS)}")
         if self.epochs < 1 or self.rounds < 0 or self.rounds >= self.epochs:
             raise UsageError(
                 f"train: {self.epochs} epochs with {self.rounds} rounds in closed loop; give at least one "
@@ -106,11 +104,7 @@ def weight_groups(net: nn.Module, decay: float) -> list[dict[str, Any]]:
 
 def copied(net: Net) -> Net:
     """A copy that is not trained."""
-    copy = type(net)(net.sizes)
-    copy.load_state_dict(net.state_dict())
-    device = next(net.parameters()).device
-    frozen: Net = copy.to(device).requires_grad_(False)
-    return frozen
+    return deepcopy(net).requires_grad_(False)
 
 
 def roughen(net: Net, options: TrainOptions) -> None:
@@ -140,11 +134,7 @@ def unlinked(batch: Batch, share: float) -> Batch:
 
 def fit_scales(net: Net, samples: Samples) -> None:
     """Means and spreads of all inputs."""
-
-    def tensor(values: FloatArray) -> Tensor:
-        return torch.as_tensor(values)
-
-    net.scene.node_scale.fit(tensor(samples.node))
-    net.scene.history_scale.fit(tensor(samples.history.reshape(len(samples.history), -1)))
-    net.scene.edge_scale.fit(tensor(samples.edge))
-    net.path_scale.fit(tensor(samples.feature))
+    net.scene.node_scale.fit(torch.as_tensor(samples.node))
+    net.scene.history_scale.fit(torch.as_tensor(samples.history).flatten(1))
+    net.scene.edge_scale.fit(torch.as_tensor(samples.edge))
+    net.path_scale.fit(torch.as_tensor(samples.feature))

@@ -15,7 +15,8 @@ from torch import nn
 
 from scex_sumo.behaviors.learned.networks.graph import Modes
 from scex_sumo.behaviors.learned.networks.tensors import architecture
-from scex_sumo.behaviors.learned.weights import save_weights
+from scex_sumo.behaviors.learned.weights import KINDS, save_weights
+from scex_sumo.errors import UsageError
 from scex_sumo.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.data.dataset import Dataset
@@ -24,7 +25,6 @@ from scex_sumo.training.data.mirror import mirrored
 from scex_sumo.training.data.samples import Samples
 from scex_sumo.training.loss import loss
 from scex_sumo.training.options import (
-    NETS,
     Net,
     TrainOptions,
     copied,
@@ -53,13 +53,27 @@ class Progress:
     better: bool
 
 
+def device_of(name: str) -> torch.device:
+    """The device of a name; ``auto`` takes a GPU where there is one.
+
+    Raises:
+        UsageError: it cannot be used here.
+    """
+    if name == "auto":
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    try:
+        device = torch.device(name)
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as error:
+        words = str(error).splitlines()[0]
+        raise UsageError(f"--device {name}: cannot be used ({words}); give cpu, cuda or auto") from None
+    return device
+
+
 class Trainer:
     """One training run.
 
     Args:
-        dataset: the samples.
-        options: how.
-        device: where.
         drift: makes the samples of a round in closed loop; None does without.
         folder: for checkpoints and the samples of rounds; None keeps none.
     """
@@ -76,7 +90,7 @@ class Trainer:
         self.dataset, self.options, self.device, self.folder = dataset, options, device, folder
         self.drift = drift if options.rounds else None
         torch.manual_seed(options.seed)
-        self.net: Net = NETS[options.kind](architecture(**options.sizes))
+        self.net: Net = KINDS[options.kind](architecture(**options.sizes))
         fit_scales(self.net, dataset.train)
         self.net.to(device)
         self.mean = copied(self.net)
@@ -111,7 +125,8 @@ class Trainer:
                 self.best_loss, self.best_epoch = score.loss, self.epoch
                 self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
             self.seconds = time.monotonic() - begun
-            self._save()
+            if self.folder is not None:
+                write_checkpoint(self.folder, self._checkpoint(), self.drifted)
             report(Progress(epoch=self.epoch, epochs=options.epochs, seconds=self.seconds, parts=parts,
                             score=score, better=better))  # fmt: skip
             if self.epoch - self.best_epoch >= options.patience:
@@ -210,10 +225,6 @@ class Trainer:
         net = copied(self.mean)
         net.load_state_dict(self.best)
         return net.cpu().eval()
-
-    def _save(self) -> None:
-        if self.folder is not None:
-            write_checkpoint(self.folder, self._checkpoint(), self.drifted)
 
     def resume(self) -> bool:
         """Go on from the checkpoint in the folder; False where there is none.

@@ -15,6 +15,7 @@ from scex_sumo.training.loss import LossWeights, displacement, loss
 
 Predict = Callable[[Batch], Modes]
 GUESSES = 6
+NODES = 2000  # per batch, about
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,14 +27,12 @@ class Score:
         ade: mean distance over 3 s of the expected mode on the likeliest path, m, by site.
         fde: its distance after 3 s, m, by site.
         best: distance after 3 s of the best of the six likeliest combinations of path and mode, m, by site.
-        path: share of vehicles with several paths whose likeliest one is right, by site; NaN without such.
     """
 
     loss: float
     ade: dict[int, float]
     fde: dict[int, float]
     best: dict[int, float]
-    path: dict[int, float]
 
     def __str__(self) -> str:
         """One line: ADE/FDE/best of six by site."""
@@ -41,13 +40,13 @@ class Score:
 
 
 @torch.no_grad()
-def validate(predict: Predict, batches: Batches, weights: LossWeights, *, nodes: int = 2000) -> Score:
+def validate(predict: Predict, batches: Batches, weights: LossWeights) -> Score:
     """Score a network on all samples of `batches`."""
     rows: list[Tensor] = []
     total = count = 0.0
     # Sites apart, as the image branch has them in training.
     order = np.argsort(batches.samples.site, kind="stable")
-    for graphs in batches.groups(order, nodes):
+    for graphs in batches.groups(order, NODES):
         batch = batches.take(graphs)
         modes = predict(batch)
         share = float(batch.share.sum())
@@ -57,18 +56,16 @@ def validate(predict: Predict, batches: Batches, weights: LossWeights, *, nodes:
     every = torch.cat(rows).numpy()
     sites = [int(s) for s in np.unique(every[:, 0])]
     by_site = {s: every[every[:, 0] == s] for s in sites}
-    forked = {s: v[v[:, 5] > 0, 4] for s, v in by_site.items()}
     return Score(
         loss=total / max(count, 1e-9),
         ade={s: float(v[:, 1].mean()) for s, v in by_site.items()},
         fde={s: float(v[:, 2].mean()) for s, v in by_site.items()},
         best={s: float(v[:, 3].mean()) for s, v in by_site.items()},
-        path={s: float(v.mean()) if len(v) else float("nan") for s, v in forked.items()},
     )
 
 
 def _vehicles(modes: Modes, batch: Batch) -> Tensor:
-    """(k, 6) site, ADE, FDE, best of six, whether the path is right, whether there was a choice."""
+    """(k, 4) site, ADE, FDE, best of six."""
     off = _distances(modes, batch)
     node, ends = batch.path.node, off[..., -1]
     count = int(node.max()) + 1
@@ -78,19 +75,8 @@ def _vehicles(modes: Modes, batch: Batch) -> Tensor:
     owner = node[order]
     first = torch.cat([owner.new_ones(1), torch.diff(owner)]) > 0
     top = order[first]
-    several = torch.bincount(node, minlength=count)[node[top]] > 1
     best = _best(modes, node, ends, count)[node[top]]
-    return torch.stack(
-        [
-            batch.site[top].float(),
-            off[top, 0].mean(1),
-            ends[top, 0],
-            best,
-            batch.right[top].float(),
-            several.float(),
-        ],
-        1,
-    )
+    return torch.stack([batch.site[top].float(), off[top, 0].mean(1), ends[top, 0], best], 1)
 
 
 def _distances(modes: Modes, batch: Batch) -> Tensor:

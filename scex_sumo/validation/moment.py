@@ -17,7 +17,7 @@ from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.ranking.moments import Failure
-from scex_sumo.ranking.run_moment import MomentTask, check_versions, converted, one_at_a_time
+from scex_sumo.ranking.run_moment import MomentTask, check_versions, one_at_a_time, road_and_net
 from scex_sumo.ranking.settings import built
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import off_road
@@ -54,7 +54,7 @@ def validate_moment(task: MomentTask, road: bytes | None = None) -> Forecast | F
         assert packed is not None, "no road"
         check_versions(task)
         with one_at_a_time:
-            return _forecast(task, *converted(packed))
+            return _forecast(task, *road_and_net(packed))
     except Exception as error:  # whatever it is, the other moments go on
         return Failure.of(task.ref, reason_of(error))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,8 @@ from scex_sumo.errors import UsageError
 from scex_sumo.files import write_atomic
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY
-from scex_sumo.views.replay import write_child_view, write_grid_view
-from scex_sumo.world.colors import Rgb, model_colors
+from scex_sumo.views.replay import write_view
+from scex_sumo.world.colors import model_colors
 from scex_sumo.world.gui_drawings import ChildView
 
 
@@ -31,8 +32,7 @@ def write_critical(run: Run) -> list[Path]:
 
 def write_child(run: Run, number: int, *, title: str = "") -> Path:
     """Files that show one child in plain sumo-gui; returns the one to open."""
-    view = _child_view(run, number, title)
-    return write_child_view(run.net.path.parent, run.net, run.scene, view, _colors(run))
+    return _write(run, {number: title})
 
 
 def write_grid(run: Run, count: int) -> Path:
@@ -44,20 +44,15 @@ def write_grid(run: Run, count: int) -> Path:
     if not 2 <= count <= run.children:
         raise UsageError(f"--grid {count}: give 2 to {run.children}, the number of children")
     numbers = np.unique(np.linspace(0, run.children - 1, count).round().astype(int))
-    views = [_child_view(run, int(n), "") for n in numbers]
-    return write_grid_view(run.net.path.parent, run.net, run.scene, views, _colors(run))
+    return _write(run, dict.fromkeys(numbers.tolist(), ""))
 
 
-def _child_view(run: Run, number: int, title: str) -> ChildView:
-    return ChildView(
-        number=number,
-        states=run.states(number),
-        models=run.models_of(number),
-        title=title,
-        past=LOGGED_HISTORY,
-    )
-
-
-def _colors(run: Run) -> dict[str, Rgb]:
+def _write(run: Run, titles: Mapping[int, str]) -> Path:
+    """Files that show children under titles."""
+    views = [
+        ChildView(number=n, states=run.states(n), models=run.models_of(n), title=title, past=LOGGED_HISTORY)
+        for n, title in titles.items()
+    ]
     names = sorted(set(run.assignments["model"].unique().to_pylist()))
-    return dict(zip(names, model_colors(names), strict=True))
+    colors = dict(zip(names, model_colors(names), strict=True))
+    return write_view(run.net.path.parent, run.net, run.scene, views, colors)

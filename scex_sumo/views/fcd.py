@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import shapely
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.files import quoted
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.frame import to_sumo
 from scex_sumo.world.tiles import tile_id
@@ -107,14 +107,12 @@ class LaneFinder:
         return cost
 
 
-def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder, *, first_s: float = STEP_S) -> None:
-    """Write tracks as SUMO's FCD.
+def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder) -> None:
+    """Write tracks as SUMO's FCD, the first step at 0.1 s.
 
     Args:
-        path: file to write.
         groups: vehicles, all with the same number of steps; each group in one tile.
         lanes: the lanes of the net as converted, not tiled.
-        first_s: time of the first step.
     """
     steps = groups[0].states.shape[1]
     rows: list[list[str]] = [[] for _ in range(steps)]
@@ -126,18 +124,16 @@ def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder, *, fir
             if not len(when):
                 continue
             names, along = lanes.find(x[n, when], y[n, when], group.states.heading[n, when])
-            head = f"        <vehicle id={quoteattr(key)} type={quoteattr(group.types[n])}"
+            head = f"        <vehicle id={quoted(key)} type={quoted(group.types[n])}"
             for k, t in enumerate(when.tolist()):
                 lane = names[k] if group.tile is None else tile_id(group.tile, names[k])
                 rows[t].append(
                     f'{head} x="{x[n, t] + dx:.6f}" y="{y[n, t] + dy:.6f}" angle="{angle[n, t]:.6f}"'
                     f' speed="{group.states.speed[n, t]:.6f}" pos="{along[k]:.2f}"'
-                    f' lane={quoteattr(lane)} slope="0"/>\n'
+                    f' lane={quoted(lane)} slope="0"/>\n'
                 )
     with path.open("w", encoding="utf-8") as file:
         file.write('<?xml version="1.0" encoding="UTF-8"?>\n<fcd-export>\n')
-        for step, vehicles in enumerate(rows):
-            file.write(
-                f'    <timestep time="{first_s + step * STEP_S:.2f}">\n{"".join(vehicles)}    </timestep>\n'
-            )
+        for step, vehicles in enumerate(rows, start=1):
+            file.write(f'    <timestep time="{step * STEP_S:.2f}">\n{"".join(vehicles)}    </timestep>\n')
         file.write("</fcd-export>\n")

@@ -11,11 +11,11 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray
+from scex_sumo.files import quoted
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
 from scex_sumo.world.colors import Rgb
@@ -29,88 +29,42 @@ from scex_sumo.world.gui_drawings import (
     legend_entries,
 )
 from scex_sumo.world.gui_settings import write_view_settings
-from scex_sumo.world.tiles import TileTemplate
-from scex_sumo.world.vehicle_types import replayed_type
+from scex_sumo.world.tiles import TileLayout, TileTemplate
+from scex_sumo.world.vehicle_types import given_type
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.net.convert import SumoNet
+    from scex_sumo.converters.net.sumo_net import SumoNet
 _GRID_MARGIN_M = 15.0
 
 
-def write_child_view(
+def write_view(
     folder: Path,
     net: SumoNet,
     scene: SeedScene,
-    child: ChildView,
+    children: Sequence[ChildView],
     colors: Mapping[str, Rgb],
     *,
-    delay_ms: int = 100,
     snapshots: tuple[tuple[float, str], ...] = (),
 ) -> Path:
-    """Write what sumo-gui needs to show one child.
+    """Write what sumo-gui needs to show one child, or several side by side in reading order.
 
     Args:
         folder: where to write; the net is referred to by a relative path.
-        net: the converted map.
-        scene: the seed scene.
-        child: the child.
+        children: with the same number of steps.
         colors: RGB of each behaviour model, 0 to 255.
-        delay_ms: pause of sumo-gui after each step.
         snapshots: times in s and names of pictures that sumo-gui writes then.
 
     Returns:
-        The file to open, ``child_NUMBER.sumocfg``.
+        The file to open: ``child_NUMBER.sumocfg``, or ``grid_N.sumocfg`` of N children.
     """
-    return _write(folder, f"child_{child.number:04d}", net, scene, [child], colors, delay_ms, snapshots)
-
-
-def write_grid_view(
-    folder: Path,
-    net: SumoNet,
-    scene: SeedScene,
-    children: Sequence[ChildView],
-    colors: Mapping[str, Rgb],
-    *,
-    delay_ms: int = 100,
-    snapshots: tuple[tuple[float, str], ...] = (),
-) -> Path:
-    """Write what sumo-gui needs to show several children side by side, in reading order.
-
-    Args:
-        folder: where to write.
-        net: the converted map.
-        scene: the seed scene.
-        children: the children, with the same number of steps.
-        colors: RGB of each behaviour model, 0 to 255.
-        delay_ms: pause of sumo-gui after each step.
-        snapshots: times in s and names of pictures that sumo-gui writes then.
-
-    Returns:
-        The file to open, ``grid_N.sumocfg``.
-    """
-    return _write(folder, f"grid_{len(children)}", net, scene, children, colors, delay_ms, snapshots)
-
-
-def _write(
-    folder: Path,
-    name: str,
-    net: SumoNet,
-    scene: SeedScene,
-    children: Sequence[ChildView],
-    colors: Mapping[str, Rgb],
-    delay_ms: int,
-    snapshots: tuple[tuple[float, str], ...],
-) -> Path:
+    grid = len(children) > 1
+    name = f"grid_{len(children)}" if grid else f"child_{children[0].number:04d}"
     folder.mkdir(parents=True, exist_ok=True)
-    template, grid = TileTemplate(net.path), len(children) > 1
+    template = TileTemplate(net.path)
     layout = template.window_layout(len(children), margin_m=_GRID_MARGIN_M)
     net_file, additional = net.path, [net.extras] if net.extras is not None else []
     if grid:
-        net_file = folder / f"{name}.net.xml"
-        template.write(net_file, range(len(children)), layout)
-        if net.extras is not None:
-            additional = [folder / f"{name}.extras.xml"]
-            TileTemplate(net.extras).write(additional[0], range(len(children)), layout)
+        net_file, additional = _write_tiles(folder / name, net, template, layout, len(children))
     shown = [
         Shown(child=child, slot=slot if grid else None, offset=layout.offset(slot))
         for slot, child in enumerate(children)
@@ -126,16 +80,25 @@ def _write(
     additional[-1].write_text(f"<additional>\n{types}{drawn}</additional>\n", encoding="utf-8")
     write_view_settings(
         folder / f"{name}.view.xml",
-        delay_ms=delay_ms,
-        viewport=frame.viewport,
+        frame,
         names=not grid,
-        text_m=frame.line_m,
-        exaggeration=frame.exaggeration,
         snapshots=snapshots,
         # At the end sumo-gui would ask whether to close; who comes for the pictures only wants it to end.
         pause_s=None if snapshots else children[0].states.shape[1] * STEP_S,
     )
     return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1])
+
+
+def _write_tiles(
+    stem: Path, net: SumoNet, template: TileTemplate, layout: TileLayout, count: int
+) -> tuple[Path, list[Path]]:
+    """Copies of the net side by side, and of what is drawn on it; returns their files."""
+    net_file, extras = stem.with_name(f"{stem.name}.net.xml"), stem.with_name(f"{stem.name}.extras.xml")
+    template.write(net_file, range(count), layout)
+    if net.extras is None:
+        return net_file, []
+    TileTemplate(net.extras).write(extras, range(count), layout)
+    return net_file, [extras]
 
 
 def _groups(scene: SeedScene, shown: Shown) -> list[FcdTracks]:
@@ -184,11 +147,11 @@ def _types(scene: SeedScene, children: Sequence[ChildView], colors: Mapping[str,
     for v in range(scene.vehicles):
         size = scene.types[v], float(scene.length[v]), float(scene.width[v])
         for model in sorted({child.models[v] for child in children}):
-            lines.append(replayed_type(_type_id(model, v), *size, colors[model]))
+            lines.append(given_type(_type_id(model, v), *size, colors[model]))
     if (others := scene.obstacles) is not None:
         for o, kind in enumerate(others.types):
             size = kind, float(others.length[o]), float(others.width[o])
-            lines.append(replayed_type(f"other.{o}", *size, OTHER_RGB))
+            lines.append(given_type(f"other.{o}", *size, OTHER_RGB))
     return "".join(lines)
 
 
@@ -215,7 +178,7 @@ def _write_configuration(folder: Path, name: str, net: Path, additional: Sequenc
         "xml-validation": "never",
         "start": "true",
     }
-    lines = "".join(f"    <{key} value={quoteattr(value)}/>\n" for key, value in options.items())
+    lines = "".join(f"    <{key} value={quoted(value)}/>\n" for key, value in options.items())
     path = folder / f"{name}.sumocfg"
     path.write_text(f"<configuration>\n{lines}</configuration>\n", encoding="utf-8")
     return path

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from scex_sumo.world.gui_drawings import Frame
+
 _SIZE_PER_M = 10.0  # sumo-gui's text size for letters of 1 m
 _NAME_M = 2.0  # leaves the ends of a car free
 GRASS = "214,219,209"
@@ -59,30 +61,22 @@ _SETTINGS = """<viewsettings>
 
 def write_view_settings(
     path: Path,
+    frame: Frame,
     *,
+    names: bool,
     delay_ms: int = 100,
-    viewport: tuple[float, float, float] | None = None,
-    names: bool = True,
-    text_m: float = 4.0,
-    exaggeration: float = 1.0,
     snapshots: tuple[tuple[float, str], ...] = (),
     pause_s: float | None = None,
 ) -> None:
     """Write sumo-gui's view settings.
 
     Args:
-        path: file to write.
-        delay_ms: pause after each step.
-        viewport: zoom in percent, x and y of the centre in m; None leaves sumo-gui's choice, the whole net.
+        frame: what is in view.
         names: write the vehicles' ids on them.
-        text_m: height of texts on the ground.
-        exaggeration: how much larger than they are vehicles are drawn.
+        delay_ms: pause after each step.
         snapshots: times in s and names of pictures that sumo-gui writes then.
         pause_s: time at which sumo-gui pauses.
     """
-    view = ""
-    if viewport is not None:
-        view = '    <viewport zoom="{:.2f}" x="{:.2f}" y="{:.2f}" angle="0"/>\n'.format(*viewport)
     pictures = "".join(f'    <snapshot file="{name}" time="{time:.2f}"/>\n' for time, name in snapshots)
     if pause_s is not None:
         pictures += f'    <breakpoint time="{pause_s:.2f}"/>\n'
@@ -91,11 +85,11 @@ def write_view_settings(
         asphalt=ASPHALT,
         junction=_JUNCTION,
         names=int(names),
-        name_size=f"{_SIZE_PER_M * _NAME_M * exaggeration:.2f}",
-        text_size=f"{_SIZE_PER_M * text_m:.2f}",
+        name_size=f"{_SIZE_PER_M * _NAME_M * frame.exaggeration:.2f}",
+        text_size=f"{_SIZE_PER_M * frame.line_m:.2f}",
         delay=delay_ms,
-        viewport=view,
-        exaggeration=exaggeration,
+        viewport='    <viewport zoom="{:.2f}" x="{:.2f}" y="{:.2f}" angle="0"/>\n'.format(*frame.viewport),
+        exaggeration=frame.exaggeration,
         snapshots=pictures,
     )
     path.write_text(text, encoding="utf-8")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from scex_sumo.arrays import BoolArray
@@ -16,7 +18,10 @@ class PlainWorld:
 
     def move(self, states: States, mask: BoolArray) -> None:
         """Override the masked vehicles' next states, (C, V)."""
-        self._states = states.map(lambda values: np.where(mask, values, np.nan))
+        states = states.map(lambda values: np.where(mask, values, np.nan))
+        # As SUMO holds them: headings in (-pi, pi], and no speed below zero.
+        heading = np.pi - np.mod(np.pi - states.heading, 2.0 * np.pi)
+        self._states = replace(states, heading=heading, speed=np.where(states.speed < 0, 0.0, states.speed))
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
         """Obstacles are read from the seed scene."""

@@ -22,7 +22,7 @@ from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.net.convert import SumoNet
+    from scex_sumo.converters.net.sumo_net import SumoNet
 
 ANY_ROUTE = "anywhere"  # vehicles that are moved need a route to exist, and never follow it
 
@@ -103,7 +103,6 @@ class SumoSession:
         """Take the net apart; nothing is started.
 
         Args:
-            net: the converted road.
             slots: the tile slots that batches will use.
             types: the vehicle types; drivers may be entered later.
             folder: where SUMO's files go.
@@ -187,14 +186,7 @@ class SumoSession:
             text = f"<additional>\n{draw_legend(frame)}</additional>\n"
             additional[-1].write_text(text, encoding="utf-8")
             view = self._folder / "view.xml"
-            write_view_settings(
-                view,
-                delay_ms=self._delay_ms,
-                viewport=frame.viewport,
-                names=len(self.slots) == 1,
-                text_m=frame.line_m,
-                exaggeration=frame.exaggeration,
-            )
+            write_view_settings(view, frame, names=len(self.slots) == 1, delay_ms=self._delay_ms)
             options += ["--gui-settings-file", str(view), "--start", "true", "--quit-on-end", "true"]
         return [*options, "-a", ",".join(str(path) for path in additional)]
 

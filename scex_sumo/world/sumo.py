@@ -28,7 +28,7 @@ from scex_sumo.world.tiles import TILE_SLOTS, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.net.convert import SumoNet
+    from scex_sumo.converters.net.sumo_net import SumoNet
 
 __all__ = ["TILE_SLOTS", "SumoDriven", "SumoWorld"]
 
@@ -60,19 +60,16 @@ class SumoWorld:
         *,
         slots: Sequence[int],
         gui: bool = False,
-        folder: Path | None = None,
         delay_ms: int = 100,
         legend: Sequence[tuple[str, Rgb]] = (),
     ) -> None:
         """Build the tiles; SUMO itself starts with the first batch.
 
         Args:
-            net: the converted road.
             scene: the seed scene, for sizes, types and names.
             slots: the tile slots that batches will use, each below ``TILE_SLOTS``.
             gui: show the simulation in sumo-gui. Its tiles stand closer together, so that the last bits of
                 positions may differ from a run without.
-            folder: where tile nets go; a temporary folder by default.
             delay_ms: pause of sumo-gui after each step.
             legend: names and colours to be explained in sumo-gui, e.g. the behaviour models.
 
@@ -86,7 +83,7 @@ class SumoWorld:
             net,
             slots,
             self._types,
-            Path(self._temporary.name) if folder is None else folder,
+            Path(self._temporary.name),
             gui=gui,
             delay_ms=delay_ms,
             legend=legend,
@@ -211,7 +208,7 @@ class SumoWorld:
                     key = tile_id(slot, f"other{name}")
                     if present[o]:
                         if key not in batch.obstacles:
-                            self._add(key, tile_id(slot, ANY_ROUTE), self._types.obstacle(o))
+                            self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.obstacle(o))
                             batch.obstacles.add(key)
                         self._put(key, float(front_x[o] + dx), float(front_y[o] + dy), float(angle[o]))
                     elif key in batch.obstacles:
@@ -281,9 +278,6 @@ class SumoWorld:
     def _put(self, key: str, x: float, y: float, angle: float) -> None:
         self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, _ANY_LANE, _MATCH_M)
 
-    def _add(self, key: str, route: str, kind: str) -> None:
-        self._sumo.vehicle.add(key, route, kind)
-
     def _advance(self, batch: Batch) -> None:
         """One step of SUMO, a count of the vehicles, and the right speeds for those that were moved.
 
@@ -317,9 +311,9 @@ class SumoWorld:
                 self._routes += 1
                 route = f"route{self._routes}"
                 self._sumo.route.add(route, [tile_id(slot, edge) for edge in d.edges])
-                self._add(key, route, self._types.driven(v, d.model, d.parameters))
+                self._sumo.vehicle.add(key, route, self._types.driven(v, d.model, d.parameters))
             else:
-                self._add(key, tile_id(slot, ANY_ROUTE), overridden[v])
+                self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), overridden[v])
                 if batch.mixed[child]:
                     # Or SUMO makes others give way to lane changes that this vehicle will never make.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)

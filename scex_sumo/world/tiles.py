@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
 
 from scex_sumo.errors import SimulationError
+from scex_sumo.files import quoted
 
 TILE_SLOTS = 64
 """Number of tile slots; a child i that needs a tile of its own is always in slot ``i % TILE_SLOTS``."""
@@ -93,10 +93,10 @@ class TileTemplate:
         self._path = path
         self._root = root.tag
         # The schema's location comes with a namespace and is of no use to a generated file.
-        self._head = "".join(f" {k}={quoteattr(v)}" for k, v in root.attrib.items() if "}" not in k)
+        self._head = "".join(f" {k}={quoted(v)}" for k, v in root.attrib.items() if "}" not in k)
         self._once: list[str] = []
         self._edges = {e.get("id", ""): _points(e) for e in root.iter("edge") if "function" not in e.attrib}
-        self._lanes = sum(1 for _ in root.iter("lane"))
+        self.lanes = sum(1 for _ in root.iter("lane"))  # internal ones included
         self._literals: list[str] = [""]  # text before each x, then the text after the last y
         self._x: list[str] = []
         self._between: list[str] = []  # what stands between an x and its y
@@ -130,18 +130,12 @@ class TileTemplate:
             raise SimulationError(f"{self._path}: holds no edges; convert the map again")
         return min(self._edges, key=lambda edge: self._edges[edge])
 
-    @property
-    def lanes(self) -> int:
-        """Number of SUMO's lanes, internal ones included."""
-        return self._lanes
-
-    def layout(self, *, margin_m: float = TILE_MARGIN_M, columns: int = TILE_COLUMNS) -> TileLayout:
+    def layout(self, *, margin_m: float = TILE_MARGIN_M) -> TileLayout:
         """Tiles that keep at least ``margin_m`` between their maps."""
         left, bottom, right, top = self.bounds
         return TileLayout(
             pitch_x=math.ceil((right - left + margin_m) / 10) * 10,
             pitch_y=math.ceil((top - bottom + margin_m) / 10) * 10,
-            columns=columns,
         )
 
     def window_layout(self, count: int, *, margin_m: float) -> TileLayout:
@@ -154,7 +148,6 @@ class TileTemplate:
         """Write the copies of some slots.
 
         Args:
-            path: file to write.
             slots: the slots wanted, in any order.
             layout: where slots lie.
         """
@@ -191,9 +184,9 @@ class TileTemplate:
             elif key == "y" and "x" in element.attrib:
                 continue
             elif key in ids:
-                self._text(f" {key}={quoteattr(' '.join(_mark(name) for name in value.split()))}")
+                self._text(f" {key}={quoted(' '.join(_mark(name) for name in value.split()))}")
             else:
-                self._text(f" {key}={quoteattr(value)}")
+                self._text(f" {key}={quoted(value)}")
         if len(element) == 0:
             self._text("/>\n")
             return

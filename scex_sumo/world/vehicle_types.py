@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
+from scex_sumo.files import quoted
 from scex_sumo.scene import SeedScene
 from scex_sumo.sumo_models import RANDOM_MODELS, RANDOM_PARAMETERS, check_driver
 from scex_sumo.world.gui_drawings import OTHER_RGB
@@ -29,49 +29,36 @@ def gui_shape(kind: str) -> str:
     return next((shape for word, shape in _GUI_SHAPES if word in kind), "passenger")
 
 
-def overridden_type(name: str, kind: str, length: float, width: float) -> str:
-    """The ``vType`` element of vehicles that are only ever put somewhere.
+def given_type(
+    name: str, kind: str, length: float, width: float, rgb: tuple[int, int, int] | None = None
+) -> str:
+    """The ``vType`` element of vehicles that are only ever put somewhere; colour 0 to 255.
 
     Class ``ignoring`` may be on any lane; the top speed is out of the way.
     """
     attributes = {"vClass": "ignoring", "guiShape": gui_shape(kind), "maxSpeed": "200"}
+    if rgb is not None:
+        attributes["color"] = ",".join(str(c) for c in rgb)
     return _element(name, length, width, attributes)
 
 
-def replayed_type(name: str, kind: str, length: float, width: float, rgb: tuple[int, int, int]) -> str:
-    """The ``vType`` element of vehicles that SUMO shows in a colour, 0 to 255, on given trajectories."""
-    attributes = {"vClass": "ignoring", "guiShape": gui_shape(kind), "maxSpeed": "200"}
-    return _element(name, length, width, {**attributes, "color": ",".join(str(c) for c in rgb)})
-
-
-def driven_type(
+def _driven_type(
     name: str, kind: str, length: float, width: float, model: str, parameters: Mapping[str, str]
 ) -> str:
     """The ``vType`` element of vehicles that a car-following model of SUMO drives.
 
-    Args:
-        name: id of the type.
-        kind: recorded type; trucks and buses get SUMO's acceleration, braking and top speed for them.
-        length: m.
-        width: m.
-        model: SUMO's name of the model, one of ``SUMO_MODELS``.
-        parameters: attributes of SUMO's vehicle types, e.g. ``tau``.
-
-    Raises:
-        UsageError: unknown model or parameter, or one that would make the driver depend on its tile.
+    Trucks and buses get SUMO's acceleration, braking and top speed for them.
     """
-    check_driver(model, parameters)
     shape = gui_shape(kind)
     attributes = {"vClass": _CLASSES.get(shape, "passenger"), "guiShape": shape, "carFollowModel": model}
-    return _element(
-        name, length, width, {**attributes, **dict.fromkeys(RANDOM_PARAMETERS, "0"), **parameters}
-    )
+    attributes |= dict.fromkeys(RANDOM_PARAMETERS, "0")
+    return _element(name, length, width, {**attributes, **parameters})
 
 
 def _element(name: str, length: float, width: float, attributes: Mapping[str, str]) -> str:
     fixed = {"id": name, "length": repr(float(length)), "width": repr(float(width)), "speedFactor": "1"}
     every = {**fixed, "speedDev": "0", **attributes}
-    return "<vType" + "".join(f" {key}={quoteattr(value)}" for key, value in every.items()) + "/>\n"
+    return "<vType" + "".join(f" {key}={quoted(value)}" for key, value in every.items()) + "/>\n"
 
 
 class TypeBook:
@@ -80,12 +67,11 @@ class TypeBook:
     def __init__(self, scene: SeedScene) -> None:
         """Collect the types and sizes of the seed scene's vehicles, pedestrians and cyclists."""
         self._vehicles = list(zip(scene.types, scene.length.tolist(), scene.width.tolist(), strict=True))
-        others = scene.obstacles
-        self._obstacles = (
-            []
-            if others is None
-            else list(zip(others.types, others.length.tolist(), others.width.tolist(), strict=True))
-        )
+        self._obstacles = []
+        if (others := scene.obstacles) is not None:
+            self._obstacles = list(
+                zip(others.types, others.length.tolist(), others.width.tolist(), strict=True)
+            )
         self._drivers: dict[tuple[str, tuple[tuple[str, str], ...]], int] = {}
         self._written: set[int] = set()
 
@@ -125,13 +111,13 @@ class TypeBook:
 
     def write(self, path: Path) -> None:
         """Write SUMO's additional file with all types."""
-        lines = {_type_name(*size): overridden_type(_type_name(*size), *size) for size in self._vehicles}
+        lines = {_type_name(*size): given_type(_type_name(*size), *size) for size in self._vehicles}
         for size in self._obstacles:
-            lines[_type_name(*size)] = replayed_type(_type_name(*size), *size, OTHER_RGB)
+            lines[_type_name(*size)] = given_type(_type_name(*size), *size, OTHER_RGB)
         for (model, parameters), index in self._drivers.items():
             for size in self._vehicles:
                 name = f"{_type_name(*size)}_{model}{index}"
-                lines[name] = driven_type(name, *size, model, dict(parameters))
+                lines[name] = _driven_type(name, *size, model, dict(parameters))
         path.write_text(f"<additional>\n{''.join(lines.values())}</additional>\n", encoding="utf-8")
         self._written = set(self._drivers.values())
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.learned import extra
+from scex_sumo.behaviors.learned import models as learned_models
 from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.plug_in.single import SingleVehicle
@@ -122,12 +122,11 @@ def test_sumo_models_are_built_with_their_parameters_and_a_path() -> None:
     assert (built.model, built.parameters, built.path) == ("Krauss", {"tau": "0.8"}, 1)
 
 
-@pytest.mark.parametrize("library", ["torch", "torch_geometric"])
-def test_learned_drivers_say_what_they_need(monkeypatch: pytest.MonkeyPatch, library: str) -> None:
+def test_learned_drivers_say_what_they_need(monkeypatch: pytest.MonkeyPatch) -> None:
     found = importlib.util.find_spec
-    monkeypatch.setattr(extra, "find_spec", lambda name: None if name == library else found(name))
+    monkeypatch.setattr(learned_models, "find_spec", lambda name: None if name == "torch" else found(name))
     for name in ("graph_predictor", "graph_image_predictor"):
-        wanted = rf"{name}: needs {library}; install with: pip install 'scex-sumo\[learned\]'"
+        wanted = rf"{name}: needs torch; install with: pip install 'scex-sumo\[learned\]'"
         with pytest.raises(MissingExtraError, match=f"^{wanted}$"):
             build(parse_models(name)[0])
 

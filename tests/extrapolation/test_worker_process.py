@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from scex_sumo.extrapolation.forked import can_fork
 from scex_sumo.extrapolation.worker_process import DIED, WorkerProcess
 
 SERVING = """
@@ -67,3 +71,53 @@ def test_one_that_was_killed_stays_dead(worker: WorkerProcess) -> None:
         worker.send("order")
     with pytest.raises(EOFError):
         worker.receive()
+
+
+COPYING = """
+import os, pickle, sys, tempfile
+import {module}
+from scex_sumo.extrapolation.forked import Forked, can_fork
+from scex_sumo.extrapolation.worker_process import WorkerProcess, write
+
+def serve():
+    from scex_sumo.extrapolation.worker_process import served_streams
+    orders, answers = served_streams()
+    while True:
+        write(answers, (pickle.load(orders), "json" in sys.modules, tempfile.gettempdir(), os.getpid()))
+
+if __name__ == "__main__":
+    assert can_fork()
+    workers = [WorkerProcess("copying", sys.argv[1]) for _ in range(2)]
+    assert all(isinstance(worker._process, Forked) for worker in workers)
+    pids = set()
+    for worker in workers:
+        worker.send("order")
+        order, has_json, folder, pid = worker.receive()
+        assert (order, has_json, folder) == ("order", True, sys.argv[1])
+        pids.add(pid)
+    assert len(pids) == 2 and os.getpid() not in pids
+    workers[0].kill()
+    assert workers[0].exit_reason() == "signal 9"
+    # The other one ends by itself when this one lets go of it: nobody else holds its pipes.
+    workers[1]._process.stdin.close()
+    assert workers[1]._process.wait(timeout=10) == 1
+    print("done")
+"""
+
+
+def test_a_process_of_one_thread_is_copied_with_what_it_has_imported(tmp_path: Path) -> None:
+    (tmp_path / "copying.py").write_text(COPYING.format(module="json"))
+    run = [sys.executable, str(tmp_path / "copying.py"), str(tmp_path)]
+    made = subprocess.run(run, capture_output=True, text=True, timeout=60, check=False)
+    assert made.stdout == "done\n", made.stderr
+
+
+def test_a_process_with_another_thread_is_not_copied() -> None:
+    release = threading.Event()
+    thread = threading.Thread(target=release.wait)
+    thread.start()
+    try:
+        assert not can_fork()
+    finally:
+        release.set()
+        thread.join()

@@ -16,7 +16,7 @@ from matplotlib.image import imread
 
 from scex_sumo.errors import SimulationError
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.views.replay import ChildView, write_child_view
+from scex_sumo.views.replay import ChildView, write_view
 from scex_sumo.world.sumo import SumoWorld
 
 BLUE = (54, 124, 196)
@@ -114,7 +114,7 @@ def test_a_child_in_sumo_gui_shows_vehicles_in_the_colour_of_their_model(
     def blue_pixels(blue: str, other: str) -> int:
         child = ChildView(number=1, states=track, models=(blue, other), past=20)
         colors = {"standard_driver": BLUE, "risky_driver": (214, 64, 58)}
-        write_child_view(tmp_path, crossing, scene(), child, colors, snapshots=((1.0, "view.png"),))
+        write_view(tmp_path, crossing, scene(), [child], colors, snapshots=((1.0, "view.png"),))
         program = str(Path(sumo.SUMO_HOME) / "bin" / "sumo-gui")
         run([*display, program, "-c", "child_0001.sumocfg", "--quit-on-end"], tmp_path)
         picture = 255 * imread(tmp_path / "view.png")[..., :3]

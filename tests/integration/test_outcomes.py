@@ -68,7 +68,8 @@ def test_presets_choose_the_columns_and_the_kernel_may_be_plain(tmp_path: Path) 
     scene = scex_sumo.read_seed(ROUNDABOUT)
     path = scex_sumo.extrapolate(scene, preset="path", children=3, reflect=False, out=tmp_path / "path")
     assert path.columns[:2] == ["gap", "gap_mean"] and len(path.columns) == 14
-    assert path.density("gap").x[0] < 0 <= path.density("gap", reflect=True).x[0]
+    wide = [path.density("gap", bandwidth=2.0, reflect=reflect).x[0] for reflect in (None, True)]
+    assert wide[0] < 0 <= wide[1]
     assert path.density("gap").atoms == ()
     paper = scex_sumo.extrapolate(scene, preset="paper", children=3, out=tmp_path / "paper")
     assert len(paper.columns) == 12

@@ -19,10 +19,9 @@ import pytest
 
 import scex_sumo
 from scex_sumo.errors import UsageError
-from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.rank import rank as rank_dataset
 
-MODELS = "standard_driver,risky_driver,emergency_brake"
+MODELS = "standard_driver,constant_velocity,emergency_brake"
 OPTIONS = ("--every", "4", "--first", "3", "--children", "6", "--top", "2", "--models", MODELS)
 
 
@@ -89,13 +88,19 @@ def test_a_row_is_what_run_gives(result: Path, tmp_path: Path) -> None:
     run = scex_sumo.extrapolate(
         seed, models=MODELS.split(","), children=row["children"], out=tmp_path / "out"
     )
-    for column in COLUMNS:
+    for column in run.columns:
         samples = run.samples(column)
         assert row[f"median_{column}"] == (np.median(samples) if len(samples) else None)
     for column in run.thresholds:
         share = run.p_critical(column)
         assert (row[f"p_{column}_low"], row[f"p_{column}_high"]) == (share.low, share.high)
-        assert row[f"p_{column}"] == (share.value if share.count else None)
+        assert row[f"p_{column}"] == share.value
+    outcome = run.p_collision
+    assert (row["p_collision"], row["p_collision_low"], row["p_collision_high"]) == (
+        outcome.value,
+        outcome.low,
+        outcome.high,
+    )
 
 
 def test_the_children_of_a_seed_are_what_its_row_counts(result: Path) -> None:

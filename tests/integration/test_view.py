@@ -13,7 +13,7 @@ import pytest
 import sumo
 
 from scex_sumo.scene import Obstacles, SeedScene, States
-from scex_sumo.views.replay import ChildView, write_child_view, write_grid_view
+from scex_sumo.views.replay import ChildView, write_view
 
 STEPS = 40
 MODELS = ("standard_driver", "sumo:EIDM:tau=1.2")
@@ -103,7 +103,7 @@ def agree(seen: dict[int, tuple[float, ...]], states: States, length: float) -> 
 
 
 def test_a_child_is_replayed_as_logged(crossing: SimpleNamespace, tmp_path: Path) -> None:
-    configuration = write_child_view(tmp_path / "sumo", crossing, scene(), child(7), COLORS)
+    configuration = write_view(tmp_path / "sumo", crossing, scene(), [child(7)], COLORS)
     assert configuration.name == "child_0007.sumocfg"
     seen = replay(configuration)
     assert set(seen) == {"3", "12", "7", "1", "PP1"}
@@ -114,7 +114,7 @@ def test_a_child_is_replayed_as_logged(crossing: SimpleNamespace, tmp_path: Path
 
 def test_children_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path: Path) -> None:
     children = [child(n, shift) for n, shift in ((4, 0.0), (8, 1.0), (15, 2.0))]
-    configuration = write_grid_view(tmp_path, crossing, scene(), children, COLORS)
+    configuration = write_view(tmp_path, crossing, scene(), children, COLORS)
     assert configuration.name == "grid_3.sumocfg"
     seen = replay(configuration)
     assert len(seen) == 3 * 5
@@ -127,7 +127,7 @@ def test_children_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path:
 
 
 def test_vehicles_have_the_colour_of_their_model(crossing: SimpleNamespace, tmp_path: Path) -> None:
-    write_child_view(tmp_path, crossing, scene(), child(2), COLORS)
+    write_view(tmp_path, crossing, scene(), [child(2)], COLORS)
     types = {
         t.get("id"): t.get("color")
         for t in ElementTree.parse(tmp_path / "child_0002.add.xml").getroot().iter("vType")
@@ -141,7 +141,7 @@ def test_the_files_may_move_with_their_net(crossing: SimpleNamespace, tmp_path: 
     net = tmp_path / "before" / "sumo" / "map.net.xml"
     net.parent.mkdir(parents=True)
     net.write_bytes(crossing.path.read_bytes())
-    write_child_view(net.parent, SimpleNamespace(path=net, extras=None), scene(), child(0), COLORS)
+    write_view(net.parent, SimpleNamespace(path=net, extras=None), scene(), [child(0)], COLORS)
     (tmp_path / "before").rename(tmp_path / "after")
     seen = replay(tmp_path / "after" / "sumo" / "child_0000.sumocfg")
     assert len(seen) == 5
@@ -149,7 +149,7 @@ def test_the_files_may_move_with_their_net(crossing: SimpleNamespace, tmp_path: 
 
 @pytest.mark.parametrize("kind", ["td", "ds", "xy"])
 def test_sumos_own_tool_plots_a_child(crossing: SimpleNamespace, tmp_path: Path, kind: str) -> None:
-    write_child_view(tmp_path, crossing, scene(), child(0), COLORS)
+    write_view(tmp_path, crossing, scene(), [child(0)], COLORS)
     tool = Path(sumo.SUMO_HOME) / "tools" / "plot_trajectories.py"
     picture = tmp_path / f"{kind}.png"
     command = [sys.executable, str(tool), "-t", kind, "-o", str(picture), "--blind"]

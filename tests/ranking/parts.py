@@ -9,11 +9,18 @@ from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.moments import MomentRef
 from scex_sumo.ranking.run_moment import MomentPart
 
+DRIVERS = ("standard_driver", "risky_driver", "standard_driver")
+
 
 def moment_ref(moment: str, location: str = "here", time_s: float = 1.0) -> MomentRef:
     return MomentRef(
         moment=moment, location=location, recording="recording", case="", time_s=time_s, vehicles=3
     )
+
+
+def pairs(child: int) -> np.ndarray:
+    """Vehicles 7 and 9 come critically close in every child, and collide at 5 m/s in the even ones."""
+    return np.array([[7, 9, 1 - child % 2, 500 * (1 - child % 2)]])
 
 
 def moment_part(first: int, stop: int, *, tracks: pa.Table | None = None) -> MomentPart:
@@ -25,12 +32,13 @@ def moment_part(first: int, stop: int, *, tracks: pa.Table | None = None) -> Mom
     values[0, -1] = np.nan
     return MomentPart(
         children=children,
+        columns=COLUMNS,
         values=values,
         defined=defined,
-        critical=np.zeros((len(children), 4), dtype=bool),
+        pairs=tuple(pairs(child) for child in children),
         fallbacks=np.arange(len(children)),
         kept=np.zeros(len(children), dtype=bool),
-        models=(("a", "b", "a"),) * len(children),
+        models=(DRIVERS,) * len(children),
         track_ids=np.array([7, 8, 9]),
         tracks=tracks,
     )

@@ -10,9 +10,9 @@ import pytest
 
 from scex_sumo.errors import ResultError
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.ranking.folder import RankFolder
+from scex_sumo.ranking.folder import RankFolder, pairs_of
 from scex_sumo.ranking.moments import Failure, Listing
-from tests.ranking.parts import moment_part, moment_ref
+from tests.ranking.parts import DRIVERS, moment_part, moment_ref
 
 PLAN = {"children": 4, "seed": 0}
 ONE, TWO = moment_ref("one_t1.0"), moment_ref("two_t1.0", "there")
@@ -39,11 +39,16 @@ def test_parts_are_found_again(filled: Path) -> None:
 def test_a_part_tells_values_models_and_what_is_undefined(filled: Path) -> None:
     with RankFolder(filled, PLAN) as folder:
         table = folder.read(ONE, 0)
-    assert table.column_names == ["child", *COLUMNS, "fallbacks", "kept", "track_id", "model"]
+    assert table.column_names == [
+        "child",
+        *COLUMNS,
+        *("fallbacks", "kept", "track_id", "model", "critical_pairs"),
+    ]
     assert table[COLUMNS[1]].to_pylist() == [1.0, 101.0, 201.0, 301.0]
     assert table[COLUMNS[-1]].to_pylist() == [None, 111.0, 211.0, 311.0]
     assert table["track_id"].to_pylist() == [[7, 8, 9]] * 4
-    assert table["model"].to_pylist() == [["a", "b", "a"]] * 4
+    assert table["model"].to_pylist() == [list(DRIVERS)] * 4
+    assert [rows.tolist() for rows in pairs_of(table)] == [[[7, 9, 1, 500]], [[7, 9, 0, 0]]] * 2
 
 
 def test_a_part_that_is_there_is_never_written_again(filled: Path) -> None:

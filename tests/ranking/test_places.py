@@ -6,28 +6,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.ranking.moments import MomentRef
-from scex_sumo.ranking.places import Tally, beaten, distinct, nearby, place, round_ends, scores, undecided
-
-
-def test_the_score_is_the_mean_share_of_critical_children() -> None:
-    share = np.array([[0.1, 0.9], [0.25, 0.25]])
-    assert scores(share).tolist() == [0.5, 0.25]
-    assert scores(np.empty((2, 0))).tolist() == [0.0, 0.0]
-
-
-def test_a_metric_that_is_the_same_everywhere_changes_no_order() -> None:
-    share = np.array([[0.1], [0.4], [0.2], [0.9]])
-    saturated = np.column_stack([share, np.ones(4)])
-    assert np.argsort(scores(share)).tolist() == np.argsort(scores(saturated)).tolist()
-
-
-def test_a_metric_that_is_the_same_everywhere_makes_no_rank_unsure() -> None:
-    """All children of all 20 seeds are close together, as in a queue; the other metric tells them apart."""
-    apart = np.arange(20) * 50
-    children = np.full(20, 1000)
-    alone = place(apart[:, None], children, seed=0)
-    saturated = place(np.column_stack([apart, children]), children, seed=0)
-    assert (saturated.high - saturated.low).max() <= (alone.high - alone.low).max() + 1
+from scex_sumo.ranking.places import Tally, beaten, distinct, mean_score, nearby, place, round_ends, undecided
+from scex_sumo.statistics.intervals import DesignIntervals
 
 
 def test_severity_counts_the_seeds_that_are_beaten() -> None:
@@ -38,70 +18,76 @@ def test_severity_counts_the_seeds_that_are_beaten() -> None:
 
 
 def test_a_single_seed_has_rank_one_for_certain() -> None:
-    found = place(np.array([[3, 0]]), np.array([32]), seed=0)
+    found = place(np.array([0.3]), np.array([0.2]), seed=0)
     assert (found.rank.tolist(), found.low.tolist(), found.high.tolist()) == ([1], [1], [1])
 
 
 def test_clear_cases_have_certain_ranks() -> None:
-    """2, 48 and 94 of 96: the 95 % intervals are 0.1 wide at most and lie 0.4 apart."""
-    found = place(np.array([[2], [94], [48]]), np.array([96, 96, 96]), seed=0)
+    """0.02, 0.98 and 0.5 with errors of 0.05: neighbours are almost ten errors apart."""
+    found = place(np.array([0.02, 0.98, 0.5]), np.full(3, 0.05), seed=0)
     assert found.rank.tolist() == [3, 1, 2]
     assert found.low.tolist() == found.high.tolist() == found.rank.tolist()
 
 
 def test_close_cases_have_ranks_that_could_be_each_others() -> None:
-    found = place(np.array([[16], [15], [0]]), np.array([32, 32, 32]), seed=0)
+    found = place(np.array([0.50, 0.47, 0.0]), np.full(3, 0.08), seed=0)
     assert found.rank.tolist() == [1, 2, 3]
     assert found.low.tolist() == [1, 1, 3]
     assert found.high.tolist() == [2, 2, 3]
 
 
-def test_more_children_make_a_rank_surer() -> None:
-    share = np.linspace(0.1, 0.9, 20)[:, None]
+def test_smaller_errors_make_a_rank_surer() -> None:
+    score = np.linspace(0.1, 0.9, 20)
     widths = []
     for children in (10, 100, 1000):
-        found = place(np.rint(share * children).astype(np.int64), np.full(20, children), seed=0)
+        found = place(score, np.sqrt(score * (1 - score) / children), seed=0)
         widths.append(int((found.high - found.low).sum()))
     assert widths[0] > widths[1] > widths[2]
 
 
 def test_the_interval_of_ranks_holds_the_true_rank_as_often_as_it_says() -> None:
-    """The true shares are known here: 30 seeds, 20 repetitions, 48 children each."""
+    """The true shares are known here: 30 seeds, 20 repetitions, 48 independent children each."""
     rng = np.random.default_rng(1)
     held = 0
     for repetition in range(20):
-        truth = rng.random((30, 1))
-        rank = (-truth[:, 0]).argsort().argsort() + 1
-        critical = rng.binomial(48, truth)
-        found = place(critical, np.full(30, 48), seed=repetition)
+        truth = rng.random(30)
+        rank = (-truth).argsort().argsort() + 1
+        hits = [(rng.random(48) < p).astype(float) for p in truth]
+        levels = np.zeros((48, 0), dtype=np.int64)
+        means = [mean_score(hit, DesignIntervals(levels, design="random")) for hit in hits]
+        found = place(*np.array(means).T, seed=repetition)
         held += int(((found.low <= rank) & (rank <= found.high)).sum())
     # 600 ranks at 95 %; 0.02 is two standard deviations of that share, and wider intervals are no harm.
     assert held / 600 >= 0.93
 
 
+def test_children_that_are_all_alike_leave_some_doubt() -> None:
+    intervals = DesignIntervals(np.zeros((32, 0), dtype=np.int64), design="random")
+    assert mean_score(np.zeros(32), intervals) == (0.0, pytest.approx(0.5 / 33))
+
+
 def test_equal_scores_are_ranked_by_severity() -> None:
-    all_of_them = np.full((3, 1), 32)
     severity = np.array([[1.0], [7.0], [-np.inf]])
-    found = place(all_of_them, np.full(3, 32), severity=severity, seed=0)
+    found = place(np.ones(3), np.full(3, 0.01), severity=severity, seed=0)
     assert found.rank.tolist() == [2, 1, 3]
-    assert place(all_of_them, np.full(3, 32), seed=0).rank.tolist() == [1, 1, 1]
+    assert place(np.ones(3), np.full(3, 0.01), seed=0).rank.tolist() == [1, 1, 1]
 
 
 def test_severity_never_outweighs_a_score() -> None:
-    found = place(np.array([[1], [2]]), np.array([32, 32]), severity=np.array([[9.0], [1.0]]), seed=0)
+    found = place(np.array([0.1, 0.2]), np.full(2, 0.1), severity=np.array([[9.0], [1.0]]), seed=0)
     assert found.rank.tolist() == [2, 1]
 
 
 def test_the_same_seed_draws_the_same_intervals() -> None:
-    critical = np.random.default_rng(2).binomial(32, 0.5, size=(40, 4))
-    one, same, other = (place(critical, np.full(40, 32), seed=seed) for seed in (0, 0, 1))
+    score = np.random.default_rng(2).normal(0.5, 0.05, size=40)
+    one, same, other = (place(score, np.full(40, 0.05), seed=seed) for seed in (0, 0, 1))
     assert np.array_equal(one.low, same.low)
     assert np.array_equal(one.high, same.high)
     assert not (np.array_equal(one.low, other.low) and np.array_equal(one.high, other.high))
 
 
 def test_the_order_keeps_equals_as_they_came() -> None:
-    found = place(np.array([[5], [9], [5]]), np.full(3, 32), seed=0)
+    found = place(np.array([0.5, 0.9, 0.5]), np.full(3, 0.01), seed=0)
     assert found.order() == [1, 0, 2]
 
 
@@ -111,10 +97,13 @@ def ref(time_s: float, *, recording: str = "r", case: str = "") -> MomentRef:
 
 
 def tallies(refs: list[MomentRef], critical: list[int], children: int = 32) -> dict[str, list[Tally]]:
-    return {
-        r.moment: [Tally(children=children, critical=np.array([k]))]
-        for r, k in zip(refs, critical, strict=True)
-    }
+    return {r.moment: [tally(k, children)] for r, k in zip(refs, critical, strict=True)}
+
+
+def tally(critical: int, children: int = 32) -> Tally:
+    """Of independent children, so many of which have one critical encounter."""
+    share = critical / children
+    return Tally(children=children, score=share, error=float(np.sqrt(share * (1 - share) / children)) + 0.01)
 
 
 @pytest.mark.parametrize(
@@ -151,7 +140,7 @@ def test_what_cannot_reach_the_page_gets_no_more_children() -> None:
 
 def test_only_seeds_of_the_round_before_go_on() -> None:
     known = tallies(REFS, [31, 16, 15, 0])
-    known[REFS[1].moment].append(Tally(children=32, critical=np.array([16])))
+    known[REFS[1].moment].append(tally(16))
     found = undecided(REFS, known, 2, top=2, seed=0)
     assert REFS[2] not in found
 
@@ -160,7 +149,7 @@ def test_a_round_is_decided_from_the_rounds_before_it_alone() -> None:
     """What later rounds have found, as after an interruption, changes nothing."""
     known = tallies(REFS, [31, 16, 15, 0])
     before = undecided(REFS, known, 1, top=2, seed=0)
-    known[REFS[3].moment].append(Tally(children=32, critical=np.array([32])))
+    known[REFS[3].moment].append(tally(32))
     assert undecided(REFS, known, 1, top=2, seed=0) == before
 
 

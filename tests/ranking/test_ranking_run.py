@@ -15,12 +15,11 @@ import pytest
 
 import scex_sumo
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
-from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.ranking.moments import Failure
 from scex_sumo.ranking.places import distinct
 from scex_sumo.ranking.ranking_run import RankingRun
-from scex_sumo.ranking.run_moment import MomentPart, MomentTask, choose_kept, critical_by
+from scex_sumo.ranking.run_moment import MomentPart, MomentTask, choose_kept, score_of
 from scex_sumo.ranking.settings import RankSettings
 from scex_sumo.ranking.workers import Found
 
@@ -60,18 +59,20 @@ class Instant:
 def made_up(task: MomentTask) -> MomentPart:
     children = np.array(task.children)
     number = int.from_bytes(hashlib.sha256(task.ref.moment.encode()).digest()[:4], "big")
-    values = np.stack([np.random.default_rng([number, c]).random(len(COLUMNS)) for c in children])
-    values = values * (number % 7 + 1) / 5
-    defined = np.ones(values.shape, dtype=bool)
-    critical = critical_by(values, defined, task.settings.thresholds)
+    columns = task.settings.run.columns
+    values = np.stack([np.random.default_rng([number, c]).random(len(columns)) for c in children])
+    # The more often vehicles 1 and 2 collide, at 3 m/s, the greater the moment's number.
+    hit = values[:, 0] * 7 < number % 7
+    pairs = tuple(np.array([[1, 2, 1, 300]] if h else np.zeros((0, 4)), dtype=np.int64) for h in hit)
     return MomentPart(
         children=children,
+        columns=columns,
         values=values,
-        defined=defined,
-        critical=critical,
+        defined=np.ones(values.shape, dtype=bool),
+        pairs=pairs,
         fallbacks=np.zeros(len(children), dtype=np.int64),
-        kept=choose_kept(critical, task.settings.keep, task.spare),
-        models=(("a",) * task.scene.vehicles,) * len(children),
+        kept=choose_kept(score_of(pairs), task.settings.keep, task.spare),
+        models=(("standard_driver",) * task.scene.vehicles,) * len(children),
         track_ids=task.scene.track_ids,
         tracks=None,
     )

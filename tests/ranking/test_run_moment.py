@@ -5,31 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.ranking.run_moment import choose_kept, critical_by
+from scex_sumo.ranking.run_moment import choose_kept, score_of
 
 
-def values(**columns: list[float]) -> np.ndarray:
-    count = len(next(iter(columns.values())))
-    result = np.full((count, len(COLUMNS)), np.nan)
-    for name, column in columns.items():
-        result[:, COLUMNS.index(name)] = column
-    return result
+def test_collisions_count_by_how_hard_they_are_and_critical_encounters_a_tenth() -> None:
+    """At 5 m/s 1 + 0.5 + 0.1; two critical encounters 0.2; none 0."""
+    pairs = [np.array([[1, 2, 1, 500]]), np.array([[1, 2, 0, 0], [1, 3, 0, 0]]), np.zeros((0, 4), np.int64)]
+    assert score_of(pairs) == pytest.approx([1.6, 0.2, 0.0])
 
 
-def test_children_are_critical_on_the_metrics_side_of_the_threshold() -> None:
-    found = values(wttc=[0.2, 0.3, 0.26], ttc=[0.5, 0.7, 0.6])
-    critical = critical_by(found, ~np.isnan(found), {"wttc": 0.26, "ttc": 0.6})
-    assert critical.tolist() == [[True, False], [False, True], [True, True]]
-
-
-def test_undefined_children_are_not_critical() -> None:
-    found = values(wttc=[np.nan, 0.1])
-    critical = critical_by(found, ~np.isnan(found), {"wttc": 0.26})
-    assert critical.tolist() == [[False], [True]]
-
-
-CRITICAL = np.array([[1, 0], [0, 0], [1, 1], [0, 1], [1, 1]], dtype=bool)
+SCORE = np.array([0.1, 0.0, 1.6, 0.1, 1.2])
 
 
 @pytest.mark.parametrize(
@@ -42,5 +27,5 @@ CRITICAL = np.array([[1, 0], [0, 0], [1, 1], [0, 1], [1, 1]], dtype=bool)
         ("critical", 0, []),
     ],
 )
-def test_kept_are_those_critical_by_most_metrics(keep: str, spare: int, kept: list[int]) -> None:
-    assert np.flatnonzero(choose_kept(CRITICAL, keep, spare)).tolist() == kept
+def test_kept_are_those_of_the_greatest_scores(keep: str, spare: int, kept: list[int]) -> None:
+    assert np.flatnonzero(choose_kept(SCORE, keep, spare)).tolist() == kept

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import scex_sumo
-from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.ranking.moments import Failure, MomentRef
 from scex_sumo.ranking.run_moment import MomentPart, MomentTask, pack_road
 from scex_sumo.ranking.settings import RankSettings
@@ -77,7 +76,7 @@ def failure_of(found: MomentPart | Failure) -> Failure:
 def test_a_seed_gives_what_extrapolate_gives(workers: LocalWorkers, scene: SeedScene, tmp_path: Path) -> None:
     part = part_of(workers, task(scene, "s", keep="all"))
     run = scex_sumo.extrapolate(scene, models=list(SETTINGS.models), children=4, out=tmp_path / "out")
-    for index, column in enumerate(COLUMNS):
+    for index, column in enumerate(part.columns):
         expected = run.metrics[column].to_numpy(zero_copy_only=False)
         assert np.array_equal(part.values[:, index], expected, equal_nan=True), column
     assert part.tracks is not None

@@ -68,6 +68,8 @@ def folder_of(path: Path, tested: Columns, baseline: Columns) -> Run:
         count = len(next(iter(values.values())))
         columns = {c: pa.array(values.get(c, [None] * count), pa.float64()) for c in COLUMNS}
         pq.write_table(pa.table({"child": list(range(count)), **columns}), folder / "under_test.parquet")
+        hits = {"child": [0, 0, 3], "track_id": [17, 8, 9], "other_id": [9, 9, 8]}
+        pq.write_table(pa.table(hits).slice(0 if vehicles["17"] else 1), folder / "collisions.parquet")
         info = {
             "under_test": vehicles,
             "thresholds": {"distance": 5.0, "ttc": 0.5},
@@ -97,7 +99,15 @@ def test_children_are_compared_one_by_one(run: Run) -> None:
     assert (found.newly_critical, found.no_longer_critical) == (2, 1)
     assert found.critical_p_value == 1.0
     assert found.p_critical is not None and found.baseline_p_critical is not None
-    assert (found.p_critical.value, found.baseline_p_critical.value) == (0.5, 0.4)
+    assert (found.p_critical.value, found.baseline_p_critical.value) == (0.4, 0.4)  # of all five
+
+
+def test_collisions_of_the_vehicle_itself_are_compared(run: Run) -> None:
+    """It hits 9 in child 0, and never without its model; others collide in both."""
+    found = run.under_test.difference("collision")
+    assert (found.children, found.worse, found.better, found.newly_critical) == (5, 1, 0, 1)
+    assert found.p_critical is not None and found.baseline_p_critical is not None
+    assert (found.p_critical.value, found.baseline_p_critical.value) == (0.2, 0.0)
 
 
 def test_for_metrics_that_are_critical_on_the_right_larger_is_worse(run: Run) -> None:
@@ -116,13 +126,13 @@ def test_a_metric_without_values_or_threshold_is_left_open(run: Run) -> None:
 def test_table_and_picture_show_every_metric(run: Run, tmp_path: Path) -> None:
     table = under_test_table(run.under_test)
     assert table.title == "under test, vehicle 17: mypkg:MyDriver: 5 child scenarios"
-    assert table.row_count == 6
-    assert list(table.columns[3].cells) == ["2 : 1", "–", "–", "–", "–", "2 : 0"]
-    assert next(iter(table.columns[5].cells)) == "50.0%"
+    assert table.row_count == 1 + 6
+    assert list(table.columns[3].cells) == ["1 : 0", "2 : 1", "–", "–", "–", "–", "2 : 0"]
+    assert list(table.columns[5].cells)[:2] == ["20.0%", "40.0%"]
     svg, png = draw_under_test(run, tmp_path / "under_test")
     assert png.stat().st_size > 0
     text = svg.read_text()
-    assert "vehicle 17: mypkg:MyDriver" in text and "P = 50.0%" in text and "P = 40.0%" in text
+    assert "vehicle 17: mypkg:MyDriver" in text and text.count("P = 40.0%") == 4
     assert text.count("defined in no child") == 4
 
 

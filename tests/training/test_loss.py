@@ -31,7 +31,6 @@ def _batch(node: list[int], right: list[bool], s: float = 30.0, speed: float = 1
         s=(s * time).expand(n, H),
         d=torch.zeros(n, H),
         start=torch.tensor([[speed, 0.0, 0.0, 0.0]]).expand(n, 4),
-        room=torch.zeros(n, 2),
         xy=torch.stack([s * time, 0 * time], -1).expand(n, H, 2),
     )
 

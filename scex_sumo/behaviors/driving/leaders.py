@@ -62,9 +62,6 @@ def find_leaders(
     across the path has a rear bumper too. Of those that count the one with the smallest gap leads.
 
     Args:
-        history: the present.
-        who: the n drivers.
-        paths: paths of the seed scene.
         row: (n,) path of each driver.
         s_centre: (n,) arc length of the driver's centre on its path, m.
         clearance: m from the path to the other vehicle's centre.
@@ -80,7 +77,7 @@ def find_leaders(
         _leaders_of(
             history,
             others,
-            Who(child=who.child[k], vehicle=who.vehicle[k]),
+            who[k],
             paths,
             row[k],
             s_centre[k],
@@ -91,11 +88,7 @@ def find_leaders(
         )
         for k in (slice(i, i + size) for i in range(0, max(1, len(who)), size))
     ]
-    return Leaders(
-        gap=np.concatenate([part.gap for part in parts]),
-        speed=np.concatenate([part.speed for part in parts]),
-        index=np.concatenate([part.index for part in parts]),
-    )
+    return Leaders(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
 
 
 def _leaders_of(
@@ -117,7 +110,7 @@ def _leaders_of(
     near = (ox - own.x[:, None]) ** 2 + (oy - own.y[:, None]) ** 2 <= radius**2
     near &= others.present[who.child]
     near[np.arange(len(who)), who.vehicle] = False
-    first = _first_guess(paths, row, s_centre, ox, oy, radius)
+    guess, distance2 = _first_guess(paths, row, s_centre, ox, oy, radius)
     # Points further from every coarse sample than this can neither be within the clearance nor in the way.
     reach = max(
         float(clearance.max(initial=0.0)),
@@ -125,10 +118,10 @@ def _leaders_of(
     )
     if aside is not None:
         reach += float(np.abs(aside).max(initial=0.0))
-    near &= first.distance2 <= (reach + COARSE * DS_M) ** 2
+    near &= distance2 <= (reach + COARSE * DS_M) ** 2
     i, j = np.nonzero(near)
     x, y = ox[i, j], oy[i, j]
-    s, offset, path_heading = refine(paths, row[i], first.s[i, j], x, y, 3)
+    s, offset, path_heading = refine(paths, row[i], guess[i, j], x, y, 3)
     if aside is not None:
         offset = offset - aside[i]
     turn = others.states.heading[who.child[i], j] - path_heading
@@ -156,16 +149,14 @@ def _smallest(n: int, i: IntArray, j: IntArray, gap: FloatArray, speed: FloatArr
     return result
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Guess:
-    s: FloatArray  # (n, M)
-    distance2: FloatArray  # (n, M) squared distance to that coarse sample
-
-
 def _first_guess(
     paths: SeedPaths, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, radius: float
-) -> _Guess:
-    """The nearest of the coarse samples from just behind each driver to the perception radius."""
+) -> tuple[FloatArray, FloatArray]:
+    """The nearest of the coarse samples from just behind each driver to the perception radius.
+
+    Returns:
+        (n, M) arc length, m, and (n, M) squared distance, m².
+    """
     spacing = COARSE * DS_M
     samples = paths.coarse.shape[2]
     span = min(samples, int(radius / spacing) + 4)
@@ -180,4 +171,4 @@ def _first_guess(
     cost = points @ coarse.transpose(0, 2, 1)
     best = np.argmin(cost, axis=2)
     smallest = np.take_along_axis(cost, best[:, :, None], axis=2)[:, :, 0]
-    return _Guess(s=(start[:, None] + best) * spacing, distance2=smallest - later[best] + px**2 + py**2)
+    return (start[:, None] + best) * spacing, smallest - later[best] + px**2 + py**2

@@ -92,14 +92,10 @@ def drive(
     """Drive vehicles along their paths.
 
     Args:
-        history: the present.
-        who: the n vehicles.
-        paths: paths of the seed scene.
         row: (n,) path of each.
         accelerate: gives (n,) accelerations for a step; a vehicle whose speed would fall below zero stops
             within the step and stays.
         start: (n,) states to start from, the present ones by default.
-        steps: H.
         aside: (n, H + 1) wanted offset from the path now and after each step, m, left positive; None is on
             the path. Offsets that change evenly are followed without lag, see `_steer`.
 
@@ -152,9 +148,6 @@ def drive_along(
     """Drive vehicles along the paths that they choose; see `drive`.
 
     Args:
-        history: the present.
-        road: the map.
-        who: the n vehicles.
         path: the choice, as in `SeedPaths.choose`.
         accelerate: gives (n,) accelerations for a step; None keeps the speed.
         start: (n,) states to start from, the present ones by default.

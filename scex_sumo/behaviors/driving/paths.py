@@ -110,9 +110,6 @@ def chosen_paths(history: SceneHistory, road: Road, who: Who, path: PathChoice) 
     """The paths of a seed scene, long enough for the present step, and the row that each vehicle follows.
 
     Args:
-        history: the present.
-        road: the map.
-        who: the n vehicles.
         path: the choice, as in `SeedPaths.choose`.
 
     Returns:
@@ -135,8 +132,6 @@ def seed_paths(
     """Candidate paths of a seed scene, smoothed and tabulated; kept with the seed scene.
 
     Args:
-        scene: the seed scene.
-        road: the map.
         given: lane ids or points of the one path that all vehicles shall take, instead of their own.
         horizon_s: for how long the fastest vehicle shall find road on its table, s.
     """
@@ -279,8 +274,6 @@ def planned_lanes(
     Empty for a vehicle off the mapped lanes.
 
     Args:
-        scene: the seed scene.
-        road: the map.
         path: the choice, as in `SeedPaths.choose`.
         vehicle: (n,) index into the seed scene.
         draw: (n,) in [0, 1).

@@ -40,13 +40,7 @@ def everyone(history: SceneHistory) -> Everyone:
     obstacles = scene.obstacles
     if obstacles is not None and history.obstacle_states is not None and history.obstacle_present is not None:
         shape = (now.shape[0], len(obstacles.ids))
-        o = history.obstacle_states
-        spread = States(
-            x=np.broadcast_to(o.x, shape),
-            y=np.broadcast_to(o.y, shape),
-            heading=np.broadcast_to(o.heading, shape),
-            speed=np.broadcast_to(o.speed, shape),
-        )
+        spread = history.obstacle_states.map(lambda values: np.broadcast_to(values, shape))
         now = States.concatenate([now, spread], axis=1)
         present = np.concatenate([present, np.broadcast_to(history.obstacle_present, shape)], axis=1)
         length = np.concatenate([length, obstacles.length])
@@ -62,7 +56,6 @@ def narrow_road(road: Road, x: float, y: float, radius: float) -> Road:
     """The part of the map that a vehicle sees: lanes, markings and areas with a point within the radius.
 
     Args:
-        road: the map.
         x: the vehicle's centre, m.
         y: the vehicle's centre, m.
         radius: m.

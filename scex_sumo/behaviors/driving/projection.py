@@ -21,7 +21,6 @@ def sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
     """Path properties at arc lengths.
 
     Args:
-        paths: the paths.
         row: (n,) path rows.
         s: (n,) m from the start of the table.
 
@@ -80,7 +79,6 @@ def project(
     """Foot points of points on their paths.
 
     Args:
-        paths: the paths.
         row: (n,) path rows.
         x: (n,) m.
         y: (n,) m.

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.geometry.polylines import arc_lengths
+from scex_sumo.geometry.polylines import along, length_of
 
 BASE_SIGMA_M = 1.5  # a turn of 8 m radius moves inwards by 0.14 m
 CURVATURES = (0.33, 0.25, 0.195, 0.165)  # 1/m, tried one after the other; the last leaves room to correct
@@ -116,11 +116,9 @@ def _dilate(mask: BoolArray, reach: int) -> BoolArray:
 
 def resample(points: FloatArray, count: int, ds: float, first_s: float = 0.0) -> FloatArray:
     """(count, 2) points of a polyline every `ds` from `first_s` on, straight on past its end."""
-    arc = arc_lengths(points)
-    s = first_s + ds * np.arange(count)
-    x = np.interp(s, arc, points[:, 0])
-    y = np.interp(s, arc, points[:, 1])
-    past = np.maximum(s - arc[-1], 0.0)
+    s: FloatArray = first_s + ds * np.arange(count, dtype=np.float64)
+    past = np.maximum(s - length_of(points), 0.0)
     tail = points[-1] - points[-2]
     tail = tail / max(float(np.hypot(*tail)), 1e-9)
-    return np.column_stack([x + past * tail[0], y + past * tail[1]])
+    line: FloatArray = along(points, s) + past[:, None] * tail
+    return line

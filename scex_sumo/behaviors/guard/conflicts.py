@@ -78,10 +78,6 @@ def find_holds(
 
     Args:
         paths: (n,) planned ways.
-        history: the present.
-        road: the map.
-        who: the n vehicles.
-        profile: the guard's parameters.
     """
     view = _View(paths=paths, around=expected(history, road), history=history, who=who, profile=profile)
     i, j = _near_pairs(view)
@@ -231,12 +227,10 @@ def _yields(
     way; where both can, or neither, the one that gets to the crossing later; by number where that is close.
 
     Args:
-        meeting: of the pairs.
         v: (P,) own speed, m/s.
         v_other: (P,) the other one's, m/s.
         gives_way: (P,) False for an other one that never does.
         other_first: (P,) the other one's number is the smaller one.
-        profile: the guard's parameters.
     """
     faster = np.where(meeting.speed > 0, np.maximum(v_other - v, 0.0), v_other)
     other_stops = gives_way & (meeting.enter >= faster / (2 * profile.yield_deceleration))

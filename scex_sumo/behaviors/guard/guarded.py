@@ -13,7 +13,7 @@ from scex_sumo.behaviors.guard.conflicts import Holds, find_holds
 from scex_sumo.behaviors.guard.profile import GuardProfile
 from scex_sumo.behaviors.guard.ways import PlannedWays, planned_paths
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
 
 LAST_GAP_M = 0.2  # the nearest that hard braking aims for
 LEAP_MPS2 = 6.0  # who is to gain speed faster than that, or more way than this in a step, would leap
@@ -57,7 +57,6 @@ class Guarded:
         """Wrap a model.
 
         Args:
-            model: the model that makes the plans.
             profile: the guard's parameters; None takes the defaults.
         """
         self.model = model
@@ -74,10 +73,6 @@ def slowed(plan: Plan, history: SceneHistory, road: Road, who: Who, profile: Gua
 
     Args:
         plan: (n, H).
-        history: the present.
-        road: the map.
-        who: the n vehicles.
-        profile: the guard's parameters.
 
     Returns:
         (n, H); rows that need no change are the very same numbers.
@@ -90,9 +85,9 @@ def slowed(plan: Plan, history: SceneHistory, road: Road, who: Who, profile: Gua
     rows = np.flatnonzero(changed)
     if not len(rows):
         return plan
-    slow = States(x=plan.x.copy(), y=plan.y.copy(), heading=plan.heading.copy(), speed=plan.speed.copy())
+    slow = plan.map(np.copy)
     slow.assign(rows, paths.poses(rows, arc[rows], speed[rows]))
-    return replace(plan, x=slow.x, y=slow.y, heading=slow.heading, speed=slow.speed)
+    return replace(plan, **vars(slow))
 
 
 def _leaping(paths: PlannedWays) -> IntArray:
@@ -140,8 +135,6 @@ def _bounds(
     """Speed limit at the end of a step and braking limit now, of each vehicle that has a hold.
 
     Args:
-        holds: (P,) all holds.
-        profile: the guard's parameters.
         step: steps since the present.
         s: (P,) where the held vehicle is, m along its plan.
         v: (P,) its speed, m/s.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from scex_sumo.behaviors.parameters import check_positive
 
@@ -37,16 +37,7 @@ class GuardProfile:
     order_margin: float = 1.0
 
     def __post_init__(self) -> None:
-        check_positive(
-            self, "comfort_deceleration", "max_deceleration", "yield_deceleration", "release_acceleration"
-        )
-        check_positive(
-            self,
-            "reaction_time",
-            "minimum_gap",
-            "margin",
-            "alongside_margin",
-            "time_margin",
-            "order_margin",
-            zero=True,
-        )
+        names = [field.name for field in fields(self)]
+        positive = [name for name in names if name.endswith("eleration")]
+        check_positive(self, *positive)
+        check_positive(self, *(name for name in names if name not in positive), zero=True)

@@ -33,9 +33,6 @@ def plan_along(
     """Drive along paths with given accelerations and offsets.
 
     Args:
-        history: the present.
-        who: the n vehicles.
-        paths: paths of the seed scene.
         row: (n,) path of each.
         acceleration: (n, H) m/s²; who would reverse stops.
         offset: (n, H) wanted distance left of the path after each step, m; None comes back to the path from
@@ -109,8 +106,6 @@ def bounds_along(
     Where the road is narrower than the box, both are the middle of the road.
 
     Args:
-        road: the map.
-        paths: paths of the seed scene.
         row: (n,) path of each vehicle.
         s: (n,) arc length of its centre now, m.
         way: (n, H + 1) further way now and after each step, m.
@@ -136,8 +131,6 @@ def plan_freely(history: SceneHistory, who: Who, free: FloatArray) -> Plan:
     """Take trajectories as they are: headings along the motion, whatever a car can do.
 
     Args:
-        history: the present.
-        who: the n vehicles.
         free: (n, H, 2) x ahead and y to the left of the present pose after each step, m.
     """
     own = history.now[who.child, who.vehicle]

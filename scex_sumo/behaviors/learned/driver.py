@@ -28,26 +28,13 @@ from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.derived import derived
 from scex_sumo.errors import InputError
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, SeedScene, Who
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
 
 OUTPUT_GRID = 2.0**-10  # m/s² and m: what is left of the order of sums is rounded away, see `layers`
 DRAW_DIGITS = 2.0**20  # modes are drawn with the digits of `route_draw` that paths do not use
 OFF_MAP = "was not on a mapped lane in the seed scene"
 NOT_FINITE = "the network gave no finite plan"
 Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile
-
-
-@dataclass(frozen=True, eq=False)
-class Loaded:
-    """A network that runs.
-
-    Attributes:
-        net: exact, see `layers`.
-        meta: of its file.
-    """
-
-    net: GraphPredictorNet | GraphImageNet
-    meta: dict[str, Any]
 
 
 @derived
@@ -58,8 +45,8 @@ def image_of(road: Road, net: GraphImageNet) -> MapImage:
 
 
 @lru_cache(maxsize=4)
-def loaded(file: Path, kind: str, sha256: str) -> Loaded:
-    """The network of a file, made exact.
+def loaded(file: Path, kind: str, sha256: str) -> tuple[GraphPredictorNet | GraphImageNet, dict[str, Any]]:
+    """The network of a file, made exact (see `layers`), and what the file says of it.
 
     Raises:
         InputError: see `load_weights`; or the file has changed since its hash was taken, or weights are so
@@ -71,7 +58,7 @@ def loaded(file: Path, kind: str, sha256: str) -> Loaded:
     share = make_exact(net)
     if not share < 1:
         raise InputError(f"{file}: weights add up to {share:.0f} times the most that is exact; train again")
-    return Loaded(net, meta)
+    return net, meta
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +84,6 @@ class LearnedDriver:
         """Load the weights.
 
         Args:
-            kind: ``graph`` or ``hybrid``.
-            file: of the weights.
-            profile: parameters of the model.
             attention: w of the hybrid.
             free: the free trajectories are driven.
 
@@ -108,17 +92,17 @@ class LearnedDriver:
         """
         self.kind, self.file, self.profile, self.attention, self.free = kind, file, profile, attention, free
         self.sha256 = sha256_of(file) if file.is_file() else ""
-        if free and not self._loaded.net.sizes.free:
+        if free and not self._net.sizes.free:
             raise InputError(f"{file}: trained without the head for free trajectories; use head=bounded")
 
     @property
-    def _loaded(self) -> Loaded:
-        return loaded(self.file, self.kind, self.sha256)
+    def _net(self) -> GraphPredictorNet | GraphImageNet:
+        return loaded(self.file, self.kind, self.sha256)[0]
 
     @property
     def meta(self) -> dict[str, Any]:
         """What the file of weights says of itself."""
-        return self._loaded.meta
+        return loaded(self.file, self.kind, self.sha256)[1]
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
@@ -127,12 +111,12 @@ class LearnedDriver:
         usable = np.flatnonzero(reasons == "")
         parts: list[tuple[IntArray, Plan]] = []
         if len(usable):
-            made, finite = self._drive(history, road, _some(who, usable), paths, row[usable])
+            made, finite = self._drive(history, road, who[usable], paths, row[usable])
             reasons[usable[~finite]] = NOT_FINITE
             parts.append((usable[finite], made))
         rest = np.flatnonzero(reasons != "")
         if len(rest) or not parts:
-            parts.append((rest, follow_path(history, road, _some(who, rest))))
+            parts.append((rest, follow_path(history, road, who[rest])))
         return _together(parts, reasons)
 
     def predict(
@@ -141,7 +125,7 @@ class LearnedDriver:
         """What the network says of n pairs of a vehicle and a path, not rounded."""
         graph = scene_graph(history, road, radius=self.profile.radius)
         inputs = path_inputs(history, road, who, paths, row, radius=self.profile.radius)
-        net = self._loaded.net
+        net = self._net
         with torch.inference_mode(), _one_thread():
             scene, path = scene_batch(graph), path_batch(inputs)
             if isinstance(net, GraphImageNet):
@@ -162,18 +146,10 @@ class LearnedDriver:
         for values in (free, acceleration, offset):
             if values is not None:
                 finite &= np.isfinite(values.reshape(len(who), -1)).all(axis=1)
-        some = _some(who, np.flatnonzero(finite))
         if free is not None:
-            return plan_freely(history, some, free[finite]), finite
-        made = plan_along(
-            history,
-            some,
-            paths,
-            row[finite],
-            acceleration[finite],
-            None if offset is None else offset[finite],
-            road=road,
-        )
+            return plan_freely(history, who[finite], free[finite]), finite
+        offset = None if offset is None else offset[finite]
+        made = plan_along(history, who[finite], paths, row[finite], acceleration[finite], offset, road=road)
         return made, finite
 
     def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
@@ -237,15 +213,9 @@ def _plain(path: PathChoice | Literal["likeliest"]) -> PathChoice:
     return "straight" if path == "likeliest" else path
 
 
-def _some(who: Who, index: IntArray) -> Who:
-    return Who(child=who.child[index], vehicle=who.vehicle[index])
-
-
 def _together(parts: list[tuple[IntArray, Plan]], reasons: NDArray[np.str_]) -> Plan:
     """Plans of (k,) vehicles each as the plan of all; those with a reason fell back."""
-    steps = parts[0][1].x.shape[1]
-    whole = {key: np.empty((len(reasons), steps)) for key in ("x", "y", "heading", "speed")}
+    whole = States.empty((len(reasons), parts[0][1].shape[1]))
     for index, plan in parts:
-        for key, values in whole.items():
-            values[index] = getattr(plan, key)
-    return Plan(**whole, fallback=reasons != "", reasons=tuple(reasons.tolist()))
+        whole.assign(index, plan)
+    return Plan(**vars(whole), fallback=reasons != "", reasons=tuple(reasons.tolist()))

@@ -19,9 +19,6 @@ def to_hetero_data(graph: SceneGraph) -> HeteroData:
     ``edge_index`` (2, E) and ``edge_attr`` (E, G). Floats are float32, in SI units. The names of the columns
     are in ``node_columns``, ``history_columns`` and ``edge_columns``.
 
-    Args:
-        graph: of a batch.
-
     Raises:
         MissingExtraError: torch or torch-geometric is not installed.
     """

@@ -4,21 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from scex_sumo.behaviors.learned.extra import check_libraries
+from scex_sumo.behaviors.base import Sight
 from scex_sumo.behaviors.learned.profiles import (
     GraphImagePredictorProfile,
     GraphPredictorProfile,
     weights_file,
 )
+from scex_sumo.errors import MissingExtraError
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
 
 if TYPE_CHECKING:
     from scex_sumo.behaviors.learned.driver import LearnedDriver
+
+
+LIBRARIES = ("torch",)
+
+
+def check_libraries(name: str) -> None:
+    """Raise a `MissingExtraError` where a library for learned drivers is not installed; loads none."""
+    missing = [library for library in LIBRARIES if find_spec(library) is None]
+    if missing:
+        raise MissingExtraError(
+            f"{name}: needs {' and '.join(missing)}; install with: pip install 'scex-sumo[learned]'"
+        )
 
 
 class LearnedModel:
@@ -56,6 +70,11 @@ class LearnedModel:
     def weights_sha256(self) -> str:
         """Of the file of weights."""
         return self.driver.sha256
+
+    @property
+    def sight(self) -> Sight | None:
+        """What decides on a plan; a path that is drawn differs between children."""
+        return None if self.profile.path == "random" or self.profile.mode == "draw" else "everyone"
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +46,7 @@ def save_weights(path: str | Path, net: GraphPredictorNet | GraphImageNet, meta:
         "format": FORMAT,
         "kind": net.kind,
         "version": __version__,
-        "architecture": net.sizes.as_dict(),
+        "architecture": asdict(net.sizes),
         "columns": {name: list(columns) for name, columns in COLUMNS.items()},
         "state": state,
         "meta": dict(meta),

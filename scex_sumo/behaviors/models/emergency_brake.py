@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scex_sumo.behaviors.base import Sight
 from scex_sumo.behaviors.driving.motion import drive_along
 from scex_sumo.behaviors.driving.paths import PathChoice
 from scex_sumo.behaviors.parameters import check_path, check_positive
@@ -36,6 +37,11 @@ class EmergencyBrake:
 
     def __init__(self, profile: EmergencyBrakeProfile) -> None:
         self.profile = profile
+
+    @property
+    def sight(self) -> Sight | None:
+        """What decides on a plan; a path that is drawn differs between children."""
+        return None if self.profile.path == "random" else "itself"
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.behaviors.base import Sight
+from scex_sumo.behaviors.driving.distinct import distinct, handed_out, own_motion
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
@@ -170,6 +172,11 @@ class IdmDriver:
     def __init__(self, profile: IdmProfile) -> None:
         self.profile = profile
 
+    @property
+    def sight(self) -> Sight | None:
+        """What decides on a plan; a path that is drawn differs between children."""
+        return None if self.profile.path == "random" else "everyone"
+
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
         paths, row = chosen_paths(history, road, who, self.profile.path)
@@ -190,6 +197,24 @@ class IdmDriver:
             radius=profile.radius,
             obstacle_clearance=profile.obstacle_clearance,
         )
+        # Many children differ somewhere else only: who has the same leader at the same gap drives the same.
+        seen = np.stack([row, leaders.gap, leaders.speed], axis=1)
+        first, kind = distinct(np.concatenate([own_motion(history, who), seen], axis=1))
+        some = Who(child=who.child[first], vehicle=who.vehicle[first])
+        made = self._drive(history, some, paths, row[first], leaders.gap[first], leaders.speed[first])
+        return handed_out(made, kind)
+
+    def _drive(
+        self,
+        history: SceneHistory,
+        who: Who,
+        paths: SeedPaths,
+        row: IntArray,
+        leader_gap: FloatArray,
+        leader_speed: FloatArray,
+    ) -> Plan:
+        """Plan 3 s behind leaders that keep their speeds: (n,) gaps in m and speeds along the path in m/s."""
+        profile = self.profile
         wished = desired_speeds(paths, profile.speed, profile.speed_factor)
         curves = (
             curve_speeds(paths, profile.curve_acceleration, profile.curve_deceleration)
@@ -206,10 +231,10 @@ class IdmDriver:
             return base + np.clip((s + ahead) * (1 / DS_M), 0, paths.samples - 1).astype(np.int64)
 
         def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-            gap = leaders.gap + leaders.speed * (step * STEP_S) - travelled
+            gap = leader_gap + leader_speed * (step * STEP_S) - travelled
             time_s = (history.step + step) * STEP_S
             desired = desired_speed(profile, wished[at(s)], v, *habit, time_s)
-            a = idm_acceleration(profile, v, desired, gap, leaders.speed)
+            a = idm_acceleration(profile, v, desired, gap, leader_speed)
             if curves is not None:
                 # The speed to have where the car will be in a moment, so that it does not lag behind.
                 slowing = (curves[at(s + v * CURVE_TIME_S)] - v) / CURVE_TIME_S

@@ -17,7 +17,6 @@ OFF_PATH_M = 5.0  # a vehicle further from all its paths, or across them, drives
 AGAINST_PATH_RAD = np.pi / 2
 TURN_WEIGHT_M = 5.0  # metres beside a path that count as much as one radian across it
 STRAIGHT_BONUS_M = 0.5  # by how much another path must be nearer than the straight one
-STATES = ("x", "y", "heading", "speed")
 
 
 def follow_path(history: SceneHistory, road: Road, who: Who) -> Plan:
@@ -26,21 +25,14 @@ def follow_path(history: SceneHistory, road: Road, who: Who) -> Plan:
     That is the straight path, or another of the vehicle's where it is clearly nearer to that one. A vehicle
     off all its paths goes straight on at its present speed.
 
-    Args:
-        history: the present.
-        road: the map.
-        who: the n vehicles.
-
     Returns:
         (n, 30).
     """
     paths, straight = chosen_paths(history, road, who, "straight")
     row, off = _nearest_path(history, who, paths, straight)
     made = IdmDriver(CALIBRATED).follow(history, who, paths, row)
-    if not off.any():
-        return made
-    alone = _straight_on(history, who)
-    return Plan(**{k: np.where(off[:, None], getattr(alone, k), getattr(made, k)) for k in STATES})
+    made.assign(off, _straight_on(history, who[off]))
+    return made
 
 
 def _nearest_path(

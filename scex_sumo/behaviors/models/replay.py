@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.base import PLAN_STEPS, Sight
 from scex_sumo.behaviors.driving.motion import drive_along
 from scex_sumo.behaviors.driving.paths import PathChoice
 from scex_sumo.behaviors.parameters import check_path
@@ -37,6 +36,11 @@ class Replay:
     def __init__(self, profile: ReplayProfile) -> None:
         self.profile = profile
 
+    @property
+    def sight(self) -> Sight | None:
+        """What decides on a plan; a path that is drawn differs between children."""
+        return None if self.profile.path == "random" else "itself"
+
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing.
 
@@ -53,31 +57,14 @@ class Replay:
         known = np.cumprod(scene.future_valid, axis=1).sum(axis=1)[who.vehicle]
         left = np.clip(known - history.step, 0, PLAN_STEPS)  # (n,) recorded steps from now on
         recorded = scene.future[who.vehicle]
-        last = history.step + left - 1
-        end = _pick(recorded, np.maximum(last, 0), left > 0, history.now[who.child, who.vehicle])
+        last = np.clip(history.step + left - 1, 0, recorded.shape[1] - 1)
+        i = np.arange(len(who))
+        ends = [recorded[i, last], history.now[who.child, who.vehicle]]
+        end = States.joined(ends, lambda parts: np.where(left > 0, *parts))
         rest = drive_along(history, road, who, self.profile.path, start=end)
         h = np.arange(PLAN_STEPS)
         driven = h >= left[:, None]
         in_recording = np.minimum(history.step + h, recorded.shape[1] - 1)
-        i, after = np.arange(len(who))[:, None], np.maximum(h - left[:, None], 0)
-
-        def merge(plan: FloatArray, real: FloatArray) -> FloatArray:
-            return np.where(driven, plan[i, after], real[:, in_recording])
-
-        return Plan(
-            x=merge(rest.x, recorded.x),
-            y=merge(rest.y, recorded.y),
-            heading=merge(rest.heading, recorded.heading),
-            speed=merge(rest.speed, recorded.speed),
-        )
-
-
-def _pick(recorded: States, column: IntArray, there: BoolArray, otherwise: States) -> States:
-    i = np.arange(len(column))
-    real = recorded[i, column]
-    return States(
-        x=np.where(there, real.x, otherwise.x),
-        y=np.where(there, real.y, otherwise.y),
-        heading=np.where(there, real.heading, otherwise.heading),
-        speed=np.where(there, real.speed, otherwise.speed),
-    )
+        after = np.maximum(h - left[:, None], 0)
+        both = [rest[i[:, None], after], recorded[:, in_recording]]
+        return Plan(**vars(States.joined(both, lambda parts: np.where(driven, *parts))))

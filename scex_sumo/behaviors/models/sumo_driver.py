@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.behaviors.base import Sight
 from scex_sumo.behaviors.driving.motion import drive_along
 from scex_sumo.behaviors.driving.paths import PathChoice, planned_lanes
 from scex_sumo.behaviors.parameters import check_path
@@ -44,12 +45,15 @@ class SumoDriver:
         """Lane ids of the routes of vehicles; empty for one off the mapped lanes.
 
         Args:
-            scene: the seed scene.
-            road: the map.
             vehicle: (n,) index into the seed scene.
             draw: (n,) `SceneHistory.route_draw` of these vehicles.
         """
         return planned_lanes(scene, road, self.path, vehicle, draw)
+
+    @property
+    def sight(self) -> Sight | None:
+        """What decides on a plan; a path that is drawn differs between children."""
+        return None if self.path == "random" else "itself"
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """The path that the vehicle is expected to take, at its present speed: for metrics only."""

@@ -9,12 +9,12 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, IntArray
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
-from scex_sumo.behaviors.models.path_follower import STATES, follow_path
+from scex_sumo.behaviors.models.path_follower import follow_path
 from scex_sumo.behaviors.plug_in.single import SingleVehicle
 from scex_sumo.behaviors.plug_in.usable import checked_shape, reason_in_model, where_from, wrong_with
 from scex_sumo.errors import ScexError
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, Who
+from scex_sumo.scene import Plan, SceneHistory, States, Who
 
 Answer = tuple[Plan, list[str], BoolArray]  # plans, what is wrong with each, whether it is to be replaced
 
@@ -31,7 +31,6 @@ class Fallible:
         """Stand in for a model.
 
         Args:
-            model: any behaviour model.
             name: what the user calls it, for messages.
         """
         self.model = model
@@ -41,9 +40,7 @@ class Fallible:
         """The model's plan with `Plan.fallback` and `Plan.reasons`; see `Behavior.plan`."""
         made, reasons, bad = self._ask(history, road, who, rng)
         if bad.any():
-            instead = follow_path(history, road, Who(child=who.child[bad], vehicle=who.vehicle[bad]))
-            for key in STATES:
-                getattr(made, key)[bad] = getattr(instead, key)
+            made.assign(bad, follow_path(history, road, who[bad]))
         return replace(made, fallback=np.array([r != "" for r in reasons], bool), reasons=tuple(reasons))
 
     def try_on(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> None:
@@ -78,12 +75,7 @@ class Fallible:
         return made, reasons, np.array([w != "" for w in wrong], bool)
 
     def _ask_each(
-        self,
-        history: SceneHistory,
-        road: Road,
-        who: Who,
-        part: IntArray,
-        rng: Sequence[np.random.Generator],
+        self, history: SceneHistory, road: Road, who: Who, part: IntArray, rng: Sequence[np.random.Generator]
     ) -> Answer:
         """Ask for some of the vehicles after the others: those with equal numbers in (n,) `part` together."""
         count = len(who)
@@ -91,15 +83,12 @@ class Fallible:
         reasons, bad = [""] * count, np.zeros(count, dtype=np.bool_)
         for number in range(int(part.max()) + 1):
             at = np.flatnonzero(part == number)
-            some = Who(child=who.child[at], vehicle=who.vehicle[at])
-            made, why, bad[at] = self._ask(history, road, some, rng)
-            for key in STATES:
-                getattr(whole, key)[at] = getattr(made, key)
+            made, why, bad[at] = self._ask(history, road, who[at], rng)
+            whole.assign(at, made)
             for index, reason in zip(at.tolist(), why, strict=True):
                 reasons[index] = reason
         return whole, reasons, bad
 
 
 def _blank(count: int) -> Plan:
-    x, y, heading, speed = np.zeros((4, count, PLAN_STEPS))
-    return Plan(x=x, y=y, heading=heading, speed=speed)
+    return Plan(**vars(States.empty((count, PLAN_STEPS)).map(np.zeros_like)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,22 +25,15 @@ class FileFunction(ABC):
     def __init__(self, file: str) -> None:
         self.file = str(Path(file).resolve())
         self.sizes: dict[str, int] = {}
-        self._loaded: Any = None
 
-    @property
-    def loaded(self) -> Any:
-        """What the file holds."""
-        if self._loaded is None:
-            self._loaded = self._load()
-        return self._loaded
-
+    @cached_property
     @abstractmethod
-    def _load(self) -> Any:
-        """Load the file; raises an `InputError` where it cannot be."""
+    def loaded(self) -> Any:
+        """What the file holds; an `InputError` where it cannot be loaded."""
 
     @abstractmethod
     def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
         """Trajectories; see `Predictor`."""
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_loaded": None}
+        return {name: value for name, value in vars(self).items() if name != "loaded"}

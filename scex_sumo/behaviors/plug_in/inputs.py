@@ -17,7 +17,7 @@ from scex_sumo.behaviors.parameters import check_positive
 from scex_sumo.derived import derived
 from scex_sumo.errors import UsageError
 from scex_sumo.geometry.frames import seen_from
-from scex_sumo.geometry.polylines import arc_lengths
+from scex_sumo.geometry.polylines import along, length_of
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SceneHistory, States, Who
 
@@ -87,10 +87,6 @@ def predictor_inputs(
     ``neighbour_mask`` (n, K) and ``lane_mask`` (n, L): False where there are fewer; those rows are zero.
 
     Args:
-        history: the present.
-        road: the map.
-        who: the n vehicles.
-        surroundings: how much they see.
         names: the inputs wanted; the others are not computed.
     """
     scene = history.scene
@@ -178,7 +174,6 @@ def lane_pieces(road: Road, points: int, spacing: float) -> tuple[FloatArray, Fl
     """Centrelines of the vehicle lanes cut into equal pieces, kept with the road.
 
     Args:
-        road: the map.
         points: P per piece.
         spacing: between them, at most, m.
 
@@ -189,10 +184,9 @@ def lane_pieces(road: Road, points: int, spacing: float) -> tuple[FloatArray, Fl
     pieces: list[FloatArray] = [np.empty((0, points, 2))]
     limits: list[FloatArray] = [np.empty(0)]
     for lane in road.vehicle_lanes.values():
-        s = arc_lengths(lane.centreline)
-        count = max(int(np.ceil(s[-1] / (spacing * (points - 1)))), 1)
-        at = np.linspace(0.0, s[-1], count * (points - 1) + 1)
-        line = np.stack([np.interp(at, s, lane.centreline[:, axis]) for axis in (0, 1)], axis=-1)
+        length = length_of(lane.centreline)
+        count = max(int(np.ceil(length / (spacing * (points - 1)))), 1)
+        line = along(lane.centreline, np.linspace(0.0, length, count * (points - 1) + 1))
         column = np.arange(count)[:, None] * (points - 1) + np.arange(points)
         pieces.append(line[column])
         limits.append(np.full(count, lane.speed_limit_mps))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -53,7 +54,9 @@ class OnnxFunction(FileFunction):
                 if len(shape) > axis and isinstance(shape[axis], int):
                     self.sizes[size] = shape[axis]
 
-    def _load(self) -> Any:
+    @cached_property
+    def loaded(self) -> Any:
+        """The session."""
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = 1
         options.inter_op_num_threads = 1

@@ -5,18 +5,20 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.plug_in.inputs import ARRAYS, Surroundings, predictor_inputs
-from scex_sumo.behaviors.scene_graph.graph import SceneGraph, scene_graph
 from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
+
+if TYPE_CHECKING:
+    from scex_sumo.behaviors.scene_graph.graph import SceneGraph
 
 INPUTS: Final = (*ARRAYS, "graph", "node", "rng")
 """What a function may name as its parameters: arrays, the scene graph and the vehicles' nodes, randomness."""
@@ -47,7 +49,6 @@ class Predictor:
         """Wrap a function.
 
         Args:
-            function: what predicts.
             inputs: names of what it is called with; None takes its parameters.
             batched: call it once with the vehicles of all children. For a function that promises the same
                 rows whatever other rows there are; it cannot ask for ``rng``.
@@ -76,7 +77,7 @@ class Predictor:
         arrays = predictor_inputs(
             history, road, who, self.surroundings, [name for name in self.inputs if name in ARRAYS]
         )
-        graph = scene_graph(history, road) if "graph" in self.inputs else None
+        graph = _graph(history, road) if "graph" in self.inputs else None
         vehicles = history.now.shape[1]
         calls = self._calls(who)
         predicted = []
@@ -107,7 +108,6 @@ def trajectories(predicted: Any, count: int) -> FloatArray:
     """What a function returned, as (n, 30, 2 to 4).
 
     Args:
-        predicted: what it returned.
         count: n.
 
     Raises:
@@ -168,6 +168,13 @@ def _in_the_map(own: FloatArray, history: SceneHistory, who: Who) -> Plan:
         heading=wrap(now.heading + heading),
         speed=speed.copy(),
     )
+
+
+def _graph(history: SceneHistory, road: Road) -> SceneGraph:
+    """The scene graph, whose modules few runs need."""
+    from scex_sumo.behaviors.scene_graph.graph import scene_graph
+
+    return scene_graph(history, road)
 
 
 def graph_of_child(graph: SceneGraph, child: int, vehicles: int) -> SceneGraph:

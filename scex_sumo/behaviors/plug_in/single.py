@@ -72,14 +72,12 @@ class SingleVehicle:
                 seen = narrow_road(road, float(now.x[c, v]), float(now.y[c, v]), self.radius)
             plans.append(self._checked(self.model.plan_one(alone[c], seen, 0, v, rng[c])))
         if not plans:
-            empty = np.empty((0, PLAN_STEPS))
-            return Plan(x=empty, y=empty, heading=empty, speed=empty)
+            return Plan(**vars(States.empty((0, PLAN_STEPS))))
         steps = min(len(plan.x) for plan in plans)
-        rows = States.stack([plan[:steps] for plan in plans], axis=0)
-        return Plan(x=rows.x, y=rows.y, heading=rows.heading, speed=rows.speed)
+        return Plan(**vars(States.stack([plan[:steps] for plan in plans], axis=0)))
 
     def _checked(self, plan: States) -> States:
-        shapes = [np.shape(part) for part in (plan.x, plan.y, plan.heading, plan.speed)]
+        shapes = [np.shape(part) for part in vars(plan).values()]
         if any(len(shape) != 1 or shape[0] < PLAN_STEPS for shape in shapes):
             raise ScexError(
                 f"behaviour model {type(self.model).__name__}: plan_one returned shapes {shapes}, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,9 @@ class ScriptedFunction(FileFunction):
         arguments = self.loaded.forward.schema.arguments[1:]  # the first is the module itself
         self.inputs = tuple(str(argument.name) for argument in arguments)
 
-    def _load(self) -> Any:
+    @cached_property
+    def loaded(self) -> Any:
+        """The module."""
         torch.set_num_threads(1)  # the last digits of a sum depend on the number of threads
         try:
             jit: Any = torch.jit

@@ -18,6 +18,7 @@ from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
 
 JUMP_M = 5.0  # off the motion so far, within one step: 500 m/s², which no vehicle can do
 LONGEST_REASON = 200
+STATES = ("x", "y", "heading", "speed")
 _PACKAGE = Path(__file__).resolve().parents[2]
 _STANDARD = Path(traceback.__file__).resolve().parent  # the standard library
 
@@ -26,14 +27,13 @@ def checked_shape(made: Any, count: int) -> Plan:
     """The first 30 steps of what a model returned, as arrays of our own.
 
     Args:
-        made: what it returned.
         count: number of vehicles n that it was asked for.
 
     Raises:
         ScexError: it is no plan, of another number of vehicles, or too short.
     """
     parts = {}
-    for key in ("x", "y", "heading", "speed"):
+    for key in STATES:
         if not hasattr(made, key):
             raise ScexError(f"returned {type(made).__name__}, which has no {key}; needs a scex_sumo.Plan")
         values = np.asarray(getattr(made, key), dtype=np.float64)
@@ -53,14 +53,11 @@ def wrong_with(made: Plan, history: SceneHistory, who: Who) -> list[str]:
 
     Args:
         made: (n, 30).
-        history: the present.
-        who: the n vehicles.
     """
     reasons = [""] * len(who)
-    finite = np.stack([np.isfinite(getattr(made, k)).all(axis=1) for k in ("x", "y", "heading", "speed")])
+    finite = np.stack([np.isfinite(getattr(made, key)).all(axis=1) for key in STATES])
     for row in np.flatnonzero(~finite.all(axis=0)):
-        key = ("x", "y", "heading", "speed")[int(np.argmin(finite[:, row]))]
-        reasons[row] = f"plan.{key} is not finite"
+        reasons[row] = f"plan.{STATES[int(np.argmin(finite[:, row]))]} is not finite"
     off = _off_the_motion(made, history, who)
     for row in np.flatnonzero(finite.all(axis=0) & (off > JUMP_M).any(axis=1)):
         step = int(np.argmax(off[row] > JUMP_M))

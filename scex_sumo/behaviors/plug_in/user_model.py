@@ -37,10 +37,6 @@ def user_model(found: Any, name: str) -> UserModel:
     A class and a function that returns a model make it. A function whose parameters are inputs of a
     predictor, such as ``history``, predicts. An object with ``plan`` or ``plan_one`` is a model.
 
-    Args:
-        found: the object.
-        name: what the user calls it.
-
     Raises:
         UsageError: it is none of these.
     """
@@ -67,7 +63,6 @@ def predictor_model(function: Callable[..., Any], *, batched: bool = False, **su
     Its parameters are those of the function that have a default and are no inputs, and how much it sees.
 
     Args:
-        function: what predicts.
         batched: as in `Predictor`.
         surroundings: how much it sees, as in `Surroundings`.
     """

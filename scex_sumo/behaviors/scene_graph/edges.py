@@ -101,8 +101,6 @@ def scene_edges(
         source: (M,) node.
         now: (N,) present states.
         length: (N,) of the vehicles, m.
-        place: the lanes of the vehicles.
-        relations: of the lanes.
 
     Returns:
         One edge per related pair, in their order. Of two lanes that a vehicle may be on, that counts which
@@ -139,12 +137,10 @@ def _features(
     """(E, G) columns as in `EDGE_COLUMNS` for some rows of the relations.
 
     Args:
-        relation: of all combinations.
         row: (E,) which of them.
         at_target: which match of each target, and the target itself: an index into the tables of `place`.
         at_source: likewise.
         now: (N,) present states.
-        place: the lanes of the vehicles.
     """
     target, source = at_target[1], at_source[1]
     columns = (
@@ -220,7 +216,6 @@ def _along(
         lane_t: (M,) lane of the target.
         lane_s: (M,) lane of the source.
         lead: (M,) arc length of the source on its lane, less that of the target on its own, m.
-        relations: of the lanes.
     """
     ahead = relations.ahead[lane_t, lane_s] + lead
     behind = relations.ahead[lane_s, lane_t] - lead

@@ -22,7 +22,6 @@ def to_networkx(graph: SceneGraph, child: int = 0) -> DiGraph[int]:
     `SceneGraph.edge_columns` as numbers. All in SI units.
 
     Args:
-        graph: of a batch.
         child: index into the batch.
 
     Raises:

@@ -44,9 +44,7 @@ def node_features(history: SceneHistory, place: Located, index: RoadIndex) -> Fl
     """(C * V, F) columns as in `NODE_COLUMNS`.
 
     Args:
-        history: the present of all children.
         place: lanes of the C * V vehicles.
-        index: of the road.
     """
     children, vehicles = history.now.shape
     features = np.zeros((children, vehicles, len(NODE_COLUMNS)))

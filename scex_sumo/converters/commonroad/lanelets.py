@@ -107,7 +107,6 @@ def read_lanelets(file: CommonRoadFile, words: Mapping[str, set[str]]) -> dict[i
     """Usable lanelets by ascending id; what is wrong with the others goes into the file's notes.
 
     Args:
-        file: the file.
         words: what CommonRoad has by tag, e.g. every ``laneletType``.
     """
     usable: dict[int, tuple[ElementTree.Element, FloatArray, FloatArray]] = {}

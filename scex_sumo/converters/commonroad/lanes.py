@@ -13,8 +13,8 @@ from scex_sumo.converters.commonroad.file import CommonRoadFile, element_id
 from scex_sumo.converters.commonroad.lanelets import Lanelet
 from scex_sumo.converters.commonroad.rules import (
     CARS,
+    LINES,
     Sign,
-    drawn_as,
     kind_of,
     lane_tags,
     may_cross,
@@ -201,7 +201,7 @@ def drawn_markings(lanelets: Lanelets) -> tuple[Marking, ...]:
     found: dict[bytes, tuple[str, str, FloatArray]] = {}
     for lanelet in lanelets.values():
         for line, marking in ((lanelet.left, lanelet.left_marking), (lanelet.right, lanelet.right_marking)):
-            drawn, points = drawn_as(marking), _xy(line)
+            drawn, points = LINES.get(marking), _xy(line)
             if drawn is not None and points[::-1].tobytes() not in found:
                 found.setdefault(points.tobytes(), (*drawn, points))
     for lanelet in lanelets.values():

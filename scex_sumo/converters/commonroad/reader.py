@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 from xml.etree import ElementTree
 
 from scex_sumo.converters.commonroad.file import CommonRoadFile, open_commonroad
@@ -26,18 +26,7 @@ from scex_sumo.errors import MapError, MissingExtraError
 from scex_sumo.road import Road
 from scex_sumo.roads.overlaps import overlapping
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Library:
-    """What is used of commonroad-io.
-
-    Attributes:
-        sign: reads the name of a sign from its element and the country.
-        words: what the format has by tag of the element, e.g. every ``laneletType``.
-    """
-
-    sign: Callable[[ElementTree.Element, str], str]
-    words: Mapping[str, set[str]]
+ReadSign: TypeAlias = Callable[[ElementTree.Element, str], str]
 
 
 def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None = None) -> Road:
@@ -59,16 +48,16 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
         MapError: the file cannot be read, or has no usable lanelet.
         MissingExtraError: commonroad-io is not installed.
     """
-    library = _library()
+    name_of_sign, words = _library()
     file = open_commonroad(path)
-    lanelets = read_lanelets(file, library.words)
+    lanelets = read_lanelets(file, words)
     if not lanelets:
         raise MapError(
             f"{path}: no usable lanelet ({'; '.join(file.notes())}); mend the map, e.g. in CommonRoad's "
             "scenario designer"
         )
     with _quiet():
-        signs = _signs(file, library)
+        signs = _signs(file, name_of_sign)
     lanes = connected(file, lanelets, lanes_of(file, lanelets, signs))
     lanes = with_reverse(lanes, driven_both_ways(lanelets, lanes))
     lanes = overlapping(lanes, {i: lanelets[lane.reverse_of or i].centre for i, lane in lanes.items()})
@@ -83,7 +72,13 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
     )
 
 
-def _library() -> _Library:
+def _library() -> tuple[ReadSign, dict[str, set[str]]]:
+    """What is used of commonroad-io.
+
+    Returns:
+        A function that reads the name of a sign from its element and the country; and what the format has by
+        tag of the element, e.g. every ``laneletType``.
+    """
     try:
         from commonroad.common.common_lanelet import LaneletType, LineMarking, RoadUser
         from commonroad.common.reader.file_reader_xml import TrafficSignElementFactory
@@ -101,15 +96,12 @@ def _library() -> _Library:
         return str(read.traffic_sign_element_id.name)
 
     users = {user.value for user in RoadUser}
-    return _Library(
-        sign=sign,
-        words={
-            "laneletType": {word.value for word in LaneletType},
-            "lineMarking": {word.value for word in LineMarking},
-            "userOneWay": users,
-            "userBidirectional": users,
-        },
-    )
+    return sign, {
+        "laneletType": {word.value for word in LaneletType},
+        "lineMarking": {word.value for word in LineMarking},
+        "userOneWay": users,
+        "userBidirectional": users,
+    }
 
 
 @contextmanager
@@ -124,14 +116,14 @@ def _quiet() -> Iterator[None]:
         logger.setLevel(level)
 
 
-def _signs(file: CommonRoadFile, library: _Library) -> dict[int, tuple[Sign, ...]]:
+def _signs(file: CommonRoadFile, name_of_sign: ReadSign) -> dict[int, tuple[Sign, ...]]:
     """Elements of every sign by id."""
     signs: dict[int, tuple[Sign, ...]] = {}
     for i, element in file.elements("trafficSign").items():
         read = []
         for part in element.findall("trafficSignElement"):
             written = (part.findtext("trafficSignID") or "").strip()
-            name = library.sign(part, file.country) if written else "UNKNOWN"
+            name = name_of_sign(part, file.country) if written else "UNKNOWN"
             values = tuple((value.text or "").strip() for value in part.findall("additionalValue"))
             if name == "UNKNOWN":
                 file.note("signs that commonroad-io does not know, left out", i)

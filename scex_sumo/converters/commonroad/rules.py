@@ -34,7 +34,8 @@ _SUBTYPES = {
 }
 # May one cross it to the other side: from its right to its left, from its left to its right.
 _NO_CROSSING = {"solid", "broad_solid", "solid_solid", "curb", "lowered_curb"}
-_LINES = {
+# Lanelet2's type and subtype of the markings that are drawn.
+LINES = {
     "dashed": ("line_thin", "dashed"),
     "solid": ("line_thin", "solid"),
     "broad_dashed": ("line_thick", "dashed"),
@@ -115,11 +116,6 @@ def may_cross(marking: str, *, leftwards: bool) -> bool:
     if marking in _NO_CROSSING:
         return False
     return marking != ("dashed_solid" if leftwards else "solid_dashed")
-
-
-def drawn_as(marking: str) -> tuple[str, str] | None:
-    """Lanelet2's type and subtype of a marking, or None where there is nothing to draw."""
-    return _LINES.get(marking)
 
 
 def sign_regulations(

@@ -18,6 +18,7 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.fidelity.loading import sumo_binary
 from scex_sumo.converters.fidelity.net import Net, read_net
 from scex_sumo.errors import SimulationError
+from scex_sumo.geometry.loose_ends import begin_inside
 
 LENGTH_M = 4.7
 WIDTH_M = 1.8
@@ -126,12 +127,16 @@ def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0, se
 def border_routes(net: Net) -> list[tuple[str, ...]]:
     """Shortest route in edges for every pair of border edges that lanes lead between.
 
-    Cars change lanes where the net permits; a net without borders starts and ends anywhere.
+    Cars change lanes where the net permits; a net without borders starts and ends anywhere. Edges that begin
+    on another lane are no border: whoever starts there stands in its traffic.
     """
     edges = {lane.edge_id for lane in net.car_lanes.values() if not lane.internal}
     entered = {net.lanes[link.to_lane].edge_id for link in net.car_links}
     left = {net.lanes[link.from_lane].edge_id for link in net.car_links}
-    starts, ends = edges - entered or edges, edges - left or edges
+    starts, ends = (
+        edges - entered - _inside(net, edges - entered, edges - left) or edges,
+        edges - left or edges,
+    )
     moves = _lane_moves(net)
     alone = edges - entered - left
     return [
@@ -140,6 +145,22 @@ def border_routes(net: Net) -> list[tuple[str, ...]]:
         for end, path in sorted(_paths(net, moves, start).items())
         if end in ends and (end != start or start in alone)
     ]
+
+
+def _inside(net: Net, starts: set[str], ends: set[str]) -> set[str]:
+    """Edges among some without predecessors that begin on other lanes."""
+    cars = net.car_lanes
+    beside = {name: set(net.edges[lane.edge_id]) for name, lane in cars.items() if lane.edge_id in starts}
+    for link in net.car_links:
+        if link.from_lane in beside:
+            beside[link.from_lane] |= {*link.via, link.to_lane}
+    found = begin_inside(
+        {name: lane.shape for name, lane in cars.items()},
+        starts=beside,
+        loose={name for name, lane in cars.items() if lane.edge_id in starts | ends},
+        apart=beside,
+    )
+    return {cars[name].edge_id for name in found}
 
 
 def _lane_moves(net: Net) -> dict[str, list[str]]:

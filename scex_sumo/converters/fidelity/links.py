@@ -41,6 +41,11 @@ class Links:
         lanes = {name for name in self.matching.names(lane_id) if not self.net.lanes[name].internal}
         return list(dict.fromkeys([*self._through.get(lane_id, ()), *self._from(lanes)]))
 
+    def leaving(self, lane_id: int) -> list[Link]:
+        """Links from a lanelet's own lanes onto others."""
+        lanes = {name for name in self.matching.names(lane_id) if not self.net.lanes[name].internal}
+        return [k for k in self._from(lanes) if lane_id not in self.matching.lanelets(k.to_lane)]
+
     def meetings(self, first_id: int, second_id: int) -> list[tuple[Link, Link]]:
         """Pairs of links with which two lanelets get in each other's way, from different lanes.
 
@@ -50,8 +55,12 @@ class Links:
             (one, other)
             for one in self._met(first_id, second_id)
             for other in self._met(second_id, first_id)
-            if one.from_lane != other.from_lane and self._line(one).distance(self._line(other)) <= NEAR_M
+            if one.from_lane != other.from_lane and self.are_near(one, other)
         ]
+
+    def are_near(self, one: Link, other: Link) -> bool:
+        """Whether two links come as near to each other as a conflict does."""
+        return bool(self._line(one).distance(self._line(other)) <= NEAR_M)
 
     def one_source(self, first_id: int, second_id: int) -> bool:
         """Whether cars come to both lanelets from one SUMO lane only."""

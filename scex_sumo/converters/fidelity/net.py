@@ -18,6 +18,7 @@ import shapely
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.errors import InputError
+from scex_sumo.road import Georeference
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's own where a lane names none
 CAR = "passenger"
@@ -124,8 +125,12 @@ class Net:
         return [k for k in self.links if k.from_lane in self.car_lanes and k.to_lane in self.car_lanes]
 
 
-def read_net(path: Path) -> Net:
+def read_net(path: Path, place: Georeference | None = None) -> Net:
     """Read a SUMO net.
+
+    Args:
+        path: the net.
+        place: of the map on Earth; a net with a projection is in its coordinates.
 
     Raises:
         InputError: the file is missing or no SUMO net.
@@ -138,8 +143,7 @@ def read_net(path: Path) -> Net:
         raise InputError(f"{path}: not XML ({error}); give a SUMO .net.xml") from None
     if root.tag != "net":
         raise InputError(f"{path}: root element is <{root.tag}>, not <net>; give a SUMO .net.xml")
-    location = root.find("location")
-    offset = _points((location.get("netOffset") if location is not None else None) or "0,0")[0]
+    offset = _offset(root.find("location"), place)
     lanes = {
         lane.attrib["id"]: _lane(edge, lane, offset)
         for edge in root.iter("edge")
@@ -162,6 +166,15 @@ def read_net(path: Path) -> Net:
         offset=offset,
         phases={i: tuple(states) for i, states in phases.items()},
     )
+
+
+def _offset(location: Element | None, place: Georeference | None) -> FloatArray:
+    """(2,) what the net's coordinates are ahead of the map's, m."""
+    written = location.attrib if location is not None else {}
+    offset: FloatArray = _points(written.get("netOffset") or "0,0")[0]
+    if place is not None and written.get("projParameter", "").startswith("+proj"):
+        offset = offset + np.array([place.east_m, place.north_m])
+    return offset
 
 
 def _permits_cars(element: Element, allow: str = "allow", disallow: str = "disallow") -> bool:

@@ -41,7 +41,7 @@ def judge_priority(matching: Matching) -> dict[str, Any]:
         "regulated_pairs": regulated,
         "wrong_priority": wrong,
         "signalled": len(lit),
-        "missing_signals": tuple(i for i in sorted(lit) if not all(_lit(net, link) for link in links.of(i))),
+        "missing_signals": tuple(i for i in sorted(lit) if not _controlled(links, i)),
         "clashing_greens": _named(p for p in links.pairs() if links.are_foes(*p) and _both(net, *p, "G")),
         "from_the_right": unregulated,
         "wrong_from_the_right": wrong_right,
@@ -53,6 +53,12 @@ def judge_priority(matching: Matching) -> dict[str, Any]:
 
 def _named(pairs: Iterable[tuple[Link, Link]]) -> tuple[tuple[str, str], ...]:
     return tuple((one.via[0], other.via[0]) for one, other in pairs)
+
+
+def _controlled(links: Links, lane_id: int) -> bool:
+    """Whether a light holds cars before a lanelet and on it, or at its end if it is an approach."""
+    ways = (links.of(lane_id), links.leaving(lane_id))
+    return any(all(_lit(links.net, link) for link in held) for held in ways if held)
 
 
 def _lit(net: Net, link: Link) -> bool:
@@ -96,7 +102,9 @@ def _regulated(links: Links, conflicts: Iterable[Conflict]) -> tuple[int, tuple[
             )
         ]
         count += bool(met)
-        if not all(links.waits(one, other) for one, other in met):
+        # A lanelet in several pieces meets different lanelets with different ones of them.
+        near = [pair for pair in met if links.are_near(*pair)]
+        if not all(links.waits(one, other) for one, other in near or met):
             wrong.append((yielding, priority))
     return count, tuple(wrong)
 

@@ -101,7 +101,7 @@ class FidelityReport:
 
 
 def check_net(net_path: Path, road: Road, lanes: LaneNames | None = None) -> FidelityReport:
-    """Judge a net against the map it should be.
+    """Judge a net against the map it should be; what the road itself lost of the map counts as not there.
 
     Args:
         net_path: a SUMO net in the map's coordinates (its own netOffset is taken off).
@@ -112,12 +112,15 @@ def check_net(net_path: Path, road: Road, lanes: LaneNames | None = None) -> Fid
         InputError: the file is no SUMO net.
         SimulationError: SUMO is not installed, or broke off.
     """
-    matching = match(read_net(net_path), road, lanes)
+    matching = match(read_net(net_path, road.georeference), road, lanes)
     figures: dict[str, Any] = {"net": net_path.name, "map": road.name, "lane_table": lanes is not None}
     for judge in (judge_geometry, judge_topology, judge_priority, judge_loading):
         figures |= judge(matching)
+    for kind in ("lanelets", "lights"):
+        figures[f"lost_{kind}"] = tuple(i for loss in road.losses if loss.kind == kind for i in loss.elements)
+    figures["drawn_lanelets"] = figures["lanelets"] + len(figures["lost_lanelets"])
     shares = {
-        "lanes_percent": ("lanes_present", "lanelets"),
+        "lanes_percent": ("lanes_present", "drawn_lanelets"),
         "speeds_percent": ("speeds_right", "lanes_present"),
         "probe_hit_percent": ("probe_hits", "probes"),
     }

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import shapely
 
+from scex_sumo.converters.fidelity.changes import changes_inside
 from scex_sumo.converters.fidelity.matching import Matching, Stretch
 from scex_sumo.road import Lane
 
@@ -27,7 +28,8 @@ def judge_topology(matching: Matching) -> dict[str, Any]:
     """Compare the net's moves with the map's routing graph; pairs are lanelet ids.
 
     Border routes lead from a lanelet without predecessor to one without successor; loose edge routes are
-    those that the map forbids and a router that heeds edges only would take.
+    those that the map forbids and a router that heeds edges only would take. Lane changes inside are those
+    that only an edge within an intersection could hold; neither they nor routes over them are missed.
     """
     lanes = matching.road.vehicle_lanes
     vehicle = lanes.keys()
@@ -43,7 +45,9 @@ def judge_topology(matching: Matching) -> dict[str, Any]:
         (i, j) for i, lane in lanes.items() for j in (lane.adjacent_left, lane.adjacent_right) if j in vehicle
     }
     possible = _lengths_by_pair(changes, 0.0)
-    in_map, in_net = _routes_in_map(lanes), _routes_in_net(forward, changes)
+    inside = changes_inside(lanes) - set(possible)
+    in_map, in_net = _routes_in_map(lanes, set()), _routes_in_net(forward, changes)
+    missing = (_routes_in_map(lanes, inside) if inside else in_map) - in_net
     starts = {i for i, lane in lanes.items() if not vehicle & set(lane.predecessors)}
     ends = {i for i, lane in lanes.items() if not vehicle & set(lane.successors)}
     border = {(i, j) for i in starts for j in ends if i != j}
@@ -52,14 +56,15 @@ def judge_topology(matching: Matching) -> dict[str, Any]:
         "missing_successors": wanted - joined,
         "invented_successors": joined - wanted,
         "routes": len(in_map),
-        "missing_routes": in_map - in_net,
+        "missing_routes": missing,
         "invented_routes": in_net - in_map,
         "border_routes": len(border & in_map),
-        "missing_border_routes": border & (in_map - in_net),
+        "missing_border_routes": border & missing,
         "invented_border_routes": border & (in_net - in_map),
         "loose_edge_routes": _edge_routes(matching, on_lanes, border) - in_map,
         "lane_changes": len(permitted),
-        "missing_lane_changes": permitted - set(possible),
+        "missing_lane_changes": permitted - set(possible) - inside,
+        "lane_changes_inside": inside,
         "lane_change_length_share": _length_share(lanes, permitted, possible),
         "forbidden_lane_changes": len(adjacent - permitted),
         "invented_lane_changes": set(_lengths_by_pair(changes, BESIDE_M)) - permitted,
@@ -131,8 +136,11 @@ def _length_share(lanes: Mapping[int, Lane], permitted: set[Any], possible: Mapp
     return allowed / sum(lengths.values()) if lengths else 1.0
 
 
-def _routes_in_map(lanes: Mapping[int, Lane]) -> set[Pair]:
-    ahead = {i: lanes.keys() & {*lane.successors, lane.left, lane.right} for i, lane in lanes.items()}
+def _routes_in_map(lanes: Mapping[int, Lane], without: Collection[Pair]) -> set[Pair]:
+    ahead = {
+        i: lanes.keys() & {*lane.successors, *(j for j in (lane.left, lane.right) if (i, j) not in without)}
+        for i, lane in lanes.items()
+    }
     return {(i, j) for i in lanes for j in _reached([i], ahead) if j != i}
 
 

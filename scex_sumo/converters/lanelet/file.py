@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
 
 from scex_sumo.errors import MapError
+from scex_sumo.files import quoted
 
 Tags = Mapping[str, str]
 _ID = re.compile(r"-?[0-9]{1,18}")  # what fits Lanelet2's 64 bit ids
@@ -155,15 +155,13 @@ def write_map_file(map_file: MapFile, path: Path) -> None:
         lines += [*_tag_lines(way.tags), "</way>"]
     for i, relation in sorted(map_file.relations.items()):
         lines.append(f"<relation id='{i}'>")
-        lines += [
-            f"<member type='{m.kind}' ref='{m.ref}' role={quoteattr(m.role)}/>" for m in relation.members
-        ]
+        lines += [f"<member type='{m.kind}' ref='{m.ref}' role={quoted(m.role)}/>" for m in relation.members]
         lines += [*_tag_lines(relation.tags), "</relation>"]
     path.write_text("\n".join([*lines, "</osm>\n"]), encoding="utf-8")
 
 
 def _tag_lines(tags: Tags) -> list[str]:
-    return [f"<tag k={quoteattr(key)} v={quoteattr(value)}/>" for key, value in tags.items()]
+    return [f"<tag k={quoted(key)} v={quoted(value)}/>" for key, value in tags.items()]
 
 
 def _parse(path: Path) -> ElementTree.Element:

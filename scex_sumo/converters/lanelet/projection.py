@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.road import Georeference
 
 
 def to_local(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
@@ -39,6 +40,29 @@ def to_degrees(metres: FloatArray, origin: tuple[float, float], *, absolute: boo
     reverse = _projector(origin, not absolute).reverse
     places = [reverse(BasicPoint3d(float(x), float(y), 0.0)) for x, y in metres]
     return np.array([(p.lat, p.lon) for p in places]).reshape(-1, 2)
+
+
+def georeference(origin: tuple[float, float]) -> Georeference | None:
+    """The UTM projection that `to_local` uses; None for 0, 0, where maps are drawn that lie nowhere."""
+    from lanelet2.core import GPSPoint
+
+    if origin == (0.0, 0.0):
+        return None
+    lat, lon = origin
+    corner = _projector(origin, use_offset=False).forward(GPSPoint(lat, lon, 0.0))
+    south = " +south" if lat < 0 else ""
+    projection = f"+proj=utm +zone={_zone(lat, lon)}{south} +datum=WGS84 +units=m +no_defs"
+    return Georeference(projection=projection, east_m=corner.x, north_m=corner.y)
+
+
+def _zone(lat: float, lon: float) -> int:
+    """UTM zone of a place; zones are 6 degrees wide but in the south-west of Norway and on Svalbard."""
+    lon = (lon + 180.0) % 360.0 - 180.0
+    if 56.0 <= lat < 64.0 and 3.0 <= lon < 12.0:
+        return 32
+    if 72.0 <= lat < 84.0 and 0.0 <= lon < 42.0:
+        return 31 + 2 * sum(lon >= edge for edge in (9.0, 21.0, 33.0))
+    return int((lon + 180.0) // 6.0) + 1
 
 
 def _projector(origin: tuple[float, float], use_offset: bool = True) -> Any:

@@ -5,67 +5,48 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from lanelet2 import core, geometry, io, projection, routing, traffic_rules
+from lanelet2 import io, projection, traffic_rules
 
-from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.lanelet.elements import Points, areas, markings, regulations
 from scex_sumo.converters.lanelet.file import MapFile, list_ids, read_map_file, write_map_file
+from scex_sumo.converters.lanelet.graph import Map, Rules, Vertex, drawn_vertices, related_lanes
+from scex_sumo.converters.lanelet.joints import join_lanes
 from scex_sumo.converters.lanelet.origin import map_origin, recorded_origin
+from scex_sumo.converters.lanelet.projection import georeference
 from scex_sumo.converters.lanelet.repair import Place, distance_m, middle, repair
-from scex_sumo.converters.lanelet.tags import default_speed_mps, lane_kind, lane_speed_mps, says_limit
+from scex_sumo.converters.lanelet.stops import attach
+from scex_sumo.converters.lanelet.subtypes import as_roads, unknown_subtypes
+from scex_sumo.converters.lanelet.tags import COUNTRIES, lane_speed_mps, map_country, says_limit
 from scex_sumo.errors import MapError
-from scex_sumo.geometry.polylines import bounds_cross, mean_width_m, without_repeats
-from scex_sumo.road import Lane, Road
-
-# lanelet2 is untyped: its maps, lanelets, rules and graphs are Any, and go no further than this module.
-_Map = Any
-_Lanelet = Any
-_Rules = Any
-_Graph = Any
+from scex_sumo.geometry.polylines import bounds_cross
+from scex_sumo.road import Lane, Loss, Road
 
 FARTHEST_ORIGIN_M = 100_000.0
-CLEARANCE_M = 3.0  # lanes this far above one another do not conflict; bridges leave 4.5 m and more
 _LOAD_ERROR = re.compile(
     r"Error (?:parsing primitive|reading primitive with id) (-?\d+)(?: from file)?: (.*)"
 )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Vertex:
-    """One driving direction of a lanelet: a lane to be."""
-
-    lane_id: int
-    lanelet: _Lanelet
-    lanelet_id: int
-    left: FloatArray
-    right: FloatArray
-    centreline: FloatArray
-
-    @property
-    def usable(self) -> bool:
-        """Whether the bounds and the centreline are finite lines."""
-        lines = (self.left, self.right, self.centreline)
-        return all(len(line) > 1 and bool(np.isfinite(line).all()) for line in lines)
-
-
-def read_road(map_path: str | Path, *, origin: Place | None = None) -> Road:
+def read_road(map_path: str | Path, *, origin: Place | None = None, country: str | None = None) -> Road:
     """Read a Lanelet2 map: every lanelet, how they connect, and the rules between them.
 
     Geometry and relations are Lanelet2's own: centrelines as it computes them, bounds in driving direction,
     successors, lane changes and conflicts of its routing graph under German traffic rules for cars. Heights
     are left out, but lanes more than 3 m above one another do not conflict. A lanelet that cars may drive
-    both ways gives two lanes; the second has ``reverse_of`` set. What is broken in the map is mended or
-    left out, and said in the road's notes.
+    both ways gives two lanes; the second has ``reverse_of`` set. Connected lanelets of unknown subtype that a
+    car fits on are roads, and stops and lights that no lanelet names hold the lanes where they lie. What is
+    broken in the map is mended or left out, and said in the road's notes; what is lost, in its losses.
 
     Args:
         map_path: an ``.osm`` file.
         origin: latitude and longitude in degrees to project with (UTM); None takes that of a
             ``meta_data.csv`` near the map, 0, 0 for a map drawn there, else the map's south-west corner.
+        country: whose speed limits hold where the map gives none, e.g. ``us``; None for the country that the
+            map's ``region`` tags name, else Germany.
 
     Raises:
         MapError: the file is missing, no Lanelet2 map, far from the origin, or has no usable lanelet.
@@ -74,26 +55,44 @@ def read_road(map_path: str | Path, *, origin: Place | None = None) -> Road:
     map_file = read_map_file(path)
     if not map_file.of_type("lanelet"):
         raise MapError(f"{path}: no lanelets (relations with type=lanelet); name a Lanelet2 .osm map")
+    drawn = map_file.of_type("lanelet").keys()
     map_file, mended = repair(map_file)
     notes = list(map_file.notes)
     origin = _origin(path, map_file, origin, notes)
     rules = traffic_rules.create(traffic_rules.Locations.Germany, traffic_rules.Participants.VehicleCar)
-    lanelet_map, vertices = _load(map_file, origin, rules, mended, notes)
-    lanes = _lanes(lanelet_map, vertices, rules, map_file)
-    _note_doubts(lanes, map_file, notes)
+    lanelet_map, vertices, map_file, losses = _load(map_file, origin, rules, mended, notes)
+    country = country or map_country(map_file)
+    lanes = related_lanes(lanelet_map, vertices, rules, map_file, country)
+    joined = join_lanes(lanes)
+    lanes = joined.lanes
+    _note_doubts(lanes, map_file, country, notes)
+    if joined.linked:
+        notes.append(f"lanelets that meet without shared points, linked: {list_ids(joined.linked)}")
+    if joined.inside:
+        notes.append(f"lanelets that begin within other traffic: {list_ids(joined.inside)}")
     lines = _lines(lanelet_map)
+    stops = attach(regulations(map_file, lanes, lines), lanes, map_file, lines)
+    if stops.found:
+        notes.append(
+            f"stops and lights that no lanelet names, attached where they lie: {list_ids(stops.found)}"
+        )
+    broken = sorted(drawn - {vertex.lanelet_id for vertex in vertices})
+    losses += [Loss(kind="lanelets", why="left out, broken", elements=tuple(broken))] if broken else []
+    losses += [Loss(kind="lights", why="without a lane", elements=stops.lost)] if stops.lost else []
     return Road(
         name=path.stem,
         lanes=lanes,
-        regulations=regulations(map_file, lanes, lines),
+        regulations=stops.rules,
         markings=markings(map_file, lines),
         areas=areas(map_file, lanes, lines),
         origin=origin,
         notes=tuple(notes),
+        losses=tuple(losses),
+        georeference=georeference(origin),
     )
 
 
-def _note_doubts(lanes: Mapping[int, Lane], map_file: MapFile, notes: list[str]) -> None:
+def _note_doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str, notes: list[str]) -> None:
     """Note the lanes that are there but may not be what the map's author meant."""
     drawn = {i: lane for i, lane in lanes.items() if lane.reverse_of is None}
     crossed = [i for i, lane in drawn.items() if bounds_cross(lane.left_bound, lane.right_bound)]
@@ -106,7 +105,8 @@ def _note_doubts(lanes: Mapping[int, Lane], map_file: MapFile, notes: list[str])
         i for i, r in relations.items() if says_limit(r, map_file) and lane_speed_mps(r, map_file) is None
     ]
     if unclear:
-        notes.append(f"speed limits not understood, Germany's default taken: {list_ids(unclear)}")
+        default = COUNTRIES[country].name
+        notes.append(f"speed limits not understood, {default}'s default taken: {list_ids(unclear)}")
 
 
 def _origin(path: Path, map_file: MapFile, origin: Place | None, notes: list[str]) -> Place:
@@ -125,9 +125,13 @@ def _origin(path: Path, map_file: MapFile, origin: Place | None, notes: list[str
 
 
 def _load(
-    map_file: MapFile, origin: Place, rules: _Rules, mended: bool, notes: list[str]
-) -> tuple[_Map, list[_Vertex]]:
+    map_file: MapFile, origin: Place, rules: Rules, mended: bool, notes: list[str]
+) -> tuple[Map, list[Vertex], MapFile, list[Loss]]:
     """Load the map with Lanelet2, without lanelets that its routing graph would crash on.
+
+    Returns:
+        Its map and the usable lanelets in driving direction, the file with what are roads tagged so, and the
+        lanelets that nobody may use.
 
     Args:
         map_file: the map as mended.
@@ -137,21 +141,32 @@ def _load(
         notes: grows by what Lanelet2 complained about and what was left out.
     """
     lanelet_map, errors = _parse(map_file, origin, mended)
-    vertices = _vertices(lanelet_map, rules, map_file)
+    vertices = drawn_vertices(lanelet_map, rules, map_file)
     flat = {v.lanelet_id for v in vertices if not v.usable}
+    unknown = unknown_subtypes((v for v in vertices if v.usable), rules, map_file)
+    taken = frozenset().union(*unknown.roads.values())
+    if flat or taken:
+        kept = {i: relation for i, relation in map_file.relations.items() if i not in flat}
+        map_file = as_roads(replace(map_file, relations=kept), taken)
+        lanelet_map, errors = _parse(map_file, origin, True)
+        vertices = [v for v in drawn_vertices(lanelet_map, rules, map_file) if v.usable]
     if flat:
         notes.append(f"lanelets left out, no length between their bounds: {list_ids(flat)}")
-        kept = {i: relation for i, relation in map_file.relations.items() if i not in flat}
-        lanelet_map, errors = _parse(replace(map_file, relations=kept), origin, True)
-        vertices = [v for v in _vertices(lanelet_map, rules, map_file) if v.usable]
+    notes += [
+        f"lanelets of unknown {word} taken for roads: {list_ids(i)}" for word, i in unknown.roads.items()
+    ]
     if not vertices:
         why = "; ".join(note for note in notes if note.startswith("lanelets left out"))
         raise MapError(f"{map_file.path}: no usable lanelet ({why}); mend the map in an editor, e.g. JOSM")
     notes.extend(errors)
-    return lanelet_map, vertices
+    undriven = unknown.undriven.items()
+    losses = [
+        Loss(kind="lanelets", why=f"not driven, {word}", elements=tuple(sorted(i))) for word, i in undriven
+    ]
+    return lanelet_map, vertices, map_file, losses
 
 
-def _parse(map_file: MapFile, origin: Place, mended: bool) -> tuple[_Map, list[str]]:
+def _parse(map_file: MapFile, origin: Place, mended: bool) -> tuple[Map, list[str]]:
     """Have Lanelet2 read the map's file, or a mended copy; returns its map and its complaints."""
     projector = projection.UtmProjector(io.Origin(*origin))
     try:
@@ -178,115 +193,10 @@ def _complaints(errors: Iterable[str]) -> list[str]:
     return [f"Lanelet2: {sentence}: {list_ids(ids)}" for sentence, ids in found.items()]
 
 
-def _xy(line: Iterable[Any]) -> FloatArray:
-    """(P, 2) points of a linestring, m; repeated points once."""
-    return without_repeats(np.array([(p.x, p.y) for p in line], dtype=np.float64).reshape(-1, 2))
-
-
-def _lines(lanelet_map: _Map) -> Points:
+def _lines(lanelet_map: Map) -> Points:
     """Every linestring and polygon of the map by id, as (P, 2) points with nothing left out, m."""
     layers = (lanelet_map.lineStringLayer, lanelet_map.polygonLayer)
     lines = {
         line.id: np.array([(p.x, p.y) for p in line]).reshape(-1, 2) for layer in layers for line in layer
     }
     return dict(sorted(lines.items()))
-
-
-def _vertices(lanelet_map: _Map, rules: _Rules, map_file: MapFile) -> list[_Vertex]:
-    """Driving directions of all lanelets, by ascending id; two for lanelets that cars drive both ways."""
-    lanelets = {lanelet.id: lanelet for lanelet in lanelet_map.laneletLayer}
-    vertices = []
-    free_id = max(map(abs, (*map_file.relations, *lanelets)), default=0) + 1
-    for i in sorted(lanelets.keys() & map_file.relations.keys()):
-        lanelet = lanelets[i]
-        vertices.append(_vertex(i, lanelet))
-        if vertices[-1].usable and rules.canPass(lanelet) and rules.canPass(lanelet.invert()):
-            vertices.append(replace(_vertex(free_id, lanelet.invert()), lanelet_id=i))
-            free_id += 1
-    return vertices
-
-
-def _vertex(lane_id: int, lanelet: _Lanelet) -> _Vertex:
-    left, right = _xy(lanelet.leftBound), _xy(lanelet.rightBound)
-    # Lanelet2 reads past the end of a bound without a segment when it computes the centreline.
-    centreline = _xy(lanelet.centerline) if len(left) > 1 and len(right) > 1 else np.empty((0, 2))
-    return _Vertex(
-        lane_id=lane_id, lanelet=lanelet, lanelet_id=lanelet.id, left=left, right=right, centreline=centreline
-    )
-
-
-def _lanes(lanelet_map: _Map, vertices: list[_Vertex], rules: _Rules, map_file: MapFile) -> dict[int, Lane]:
-    """Lanes of all driving directions by id."""
-    lanes = {v.lane_id: _lane(v, rules, map_file) for v in vertices}
-    # Distance alone as cost: travel time would ask for speeds, and fails on signs Lanelet2 does not know.
-    try:
-        graph = routing.RoutingGraph(lanelet_map, rules, [routing.RoutingCostDistance(1.0)])
-    except RuntimeError as error:
-        raise MapError(f"{map_file.path}: Lanelet2 finds no routes in it ({error})") from None
-    ids = {
-        (v.lanelet_id, v.lanelet.inverted()): v.lane_id
-        for v in vertices
-        if lanes[v.lane_id].kind == "vehicle"
-    }
-    stacked = np.ptp([node.ele for node in map_file.nodes.values()]) > CLEARANCE_M
-    for v in vertices:
-        if lanes[v.lane_id].kind == "vehicle":
-            relations = _relations(graph, v, ids, bool(stacked))
-            lanes[v.lane_id] = replace(lanes[v.lane_id], **relations)
-    return lanes
-
-
-def _lane(vertex: _Vertex, rules: _Rules, map_file: MapFile) -> Lane:
-    """A lane by itself, without its relations to others."""
-    relation = map_file.relations[vertex.lanelet_id]
-    kind = lane_kind(relation.tags, vehicle=rules.canPass(vertex.lanelet))
-    speed = lane_speed_mps(relation, map_file) or default_speed_mps(relation.tags, kind)
-    return Lane(
-        lane_id=vertex.lane_id,
-        centreline=vertex.centreline,
-        left_bound=vertex.left,
-        right_bound=vertex.right,
-        width_m=mean_width_m(vertex.left, vertex.right),
-        speed_limit_mps=speed,
-        kind=kind,
-        subtype=relation.tags.get("subtype", ""),
-        location=relation.tags.get("location", ""),
-        reverse_of=vertex.lanelet_id if vertex.lane_id != vertex.lanelet_id else None,
-    )
-
-
-def _relations(
-    graph: _Graph, vertex: _Vertex, ids: dict[tuple[int, bool], int], stacked: bool
-) -> dict[str, Any]:
-    """How the routing graph connects a lane to others."""
-
-    def lane_ids(found: Iterable[Any]) -> tuple[int, ...]:
-        lanelets = [other for other in found if isinstance(other, core.ConstLanelet)]  # areas are no lanes
-        keys = {(other.id, other.inverted()) for other in lanelets}
-        return tuple(sorted(ids[key] for key in keys if key in ids))
-
-    def lane_id(found: _Lanelet | None) -> int | None:
-        return next(iter(lane_ids([found] if found else [])), None)
-
-    lanelet = vertex.lanelet
-    left, right = lane_id(graph.left(lanelet)), lane_id(graph.right(lanelet))
-    conflicting = [
-        other
-        for other in graph.conflicting(lanelet)
-        # A two-way lanelet's own other direction is no crossing; see Lane.reverse_of.
-        if other.id != vertex.lanelet_id and not (stacked and not _on_one_level(lanelet, other))
-    ]
-    return {
-        "successors": lane_ids(graph.following(lanelet)),
-        "predecessors": lane_ids(graph.previous(lanelet)),
-        "left": left,
-        "right": right,
-        "adjacent_left": left if left is not None else lane_id(graph.adjacentLeft(lanelet)),
-        "adjacent_right": right if right is not None else lane_id(graph.adjacentRight(lanelet)),
-        "conflicts": lane_ids(conflicting),
-    }
-
-
-def _on_one_level(lanelet: _Lanelet, other: _Lanelet) -> bool:
-    # Lanelet2 measures heights along the first: ask both ways.
-    return any(geometry.overlaps3d(a, b, CLEARANCE_M) for a, b in ((lanelet, other), (other, lanelet)))

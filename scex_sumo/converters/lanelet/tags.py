@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 from scex_sumo.converters.lanelet.file import MapFile, Relation
+from scex_sumo.errors import UsageError
 
 MPH = 0.44704  # m/s, by definition (1609.344 m in 3600 s)
 KMH = 1 / 3.6
@@ -36,11 +39,46 @@ _OLD_SUFFIX = {51: 10, 52: 20, 53: 30, 54: 40, 55: 50, 56: 60, 57: 70, 58: 80}
 _PEDESTRIAN = {"walkway", "crosswalk", "shared_walkway", "stairs", "sidewalk", "footway", "pedestrian"}
 _BICYCLE = {"bicycle_lane", "bikelane", "bike_lane", "cycleway", "bicycle"}
 _BUS = {"bus_lane", "busway", "bus"}
-# Germany's limits by subtype and location as Lanelet2's traffic rules have them, km/h.
-_BY_SUBTYPE = {"highway": 130.0, "play_street": 7.0, "emergency_lane": 130.0}
 _BY_KIND = {"pedestrian": 5.0, "bicycle": 20.0}
-_BY_LOCATION = {"nonurban": 100.0}
-_URBAN = 50.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Country:
+    """Speed limits for cars where no sign stands, km/h; usual ones where they differ from state to state.
+
+    Attributes:
+        name: in English.
+        urban: in towns.
+        rural: outside of them.
+        motorway: on motorways; the advised speed where there is no limit.
+        living_street: where children play.
+    """
+
+    name: str
+    urban: float
+    rural: float
+    motorway: float
+    living_street: float = 20.0
+
+
+_MPH = 1.609344  # km/h
+GERMANY = "de"
+COUNTRIES = {
+    GERMANY: Country(name="Germany", urban=50, rural=100, motorway=130, living_street=7),
+    "at": Country(name="Austria", urban=50, rural=100, motorway=130),
+    "be": Country(name="Belgium", urban=50, rural=90, motorway=120),
+    "bg": Country(name="Bulgaria", urban=50, rural=90, motorway=140),
+    "ch": Country(name="Switzerland", urban=50, rural=80, motorway=120),
+    "cn": Country(name="China", urban=50, rural=70, motorway=120),
+    "cz": Country(name="Czechia", urban=50, rural=90, motorway=130),
+    "es": Country(name="Spain", urban=50, rural=90, motorway=120),
+    "fr": Country(name="France", urban=50, rural=80, motorway=130),
+    "gb": Country(name="Great Britain", urban=30 * _MPH, rural=60 * _MPH, motorway=70 * _MPH),
+    "it": Country(name="Italy", urban=50, rural=90, motorway=130),
+    "nl": Country(name="the Netherlands", urban=50, rural=80, motorway=100, living_street=15),
+    "pl": Country(name="Poland", urban=50, rural=90, motorway=140),
+    "us": Country(name="the United States", urban=25 * _MPH, rural=55 * _MPH, motorway=65 * _MPH),
+}
 _SPEED_KEYS = (
     "speed_limit",
     "speed_limit:vehicle",
@@ -97,15 +135,37 @@ def _limits(lanelet: Relation, map_file: MapFile) -> Iterator[str]:
     yield from (lanelet.tags[key] for key in _SPEED_KEYS if key in lanelet.tags)
 
 
-def default_speed_mps(tags: Mapping[str, str], kind: str) -> float:
-    """Germany's speed limit where the map gives none, m/s.
+def default_speed_mps(tags: Mapping[str, str], kind: str, country: str = GERMANY) -> float:
+    """A country's speed limit where the map gives none, m/s.
 
     Args:
         tags: the lanelet's tags.
         kind: the lane's kind; pedestrians are taken to walk at 5 km/h, cyclists to ride at 20 km/h.
+        country: one of `COUNTRIES`.
     """
-    by_place = _BY_LOCATION.get(tags.get("location", ""), _URBAN)
-    return (_BY_KIND.get(kind) or _BY_SUBTYPE.get(tags.get("subtype", ""), by_place)) * KMH
+    rules = COUNTRIES[country]
+    by_subtype = dict.fromkeys(("highway", "emergency_lane"), rules.motorway)
+    by_subtype["play_street"] = rules.living_street
+    by_place = rules.rural if tags.get("location") == "nonurban" else rules.urban
+    return (_BY_KIND.get(kind) or by_subtype.get(tags.get("subtype", ""), by_place)) * KMH
+
+
+def parse_country(text: str) -> str:
+    """Read ``--country``: a code such as ``us``, in any case.
+
+    Raises:
+        UsageError: its limits are not known.
+    """
+    if text.lower() not in COUNTRIES:
+        raise UsageError(f"--country: unknown country {text!r}; known: {', '.join(COUNTRIES)}")
+    return text.lower()
+
+
+def map_country(map_file: MapFile) -> str:
+    """The country that most lanelets' ``region`` tags name, e.g. ``us``, ``us_ca``; Germany if none does."""
+    regions = (r.tags.get("region", "").lower()[:2] for r in map_file.of_type("lanelet").values())
+    known = Counter(region for region in regions if region in COUNTRIES)
+    return known.most_common(1)[0][0] if known else GERMANY
 
 
 def lane_kind(tags: Mapping[str, str], *, vehicle: bool) -> str:

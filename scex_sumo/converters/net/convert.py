@@ -7,13 +7,13 @@ and coordinates in it, for whoever copies or moves nets as text:
   to, via, tl, and from, to of a ``conflict`` in it; ``tlLogic`` id. Internal ones begin with a colon:
   ``:NODE_3_0``.
 - coordinates: ``edge`` and ``lane`` shape, ``junction`` x, y, shape, ``location`` boundaries. Everything is
-  in the map's own coordinates; netOffset is zero.
+  in the map's own coordinates; less netOffset they are those of the projection, where that is known.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from scex_sumo.converters.net.elements import NetLayout
@@ -25,33 +25,17 @@ from scex_sumo.converters.net.pieces.rows import build_rows
 from scex_sumo.converters.net.pieces.topology import Topology, cut_lanes
 from scex_sumo.converters.net.plan import plan_net
 from scex_sumo.converters.net.signals import recorded_programme
+from scex_sumo.converters.net.sumo_net import SumoNet, net_file
 from scex_sumo.converters.net.text import net_text
 from scex_sumo.errors import MapError
 from scex_sumo.geometry.polylines import length_of
-from scex_sumo.road import Road
+from scex_sumo.road import Loss, Road
 from scex_sumo.roads.conflicts import conflicts
 
 __all__ = ["LaneTable", "SumoNet", "convert"]
 
 SHORTEST_M = 0.01
 JOINED_M = 0.3  # how far apart bus or bicycle lanes may end and begin and still follow one another
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SumoNet:
-    """A converted net.
-
-    Attributes:
-        path: NET.net.xml.
-        extras: NET.add.xml with markings, stop lines, crosswalks and areas for sumo-gui, or None.
-        lanes: which SUMO lanes a lanelet became.
-        notes: what could not be carried over, one short sentence each, naming ids.
-    """
-
-    path: Path
-    extras: Path | None
-    lanes: LaneTable
-    notes: tuple[str, ...] = ()
 
 
 def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoNet:
@@ -71,33 +55,25 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     points = sorted(i for i, lane in lanes.items() if length_of(lane.centreline) < SHORTEST_M)
     if points:
         raise MapError(f"{road.name}: lanelets without length: {', '.join(map(str, points[:5]))}; drop them")
-    lanes = add_entries(lanes)
+    lanes = add_entries(lanes, road.lanes)
     found = conflicts(lanes)
     topology, lost = cut_lanes(lanes, found)
     layout = plan_net(topology, road.regulations, found)
     recorded, notes = (None, []) if signals is None else recorded_programme(layout, road.origin, signals)
     fixed = fixed_programmes(layout, lanes, road.regulations, found)
     layout = layout.beside(_side_lanes(road))
-    net_path.write_text(net_text(layout, _together(recorded, fixed)), encoding="utf-8")
+    net_path.write_text(net_text(layout, _together(recorded, fixed), road.georeference), encoding="utf-8")
     table = lane_table(layout.places(), layout.ends(), road.lanes)
     table.write(net_file(net_path, ".lanes.csv"))
     extras = net_file(net_path, ".add.xml")
     extras.write_text(extras_text(road), encoding="utf-8")
-    notes += [f"the lane change from lanelet {a} to {b} has no place in a SUMO edge" for a, b in lost]
-    return SumoNet(path=net_path, extras=extras, lanes=table, notes=tuple(notes))
-
-
-def open_net(net_path: Path) -> SumoNet:
-    """A net that `convert` wrote, with what lies beside it.
-
-    Raises:
-        MapError: the net or its lane table is not there.
-    """
-    table, extras = net_file(net_path, ".lanes.csv"), net_file(net_path, ".add.xml")
-    for file in (net_path, table):
-        if not file.is_file():
-            raise MapError(f"{file}: no such file; convert the map again")
-    return SumoNet(path=net_path, extras=extras if extras.is_file() else None, lanes=LaneTable.read(table))
+    changes = tuple(f"{a} to {b}" for a, b in lost)
+    losses = (
+        [Loss(kind="lane changes", why="without a place in a SUMO edge", elements=changes)] if lost else []
+    )
+    return SumoNet(
+        path=net_path, extras=extras, lanes=table, notes=tuple(notes), losses=(*road.losses, *losses)
+    )
 
 
 def _side_lanes(road: Road) -> NetLayout:
@@ -133,8 +109,3 @@ def _together(recorded: Programme | None, fixed: list[Programme]) -> list[Progra
         return fixed
     taken = {c.internal.name for c in recorded.connections}
     return [recorded, *(p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))]
-
-
-def net_file(net_path: Path, suffix: str) -> Path:
-    """The file that belongs to NET.net.xml with another ending: NET + suffix."""
-    return net_path.with_name(net_path.name.removesuffix(".xml").removesuffix(".net") + suffix)

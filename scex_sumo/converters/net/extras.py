@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.elements import shape_text
+from scex_sumo.files import quoted
 from scex_sumo.geometry.polylines import cut, length_of
 from scex_sumo.road import Marking, Road
 
@@ -73,7 +73,7 @@ def _areas(road: Road) -> Iterator[str]:
     for number, area in enumerate(road.areas):
         style = AREAS.get(area.kind, OTHER_AREA)
         yield (
-            f'    <poly id="area.{number}" type={quoteattr(area.kind)} color="{style.color}" fill="1"'
+            f'    <poly id="area.{number}" type={quoted(area.kind)} color="{style.color}" fill="1"'
             f' layer="{style.layer}" shape="{shape_text(area.outline)}"/>'
         )
 
@@ -114,6 +114,6 @@ def _strokes(marking: Marking, style: Style) -> Iterator[FloatArray]:
 
 def _line(name: str, kind: str, style: Style, line: FloatArray) -> str:
     return (
-        f'    <poly id="{name}" type={quoteattr(kind)} color="{style.color}" fill="0" layer="{style.layer}"'
+        f'    <poly id="{name}" type={quoted(kind)} color="{style.color}" fill="0" layer="{style.layer}"'
         f' lineWidth="{style.width:.2f}" shape="{shape_text(line)}"/>'
     )

@@ -23,6 +23,10 @@ class LaneTable:
 
     A lanelet may span several SUMO lanes (road before a junction, internal lanes within it), and an internal
     lane may run over several lanelets.
+
+    Attributes:
+        rows: (lanelet id, SUMO lane), for each lanelet and for each SUMO lane in driving order.
+        ends: for each internal SUMO lane the edges before and after it.
     """
 
     def __init__(
@@ -34,14 +38,14 @@ class LaneTable:
             rows: (lanelet id, SUMO lane), for each lanelet and for each SUMO lane in driving order.
             ends: for each internal SUMO lane the edges before and after it.
         """
-        self._rows = tuple(rows)
-        self._ends = dict(ends or {})
+        self.rows = tuple(rows)
+        self.ends = dict(ends or {})
         self._of: dict[int, list[str]] = {}
         self._on: dict[str, list[int]] = {}
-        for lanelet, sumo_lane in self._rows:
+        for lanelet, sumo_lane in self.rows:
             self._of.setdefault(lanelet, []).append(sumo_lane)
             self._on.setdefault(sumo_lane, []).append(lanelet)
-        if self._ends:
+        if self.ends:
             self._of = {lanelet: self._in_order(lanes) for lanelet, lanes in self._of.items()}
 
     def _in_order(self, lanes: list[str]) -> list[str]:
@@ -49,7 +53,7 @@ class LaneTable:
         edges = {name.rsplit("_", 1)[0]: name for name in lanes}
         waiting: dict[str, set[str]] = {name: set() for name in lanes}
         for name in lanes:
-            before, after = self._ends.get(name, ("", ""))
+            before, after = self.ends.get(name, ("", ""))
             if before in edges:
                 waiting[name].add(edges[before])
             if after in edges:
@@ -95,12 +99,12 @@ class LaneTable:
         if not lanelet_ids:
             return None
         lanes = self.sumo_lanes(lanelet_ids[0 if first else -1])
-        candidates = [s for s in lanes if s in self._ends and lanes and s.startswith(":")]
+        candidates = [s for s in lanes if s in self.ends and lanes and s.startswith(":")]
         outer = [s for s in (lanes[:1] if first else lanes[-1:]) if s.startswith(":")]
         if not outer:
             return None
         for sumo_lane in candidates if first else reversed(candidates):
-            before, after = self._ends[sumo_lane]
+            before, after = self.ends[sumo_lane]
             beyond, joined = (before, after) if first else (after, before)
             if not route or joined == route[0 if first else -1]:
                 return beyond
@@ -111,7 +115,7 @@ class LaneTable:
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow(HEADER)
-        writer.writerows(self._rows)
+        writer.writerows(self.rows)
         path.write_text(buffer.getvalue(), encoding="utf-8")
 
     @classmethod

@@ -26,9 +26,11 @@ def lane_area(lane: Lane, span: tuple[float, float]) -> Polygon:
 
 
 def union_outline(areas: Sequence[Polygon]) -> FloatArray:
-    """(P, 2) outline of areas together; the convex hull of those that do not touch."""
+    """(P, 2) outline of areas together; the convex hull of those that do not touch, nothing of lines."""
     union = unary_union([area.buffer(0.01) for area in areas])
     hull = union if union.geom_type == "Polygon" else union.convex_hull
+    if hull.geom_type != "Polygon":
+        return np.empty((0, 2))
     return np.asarray(hull.simplify(0.05).exterior.coords)[:-1]
 
 

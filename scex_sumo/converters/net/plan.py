@@ -42,12 +42,16 @@ def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Co
         incoming.setdefault(edge.start, [])
         incoming.setdefault(edge.end, []).extend(lane.name for lane in edge.lanes)
     connections = plan.connections(incoming, rules, found)
+    at_node: dict[str, list[Edge]] = {}
+    for edge in edges:
+        for name in dict.fromkeys((edge.start, edge.end)):
+            at_node.setdefault(name, []).append(edge)
     nodes = tuple(
         Node(
             name=name,
             incoming=tuple(lanes),
             connections=connections.get(name, ()),
-            shape=plan.outline(name, connections.get(name, ()), edges),
+            shape=plan.outline(name, connections.get(name, ()), at_node[name]),
         )
         for name, lanes in incoming.items()
     )
@@ -88,6 +92,7 @@ class _Plan:
     ) -> dict[str, tuple[Connection, ...]]:
         """Connections of each node, in the order of its incoming lanes."""
         clashes = clashing_pieces(self._topology, found)
+        named = {rule.element_id: {*rule.lanes, *rule.yielding, *rule.priority} for rule in rules}
         result = {}
         for cut_, paths in links_by_node(self._topology).items():
             node = self._node_name(cut_)
@@ -96,7 +101,8 @@ class _Plan:
             paths = sorted(paths, key=lambda p: (order[self._lane_name(p.start)], self._lane_name(p.end)))
             links = [self._link(path, shapes[path]) for path in paths]
             merging = set_foes(links, clashes)
-            set_right_of_way(links, merging, rules)
+            on = {i for link in links for i in link.on}
+            set_right_of_way(links, merging, [rule for rule in rules if named[rule.element_id] & on])
             result[node] = tuple(
                 self._connection(node, k, link, shapes[link.path]) for k, link in enumerate(links)
             )
@@ -109,7 +115,8 @@ class _Plan:
         for piece in sorted(inside):
             row = self._topology.rows[piece[0]]
             areas.append(lane_area(self._lanes[row.lanes[piece[2]]], row.span(piece[1], piece[2])))
-        return union_outline(areas) if areas else border(node, edges)
+        union = union_outline(areas)
+        return union if len(union) else border(node, edges)
 
     def _node_name(self, node: Cut) -> str:
         row, k = node

@@ -7,10 +7,12 @@ from typing import TypeAlias
 
 import numpy as np
 
+from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.elements import DECIMALS, Connection, Edge, NetLane, NetLayout, Node, shape_text
 from scex_sumo.converters.net.lights import Programme
 from scex_sumo.converters.net.pieces.rules import bits, direction
 from scex_sumo.converters.net.stretches import stretches
+from scex_sumo.road import Georeference
 
 Lights: TypeAlias = Mapping[str, tuple[str, int]]  # internal lane: its traffic light and link index there
 
@@ -20,21 +22,19 @@ ROOT = '<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1.00">'
 NOBODY = "custom2"
 
 
-def net_text(layout: NetLayout, programmes: Sequence[Programme] = (), projection: str = "!") -> str:
-    """The whole file."""
+def net_text(
+    layout: NetLayout, programmes: Sequence[Programme] = (), place: Georeference | None = None
+) -> str:
+    """The whole file; its place on Earth lets SUMO's tools show it on a map."""
     lights = {c.internal.name: (p.name, k) for p in programmes for k, c in enumerate(p.connections)}
-    return "\n".join([HEADER, "", ROOT, *_body(layout, programmes, lights, projection), "</net>", ""])
+    return "\n".join([HEADER, "", ROOT, *_body(layout, programmes, lights, place), "</net>", ""])
 
 
 def _body(
-    layout: NetLayout, programmes: Sequence[Programme], lights: Lights, projection: str
+    layout: NetLayout, programmes: Sequence[Programme], lights: Lights, place: Georeference | None
 ) -> Iterator[str]:
     points = np.vstack([lane.shape for edge in layout.edges for lane in edge.lanes])
-    corners = ",".join(f"{v:.2f}" for v in (*points.min(axis=0), *points.max(axis=0)))
-    yield (
-        f'    <location netOffset="0.00,0.00" convBoundary="{corners}" origBoundary="{corners}"'
-        f' projParameter="{projection}"/>'
-    )
+    yield _location(np.concatenate([points.min(axis=0), points.max(axis=0)]), place)
     nodes = sorted(layout.nodes, key=lambda node: node.name)
     told: dict[str, list[str]] = {}
     for node in nodes:
@@ -59,6 +59,22 @@ def _body(
     for node in nodes:
         for connection in node.connections:
             yield _exit(connection)
+
+
+def _location(corners: FloatArray, place: Georeference | None) -> str:
+    """Where the net lies: coordinates less the offset are the projection's."""
+    boundary = ",".join(f"{v:.2f}" for v in corners)
+    if place is None:
+        offset, original, projection = "0.00,0.00", boundary, "!"
+    else:
+        offset = f"{-place.east_m:.4f},{-place.north_m:.4f}"
+        away = np.array([place.east_m, place.north_m] * 2)
+        original = ",".join(f"{v:.2f}" for v in corners + away)
+        projection = place.projection
+    return (
+        f'    <location netOffset="{offset}" convBoundary="{boundary}" origBoundary="{original}"'
+        f' projParameter="{projection}"/>'
+    )
 
 
 def _lane(lane: NetLane, index: int, *, bans: bool) -> str:

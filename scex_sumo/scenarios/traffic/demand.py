@@ -11,6 +11,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import SimulationError
+from scex_sumo.geometry.loose_ends import begin_inside
 
 LATERAL_MPS2 = 2.5  # comfortable in a curve; most drivers stay between 2 and 3
 CURVE_WINDOW_M = 6.0  # shorter bends than a car are the map's, not the road's
@@ -65,7 +66,11 @@ class Trip:
 
 
 class Network:
-    """The lanes of a SUMO net that cars may use, and random ways through them."""
+    """The lanes of a SUMO net that cars may use, and random ways through them.
+
+    Attributes:
+        origins: (edge, index) of the lanes into the map; none that begins on another lane.
+    """
 
     def __init__(self, net_path: Path) -> None:
         root = ElementTree.parse(net_path).getroot()
@@ -82,9 +87,9 @@ class Network:
         entered = {to for lane in self._lanes.values() for to, _ in lane.onward}
         left = {lane.edge for lane in self._lanes.values() if lane.onward}
         self._exits = {edge for edge, _ in self._lanes if edge not in left}
-        self.origins = sorted(
-            key for key in self._lanes if key[0] not in entered and key[0] not in self._exits
-        )
+        starts = [key for key in self._lanes if key[0] not in entered and key[0] not in self._exits]
+        inside = _inside(root, starts, self._exits)
+        self.origins = sorted(key for key in starts if key not in inside)
 
     def random_route(self, origin: tuple[str, int], rng: np.random.Generator) -> tuple[str, ...] | None:
         """Edges of a random way from a lane to the edge of the map, each fork equally likely."""
@@ -170,8 +175,7 @@ def write_curve_limits(net_path: Path, target: Path) -> None:
     """Copy a net with every lane's speed limited to what its curves allow; SUMO itself ignores curves."""
     tree = ElementTree.parse(net_path)
     for lane in tree.getroot().iter("lane"):
-        shape = np.array([p.split(",")[:2] for p in lane.get("shape", "").split()], dtype=np.float64)
-        limit = max(SLOWEST_MPS, float(np.sqrt(LATERAL_MPS2 / max(_sharpest(shape), 1e-6))))
+        limit = max(SLOWEST_MPS, float(np.sqrt(LATERAL_MPS2 / max(_sharpest(_points(lane)), 1e-6))))
         lane.set("speed", f"{min(float(lane.get('speed', 13.89)), limit):.2f}")
     tree.write(target, encoding="utf-8")
 
@@ -206,6 +210,29 @@ def _for_cars(lane: ElementTree.Element, rule: str = "allow") -> bool:
     if allowed is not None:
         return bool({"all", "passenger"} & set(allowed.split()))
     return not {"all", "passenger"} & set(lane.get("disallow", "").split()) or rule != "allow"
+
+
+def _inside(
+    root: ElementTree.Element, starts: list[tuple[str, int]], exits: set[str]
+) -> set[tuple[str, int]]:
+    """Lanes that begin on other lanes: whoever starts there stands in traffic."""
+    lanes = [lane for lane in root.iter("lane") if _for_cars(lane)]
+    shapes = {lane.get("id", ""): _points(lane) for lane in lanes}
+    names = {f"{edge}_{index}": (edge, index) for edge, index in starts}
+    edges = {edge for edge, _ in starts}
+    apart = {name: {f"{edge}_{k}" for k in range(16)} for name, (edge, _) in names.items()}
+    for link in root.iter("connection"):
+        start = f"{link.get('from', '')}_{link.get('fromLane', 0)}"
+        if start in apart:
+            apart[start] |= {link.get("via", ""), f"{link.get('to', '')}_{link.get('toLane', 0)}"}
+    loose = {name for name in shapes if name.rsplit("_", 1)[0] in edges | exits}
+    found = begin_inside(shapes, starts=names, loose=loose, apart=apart)
+    return {names[name] for name in found}
+
+
+def _points(lane: ElementTree.Element) -> FloatArray:
+    shape = lane.get("shape", "").split()
+    return np.array([point.split(",")[:2] for point in shape], dtype=np.float64)
 
 
 def _sharpest(shape: FloatArray) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.scene import STEP_S, States
 
 REAR_AXLE_SHARE = 0.8  # rear axle behind the front bumper, in vehicle lengths
@@ -48,8 +49,7 @@ def _even(front: FloatArray) -> FloatArray:
     Where lanes meet, steps are centimetres too long or short, and lanes are polylines: arc length is averaged
     over time and the path over arc length, both over less than a recording's tracker does.
     """
-    step = np.diff(front, axis=0)
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
+    s = arc_lengths(front)
     moving = np.concatenate([[True], np.diff(s) > 0])
     if moving.sum() < 2:
         return front

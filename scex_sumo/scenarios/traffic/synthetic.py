@@ -44,7 +44,6 @@ def synthetic_scene(road: Road, net: Net, *, vehicles: int, seed: int = 0, name:
     seed's are drawn from them.
 
     Args:
-        road: the map.
         net: its SUMO net.
         vehicles: how many the seed scene has, at least 1.
         seed: the same seed gives the same scene.

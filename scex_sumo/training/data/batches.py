@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +28,6 @@ class Batch:
         s: (n, H) m.
         d: (n, H) m.
         start: (n, 4) see `Samples`.
-        room: (n, 2) m.
         xy: (n, H, 2) m.
     """
 
@@ -42,7 +40,6 @@ class Batch:
     s: Tensor
     d: Tensor
     start: Tensor
-    room: Tensor
     xy: Tensor
 
 
@@ -50,9 +47,7 @@ class Batches:
     """Draws batches from samples.
 
     Args:
-        samples: the graphs.
         site_weight: (S,) weight of each site's graphs in the loss.
-        device: where the tensors live.
     """
 
     def __init__(self, samples: Samples, site_weight: FloatArray, device: torch.device) -> None:
@@ -64,15 +59,15 @@ class Batches:
         node = self.node_start[graph] + samples.pair_node
         rights = np.bincount(node[samples.right], minlength=int(samples.nodes.sum()))
         share = samples.right / np.maximum(rights[node], 1) * site_weight[samples.site[graph]]
-        self._share = self._tensor(share)
-        self._pair_site = torch.as_tensor(samples.site[graph], device=device)
-        self._pose = torch.as_tensor(samples.pose[node], device=device)  # float64: maps may lie far away
         self._node, self._history = self._tensor(samples.node), self._tensor(samples.history)
         self._edge, self._feature = self._tensor(samples.edge), self._tensor(samples.feature)
-        self._right = torch.as_tensor(samples.right, device=device)
-        self._s, self._d = self._tensor(samples.s), self._tensor(samples.d)
-        self._start, self._room = self._tensor(samples.start), self._tensor(samples.room)
-        self._xy = self._tensor(samples.xy)
+        self._pairs = {
+            "right": torch.as_tensor(samples.right, device=device),
+            "share": self._tensor(share),
+            "site": torch.as_tensor(samples.site[graph], device=device),
+            "pose": torch.as_tensor(samples.pose[node], device=device),  # float64: maps may lie far away
+            **{name: self._tensor(getattr(samples, name)) for name in ("s", "d", "start", "xy")},
+        }
 
     def _tensor(self, values: FloatArray) -> Tensor:
         return torch.as_tensor(np.asarray(values, dtype=np.float32), device=self.device)
@@ -95,26 +90,13 @@ class Batches:
                 edge=self._edge[edge],
             ),
             path=PathBatch(node=torch.as_tensor(pair_node, device=self.device), features=self._feature[pair]),
-            right=self._right[pair],
-            share=self._share[pair],
-            site=self._pair_site[pair],
-            pose=self._pose[pair],
-            s=self._s[pair],
-            d=self._d[pair],
-            start=self._start[pair],
-            room=self._room[pair],
-            xy=self._xy[pair],
+            **{name: values[pair] for name, values in self._pairs.items()},
         )
 
     def _index(self, start: IntArray, count: IntArray) -> Tensor:
         """Rows of several pieces, one after the other."""
         index = np.arange(int(count.sum())) + np.repeat(start - _starts(count), count)
         return torch.as_tensor(index, device=self.device)
-
-    def epoch(self, rng: np.random.Generator, nodes: int) -> Iterator[Batch]:
-        """All graphs once, in random order, in batches of about so many nodes."""
-        for graphs in self.groups(rng.permutation(len(self.samples)), nodes):
-            yield self.take(graphs)
 
     def groups(self, order: IntArray, nodes: int) -> list[IntArray]:
         """An order of graphs cut into batches of about so many nodes."""

@@ -84,7 +84,6 @@ def make_dataset(
 
     Args:
         recordings: of any datasets.
-        options: how.
         cache: folder; None keeps nothing.
         tick: called with the number of recordings done, and of all.
 
@@ -111,7 +110,8 @@ def make_dataset(
                 samples = _make(loaded, road, options, part)
                 if file is not None:
                     _write(file, samples)
-            found += [_on_site(samples, sites.index(recording.site))] if samples else []
+            site = sites.index(recording.site)
+            found += [replace(samples, site=np.full(len(samples), site))] if samples else []
     if not parts["train"] or not parts["validation"]:
         short = "training" if not parts["train"] else "validation"
         raise TrackError(
@@ -134,9 +134,6 @@ def part_scenes(
     """Seed scenes of one part of a recording that have a vehicle to learn from.
 
     Args:
-        loaded: the recording.
-        part: which part.
-        split: how it is split.
         every_s: between two moments.
         most: short recordings are looked at more often, up to so many moments in all, or every 0.1 s.
 
@@ -184,10 +181,6 @@ def _make(loaded: LoadedRecording, road: Road, options: SampleOptions, part: Par
     return Samples.concatenate(found) if found else None
 
 
-def _on_site(samples: Samples, site: int) -> Samples:
-    return replace(samples, site=np.full(len(samples), site))
-
-
 def default_cache() -> Path:
     """Folder for samples: ``$XDG_CACHE_HOME/scex-sumo``, else ``~/.cache/scex-sumo``."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scex-sumo"
@@ -216,5 +209,5 @@ def _write(file: Path, samples: Samples | None) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     temporary = file.with_name(f".{os.getpid()}-{file.name}")  # trainings share the cache
     with temporary.open("wb") as stream:
-        np.savez(stream, **({} if samples is None else samples.columns()))
+        np.savez(stream, **({} if samples is None else vars(samples)))
     temporary.replace(file)

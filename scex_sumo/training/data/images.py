@@ -10,7 +10,8 @@ import torch
 from torch import Tensor
 
 from scex_sumo.behaviors.learned.networks.graph_image import COS, SIN, ImageBatch, MapImage
-from scex_sumo.behaviors.learned.seen.raster import PIXEL_M, Raster, raster_of
+from scex_sumo.behaviors.learned.networks.tensors import map_image
+from scex_sumo.behaviors.learned.seen.raster import PIXEL_M
 from scex_sumo.road import Road
 from scex_sumo.training.data.batches import Batch
 
@@ -31,7 +32,7 @@ class Images:
         return cls(
             maps=tuple(
                 (*_turns(image), *_turns(_mirrored(image)))
-                for image in (_image(raster_of(road), device) for road in roads)
+                for image in (_image(road, device) for road in roads)
             )
         )
 
@@ -60,9 +61,9 @@ def turned(pose: Tensor, turns: int) -> Tensor:
     return torch.stack([x, y, heading], 1)
 
 
-def _image(raster: Raster, device: torch.device) -> MapImage:
-    values = torch.as_tensor(raster.values, dtype=torch.float32, device=device)
-    return MapImage(raster=values, corner=torch.as_tensor(raster.corner, dtype=torch.float64, device=device))
+def _image(road: Road, device: torch.device) -> MapImage:
+    image = map_image(road, torch.float32)
+    return MapImage(raster=image.raster.to(device), corner=image.corner.to(device))
 
 
 def _mirrored(image: MapImage) -> MapImage:

@@ -12,14 +12,7 @@ from scex_sumo.behaviors.learned.seen.inputs import PATH_COLUMNS
 from scex_sumo.behaviors.scene_graph.graph import EDGE_COLUMNS, HISTORY_COLUMNS, NODE_COLUMNS
 from scex_sumo.training.data.batches import Batch
 
-# Columns that change their sign.
-SIDEWAYS = {
-    "node": ("yaw_rate", "lane_offset", "lane_heading_error", "obstacle_offset"),
-    "history": ("y", "sin"),
-    "edge": ("target_offset", "source_offset", "y", "sin"),
-    "path": ("yaw_rate", "offset", "heading_error", "yaw_rate_error"),
-}
-SIDEWAYS_AHEAD = ("y_", "heading_", "curvature_")  # of the path ahead, at all distances
+AHEAD = ("y_", "heading_", "curvature_")  # columns of the path ahead, at all distances
 LEFT, RIGHT = PATH_COLUMNS.index("room_left"), PATH_COLUMNS.index("room_right")
 
 
@@ -30,14 +23,11 @@ def _signs(columns: Sequence[str], sideways: Sequence[str]) -> Tensor:
     return torch.tensor([-1.0 if name in sideways else 1.0 for name in columns])
 
 
-NODE = _signs(NODE_COLUMNS, SIDEWAYS["node"])
-HISTORY = _signs(HISTORY_COLUMNS, SIDEWAYS["history"])
-EDGE = _signs(EDGE_COLUMNS, SIDEWAYS["edge"])
-PATH = _signs(
-    PATH_COLUMNS,
-    SIDEWAYS["path"]
-    + tuple(n for n in PATH_COLUMNS if n.startswith(SIDEWAYS_AHEAD) and n != "heading_error"),
-)
+NODE = _signs(NODE_COLUMNS, ("yaw_rate", "lane_offset", "lane_heading_error", "obstacle_offset"))
+HISTORY = _signs(HISTORY_COLUMNS, ("y", "sin"))
+EDGE = _signs(EDGE_COLUMNS, ("target_offset", "source_offset", "y", "sin"))
+SIDEWAYS = ("yaw_rate", "offset", "heading_error", "yaw_rate_error")
+PATH = _signs(PATH_COLUMNS, [*SIDEWAYS, *(name for name in PATH_COLUMNS if name.startswith(AHEAD))])
 
 
 def mirrored(batch: Batch) -> Batch:
@@ -57,6 +47,5 @@ def mirrored(batch: Batch) -> Batch:
         pose=batch.pose * torch.tensor([1.0, -1.0, -1.0], dtype=batch.pose.dtype, device=device),
         d=-batch.d,
         start=batch.start * torch.tensor([1.0, -1.0, -1.0, -1.0], device=device),
-        room=batch.room.flip(1),
         xy=batch.xy * torch.tensor([1.0, -1.0], device=device),
     )

@@ -31,8 +31,6 @@ def perturbed(history: States, perturbation: Perturbation, rng: np.random.Genera
 
     Args:
         history: (V, T), the last column is the present.
-        perturbation: how far.
-        rng: what is drawn from.
 
     Returns:
         (V, T); speeds stay.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 
@@ -39,11 +38,9 @@ class Samples:
         history: (N, 11, 5) likewise.
         pose: (N, 3) x and y of the vehicle's centre in the map's coordinates, and its heading.
         edge_index: (2, E) source and target within the graph.
-        edge_kind: (E,)
         edge: (E, K) features.
         pair_node: (P,) the vehicle, within the graph.
         feature: (P, D), as in `PathInputs`.
-        room: (P, 2) likewise.
         right: (P,) True for the path that the vehicle took.
         s: (P, H) m, target: way along the path; 0 where the path is not right.
         d: (P, H) m, target: offset from the path.
@@ -60,11 +57,9 @@ class Samples:
     history: FloatArray
     pose: FloatArray
     edge_index: IntArray
-    edge_kind: IntArray
     edge: FloatArray
     pair_node: IntArray
     feature: FloatArray
-    room: FloatArray
     right: BoolArray
     s: FloatArray
     d: FloatArray
@@ -83,10 +78,6 @@ class Samples:
             joined[f.name] = np.concatenate([getattr(part, f.name) for part in parts], axis=axis)
         return cls(**joined)
 
-    def columns(self) -> dict[str, Any]:
-        """The arrays by name, as files keep them."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
-
 
 def scene_samples(
     scene: SeedScene, road: Road, states: States, *, site: int = 0, step: int = 0
@@ -99,7 +90,6 @@ def scene_samples(
 
     Args:
         scene: the seed scene, with its future.
-        road: the map.
         states: (C, V, 11) what the drivers see, oldest first.
         site: number of the site.
         step: steps since the seed scene.
@@ -118,10 +108,11 @@ def scene_samples(
     vehicle = np.tile(usable[owner], children)
     who = Who(child=child, vehicle=vehicle)
     rows, takes = np.tile(row, children), np.tile(right, children)
-    history = _history(scene, states, step)
+    drawn = np.zeros((children, scene.vehicles))
+    history = history_at(scene, states, np.arange(children), drawn, step=step)
     goal = _goals(paths, rows, who, history, recorded[vehicle], future[vehicle][:, :PLAN_STEPS])
     keep = goal.near
-    who = Who(child=child[keep], vehicle=vehicle[keep])
+    who = who[keep]
     inputs = path_inputs(history, road, who, paths, rows[keep])
     graph = scene_graph(history, road)
     count = scene.vehicles
@@ -137,11 +128,9 @@ def scene_samples(
         history=graph.history.astype(np.float32),
         pose=np.stack([now.x, now.y, now.heading], -1).reshape(-1, 3),
         edge_index=graph.edge_index[:, order] % count,
-        edge_kind=graph.edge_kind[order],
         edge=graph.edge[order].astype(np.float32),
         pair_node=who.vehicle,
         feature=inputs.features.astype(np.float32),
-        room=inputs.room.astype(np.float32),
         right=takes[keep],
         s=goal.s[keep].astype(np.float32),
         d=goal.d[keep].astype(np.float32),
@@ -211,8 +200,3 @@ def _sampled(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
     """(6, n, H) path properties at (n, H) arc lengths."""
     n, steps = s.shape
     return sample(paths, np.repeat(row, steps), s.ravel()).reshape(6, n, steps)
-
-
-def _history(scene: SeedScene, states: States, step: int) -> SceneHistory:
-    children, vehicles, _ = states.shape
-    return history_at(scene, states, np.arange(children), np.zeros((children, vehicles)), step=step)

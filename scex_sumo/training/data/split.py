@@ -69,7 +69,6 @@ def split_moments(moments: Sequence[Moment], split: Split) -> dict[Part, list[Mo
 
     Args:
         moments: of one recording, in order.
-        split: how.
     """
     parts: dict[Part, list[Moment]] = {part: [] for part in PARTS}
     if not moments:

@@ -20,7 +20,6 @@ def along_paths(
     """Places in the coordinates of paths.
 
     Args:
-        paths: the paths.
         row: (n,) path of each vehicle.
         start: (n,) present states.
         future: (n, F).
@@ -46,7 +45,6 @@ def right_paths(
     """Which candidate paths the vehicles really took.
 
     Args:
-        paths: paths of the seed scene.
         vehicle: (k,) vehicles with a recorded future.
         now: (k,) their present states.
         future: (k, F), as long as it was recorded, for what comes after the plan tells forks apart.

@@ -50,7 +50,7 @@ def batch_of(scene: SeedScene, where: roads.Road) -> Batch:
 
 def tensors(batch: Batch) -> dict[str, torch.Tensor]:
     found = {**batch.scene._asdict(), "features": batch.path.features}
-    return found | {name: getattr(batch, name) for name in ("pose", "s", "d", "start", "room", "xy")}
+    return found | {name: getattr(batch, name) for name in ("pose", "s", "d", "start", "xy")}
 
 
 def test_a_curve_to_the_left_becomes_one_to_the_right() -> None:
@@ -59,7 +59,7 @@ def test_a_curve_to_the_left_becomes_one_to_the_right() -> None:
     assert float(right["d"].mean()) == pytest.approx(-0.4, abs=0.05)  # the inside is right of the path
     for name, values in right.items():
         # The grid of the drivable surface has cells of 0.25 m, which do not lie in the mirror.
-        loose = 0.5 if name in ("room", "features") else 2e-3
+        loose = 0.5 if name == "features" else 2e-3
         np.testing.assert_allclose(left[name], values, atol=loose, err_msg=name)
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
-from torch_geometric.nn import GATv2Conv
 
 from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.learned.networks.attention import EdgeAttention
 from scex_sumo.behaviors.learned.networks.layers import Linear, Scaler, mlp, snapped
 from scex_sumo.behaviors.learned.seen.inputs import OWN_COLUMNS, PATH_COLUMNS
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
@@ -95,10 +95,6 @@ class Architecture:
     edges: bool = True
     free: bool = True
 
-    def as_dict(self) -> dict[str, Any]:
-        """For the file of weights."""
-        return asdict(self)
-
 
 class SceneEncoder(nn.Module):
     """Vehicles as vectors: each one's history and properties, then attention along the scene graph."""
@@ -112,9 +108,7 @@ class SceneEncoder(nn.Module):
         layers = sizes.layers if sizes.edges else 0
         each = sizes.hidden // sizes.heads
         self.attend = nn.ModuleList(
-            GATv2Conv(
-                sizes.hidden, each, heads=sizes.heads, edge_dim=sizes.edge_columns, add_self_loops=False
-            )
+            EdgeAttention(sizes.hidden, each, heads=sizes.heads, edge_columns=sizes.edge_columns)
             for _ in range(layers)
         )
         self.norm = nn.ModuleList(nn.LayerNorm(sizes.hidden) for _ in range(layers + 1))

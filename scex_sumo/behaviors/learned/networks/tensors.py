@@ -17,25 +17,20 @@ from scex_sumo.road import Road
 
 def architecture(**numbers: int | bool) -> Architecture:
     """The shipped sizes for the columns that scene graphs and path inputs have; any number can be changed."""
-    columns: dict[str, Any] = {"node_columns": len(NODE_COLUMNS), "edge_columns": len(EDGE_COLUMNS)}
-    return Architecture(**{**columns, **numbers})
+    sizes: dict[str, Any] = {"node_columns": len(NODE_COLUMNS), "edge_columns": len(EDGE_COLUMNS), **numbers}
+    return Architecture(**sizes)
 
 
-def scene_batch(graph: SceneGraph, dtype: torch.dtype = torch.float64) -> SceneBatch:
-    """A scene graph as tensors."""
-    return SceneBatch(
-        node=torch.from_numpy(np.ascontiguousarray(graph.node)).to(dtype),
-        history=torch.from_numpy(np.ascontiguousarray(graph.history)).to(dtype),
-        edge_index=torch.from_numpy(np.ascontiguousarray(graph.edge_index)),
-        edge=torch.from_numpy(np.ascontiguousarray(graph.edge)).to(dtype),
-    )
+def scene_batch(graph: SceneGraph) -> SceneBatch:
+    """A scene graph as float64 tensors."""
+    parts = (graph.node, graph.history, graph.edge_index, graph.edge)
+    return SceneBatch(*(torch.from_numpy(np.ascontiguousarray(part)) for part in parts))
 
 
-def path_batch(inputs: PathInputs, dtype: torch.dtype = torch.float64) -> PathBatch:
-    """Path inputs as tensors."""
+def path_batch(inputs: PathInputs) -> PathBatch:
+    """Path inputs as float64 tensors."""
     return PathBatch(
-        node=torch.from_numpy(np.ascontiguousarray(inputs.node)),
-        features=torch.from_numpy(inputs.features).to(dtype),
+        node=torch.from_numpy(np.ascontiguousarray(inputs.node)), features=torch.from_numpy(inputs.features)
     )
 
 

@@ -48,18 +48,11 @@ class PathInputs:
 
     Attributes:
         node: (n,) child * V + vehicle.
-        row: (n,) row of `SeedPaths`.
         features: (n, P) the `PATH_COLUMNS`.
-        s: (n,) arc length of the vehicle's centre on the path, m.
-        room: (n, 2) how far left and right of the path the centre may be before the box leaves the drivable
-            surface, m, at least 0.
     """
 
     node: IntArray
-    row: IntArray
     features: FloatArray
-    s: FloatArray
-    room: FloatArray
 
 
 def path_inputs(
@@ -75,10 +68,7 @@ def path_inputs(
     deceleration that brings it to zero within the gap.
 
     Args:
-        history: the present.
-        road: the map.
         who: the n vehicles; the same vehicle may be there with several paths.
-        paths: paths of the seed scene.
         row: (n,) path of each.
         radius: perception radius for leaders, m.
     """
@@ -112,7 +102,7 @@ def path_inputs(
         axis=1,
     )
     node = who.child * history.scene.vehicles + who.vehicle
-    return PathInputs(node=node, row=row, features=features, s=s, room=sides)
+    return PathInputs(node=node, features=features)
 
 
 def rates(history: SceneHistory, who: Who) -> tuple[FloatArray, FloatArray]:

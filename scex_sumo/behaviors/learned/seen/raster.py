@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.behaviors.learned.seen.surface import cells_of, lane_outline
+from scex_sumo.behaviors.learned.seen.surface import cells_of, fill, lane_outline
 from scex_sumo.derived import derived
-from scex_sumo.geometry.polylines import along, arc_lengths, length_of
+from scex_sumo.geometry.polylines import along, length_of
 from scex_sumo.road import Lane, Road
 
 PIXEL_M = 1.0
@@ -29,12 +29,10 @@ class Raster:
         values: (7, R, C) the `CHANNELS`, each about -1 to 1; row 0 is the lowest y. cos and sin are those of
             the lanes' direction, times the drivable share.
         corner: (2,) centre of the pixel in row 0, column 0, m.
-        pixel: side of a pixel, m.
     """
 
     values: FloatArray
     corner: FloatArray
-    pixel: float = PIXEL_M
 
 
 @derived
@@ -55,14 +53,15 @@ def raster_of(road: Road) -> Raster:
         _draw_lane(fine, count, lane, fine_corner)
     covered = np.maximum(count, 1.0)
     fine[1:] /= covered
-    values[[0, 3, 4, 5]] = _coarse(fine)
+    values[[0, 3, 4, 5]] = fine.reshape(4, rows, FINE, columns, FINE).mean(axis=(2, 4))
     for lane in lanes:
         for bound in (lane.left_bound, lane.right_bound):
             _draw_line(values[1], bound, corner)
     for marking in road.markings:
         _draw_line(values[2], marking.points, corner)
-    for outline in _crossings(road):
-        _draw_area(values[6], outline, corner)
+    for area in road.areas:
+        if area.kind in CROSSING and len(area.outline) >= 3:
+            fill(values[6], area.outline, corner, PIXEL_M)
     return Raster(values=values, corner=corner)
 
 
@@ -75,8 +74,8 @@ def _draw_lane(fine: FloatArray, count: FloatArray, lane: Lane, corner: FloatArr
         return
     x = corner[0] + PIXEL_M / FINE * np.arange(columns.start, columns.stop)
     y = corner[1] + PIXEL_M / FINE * np.arange(rows.start, rows.stop)
-    at = np.linspace(0.0, length_of(lane.centreline), max(2, int(length_of(lane.centreline)) + 1))
-    line = along(lane.centreline, at)
+    length = length_of(lane.centreline)
+    line = along(lane.centreline, np.linspace(0.0, length, max(2, int(length) + 1)))
     step = np.gradient(line, axis=0)
     direction = step / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
     i, j = np.nonzero(hit)
@@ -89,29 +88,12 @@ def _draw_lane(fine: FloatArray, count: FloatArray, lane: Lane, corner: FloatArr
     count[i, j] += 1
 
 
-def _coarse(fine: FloatArray) -> FloatArray:
-    channels, rows, columns = fine.shape
-    blocks = fine.reshape(channels, rows // FINE, FINE, columns // FINE, FINE)
-    mean: FloatArray = blocks.mean(axis=(2, 4))
-    return mean
-
-
 def _draw_line(channel: FloatArray, points: FloatArray, corner: FloatArray) -> None:
     """Set the pixels that a line passes."""
     if len(points) < 2:
         return
-    length = float(arc_lengths(points)[-1])
+    length = length_of(points)
     dense = along(points, np.linspace(0.0, length, int(length / (PIXEL_M / 4)) + 2))
     column, row = np.round((dense - corner) / PIXEL_M).astype(int).T
     inside = (row >= 0) & (row < channel.shape[0]) & (column >= 0) & (column < channel.shape[1])
     channel[row[inside], column[inside]] = 1.0
-
-
-def _draw_area(channel: FloatArray, outline: FloatArray, corner: FloatArray) -> None:
-    rows, columns, hit = cells_of(outline, corner, PIXEL_M, (channel.shape[0], channel.shape[1]))
-    channel[rows, columns][hit] = 1.0
-
-
-def _crossings(road: Road) -> list[FloatArray]:
-    """Outlines of crosswalks."""
-    return [area.outline for area in road.areas if area.kind in CROSSING and len(area.outline) >= 3]

@@ -97,7 +97,7 @@ def surface_of(road: Road) -> Surface:
     columns, rows = (np.ceil((high - low) / cell).astype(int) + 1).tolist()
     inside = np.zeros((rows, columns), dtype=np.bool_)
     for outline in outlines:
-        _fill(inside, outline, low, cell)
+        fill(inside, outline, low, cell)
     # Cells next to the edge are half a cell away from it.
     depth = distance_transform_edt(inside) - distance_transform_edt(~inside)
     return Surface(depth=(depth - 0.5 * np.sign(depth)) * cell, corner=low, cell=cell)
@@ -121,9 +121,10 @@ def cells_of(
     return rows, columns, np.asarray(hit).reshape(len(y), len(x))
 
 
-def _fill(inside: BoolArray, outline: FloatArray, low: FloatArray, cell: float) -> None:
-    rows, columns, hit = cells_of(outline, low, cell, (inside.shape[0], inside.shape[1]))
-    inside[rows, columns] |= hit
+def fill(grid: BoolArray | FloatArray, outline: FloatArray, low: FloatArray, cell: float) -> None:
+    """Set the cells of a grid to 1 whose centres lie in a polygon."""
+    rows, columns, hit = cells_of(outline, low, cell, (grid.shape[0], grid.shape[1]))
+    grid[rows, columns][hit] = 1
 
 
 @derived

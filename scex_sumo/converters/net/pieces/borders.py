@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 
@@ -21,42 +22,40 @@ TOGETHER_M = 0.1
 ALIGNED = math.radians(20.0)
 
 
-def add_entries(lanes: Mapping[int, Lane]) -> dict[int, Lane]:
+def add_entries(lanes: Mapping[int, Lane], taken: Collection[int] = ()) -> dict[int, Lane]:
     """Vehicle lanes, with a short common lane where some begin, or end, at one point of the border.
 
     The new lanes take the first (last) decimetre of the lanes that they lead to, with 1.9 m before the border
-    where they are entries; their ids are new.
+    where they are entries; their ids are new, and none of those taken by lanes of other kinds.
     """
     result = dict(lanes)
-    fresh = max([0, *lanes]) + 1
+    ids = (i for i in count(max([0, *lanes]) + 1) if i not in taken)
     for group in _groups(lanes, lambda lane: not lane.predecessors, end=False):
-        first = result[group[0]]
+        first, fresh = result[group[0]], next(ids)
         line = _prolonged(cut(first.centreline, 0.0, ENTRY_M))
         result[fresh] = _piece(first, fresh, line, successors=tuple(group))
         for i in group:
             line = result[i].centreline
             rest = cut(line, ENTRY_M, length_of(line))
             result[i] = replace(result[i], centreline=rest, predecessors=(fresh,))
-        fresh += 1
     for group in _groups(result, lambda lane: not lane.successors, end=True):
         line = result[group[0]].centreline
-        last = cut(line, length_of(line) - ENTRY_M, length_of(line))
+        last, fresh = cut(line, length_of(line) - ENTRY_M, length_of(line)), next(ids)
         result[fresh] = _piece(result[group[0]], fresh, last, predecessors=tuple(group))
         for i in group:
             line = result[i].centreline
             rest = cut(line, 0.0, length_of(line) - ENTRY_M)
             result[i] = replace(result[i], centreline=rest, successors=(fresh,))
-        fresh += 1
     return result
 
 
 def _groups(lanes: Mapping[int, Lane], loose: Callable[[Lane], bool], *, end: bool) -> list[list[int]]:
     """Lanes without neighbours to change to that begin (end) together, aligned, at the map's border."""
     tips: list[tuple[int, FloatArray, float]] = []
+    beside = {i for lane in lanes.values() for i in (lane.left, lane.right)}
     for i, lane in sorted(lanes.items()):
-        beside = lane.left is not None or lane.right is not None
-        beside |= any(i in (other.left, other.right) for other in lanes.values())
-        if loose(lane) and not beside and length_of(lane.centreline) > 10 * ENTRY_M:
+        changing = lane.left is not None or lane.right is not None or i in beside
+        if loose(lane) and not changing and length_of(lane.centreline) > 10 * ENTRY_M:
             tip = lane.centreline[-1 if end else 0]
             tips.append((i, tip, heading(lane.centreline, end=end, reach=1.0)))
     groups: list[list[int]] = []
@@ -68,7 +67,7 @@ def _groups(lanes: Mapping[int, Lane], loose: Callable[[Lane], bool], *, end: bo
             j
             for j, other, other_angle in tips
             if j not in taken
-            and float(np.hypot(*(tip - other))) < TOGETHER_M
+            and math.dist(tip, other) < TOGETHER_M
             and abs(turn(angle, other_angle)) < ALIGNED
         ]
         if len(group) > 1:

@@ -17,7 +17,6 @@ NodeOf: TypeAlias = Callable[[int, int], tuple[int, int]]  # row and cut to the 
 
 ROOM_M = 7.5  # a car of 5 m and SUMO's default gap of 2.5 m
 NARROW_M = 4.0
-CHANGE_M = 5.0  # edge cut into a row that lies wholly in a junction, so that lanes can be changed
 
 
 class Chains:
@@ -134,12 +133,9 @@ def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
 def open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
     """The rows with edges cut into junction pieces until every junction is one that SUMO can handle.
 
-    Cut are: pieces where traffic comes together and parts again within one junction; two ways through a
-    junction between the same two road pieces, which SUMO could not tell apart; rows without any place for
-    changing lanes.
+    Cut are: pieces where traffic comes together and parts again within one junction; and two ways through a
+    junction between the same two road pieces, which SUMO could not tell apart.
     """
-    closed = [len(row.lanes) > 1 and all(row.inside) for row in rows]
-    rows = [_opened(row, 0, CHANGE_M) if shut else row for row, shut in zip(rows, closed, strict=True)]
     chains = Chains(rows, lanes)
     for _ in range(sum(row.pieces for row in rows)):
         knot = _knot(chains)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -140,6 +140,12 @@ def cut_lanes(lanes: Mapping[int, Lane], found: Sequence[Conflict]) -> tuple[Top
         The graph, and the permitted lane changes (from, to) that it cannot hold.
     """
     rows, lost = build_rows(lanes)
+    closed = {i for row in lay_zones(rows, lanes, found) if all(row.inside) for i in row.lanes}
+    # Lanes without a stretch clear of other traffic: the edge for their changes would hide a conflict.
+    inside = [(i, j) for i in sorted(closed) for j in (lanes[i].left, lanes[i].right) if j is not None]
+    lost += [change for change in inside if change not in lost]
+    lanes = {i: replace(x, left=None, right=None) if i in closed else x for i, x in lanes.items()}
+    rows, _ = build_rows(lanes)
     rows = open_knots(lay_zones(rows, lanes, found), lanes)
     rows = fill_gaps(rows, lanes, Topology(rows, lanes, found).node)
     rows = split_loops(rows, Topology(rows, lanes, found).node)

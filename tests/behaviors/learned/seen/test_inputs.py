@@ -78,7 +78,8 @@ def test_a_leader_is_seen_with_its_gap_and_what_stopping_for_it_takes() -> None:
 
 def test_room_is_what_the_box_has_beside_it() -> None:
     inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 10.0), width=1.8))
-    assert inputs.room == pytest.approx(np.full((1, 2), 1.75 - 0.9), abs=1.5 * CELL_M)
+    for side in ("room_left", "room_right"):
+        assert column(inputs, side) == pytest.approx(1.75 - 0.9, abs=1.5 * CELL_M)
 
 
 def test_the_end_of_the_mapped_road_comes_nearer() -> None:

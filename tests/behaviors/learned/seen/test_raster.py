@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.learned.seen.raster import CHANNELS, LIMIT_SCALE_MPS, MARGIN_M, raster_of
+from scex_sumo.behaviors.learned.seen.raster import (
+    CHANNELS,
+    LIMIT_SCALE_MPS,
+    MARGIN_M,
+    PIXEL_M,
+    raster_of,
+)
 from scex_sumo.road import Area, Marking
 from tests.behaviors import roads
 
@@ -17,7 +23,7 @@ def test_a_lane_is_drawn_with_its_width_direction_and_limit() -> None:
     end = (100 * np.cos(turn), 100 * np.sin(turn))
     raster = raster_of(roads.road(roads.lane(1, [(0.0, 0.0), end], limit=10.0, width=4.0)))
     drivable, _, _, cos, sin, limit, _ = raster.values
-    assert drivable.sum() * raster.pixel**2 == pytest.approx(400.0, rel=0.02)  # its area, m²
+    assert drivable.sum() * PIXEL_M**2 == pytest.approx(400.0, rel=0.02)  # its area, m²
     column, row = np.round(np.array([50 * np.cos(turn), 50 * np.sin(turn)]) - raster.corner).astype(int)
     assert drivable[row, column] == 1.0
     assert cos[row, column] == pytest.approx(np.cos(turn), abs=1e-6)

@@ -1,0 +1,13 @@
+"""``scex-sumo report``: the page of a result folder, written again."""
+
+from __future__ import annotations
+
+from scex_sumo.commands.options import Result
+
+
+def report_command(folder: Result) -> None:
+    """Write report.html of a result folder again: all that is in it, to look at in a browser."""
+    from scex_sumo.reports.page.report import write_report
+    from scex_sumo.results.run import open_run
+
+    print(write_report(open_run(folder)))

@@ -1,0 +1,180 @@
+"""Contents of a run's report: everything that its page shows, as words and arrays."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.errors import ScexError, UsageError
+from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.registry import metric_of
+from scex_sumo.reports.page.packing import quantized, second_sums
+from scex_sumo.reports.page.road_lines import UNIT_M, road_arrays
+from scex_sumo.reports.page.tables import (
+    collision_arrays,
+    encounter_rows,
+    event_arrays,
+    likely_collisions,
+    likely_values,
+    metric_values,
+)
+from scex_sumo.reports.page.tracks import HEADING_RAD, POSITION_M, unique_tracks, whole_tracks
+from scex_sumo.results.run import Run
+from scex_sumo.scene import HISTORY_STEPS, SeedScene
+from scex_sumo.statistics.density import BANDWIDTH
+
+_AROUND_M = 60.0
+_COLORS = {
+    "standard_driver": "#3f8fd2",
+    "risky_driver": "#d55e00",
+    "constant_velocity": "#e6a817",
+    "emergency_brake": "#a65fa0",
+    "calibrated_driver": "#0aa37a",
+    "graph_predictor": "#35b9c9",
+    "graph_image_predictor": "#c77c9e",
+    "replay": "#8a9199",
+}
+_OTHER_COLORS = ("#5b62c2", "#8c6d46", "#7fae2e", "#d0567a", "#6f7d8c")
+"""Of models; after Okabe and Ito, apart for the colour-blind, on light and dark ground."""
+
+
+def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What the report of a run shows.
+
+    Args:
+        run: a finished run.
+        scene: its seed scene, where it is at hand; else it is read from the folder.
+
+    Returns:
+        Words and single numbers, and arrays by name.
+    """
+    scene = scene or run.scene
+    track_ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
+    levels, models = _assignment(run, len(track_ids))
+    metrics = [_metric(run, column) for column in run.columns]
+    tracks = unique_tracks(run)
+    arrays: dict[str, Any] = {
+        "start": tracks.start,
+        "motion": tracks.motion,
+        "which": tracks.which,
+        "levels": levels,
+        "sizes": quantized(np.stack([scene.length, scene.width], axis=1), POSITION_M),
+        "values": metric_values(run.metrics, run.columns),
+        **event_arrays(run, track_ids, run.columns),
+        **collision_arrays(run, track_ids),
+        **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
+        **road_arrays(_net(run), _box(tracks.start, tracks.motion)),
+    }
+    likely = likely_values(run, run.columns)
+    if likely is not None:
+        arrays["likely"] = likely
+    return _words(run, scene, track_ids, models, metrics), arrays
+
+
+def _words(
+    run: Run, scene: SeedScene, track_ids: list[int], models: list[str], metrics: list[dict[str, Any]]
+) -> dict[str, Any]:
+    known = run.info["seed_scene"]
+    command = run.info.get("command") or []
+    return {
+        "name": known["name"],
+        "location": known.get("location", ""),
+        "time_s": known.get("time_s"),
+        "children": run.children,
+        "steps": int(run.info["steps"]),
+        "folder": str(run.folder),
+        "command": shlex.join([str(word) for word in command]),
+        "quoted": shlex.quote(str(run.folder)),
+        "version": run.info.get("scex_sumo", ""),
+        "seed": run.info.get("seed"),
+        "design": run.info.get("design"),
+        "under_test": sorted(int(track) for track in run.info.get("under_test") or {}),
+        "notes": [*known.get("notes", []), *run.info.get("net_notes", []), *run.info.get("run_notes", [])],
+        "track_ids": track_ids,
+        "types": list(scene.types),
+        "models": models,
+        "colors": model_colors(models),
+        "metrics": metrics,
+        "bandwidth": BANDWIDTH,
+        "units": {"position": POSITION_M, "heading": HEADING_RAD, "road": UNIT_M},
+        "encounters": encounter_rows(run),
+        "likely_collisions": likely_collisions(run),
+    }
+
+
+def model_colors(models: list[str]) -> list[str]:
+    """A colour for each model; models of one name with other parameters have others."""
+    known = [_COLORS.get(model) for model in models]
+    others = iter(_OTHER_COLORS * len(models))
+    return [color or next(others) for color in known]
+
+
+def _metric(run: Run, column: str) -> dict[str, Any]:
+    """One metric column: what it is called, and where it is critical."""
+    base = column.removesuffix("_mean")
+    found, rest = _known_metric(base)
+    known = run.recorded is not None and column in run.recorded.column_names
+    recorded = run.recorded_value(column) if known else None
+    return {
+        "column": column,
+        "name": (found.words if found else "") + rest.replace("_", " "),
+        "unit": found.column_unit if found else "",
+        "mean": column.endswith("_mean"),
+        "side": found.side if found else "left",
+        "threshold": run.thresholds.get(column),
+        "recorded": recorded,
+    }
+
+
+def _known_metric(base: str) -> tuple[Metric | None, str]:
+    """The metric that a column begins with, e.g. that of ``ttc_path``, and how the column goes on."""
+    words = base.split("_")
+    for count in range(len(words), 0, -1):
+        name = "_".join(words[:count])
+        try:
+            return metric_of(name), base[len(name) :]
+        except UsageError:
+            continue
+    return None, base
+
+
+def _assignment(run: Run, vehicles: int) -> tuple[IntArray, list[str]]:
+    """(C, V) who drove whom, and the models' names."""
+    drove = run.assignments["model"].combine_chunks().dictionary_encode()
+    return np.asarray(drove.indices, dtype=np.int64).reshape(-1, vehicles), drove.dictionary.to_pylist()
+
+
+def _recorded_arrays(scene: SeedScene, start: IntArray, steps: int) -> dict[str, NDArray[Any]]:
+    """The recorded future as far as the children go, and who else was there."""
+    arrays: dict[str, NDArray[Any]] = {}
+    if scene.future is not None and scene.future.shape[1]:
+        valid = scene.future_valid
+        there = np.ones(scene.future.shape, dtype=bool) if valid is None else valid
+        future = scene.future.map(lambda values: np.where(there, values, 0.0)[:, :steps])
+        arrays["recorded"] = whole_tracks(future, start)
+        arrays["recorded_valid"] = there[:, :steps].astype(np.int8)
+    others = scene.obstacles
+    if others is not None:
+        part = slice(HISTORY_STEPS, HISTORY_STEPS + steps + 1)
+        places = np.stack([others.states.x[:, part], others.states.y[:, part]], axis=-1)
+        arrays["others"] = quantized(np.where(others.present[:, part, None], places, 0.0), POSITION_M)
+        arrays["others_present"] = others.present[:, part].astype(np.int8)
+    return arrays
+
+
+def _box(start: IntArray, motion: IntArray) -> tuple[float, float, float, float]:
+    """Around everything that moves, m."""
+    reach: FloatArray = np.abs(second_sums(motion)[:, :, :2]).max(axis=(0, 1)) * POSITION_M + _AROUND_M
+    low, high = start[:, :2].min(axis=0) * POSITION_M, start[:, :2].max(axis=0) * POSITION_M
+    return low[0] - reach[0], high[0] + reach[0], low[1] - reach[1], high[1] + reach[1]
+
+
+def _net(run: Run) -> Any:
+    try:
+        return run.net.path
+    except (ScexError, KeyError):  # a result without its net is shown without a road
+        return run.folder / "none.net.xml"

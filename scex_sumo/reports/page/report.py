@@ -1,0 +1,34 @@
+"""Report of a run: ``report.html`` in its result folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from scex_sumo.files import write_atomic
+from scex_sumo.reports.page.contents import report_contents
+from scex_sumo.reports.page.shell import COMPONENTS, page_html
+from scex_sumo.results.run import Run
+from scex_sumo.scene import SeedScene
+
+REPORT = "report.html"
+
+
+def write_report(run: Run, scene: SeedScene | None = None) -> Path:
+    """Write the report of a run into its folder.
+
+    Args:
+        run: a finished run.
+        scene: its seed scene, where it is at hand; else it is read from the folder.
+
+    Returns:
+        The file.
+    """
+    path = run.folder / REPORT
+    write_atomic(path, report_html(run, scene).encode())
+    return path
+
+
+def report_html(run: Run, scene: SeedScene | None = None) -> str:
+    """The report of a run as HTML."""
+    info, arrays = report_contents(run, scene)
+    return page_html(info["name"], "report.html", (*COMPONENTS, "report.js"), info, arrays)

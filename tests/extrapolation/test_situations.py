@@ -1,0 +1,102 @@
+"""Distinct situations: a model is asked less often, and every plan stays the same to the bit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity, ConstantVelocityProfile
+from scex_sumo.behaviors.profiles import DEFAULTS
+from scex_sumo.behaviors.registry import LEARNED, build, parse_models
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.extrapolation.situations import plan_once, sight_of
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, Who
+from tests.behaviors import roads
+from tests.behaviors.learned import nets
+from tests.behaviors.test_batches import ROAD, SCENE, history
+
+NAMES = [*DEFAULTS, "sumo:EIDM", "constant_velocity:guard=true", "standard_driver:guard=true"]
+RANDOM = [f"{name}:path=random" for name in (*DEFAULTS, "sumo:EIDM", "risky_driver:guard=true")]
+
+
+def alike() -> SceneHistory:
+    """Seven children, of which the second and the fifth, and the third and the last, came to the same."""
+    whole = history(7)
+    same = np.array([0, 1, 2, 3, 1, 5, 2])
+    return replace(whole, states=whole.states[same])
+
+
+def asked(model: Behavior, whole: SceneHistory, who: Who) -> tuple[Plan, Plan]:
+    """What the model plans, asked for everybody and asked once for each situation."""
+    rng = [np.random.default_rng(c) for c in range(len(whole.children))]
+    return model.plan(whole, ROAD, who, rng), plan_once(model, whole, ROAD, who, rng)
+
+
+def everybody(whole: SceneHistory) -> Who:
+    child, vehicle = np.indices(whole.now.shape).reshape(2, -1)
+    return Who(child=child, vehicle=vehicle)
+
+
+@pytest.fixture(params=[*NAMES, *RANDOM, "graph_predictor:mode=draw"])
+def model(request: pytest.FixtureRequest, tmp_path: Path) -> Behavior:
+    name, *rest = request.param.split(":")
+    if name in LEARNED:
+        pytest.importorskip("torch")
+        rest.append(f"weights={nets.untrained(tmp_path, name, SCENE, ROAD)}")
+    if name == "sumo":
+        return build(parse_models(request.param)[0])
+    return ModelSet.of(RunSettings(models=":".join([name, *rest]))).built[0]
+
+
+@pytest.mark.parametrize(
+    "whole", [roads.present(SCENE, 7), alike(), history(7)], ids=["seed", "alike", "apart"]
+)
+def test_plans_are_the_same_to_the_bit(model: Behavior, whole: SceneHistory) -> None:
+    some = everybody(whole)
+    for who in (some, Who(child=some.child[::3], vehicle=some.vehicle[::3])):
+        each, once = asked(model, whole, who)
+        for key in ("x", "y", "heading", "speed"):
+            np.testing.assert_array_equal(getattr(once, key), getattr(each, key))
+        assert once.reasons == each.reasons
+        assert (once.fallback is None) == (each.fallback is None)
+        if each.fallback is not None:
+            np.testing.assert_array_equal(once.fallback, each.fallback)
+
+
+class Counting(ConstantVelocity):
+    """Counts the vehicles that it is asked for."""
+
+    def __init__(self) -> None:
+        super().__init__(ConstantVelocityProfile())
+        self.asked: list[int] = []
+
+    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+        self.asked.append(len(who))
+        return super().plan(history, road, who, rng)
+
+
+def test_the_first_plan_is_one_for_each_vehicle(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, whole = Counting(), roads.present(SCENE, 7)
+    monkeypatch.setattr(Counting, "__module__", ConstantVelocity.__module__)
+    asked(model, whole, everybody(whole))
+    assert model.asked == [7 * SCENE.vehicles, SCENE.vehicles]
+
+
+def test_a_users_model_is_asked_for_everybody_even_where_it_takes_after_one_of_ours() -> None:
+    model, whole = Counting(), roads.present(SCENE, 7)
+    asked(model, whole, everybody(whole))
+    assert model.asked == [7 * SCENE.vehicles, 7 * SCENE.vehicles]
+
+
+@pytest.mark.parametrize("name", RANDOM)
+def test_a_model_that_draws_is_asked_for_everybody(name: str) -> None:
+    if name.startswith(LEARNED):
+        pytest.skip("needs weights")
+    assert sight_of(build(parse_models(name)[0])) is None

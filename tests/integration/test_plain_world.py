@@ -1,0 +1,66 @@
+"""Plain world: what SUMO holds too, where SUMO drives nobody: states and metrics to 1e-9."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import scex_sumo
+from scex_sumo.errors import UsageError
+from scex_sumo.results.run import Run
+from scex_sumo.scenarios import EXAMPLES
+from scex_sumo.scene import SeedScene
+
+MODELS = "rules,calibrated_driver,replay,risky_driver:path=random,constant_velocity:guard=true"
+EXACT = 1e-9  # m, rad, m/s: SUMO's angles in degrees and front bumpers cost some 1e-12 of them
+
+
+def in_both(scene: SeedScene, out: Path, **settings: object) -> list[Run]:
+    worlds = ("sumo", "plain")
+    return [scex_sumo.extrapolate(scene, out=out / world, world=world, **settings) for world in worlds]
+
+
+def assert_equal(runs: list[Run]) -> None:
+    for name in ("tracks", "metrics"):
+        sumo, plain = (getattr(run, name) for run in runs)
+        assert sumo.column_names == plain.column_names
+        for column in sumo.column_names:
+            one, other = (table[column].to_numpy(zero_copy_only=False) for table in (sumo, plain))
+            if one.dtype.kind != "f":
+                assert np.array_equal(one, other)
+                continue
+            if column == "psi_rad":  # pi and -pi are one heading
+                one, other = np.cos(one - other), np.ones_like(other)
+            np.testing.assert_allclose(other, one, rtol=EXACT, atol=EXACT, err_msg=f"{name} {column}")
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_both_worlds_hold_the_same_on_the_example_maps(name: str, tmp_path: Path) -> None:
+    scene = scex_sumo.read_seed(scex_sumo.example_path(name))
+    models = MODELS if scene.future is not None else MODELS.replace("replay,", "")
+    assert_equal(in_both(scene, tmp_path, models=models, children=24))
+
+
+@pytest.mark.parametrize("models", ["paper", "graph_image_predictor:head=free,graph_predictor:mode=draw"])
+def test_both_worlds_hold_the_same_with_networks(models: str, tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
+    assert_equal(in_both(scene, tmp_path, models=models, children=12))
+
+
+def test_both_worlds_hold_the_same_on_all_real_maps(data: Path, tmp_path: Path) -> None:
+    for path in [*data.glob("interaction/maps/*.osm"), *data.glob("taf_bw/maps/*.osm")]:
+        scene = scex_sumo.synthetic_seed(path, vehicles=10)
+        assert_equal(
+            in_both(scene, tmp_path / path.stem, models="rules,calibrated_driver:path=random", children=6)
+        )
+
+
+def test_sumo_drives_nobody_in_the_plain_world() -> None:
+    scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
+    with pytest.raises(UsageError, match=r"^--world plain: sumo:EIDM is driven by SUMO"):
+        scex_sumo.extrapolate(scene, models="sumo:EIDM", world="plain", children=2)
+    with pytest.raises(UsageError, match=r"^--world: got 'moon', needs sumo or plain$"):
+        scex_sumo.extrapolate(scene, world="moon", children=2)

@@ -1,0 +1,62 @@
+"""A small real run, and its report in a real browser."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scex_sumo import example_path
+from scex_sumo.reports.page.report import write_report
+from scex_sumo.results.run import Run, open_run
+
+CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
+
+
+@pytest.fixture(scope="session")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Sixty children of the roundabout, with their report."""
+    folder = tmp_path_factory.mktemp("report") / "out"
+    command = [sys.executable, "-m", "scex_sumo", "run", str(example_path("roundabout")), "--children", "60"]
+    subprocess.run([*command, "--no-report", "-o", str(folder)], check=True, capture_output=True)
+    run = open_run(folder)
+    write_report(run)
+    return run
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Chromium; what needs it is skipped where it is not installed."""
+    if CHROMIUM is None:
+        pytest.skip("no chromium: apt-get install chromium")
+    playwright = pytest.importorskip("playwright.sync_api", reason="no playwright: pip install playwright")
+    with playwright.sync_playwright() as started:
+        chromium = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def page(browser: Any, run: Run) -> Iterator[Any]:
+    """The report, opened from disk on a laptop; nothing may be requested, nothing go wrong."""
+    context = browser.new_context(viewport={"width": 1400, "height": 900}, accept_downloads=True)
+    page = context.new_page()
+    wrong: list[str] = []
+    page.on("console", lambda message: wrong.append(message.text))
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("request", lambda request: wrong.append(request.url) if is_foreign(request.url) else None)
+    page.goto(Path(run.folder, "report.html").resolve().as_uri())
+    page.wait_for_selector("#encounters tr.go")
+    yield page
+    assert wrong == []
+    context.close()
+
+
+def is_foreign(url: str) -> bool:
+    """Whether an address is anything but the file itself and what the page made."""
+    return not url.startswith(("file:", "blob:", "data:"))

@@ -1,0 +1,159 @@
+"""In a real browser the report plays, brushes, jumps to encounters, follows thresholds, and saves."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from scex_sumo.reports.page.report import write_report
+from scex_sumo.results.run import Run, open_run
+
+
+def text(page: Any, selector: str) -> str:
+    return str(page.inner_text(selector))
+
+
+def drag(page: Any, selector: str, start: float, stop: float) -> None:
+    """Drag along a canvas, from one share of its width to another."""
+    page.locator(selector).scroll_into_view_if_needed()
+    box = page.locator(selector).bounding_box()
+    y = box["y"] + 0.7 * box["height"]
+    page.mouse.move(box["x"] + start * box["width"], y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + (start + stop) / 2 * box["width"], y)
+    page.mouse.move(box["x"] + stop * box["width"], y)
+    page.mouse.up()
+    page.wait_for_timeout(100)
+
+
+def test_the_verdict_comes_first_and_says_what_the_tables_say(page: Any, run: Run) -> None:
+    verdict = text(page, "#verdict")
+    assert "P(collision)" in verdict
+    assert f"of {run.children} child scenarios" in verdict
+    share = run.p_critical("wttc").value
+    assert f"{100 * share:.0f} %" in verdict
+    assert page.locator("#verdict li").count() == 3
+
+
+def test_it_plays_to_the_end(page: Any) -> None:
+    page.select_option("#speed", "2")
+    page.keyboard.press("Space")
+    page.wait_for_selector("#clock:has-text('3.0 s')", timeout=15_000)
+    page.wait_for_selector("#play:has-text('▶')")
+
+
+def test_an_encounter_leads_to_its_pair_child_and_step(page: Any) -> None:
+    row = page.locator("#encounters tr.go").first
+    pair = row.locator("td").first.inner_text().split(" – ")
+    row.click()
+    page.wait_for_selector("#pair-title:has-text('Gap of')")
+    assert text(page, "#pair-title").startswith(f"Gap of {pair[0]} and {pair[1]}, child ")
+    assert page.input_value("#child") != ""
+    assert text(page, "#clock") == row.locator("td").last.inner_text()
+
+
+def test_a_brushed_metric_selects_the_children_everywhere(page: Any, run: Run) -> None:
+    drag(page, "#charts .chart:first-child canvas", 0.02, 0.3)
+    chosen = int(text(page, "#chips b").split(" of ")[0])
+    assert 0 < chosen < run.children
+    page.keyboard.press("ArrowDown")
+    page.wait_for_timeout(100)
+    first = int(page.input_value("#child"))
+    assert run.metrics["distance"][first].as_py() < 0.4 * max(run.samples("distance"))
+    page.keyboard.press("Escape")
+    page.wait_for_timeout(100)
+    assert text(page, "#chips") == ""
+
+
+def test_a_dragged_threshold_moves_the_share(page: Any) -> None:
+    before = text(page, "#verdict .share:nth-of-type(1)")
+    canvas = "#charts .chart:first-child canvas"
+    limit = float(page.input_value("#charts .chart:first-child input"))
+    page.evaluate("document.querySelector('#charts .chart input').scrollIntoView()")
+    box = page.locator(canvas).bounding_box()
+    at = next(
+        x
+        for x in range(int(box["width"]))
+        if _cursor(page, box["x"] + x, box["y"] + 60, canvas) == "ew-resize"
+    )
+    drag(page, canvas, (at + 9) / box["width"], 0.95)
+    assert float(page.input_value("#charts .chart:first-child input")) > limit
+    assert text(page, "#verdict .share:nth-of-type(1)") != before
+
+
+def _cursor(page: Any, x: float, y: float, canvas: str) -> str:
+    page.mouse.move(x, y)
+    return str(page.eval_on_selector(canvas, "canvas => canvas.style.cursor"))
+
+
+def test_a_driver_of_a_vehicle_selects_the_children_that_have_it(page: Any, run: Run) -> None:
+    page.locator("#models td.cell").first.click()
+    page.wait_for_selector(".chip")
+    track, model = text(page, ".chip").removesuffix(" ×").split(" as ")
+    vehicle = run.info["seed_scene"]["track_ids"].index(int(track))
+    expected = sum(run.models_of(child)[vehicle] == model for child in range(run.children))
+    assert text(page, "#chips b").startswith(f"{expected} of ")
+
+
+def test_commands_are_copied(page: Any) -> None:
+    page.fill("#child", "7")
+    page.locator("#child").blur()
+    page.click("[data-copy=view]")
+    page.wait_for_selector("#said:has-text('copied')")
+    assert text(page, "#said").endswith("--child 7")
+
+
+@pytest.mark.parametrize(
+    ("button", "ending", "start"),
+    [("#save-png", ".png", b"\x89PNG"), ("#save-webm", ".webm", b"\x1aE\xdf\xa3")],
+)
+def test_pictures_and_films_are_saved(
+    page: Any, tmp_path: Path, button: str, ending: str, start: bytes
+) -> None:
+    page.select_option("#speed", "2")
+    with page.expect_download(timeout=15_000) as waiting:
+        page.click(button)
+    saved = tmp_path / "saved"
+    waiting.value.save_as(saved)
+    assert waiting.value.suggested_filename.endswith(ending)
+    assert saved.read_bytes().startswith(start)
+    assert saved.stat().st_size > 5_000
+
+
+@pytest.mark.parametrize("width", [390, 820, 1600])
+def test_nothing_is_wider_than_the_screen(page: Any, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": 800})
+    page.wait_for_timeout(200)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_the_map_is_drawn_in_light_and_dark(page: Any) -> None:
+    pixel = """() => {
+        const copy = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+        copy.drawImage(document.getElementById("map"), 0, 0);
+        return copy.getImageData(3, 3, 1, 1).data[0];
+    }"""
+    light = page.evaluate(pixel)
+    page.emulate_media(color_scheme="dark")
+    page.wait_for_timeout(200)
+    assert light > 150 > 60 > page.evaluate(pixel)
+
+
+def test_collisions_that_the_run_found_are_those_that_count(browser: Any, run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    ids = run.info["seed_scene"]["track_ids"]
+    found = {"child": [3, 5, 5], "step": [9, 12, 12], "track_id": [ids[4], ids[4], ids[5]]}
+    found |= {"other_id": [ids[5], ids[5], ids[4]]}
+    pq.write_table(pa.table(found), copy / "collisions.parquet")
+    page = browser.new_page()
+    page.goto(write_report(open_run(copy)).resolve().as_uri())
+    page.wait_for_selector("#worst tr.go")
+    assert f"2 of {run.children} child scenarios" in text(page, "#verdict")
+    assert page.locator("#worst tr.go").count() == 2
+    page.close()

@@ -1,0 +1,130 @@
+"""The report holds the run: tracks to the centimetre, values, events and the tables that are there."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+from base64 import b64encode
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from scex_sumo.reports.page.contents import model_colors, report_contents
+from scex_sumo.reports.page.packing import second_sums, unpack
+from scex_sumo.reports.page.report import report_html, write_report
+from scex_sumo.reports.page.road_lines import SURFACE
+from scex_sumo.results.run import Run, open_run
+
+DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')
+
+
+def test_tracks_come_back_to_the_centimetre_and_milliradian(run: Run) -> None:
+    _, arrays = unpack(DATA.search(report_html(run))[1])  # type: ignore[index]
+    for child in (0, run.children - 1):
+        moved = second_sums(arrays["motion"][arrays["which"][child]])
+        poses = arrays["start"][:, None] + moved
+        states = run.states(child)
+        np.testing.assert_allclose(poses[..., 0] / 100, states.x[:, 10:], atol=0.00501)
+        np.testing.assert_allclose(poses[..., 1] / 100, states.y[:, 10:], atol=0.00501)
+        turned = np.angle(np.exp(1j * (poses[..., 2] / 1000 - states.heading[:, 10:])))
+        np.testing.assert_allclose(turned, 0, atol=0.000501)
+
+
+def test_equal_trajectories_are_stored_once(run: Run) -> None:
+    _, arrays = report_contents(run)
+    rows = {row.tobytes() for row in arrays["motion"]}
+    assert len(arrays["motion"]) < arrays["which"].size / 2
+    assert len(rows) <= len(arrays["motion"]) <= len(rows) * arrays["which"].shape[1]
+
+
+def test_values_models_and_worst_events_are_those_of_the_tables(run: Run) -> None:
+    info, arrays = report_contents(run)
+    assert [metric["column"] for metric in info["metrics"]] == run.columns
+    distance = run.metrics["distance"].to_numpy(zero_copy_only=False)
+    np.testing.assert_allclose(arrays["values"][:, 0], distance)
+    assert [info["models"][m] for m in arrays["levels"][7]] == run.models_of(7)
+    child, metric, step, vehicle, other = arrays["event_rows"][0]
+    row = run.worst.to_pylist()[0]
+    assert (child, run.columns[metric]) == (row["child"], row["metric"])
+    assert step == row["timestamp_ms"] / 100 - 10
+    assert (info["track_ids"][vehicle], info["track_ids"][other]) == (row["track_id"], row["other_id"])
+
+
+def test_the_road_around_the_vehicles_is_there(run: Run) -> None:
+    _, arrays = report_contents(run)
+    assert arrays["road_sizes"].sum() == len(arrays["road_points"])
+    assert (arrays["road_kinds"] == SURFACE).sum() > 20
+    assert 2 <= np.median(arrays["road_widths"][arrays["road_kinds"] == SURFACE]) * 0.05 <= 5
+
+
+def test_a_result_without_its_net_is_shown_without_a_road(run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    shutil.rmtree(copy / "sumo")
+    _, arrays = report_contents(open_run(copy))
+    assert len(arrays["road_sizes"]) == 0
+
+
+def test_tables_of_encounters_and_collisions_are_taken_where_they_are(run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    ids = run.info["seed_scene"]["track_ids"]
+    contact = {"child": [3], "step": [12], "track_id": [ids[1]], "other_id": [ids[0]], "x": [1.0], "y": [2.0]}
+    pq.write_table(pa.table(contact), copy / "collisions.parquet")
+    met = {"track_id": [ids[0]], "other_id": [ids[1]], "p_collision": [1 / 3], "low": [0.1], "high": [0.6]}
+    pq.write_table(pa.table(met), copy / "encounters.parquet")
+    shutil.copytree(run.folder, copy / "reference")
+    info, arrays = report_contents(open_run(copy))
+    assert arrays["collision_rows"].tolist() == [[3, 12, 1, 0]]
+    assert arrays["collision_places"].tolist() == [[1.0, 2.0]]
+    assert info["encounters"][0]["p_collision"] == pytest.approx(1 / 3, abs=1e-4)
+    np.testing.assert_array_equal(arrays["likely"], arrays["values"])
+
+
+def test_the_page_refers_to_nothing_outside_and_runs_only_its_own_script(run: Run) -> None:
+    text = report_html(run)
+    assert not re.search(r"(?:src|href)=\"(?!data:)", text)
+    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", text)
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1]  # type: ignore[index]
+    assert policy.startswith("default-src 'none'")
+    assert "unsafe" not in policy
+    script = text[text.rindex("<script>") + len("<script>") : text.rindex("</script>")]
+    assert b64encode(hashlib.sha256(script.encode()).digest()).decode() in policy
+
+
+def test_the_same_result_gives_the_same_bytes(run: Run) -> None:
+    before = (run.folder / "report.html").read_bytes()
+    assert write_report(open_run(run.folder)).read_bytes() == before
+
+
+def test_the_file_is_small(run: Run) -> None:
+    assert (run.folder / "report.html").stat().st_size < 200_000
+
+
+def test_models_have_colours_of_their_own() -> None:
+    colors = model_colors(["standard_driver", "mine", "standard_driver:politeness=0", "replay"])
+    assert len(set(colors)) == 4
+
+
+def test_likely_children_and_their_collisions_are_counted(run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    shutil.copytree(run.folder, copy / "reference")
+    pq.write_table(pa.table({"child": [4, 4, 9]}), copy / "reference" / "collisions.parquet")
+    assert report_contents(open_run(copy))[0]["likely_collisions"] == (2, run.children)
+
+
+def test_columns_that_were_not_measured_of_the_recording_have_no_recorded_value(
+    run: Run, tmp_path: Path
+) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    more = run.metrics.append_column("distance_path", run.metrics["distance"])
+    pq.write_table(more, copy / "metrics.parquet")
+    last = report_contents(open_run(copy))[0]["metrics"][-1]
+    assert (last["column"], last["side"], last["recorded"]) == ("distance_path", "left", None)
+    assert last["name"] == "distance path"

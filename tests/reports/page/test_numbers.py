@@ -1,0 +1,79 @@
+"""What the page computes itself is what the library computes."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from typing import Any
+
+import numpy as np
+import pytest
+from shapely import Polygon
+from shapely.affinity import rotate, translate
+
+from scex_sumo.reports.page.packing import pack
+from scex_sumo.reports.page.shell import asset
+from scex_sumo.statistics.density import density, wilson
+
+NODE = shutil.which("node")
+pytestmark = pytest.mark.skipif(NODE is None, reason="no node: apt-get install nodejs")
+
+
+def evaluated(scripts: tuple[str, ...], expression: str) -> Any:
+    """Value of an expression, or of a promise, after some of our scripts."""
+    lines = [*(asset(name) for name in scripts)]
+    lines.append(f"Promise.resolve({expression}).then((found) => console.log(JSON.stringify(found)));")
+    done = subprocess.run(
+        [str(NODE), "-"], input="\n".join(lines), capture_output=True, text=True, check=True
+    )
+    return json.loads(done.stdout)
+
+
+def test_packed_arrays_are_read() -> None:
+    text = pack({"name": "größer"}, {"wide": np.array([[1, -2], [300, 4]]), "real": np.array([0.5, -1.25])})
+    found = evaluated(
+        ("data.js",),
+        f"unpack({json.dumps(text)}).then(({{ info, arrays: {{ wide, real }} }}) => "
+        "[info.name, wide.shape, [...wide.values], [...real.values]])",
+    )
+    assert found == ["größer", [2, 2], [1, -2, 300, 4], [0.5, -1.25]]
+
+
+def test_densities_are_those_of_the_library() -> None:
+    samples = np.sort(np.random.default_rng(1).gamma(2, 1, 60)).round(3)
+    x = np.linspace(-0.5, 6, 50)
+    found = evaluated(("chart.js",), f"curveOf({samples.tolist()}, {x.tolist()}, 0.1)")
+    curve = density(samples, x=x)
+    # The page leaves out what is more than 5 bandwidths away.
+    np.testing.assert_allclose([point["density"] for point in found], curve.pdf, atol=1e-5)
+    np.testing.assert_allclose([point["below"] for point in found], curve.cdf, atol=1e-6)
+
+
+@pytest.mark.parametrize(("successes", "count"), [(0, 10), (3, 10), (10, 10), (126, 385)])
+def test_intervals_are_those_of_the_library(successes: int, count: int) -> None:
+    found = evaluated(("data.js",), f"wilson({successes}, {count})")
+    expected = wilson(successes, count)
+    assert [found["value"], found["low"], found["high"]] == pytest.approx(
+        [expected.value, expected.low, expected.high], abs=1e-6
+    )
+
+
+def test_gaps_are_those_of_rectangles() -> None:
+    rng = np.random.default_rng(2)
+    poses = rng.uniform([-6, -6, -3], [6, 6, 3], (40, 2, 3))
+    sizes = rng.uniform([3, 1.5], [12, 2.5], (40, 2, 2))
+    expected = [
+        body(pose[0], size[0]).distance(body(pose[1], size[1]))
+        for pose, size in zip(poses, sizes, strict=True)
+    ]
+    rows = [[p[0], s[0], p[1], s[1]] for p, s in zip(poses.tolist(), sizes.tolist(), strict=True)]
+    found = evaluated(("pairs.js",), f"{json.dumps(rows)}.map((row) => bodyGap(...row))")
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    assert min(expected) == 0 < max(expected)
+
+
+def body(pose: np.ndarray, size: np.ndarray) -> Polygon:
+    length, width = size / 2
+    box = Polygon([(length, width), (length, -width), (-length, -width), (-length, width)])
+    return translate(rotate(box, pose[2], origin=(0, 0), use_radians=True), pose[0], pose[1])

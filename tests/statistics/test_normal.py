@@ -1,0 +1,45 @@
+"""Normal distribution: scipy's numbers to the bit."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy import special
+
+from scex_sumo.statistics import normal
+from scex_sumo.statistics.normal import normal_cdf, normal_quantile
+
+Z = np.concatenate(
+    [
+        np.random.default_rng(0).normal(size=100_000) * 3,
+        np.linspace(-45, 45, 100_001),
+        [0.0, -0.0, np.inf, -np.inf, np.nan, np.sqrt(0.5), 1.0, -1.0],
+    ]
+)
+
+
+def test_the_distribution_is_scipys_to_the_bit() -> None:
+    np.testing.assert_array_equal(normal_cdf(Z), special.ndtr(Z))
+
+
+def test_it_is_so_without_the_compiled_module_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(normal, "_error_functions", lambda: special)
+    np.testing.assert_array_equal(normal_cdf(Z), special.ndtr(Z))
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.95, 0.975, 0.995])
+def test_quantiles_are_scipys_to_the_bit(share: float) -> None:
+    assert normal_quantile(share) == special.ndtri(share)
+
+
+def test_neither_takes_the_rest_of_scipy() -> None:
+    code = (
+        "import sys, numpy as np\n"
+        "from scex_sumo.statistics.density import density, p_critical\n"
+        "density([1.0, 2.0]), p_critical([1.0], 2.0)\n"
+        "assert 'scipy.special' not in sys.modules and 'scipy.linalg' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
