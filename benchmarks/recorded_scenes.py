@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from scex_sumo.converters.datasets.recordings import (
     find_recordings,
     load_recording,
@@ -41,3 +43,37 @@ def recorded(
                 yield seed_at(loaded, time_s, min_history=min_history)
             except TrackError:  # nobody has been recorded for long enough
                 continue
+
+
+# Files of NGSIM are too short to be cut by time: these are kept for tests, the others are fitted to.
+NGSIM_TEST = ("Lanker-2_20", "Lanker-2_21", "Lanker-2_24", "Peach-3_1", "Peach-3_2")
+NGSIM_VALIDATION = ("Lanker-2_16",)
+EVERY_S = {"taf_bw": 2.0, "mona": 5.0, "ngsim": 1.5}
+LEAST_MOVING = 2
+
+
+def recorded_parts(data: Path, name: str, part: Part) -> Iterator[SeedScene]:
+    """Moments of a part of a data set: TAF-BW and MONA are split by time, NGSIM by file."""
+    for recording in find_recordings([data / name]):
+        if name == "ngsim" and part != ngsim_part(recording.name):
+            continue
+        loaded = load_recording(recording)
+        every = recording_moments(loaded, every_s=STEP_S)
+        if name == "ngsim":
+            begin, end = every[0].time_s + 1.0 - 1e-6, every[-1].time_s - 3.0 + 1e-6
+            every = [moment for moment in every if begin <= moment.time_s <= end]
+        else:
+            every = split_moments(every, Split())[part]
+        last = -np.inf
+        for moment in every:
+            if moment.time_s >= last + EVERY_S[name] - 1e-6:
+                last = moment.time_s
+                if moment.complete >= LEAST_MOVING:
+                    yield seed_at(loaded, moment.time_s)
+
+
+def ngsim_part(name: str) -> Part:
+    """The part that a file of NGSIM belongs to."""
+    if any(file in name for file in NGSIM_TEST):
+        return "test"
+    return "validation" if any(file in name for file in NGSIM_VALIDATION) else "train"

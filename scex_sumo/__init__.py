@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from scex_sumo.scene import SeedScene as SeedScene
     from scex_sumo.scene import States as States
     from scex_sumo.scene import Who as Who
+    from scex_sumo.validation.validate import Validation as Validation
+    from scex_sumo.validation.validate import validate as validate
 
 _HOMES = {
     "Behavior": "scex_sumo.behaviors.base",
@@ -71,6 +73,7 @@ _HOMES = {
     "Surroundings": "scex_sumo.behaviors.plug_in.inputs",
     "SumoNet": "scex_sumo.converters.net.sumo_net",
     "UnderTest": "scex_sumo.results.under_test",
+    "Validation": "scex_sumo.validation.validate",
     "Who": "scex_sumo.scene",
     "behavior": "scex_sumo.behaviors.registry",
     "convert": "scex_sumo.converters.net.convert",
@@ -95,6 +98,7 @@ _HOMES = {
     "synthetic_seed": "scex_sumo.scenarios.seeds",
     "to_hetero_data": "scex_sumo.behaviors.learned.hetero_data",
     "to_networkx": "scex_sumo.behaviors.scene_graph.export",
+    "validate": "scex_sumo.validation.validate",
 }
 
 __all__ = [*sorted(_HOMES), "__version__"]

@@ -25,6 +25,7 @@ from scex_sumo.commands.report import report_command
 from scex_sumo.commands.run import run_command
 from scex_sumo.commands.sample_size import sample_size_command
 from scex_sumo.commands.train import train_command
+from scex_sumo.commands.validate import validate_command
 from scex_sumo.commands.view import view_command
 from scex_sumo.errors import ScexError, UsageError
 
@@ -67,6 +68,7 @@ COMMANDS = (
     (metrics_command, "metrics vehicle_tracks_000.csv --level scene -o scenes.parquet"),
     (sample_size_command, "sample-size roundabout.osm -o out/enough"),
     (rank_command, "rank recordings/ --every 1 --workers 8 -o out/ranking"),
+    (validate_command, "validate recordings/ --models likely --workers 8 -o out/validation"),
     (compare_command, "compare out/k733 out/k729 out/merge -o out/compared"),
     (explain_command, "explain out/k733 --metric ttc"),
     (train_command, "train graph --data ../shared/data/mona --data taf_bw --out mine.pt"),

@@ -17,6 +17,7 @@ from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, Gra
 from scex_sumo.behaviors.models.constant_velocity import ConstantVelocityProfile
 from scex_sumo.behaviors.models.emergency_brake import EmergencyBrakeProfile
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmProfile
+from scex_sumo.behaviors.models.likely_driver import LikelyProfile
 from scex_sumo.behaviors.models.replay import ReplayProfile
 
 DEFAULTS: Mapping[str, Any] = MappingProxyType(
@@ -36,6 +37,7 @@ DEFAULTS: Mapping[str, Any] = MappingProxyType(
             clearance=5.0,
         ),
         "calibrated_driver": CALIBRATED,
+        "likely_driver": LikelyProfile(),
         "constant_velocity": ConstantVelocityProfile(),
         "emergency_brake": EmergencyBrakeProfile(deceleration=5.0),
         "graph_predictor": GraphPredictorProfile(),

@@ -15,6 +15,7 @@ from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredict
 from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity
 from scex_sumo.behaviors.models.emergency_brake import EmergencyBrake
 from scex_sumo.behaviors.models.idm import IdmDriver
+from scex_sumo.behaviors.models.likely_driver import LikelyDriver
 from scex_sumo.behaviors.models.replay import Replay
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.plug_in.files import FILES
@@ -33,9 +34,11 @@ from scex_sumo.sumo_models import SUMO_MODELS, check_driver
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 ENTRY_POINTS = "scex_sumo.behaviors"
 SUMO = "sumo"
-# Names for several models at once. The default has no learned ones, though the paper does: what a run gives
-# must not depend on which extras are installed, and torch takes longer to load than such a run.
-SETS: Mapping[str, str] = {"rules": DEFAULT_MODELS, "paper": ",".join((DEFAULT_MODELS, *LEARNED))}
+# The default has no learned models, though the paper does: what a run gives must not depend on which extras
+# are installed, and torch takes longer to load than such a run.
+PAPER_MODELS = ",".join((DEFAULT_MODELS, *LEARNED))
+LIKELY_MODELS = "likely_driver:guard=true"  # not what depends on extras, either
+SETS: Mapping[str, str] = {"likely": LIKELY_MODELS, "rules": DEFAULT_MODELS, "paper": PAPER_MODELS}
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -57,6 +60,7 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], str]] = {
         IdmDriver,
         "Intelligent Driver Model as people drive, slow in curves, own lane only",
     ),
+    "likely_driver": (LikelyDriver, "a driver drawn for every vehicle and child, as people were recorded"),
     "constant_velocity": (ConstantVelocity, "keeps its speed along its path, whatever is in the way"),
     "emergency_brake": (EmergencyBrake, "brakes to a standstill along its path"),
     "graph_predictor": (GraphPredictor, "learned: motion along its path, from the semantic scene graph"),

@@ -59,6 +59,7 @@ def converted(spec: ModelSpec, key: str, default: Any, value: Any) -> Any:
     if not isinstance(value, str):
         return value
     words = ["straight", "random", *(["likeliest"] if spec.name in LEARNED else [])]
+    words += ["fitted"] if spec.name == "likely_driver" else []
     if key == "path" and (default in words or isinstance(default, int)):  # not a file of a user's model
         wanted = f"an index, {', '.join(words[:-1])} or {words[-1]}"
         return value if value in words else _number(spec, key, value, int, wanted)

@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from scex_sumo.scene import SeedScene
 
 
+NO_REFERENCE = "none"
+
+
 def run_command(
     map_path: MapPath,
     tracks: Tracks = None,
@@ -59,6 +62,9 @@ def run_command(
         Option(metavar="TRACK=MODEL", help="A driving function under test, told apart; repeatable."),
     ] = None,
     baseline: Annotated[bool, Option(help="Run the children without the models under test, too.")] = True,
+    reference: Annotated[
+        str, Option(metavar="MIX|none", help="Models that tell what is likely, run beside the others.")
+    ] = "likely",
     design: Annotated[
         str | None, Option(metavar="NAME", help="How assignments are drawn: balanced (default), random, ...")
     ] = None,
@@ -91,7 +97,9 @@ def run_command(
     out: ResultPath = None,
 ) -> None:
     """Let one moment of traffic run on many times, and measure every child scenario."""
+    from scex_sumo.behaviors.registry import parse_models
     from scex_sumo.extrapolation.extrapolate import extrapolate, load_for
+    from scex_sumo.extrapolation.reference import add_reference, drop_reference
     from scex_sumo.extrapolation.workers import Workers
     from scex_sumo.statistics.bands import MOST_CHILDREN
 
@@ -128,6 +136,9 @@ def run_command(
             origin=origin,
             seed=seed,
         )
+        if reference != NO_REFERENCE:
+            parse_models(reference)  # says now what is wrong with it
+        command = ["scex-sumo", *sys.argv[1:]]
         folder = out if out is not None else Path("out") / scene.name
         with progress_bar(scene.name) as tick, resumable("children", folder):
             result = extrapolate(
@@ -139,9 +150,16 @@ def run_command(
                 gui=gui,
                 cache=cache,
                 progress=tick,
-                command=["scex-sumo", *sys.argv[1:]],
+                command=command,
                 **settings,
             )
+        if reference == NO_REFERENCE:
+            drop_reference(result)
+        else:
+            with progress_bar("reference") as tick, resumable("children", folder):
+                add_reference(
+                    result, scene, reference, workers=pool, progress=tick, command=command, **settings
+                )
     _tell(result, scene, folder, plots=plots)
     if gui:
         view_command(folder, **_worst_option(result))

@@ -111,7 +111,7 @@ class MomentPart:
 
 
 # libsumo runs one simulation per process: tasks that share one, as in a Dask worker of several threads, wait.
-_one_at_a_time = threading.Lock()
+one_at_a_time = threading.Lock()
 
 
 def run_moment(task: MomentTask, road: bytes | None = None) -> MomentPart | Failure:
@@ -119,14 +119,14 @@ def run_moment(task: MomentTask, road: bytes | None = None) -> MomentPart | Fail
     packed = task.road or road
     try:
         assert packed is not None, "no road"
-        _check_versions(task)
-        with _one_at_a_time:
-            return _run(task, *_converted(packed))
+        check_versions(task)
+        with one_at_a_time:
+            return _run(task, *road_and_net(packed))
     except Exception as error:  # whatever it is, the other moments go on
         return Failure.of(task.ref, reason_of(error))
 
 
-def _check_versions(task: MomentTask) -> None:
+def check_versions(task: MomentTask) -> None:
     """A worker of another version would give other values."""
     if task.version != __version__:
         raise UsageError(
@@ -137,7 +137,7 @@ def _check_versions(task: MomentTask) -> None:
 
 
 @lru_cache(maxsize=8)
-def _converted(packed: bytes) -> tuple[Road, SumoNet]:
+def road_and_net(packed: bytes) -> tuple[Road, SumoNet]:
     """The road and its net, whose folder goes with it; made at the first moment of a map."""
     road, folder = unpack_road(packed), TemporaryFolder()
     net = converted(road, Path(folder.name) / "map.net.xml")

@@ -13,18 +13,21 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from functools import partial
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from scex_sumo.errors import MissingExtraError, ScexError, UsageError, one_line, reason_of
 from scex_sumo.extrapolation.workers import Workers, WorkersDied
 from scex_sumo.ranking.moments import Failure
-from scex_sumo.ranking.run_moment import MomentPart, MomentTask, run_moment
+from scex_sumo.ranking.run_moment import MomentTask, run_moment
 from scex_sumo.version import __version__
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-Found: TypeAlias = tuple[MomentTask, MomentPart | Failure]
+Found: TypeAlias = tuple[MomentTask, Any]
+Work: TypeAlias = Callable[..., Any]
+"""What is done with a `MomentTask`, and maybe its road: `run_moment`, or another function like it."""
 
 _CONNECT_S = 20
 _ASK_S = 2.0  # how often the number of workers is looked up
@@ -48,9 +51,10 @@ class MomentWorkers(Protocol):
 class LocalWorkers:
     """Worker processes of this machine, one moment at a time each."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, work: Work = run_moment) -> None:
         if count < 1:
             raise UsageError(f"--workers: got {count}, needs at least 1")
+        self._work = work
         self._workers = Workers(count + 1)  # this process loads recordings and writes
 
     def notes(self) -> list[str]:
@@ -60,7 +64,7 @@ class LocalWorkers:
     def run(self, tasks: Iterable[MomentTask]) -> Iterator[Found]:
         """See `MomentWorkers`."""
         for task, future in self._workers.run_each(
-            _runner, tasks, where=lambda task: f"at {task.ref.moment}"
+            partial(_runner, self._work), tasks, where=lambda task: f"at {task.ref.moment}"
         ):
             try:
                 yield task, future.result()
@@ -75,9 +79,9 @@ class LocalWorkers:
         self._workers.close()
 
 
-def _runner() -> AbstractContextManager[Callable[[MomentTask, object], MomentPart | Failure]]:
+def _runner(work: Work) -> AbstractContextManager[Callable[[MomentTask, object], Any]]:
     """What a worker process opens: nothing."""
-    return nullcontext(lambda task, _: run_moment(task))
+    return nullcontext(lambda task, _: work(task))
 
 
 class DaskWorkers:
@@ -87,7 +91,7 @@ class DaskWorkers:
     hold one die, the scheduler makes it again.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, work: Work = run_moment) -> None:
         """Connect.
 
         Raises:
@@ -120,6 +124,7 @@ class DaskWorkers:
             f"{several} Dask workers have several threads, and one SUMO each, which they wait for; "
             "start workers with --nthreads 1"
         ][: several > 0]
+        self._work = work
         self._roads: dict[bytes, Future] = {}
         self._threads, self._asked = 1, -_ASK_S
 
@@ -165,7 +170,7 @@ class DaskWorkers:
             key = f"scex-road-{hashlib.sha256(road).hexdigest()[:32]}"
             self._roads[road] = self._client.submit(publish_road, road, key=key)
         bare = dataclasses.replace(task, road=None)
-        return self._client.submit(run_moment, bare, self._roads[road], pure=False)
+        return self._client.submit(self._work, bare, self._roads[road], pure=False)
 
     def close(self) -> None:
         """See `MomentWorkers`; the cluster goes on without us."""
@@ -210,7 +215,7 @@ def _answering() -> Iterator[None]:
         ) from None
 
 
-def _result(task: MomentTask, future: Future) -> MomentPart | Failure:
+def _result(task: MomentTask, future: Future) -> Any:
     """What became of a task.
 
     Raises:
@@ -220,8 +225,7 @@ def _result(task: MomentTask, future: Future) -> MomentPart | Failure:
 
     try:
         with _answering():
-            found: MomentPart | Failure = future.result()
-            return found
+            return future.result()
     except ScexError:
         raise
     except KilledWorker as error:

@@ -19,7 +19,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import Density
 
-_CURVE, _CRITICAL, _RECORDED = "#1f4e79", "#c0392b", "#222222"
+_CURVE, _CRITICAL, _RECORDED, _LIKELY = "#1f4e79", "#c0392b", "#222222", "#2e8b57"
 _MARGIN_M = 10.0
 _WIDE = 4  # panels side by side
 
@@ -66,10 +66,14 @@ def _draw_panels(run: Run, what: str, draw: Callable[[Run, str, Axes], None], st
 
 
 def density_panel(run: Run, column: str, axes: Axes) -> None:
-    """Draw the density of a metric with its threshold and recorded value."""
+    """Draw the density of a metric, that of what is likely, its threshold and its recorded value."""
     curve = run.density(column)
     sheet.filled(axes, curve.x, np.zeros_like(curve.x), curve.pdf, curve.pdf, _CURVE)
     _atoms(curve, axes)
+    if run.reference is not None and len(run.reference.samples(column)):
+        likely = run.reference.density(column)
+        axes.plot(likely.x, likely.pdf, color=_LIKELY, linewidth=1.2)
+        sheet.note(axes, 0.88, "likely", _LIKELY, fontsize=7)
     axes.set_ylim(bottom=0)
     _mark(run, column, axes, curve.x)
 

@@ -65,7 +65,11 @@ def summary_table(run: Run) -> Table:
         caption_justify="left",
     )
     table.add_column("metric")
-    for name in ("recorded", "median", "critical if", "P(critical)", "95 % interval", "defined"):
+    likely = run.reference
+    possible = "P(critical)" if likely is None else "P possible"
+    for name in ("recorded", "median", "critical if", *_beside(likely, "P likely"), possible):
+        table.add_column(name, justify="right", no_wrap=True)
+    for name in ("95 % interval", "defined"):
         table.add_column(name, justify="right", no_wrap=True)
     if COLLISION in run.metrics.column_names:
         share = run.p_collision
@@ -74,6 +78,7 @@ def summary_table(run: Run) -> Table:
             _recorded_overlaps(run),
             "–",
             "any",
+            *_beside(likely, f"{likely.p_collision.value:.1%}" if likely else ""),
             *_shares(share),
             f"{run.children}/{run.children}",
         )
@@ -85,17 +90,23 @@ def summary_table(run: Run) -> Table:
             Text(metric_of(column).titled()),  # or rich takes the unit in brackets for markup
             _number(recorded),
             _number(float(np.median(samples)) if len(samples) else None),
-            *_critical(run, column, threshold),
+            *_critical(run, column, threshold, likely),
             f"{len(samples)}/{run.children}",
         )
     return table
 
 
-def _critical(run: Run, column: str, threshold: float | None) -> tuple[str, str, str]:
+def _beside(likely: Run | None, cell: str) -> tuple[str, ...]:
+    """A cell of the column of what is likely, where a run has that."""
+    return () if likely is None else (cell,)
+
+
+def _critical(run: Run, column: str, threshold: float | None, likely: Run | None) -> tuple[str, ...]:
     if threshold is None:
-        return "–", "–", "–"
+        return "–", *_beside(likely, "–"), "–", "–"
     sign = "≤" if side_of(column) == "left" else "≥"
-    return f"{sign} {threshold:.3g}", *_shares(run.p_critical(column))
+    share = _beside(likely, f"{likely.p_critical(column).value:.1%}" if likely else "")
+    return f"{sign} {threshold:.3g}", *share, *_shares(run.p_critical(column))
 
 
 def _shares(share: Interval) -> tuple[str, str]:

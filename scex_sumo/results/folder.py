@@ -82,7 +82,7 @@ class ResultFolder:
         for pattern in _PATTERNS:
             for file in self.path.glob(pattern):
                 file.unlink()
-        for name in (PARTS, "sumo", "baseline"):
+        for name in (PARTS, "sumo", "baseline", "reference"):
             shutil.rmtree(self.path / name, ignore_errors=True)
 
     def in_order(self, children: int, *, size: int) -> Iterator[Part]:

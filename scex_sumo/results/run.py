@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
+REFERENCE: Final = "reference"
+"""Folder of the children that tell what is likely, in the folder of a run."""
 
 
 class Run:
@@ -145,6 +147,12 @@ class Run:
     def baseline(self) -> Run | None:
         """The same children without the models under test; None where there are none, or it was not run."""
         folder = self.folder / BASELINE
+        return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
+
+    @cached_property
+    def reference(self) -> Run | None:
+        """What likely happens, by another mix of models; None where it was not run."""
+        folder = self.folder / REFERENCE
         return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
 
     @cached_property

@@ -42,12 +42,14 @@ def find_leaders(
     clearance: float,
     radius: float,
     obstacle_clearance: float = 1.5,
+    aside: FloatArray | None = None,
+    margin: float = CORRIDOR_MARGIN_M,
 ) -> Leaders:
     """Find the next vehicle or obstacle on or near each driver's path.
 
     Another one counts when its centre is within `radius` of the driver's, its centre or any part of it is
     near enough to the path (a vehicle's centre within `clearance`, an obstacle's within
-    `obstacle_clearance`, or its body inside the driver's own corridor: own width and 0.3 m on both sides),
+    `obstacle_clearance`, or its body inside the driver's own corridor: own width and `margin` on both sides),
     and
 
     - its nearest end along the path is ahead of the driver's front bumper; or
@@ -65,6 +67,9 @@ def find_leaders(
         clearance: m from the path to the other vehicle's centre.
         radius: perception radius, m.
         obstacle_clearance: m from the path to an obstacle's centre; pedestrians wait beside the lane.
+        aside: (n,) how far beside its path each driver keeps, m, left positive; distances to the path are to
+            that line. None is on the path.
+        margin: of the driver's own corridor beyond its width, on each side, m.
     """
     others = everyone(history)
     size = max(1, MOST_PAIRS // max(1, others.length.size))
@@ -78,6 +83,8 @@ def find_leaders(
             s_centre[k],
             np.where(others.obstacle, obstacle_clearance, clearance),
             radius,
+            None if aside is None else aside[k],
+            margin,
         )
         for k in (slice(i, i + size) for i in range(0, max(1, len(who)), size))
     ]
@@ -93,6 +100,8 @@ def _leaders_of(
     s_centre: FloatArray,
     clearance: FloatArray,
     radius: float,
+    aside: FloatArray | None,
+    margin: float,
 ) -> Leaders:
     """Leaders of a part of the drivers; the clearance is that of each of the others, (M,)."""
     own = history.now[who.child, who.vehicle]
@@ -105,19 +114,23 @@ def _leaders_of(
     # Points further from every coarse sample than this can neither be within the clearance nor in the way.
     reach = max(
         float(clearance.max(initial=0.0)),
-        float(width.max(initial=0.0)) / 2 + CORRIDOR_MARGIN_M + others.longest / 2,
+        float(width.max(initial=0.0)) / 2 + margin + others.longest / 2,
     )
+    if aside is not None:
+        reach += float(np.abs(aside).max(initial=0.0))
     near &= distance2 <= (reach + COARSE * DS_M) ** 2
     i, j = np.nonzero(near)
     x, y = ox[i, j], oy[i, j]
     s, offset, path_heading = refine(paths, row[i], guess[i, j], x, y, 3)
+    if aside is not None:
+        offset = offset - aside[i]
     turn = others.states.heading[who.child[i], j] - path_heading
     cos, sin = np.cos(turn), np.sin(turn)
     half_length, half_width = others.length[j] / 2, others.width[j] / 2
     extent = np.abs(cos) * half_length + np.abs(sin) * half_width
     body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width
     speed = others.states.speed[who.child[i], j] * cos
-    inside = body <= width[i] / 2 + CORRIDOR_MARGIN_M
+    inside = body <= width[i] / 2 + margin
     ahead = s - s_centre[i]
     gap = ahead - extent - length[i] / 2
     oncoming = cos < -0.5

@@ -108,8 +108,30 @@ CALIBRATED = IdmProfile(
 """As people drive: fitted by ``benchmarks/calibrate.py``, see `scex_sumo.behaviors.profiles`."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class IdmParameters:
+    """Parameters of the formula alone, one for all or (n,) one for each vehicle; see `IdmProfile`."""
+
+    time_headway: FloatArray | float
+    minimum_gap: FloatArray | float
+    max_acceleration: FloatArray | float
+    comfort_deceleration: FloatArray | float
+    max_deceleration: FloatArray | float
+
+    @classmethod
+    def of(cls, profile: IdmProfile, *, time_headway: FloatArray) -> IdmParameters:
+        """Those of a profile, with time headways of the vehicles' own, (n,) in s."""
+        return cls(
+            time_headway=time_headway,
+            minimum_gap=profile.minimum_gap,
+            max_acceleration=profile.max_acceleration,
+            comfort_deceleration=profile.comfort_deceleration,
+            max_deceleration=profile.max_deceleration,
+        )
+
+
 def idm_acceleration(
-    profile: IdmProfile,
+    profile: IdmProfile | IdmParameters,
     speed: FloatArray,
     desired_speed: FloatArray,
     gap: FloatArray,

@@ -1,0 +1,437 @@
+"""Fits the population of likely_driver to recordings and writes ``behaviors/weights/likely_driver.json``.
+
+    python benchmarks/calibrate_likely.py [--data FOLDER] [-o FILE]
+
+From the training part by time of TAF-BW and MONA, and from the NGSIM files that are not kept for tests
+(``benchmarks/driven.py`` and docs/validity.md name them). Every vehicle is put on the path that it took; what
+it did beyond what `LikelyDriver` asks of it (its leader as it really drove) is written as an acceleration of
+its own in each of three seconds, by least squares over the 30 steps. By class of speed these are regressed on
+what the seed scene shows (ridge), and what is left gives the scale of a Student distribution of four degrees:
+its quartiles' width by direction, so that a few mistracked vehicles do not set it. Headways, starts from
+standing, offsets from the path and the choice of path are counted from the same vehicles.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from calibrate import AHEAD, OFF_PATH_M, path_taken, present
+from recorded_scenes import EVERY_S, recorded_parts
+from scipy.optimize import minimize
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.motion import rear_axle
+from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, seed_paths
+from scex_sumo.behaviors.driving.projection import expected_way, project
+from scex_sumo.behaviors.models.idm import (
+    CALIBRATED,
+    CURVE_TIME_S,
+    IdmParameters,
+    desired_speed,
+)
+from scex_sumo.behaviors.models.likely_driver import (
+    HARDEST_MPS2,
+    HEADWAY_S,
+    KEPT_SHARE,
+    RELIEF_MPS2,
+    STRONGEST_MPS2,
+)
+from scex_sumo.behaviors.models.likely_seen import (
+    STANDING_MPS,
+    asked_acceleration,
+    leaders_of,
+    path_features,
+    queue_place,
+    seen_of,
+    shown_by,
+)
+from scex_sumo.behaviors.models.population import (
+    DEGREES,
+    MOST_ASIDE_M,
+    MOST_OWN_MPS2,
+    SECONDS,
+    SHIPPED,
+    Population,
+    population,
+)
+from scex_sumo.scene import STEP_S, SeedScene, Who
+
+STEPS = 30
+SPEED_EDGES = (STANDING_MPS, 3.0, 7.0, 12.0, 20.0)
+RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
+FOLLOWING = {"speed": 3.0, "opening": 1.0, "headway": 3.0}
+DRAWS, TURNS = 40, 16  # of the settling
+LEAST_CLASS = 60  # vehicles of a class that sets a scale of its own
+STARTED_M = 0.7  # a standing vehicle that came this far has started; less is the boxes' jitter
+SMOOTH = 1.0  # m of way that a difference of 1 m/s² between two seconds must explain
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """n vehicles on the paths that they took.
+
+    Attributes:
+        speed: (n,) in the seed scene, m/s.
+        acceleration: (n,) there, m/s².
+        gap: (n, 31) to the leader if the vehicle stood where it is, now and after each step, m.
+        leader_speed: (n, 31) m/s.
+        headway: (n,) shown, s.
+        features: (n, 7) shown, as in `Seen`.
+        unsure: (n, 3) likewise.
+        limit: (n, AHEAD) m/s.
+        curves: (n, AHEAD) speed that the curves ahead allow, m/s.
+        way: (n, 30) that the vehicle really made, m.
+        offset: (n, 2) of its rear axle from the path, now and after 3 s, m.
+    """
+
+    speed: FloatArray
+    acceleration: FloatArray
+    gap: FloatArray
+    leader_speed: FloatArray
+    headway: FloatArray
+    features: FloatArray
+    unsure: FloatArray
+    limit: FloatArray
+    curves: FloatArray
+    way: FloatArray
+    offset: FloatArray
+
+    @classmethod
+    def joined(cls, parts: Sequence[Samples]) -> Samples:
+        names = [f.name for f in dataclasses.fields(cls)]
+        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
+
+    def part(self, chosen: IntArray | BoolArray) -> Samples:
+        return Samples(**{f.name: getattr(self, f.name)[chosen] for f in dataclasses.fields(self)})
+
+
+def samples_of(scene: SeedScene) -> Samples | None:
+    """Vehicles with 3 s of recorded future on one of their paths."""
+    assert scene.road is not None and scene.future is not None and scene.future_valid is not None
+    if scene.future_valid.shape[1] < STEPS:
+        return None
+    vehicle = np.flatnonzero(scene.future_valid[:, :STEPS].all(axis=1) & (scene.recorded_steps >= 5))
+    if not len(vehicle):
+        return None
+    paths = seed_paths(scene, scene.road)
+    row, off = path_taken(scene, paths, vehicle)
+    good = (off <= OFF_PATH_M) & paths.on_road[vehicle]
+    vehicle, row = vehicle[good], row[good]
+    if not len(vehicle):
+        return None
+    history, who = present(scene), Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+    now, future, seen = scene.now[vehicle], scene.future[vehicle], seen_of(scene, paths)
+    s, _, _ = project(paths, row, now.x, now.y, expected_way(history, who))
+    leaders = leaders_of(history, who, paths, row, s, seen.offset[row])
+    gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, leaders.gap, leaders.speed)
+    ways = [
+        project(paths, row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s
+        for k in range(STEPS)
+    ]
+    at = np.clip((s / DS_M).astype(np.int64)[:, None] + np.arange(AHEAD), 0, paths.samples - 1)
+    curvature = paths.curve_curvature[row[:, None], at]
+    square = CALIBRATED.curve_acceleration / np.maximum(curvature, 1e-6)
+    slope = 2 * CALIBRATED.curve_deceleration * DS_M * np.arange(AHEAD)
+    curves = np.sqrt(np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope)
+    later = future[:, STEPS - 1]
+    x, y = rear_axle(later, scene.length[vehicle])
+    _, aside, _ = project(paths, row, x, y, s + ways[-1])
+    shown = shown_by(scene)
+    return Samples(
+        speed=shown.speed[vehicle],
+        acceleration=shown.acceleration[vehicle],
+        gap=gap,
+        leader_speed=leader_speed,
+        headway=seen.headway[row],
+        features=seen.features[row],
+        unsure=seen.unsure[row],
+        limit=paths.speed_limit[row[:, None], at],
+        curves=curves,
+        way=np.stack(ways, axis=1),
+        offset=np.column_stack([seen.offset[row], aside]),
+    )
+
+
+def _leader_ways(
+    scene: SeedScene,
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    index: IntArray,
+    gap: FloatArray,
+    speed: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """(n, 31) gap to where the leader really was after each step, and its speed; constant if unrecorded."""
+    assert scene.future is not None and scene.future_valid is not None
+    time = STEP_S * np.arange(STEPS + 1)
+    gaps, speeds = gap[:, None] + speed[:, None] * time, np.repeat(speed[:, None], STEPS + 1, axis=1)
+    known = np.flatnonzero((index >= 0) & (index < scene.vehicles))
+    known = known[scene.future_valid[index[known], :STEPS].all(axis=1)]
+    if len(known):
+        leader = scene.future[index[known]]
+        first = scene.now[index[known]]
+        start = project(paths, row[known], first.x, first.y, s[known] + np.minimum(gap[known], 100.0))[0]
+        for k in range(STEPS):
+            guess = start + speed[known] * time[k + 1]
+            there = project(paths, row[known], leader.x[:, k], leader.y[:, k], guess)[0]
+            gaps[known, k + 1] = gap[known] + there - start
+        speeds[known, 1:] = leader.speed[:, :STEPS]
+    return gaps, speeds
+
+
+def drive(samples: Samples, headway: FloatArray, own: FloatArray) -> FloatArray:
+    """(n, 30) way of `LikelyDriver` along the path taken, without steering, behind the leader as it drove."""
+    profile = IdmParameters.of(CALIBRATED, time_headway=headway)
+    i, v, x = np.arange(len(samples.speed)), samples.speed, np.zeros_like(samples.speed)
+    ways = np.empty((len(v), STEPS))
+    for step in range(STEPS):
+        at = np.clip(x / DS_M, 0, AHEAD - 1).astype(np.int64)
+        habit = (samples.speed, samples.acceleration, step * STEP_S)
+        desired = desired_speed(CALIBRATED, samples.limit[i, at], v, *habit)
+        soon = np.clip((x + v * CURVE_TIME_S) / DS_M, 0, AHEAD - 1).astype(np.int64)
+        gap, leader_speed = samples.gap[:, step] - x, samples.leader_speed[:, step]
+        a = asked_acceleration(profile, v, desired, gap, leader_speed, samples.curves[i, soon])
+        more = own[:, min(int(step * STEP_S + 1e-6), SECONDS - 1)]
+        more = np.where(more > 0, more * np.clip(1 + a / RELIEF_MPS2, 0.0, 1.0), more)
+        a = np.clip(a + more, HARDEST_MPS2, STRONGEST_MPS2)
+        following = v + a * STEP_S
+        x = x + np.where(following >= 0, (v + following) * (STEP_S / 2), v**2 / np.maximum(-2 * a, 1e-9))
+        v = np.maximum(following, 0.0)
+        ways[:, step] = x
+    return ways
+
+
+def own_accelerations(samples: Samples, headway: FloatArray) -> FloatArray:
+    """(n, 3) accelerations of its own with which each vehicle goes the way that it went, m/s²."""
+    one = np.zeros((SECONDS, STEPS))
+    for k in range(SECONDS):
+        a = np.zeros(STEPS)
+        a[10 * k : 10 * (k + 1)] = 1.0
+        v = np.concatenate([[0.0], np.cumsum(a * STEP_S)])
+        one[k] = np.cumsum((v[:-1] + v[1:]) * STEP_S / 2)
+    # Where the three seconds are told apart by noise alone they shall be alike.
+    smooth = SMOOTH * np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])
+    response = np.linalg.inv(one @ one.T + smooth.T @ smooth)
+    own = np.zeros((len(samples.speed), SECONDS))
+    for _ in range(6):
+        missing = samples.way - drive(samples, headway, own)
+        own = np.clip(
+            own + (missing @ one.T - own @ (smooth.T @ smooth)) @ response, -MOST_OWN_MPS2, MOST_OWN_MPS2
+        )
+    return own
+
+
+def headway_of(samples: Samples) -> tuple[float, float]:
+    """Mean and standard deviation of log T over vehicles that follow steadily."""
+    opening = np.abs(samples.leader_speed[:, 0] - samples.speed)
+    steady = (samples.speed > FOLLOWING["speed"]) & (opening < FOLLOWING["opening"])
+    steady &= samples.headway < FOLLOWING["headway"]
+    room = np.maximum(samples.gap[:, 0] - CALIBRATED.minimum_gap, 0.5) / np.maximum(samples.speed, 1.0)
+    log = np.log(room[steady])
+    print(f"headway: {steady.sum()} steady followers, median {np.exp(np.median(log)):.2f} s")
+    return float(np.median(log)), float(1.4826 * np.median(np.abs(log - np.median(log))))
+
+
+def accelerations_of(
+    samples: Samples, headway: FloatArray, importance: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Means (K, 3, 7) and roots (K, 3, 3) of what drivers add, by class of speed, and (3,) what spreads it.
+
+    Expectation and maximisation of a Student distribution: means, scale matrices and spreads in turn.
+    """
+    own = own_accelerations(samples, headway)
+    left = samples.way - drive(samples, headway, own)
+    print(f"own accelerations leave {np.abs(left[:, -1]).mean():.2f} m of the way after 3 s")
+    k = np.searchsorted(SPEED_EDGES, samples.speed, side="right")
+    classes, members = range(1, len(SPEED_EDGES) + 1), []
+    for c in classes:
+        mine = np.flatnonzero(k == c)
+        members.append(mine if len(mine) >= LEAST_CLASS else members[-1])  # as the class below
+    unsure, weight = np.zeros(samples.unsure.shape[1]), np.ones(len(own))
+    for _ in range(12):
+        spread = np.exp(samples.unsure @ unsure)
+        means, roots, square = [], [], np.zeros(len(own))
+        for mine in members:
+            x, y, w = samples.features[mine], own[mine], (importance * weight / spread**2)[mine, None]
+            w = w / w.mean()
+            penalty = RIDGE * np.diag([0.0, *np.ones(x.shape[1] - 1)])
+            b = np.linalg.solve((x * w).T @ x + penalty, (x * w).T @ y)
+            rest = (y - x @ b) / spread[mine, None]
+            each = importance[mine] / importance[mine].mean()
+            scale = (rest * (each * weight[mine])[:, None]).T @ rest / len(mine) + 1e-4 * np.eye(SECONDS)
+            means.append(b.T)
+            roots.append(np.linalg.cholesky(scale))
+            square[mine] = np.einsum("ni,ij,nj->n", rest, np.linalg.inv(scale), rest)
+        weight = (DEGREES + SECONDS) / (DEGREES + square)
+
+        def cost(change: FloatArray, square: FloatArray = square) -> float:
+            log = samples.unsure @ change
+            far = np.log1p(square * np.exp(-2 * log) / DEGREES)
+            return float((importance * (SECONDS * log + (DEGREES + SECONDS) / 2 * far)).mean())
+
+        unsure = unsure + minimize(cost, np.zeros_like(unsure), method="L-BFGS-B").x
+    for c, mine, b, root in zip(classes, members, means, roots, strict=True):
+        scale = np.sqrt(np.diag(root @ root.T)).round(2)
+        print(f"class {c}: {len(mine)} vehicles, scale {scale}, mean\n{b.round(2)}")
+    print(f"spread grows with exp of {unsure.round(2)} of scatter, acceleration, leader")
+    # Who stands adds nothing until it drives, and then as the slow ones do.
+    return np.array([np.zeros_like(means[0]), *means]), np.array([roots[0], *roots]), unsure
+
+
+def settled(known: Population, samples: Samples, headway: FloatArray, weight: FloatArray) -> Population:
+    """Shift, spread and skew of each class, until the way after 3 s is where its draws say it is.
+
+    As often above as below their median, outside 5-95 % one time in ten, and there as often above as below:
+    what a driver adds acts through a leader, a limit and a standstill, which the regression does not see.
+    """
+    rng, y = np.random.default_rng(0), samples.way[:, -1]
+    draws = [rng.standard_t(DEGREES, (len(y), SECONDS)) for _ in range(DRAWS)]
+    mean, root, skew = known.mean.copy(), known.root.copy(), known.skew.copy()
+    k = known.speed_class(samples.speed)
+    for turn in range(TURNS):
+        now = dataclasses.replace(known, mean=mean, root=root, skew=skew)
+        own = (now.own_acceleration(samples.speed, samples.features, samples.unsure, d) for d in draws)
+        ways = np.stack([drive(samples, headway, a)[:, -1] for a in own])
+        low, middle, high = np.quantile(ways, [0.05, 0.5, 0.95], axis=0)
+        gain = 1.0 / (1 + turn / 4)
+        for c in np.unique(k):
+            w = weight[k == c] / weight[k == c].sum()
+            above, below = float(w @ (y > high)[k == c]), float(w @ (y < low)[k == c])
+            lift = float(w @ (y > middle)[k == c]) - 0.5
+            mean[c, :, 0] += gain * lift * np.sqrt(np.diag(root[c] @ root[c].T))
+            root[c] *= np.exp(np.clip(gain * 1.5 * (above + below - 0.1), -0.3, 0.3))
+            skew[c] = np.clip(skew[c] + gain * (above - below), -0.7, 0.7)
+            if turn == TURNS - 1:
+                print(
+                    f"class {c}: above {above:.2f}, below {below:.2f}, lift {lift:+.2f}, skew {skew[c]:+.2f}"
+                )
+    root[0] = root[1]
+    return dataclasses.replace(known, mean=mean, root=root, skew=skew)
+
+
+def starts_of(samples: Samples) -> list[float]:
+    """Rate of starting, 1/s, behind a standing leader, a moving one, and alone."""
+    stands = samples.speed < STANDING_MPS
+    place = queue_place(samples.gap[:, 0], samples.leader_speed[:, 0])
+    rates = []
+    for p in range(3):
+        mine = stands & (place == p)
+        started = samples.way[mine] > STARTED_M
+        went = started.any(axis=1)
+        waited = np.where(went, STEP_S * (1 + np.argmax(started, axis=1)) - 1.0, 3.0)
+        rates.append(float((went.sum() + 0.1) / (np.maximum(waited, 0.3).sum() + 1.0)))
+        print(f"standing, place {p}: {mine.sum()} vehicles, {went.sum()} start, rate {rates[-1]:.3f} 1/s")
+    return rates
+
+
+def choices_of(scenes: Iterable[SeedScene]) -> Iterator[tuple[FloatArray, FloatArray, int]]:
+    """Log shares (k,), features (k, 4) and which path was taken, where vehicles show which."""
+    for scene in scenes:
+        assert scene.road is not None and scene.future is not None and scene.future_valid is not None
+        if scene.future_valid.shape[1] < STEPS:
+            continue
+        vehicle = np.flatnonzero(scene.future_valid[:, :STEPS].all(axis=1))
+        paths = seed_paths(scene, scene.road)
+        vehicle = vehicle[paths.count[vehicle] > 1]
+        if not len(vehicle):
+            continue
+        features = path_features(scene, paths)
+        later = scene.future[vehicle, STEPS - 1]
+        for j, v in enumerate(vehicle):
+            rows = paths.first[v] + np.arange(paths.count[v])
+            whole = np.full(len(rows), 1.0)
+            way = 20.0 + 3.0 * scene.now.speed[v]
+            off = np.abs(project(paths, rows, later.x[j] * whole, later.y[j] * whole, way * whole)[1])
+            if off.min() > OFF_PATH_M or off.max() < off.min() + 1.5:
+                continue
+            share = np.diff(paths.draw_edges[rows], prepend=0.0)
+            near = off < off.min() + 0.75  # paths that part only later
+            yield np.log(np.maximum(share, 1e-9)), features[rows], near
+
+
+def paths_of(scenes: Sequence[SeedScene]) -> FloatArray:
+    """(4,) weights with the greatest likelihood of the paths taken."""
+    found = list(choices_of(scenes))
+    print(f"paths: {len(found)} choices")
+
+    def cost(weight: FloatArray) -> float:
+        total = 0.5 * 0.01 * float(weight @ weight)
+        for share, features, taken in found:
+            score = share - features @ weight
+            score = np.exp(score - score.max())
+            total -= float(np.log(score[taken].sum() / score.sum() + 1e-9))
+        return total
+
+    result = minimize(cost, np.array([0.2, 0.5, 2.0, 0.2]), method="L-BFGS-B", bounds=[(0.0, 20.0)] * 4)
+    n = max(len(found), 1)
+    print(
+        f"  log loss {cost(np.zeros(4)) / n:.3f} by shares, {result.fun / n:.3f} fitted: {result.x.round(2)}"
+    )
+    return np.asarray(result.x)
+
+
+def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
+    """The population, as in `scex_sumo.behaviors.models.population.Population`.
+
+    A data set counts as the square root of its vehicles: the largest shall not decide alone.
+    """
+    scenes = [scene for part in sets.values() for scene in part]
+    found = [[s for s in map(samples_of, part) if s is not None] for part in sets.values()]
+    samples = Samples.joined([s for part in found for s in part])
+    count = np.array([sum(len(s.speed) for s in part) for part in found])
+    weight = np.repeat(1 / np.sqrt(np.maximum(count, 1)), count)
+    print(f"{len(scenes)} moments, {len(samples.speed)} vehicles")
+    log_headway = headway_of(samples)
+    shown = np.maximum(KEPT_SHARE * samples.headway, HEADWAY_S[0])
+    headway = np.clip(np.minimum(np.exp(log_headway[0]), shown), *HEADWAY_S)
+    moving = samples.speed >= STANDING_MPS
+    driving = samples.part(moving)
+    mean, root, unsure = accelerations_of(driving, headway[moving], weight[moving] / weight[moving].mean())
+    regressed = dataclasses.replace(
+        population(),
+        speed_edges=np.array(SPEED_EDGES),
+        mean=mean,
+        root=root,
+        unsure=unsure,
+        skew=np.zeros(len(mean)),
+    )
+    known = settled(regressed, driving, headway[moving], weight[moving])
+    begin, end = samples.offset[moving & (np.abs(samples.offset[:, 1]) < MOST_ASIDE_M)].T
+    keeps = float(begin @ end / (begin @ begin))
+    rest = end - keeps * begin
+    side = float(1.4826 * np.median(np.abs(rest - np.median(rest))))
+    print(f"offsets: keeps {keeps:.2f}, rest {side:.2f} m (standard deviation {rest.std():.2f})")
+    return {
+        "speed_edges": SPEED_EDGES,
+        "mean": known.mean.round(4).tolist(),
+        "root": known.root.round(4).tolist(),
+        "unsure": unsure.round(4).tolist(),
+        "skew": known.skew.round(4).tolist(),
+        "headway": [round(v, 4) for v in log_headway],
+        "start_rate": [round(v, 4) for v in starts_of(samples)],
+        "keeps_side": round(keeps, 4),
+        "side_m": round(side, 4),
+        "path": paths_of(scenes).round(4).tolist(),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", "../shared/data")))
+    parser.add_argument("-o", "--out", type=Path, default=SHIPPED)
+    arguments = parser.parse_args()
+    sets = {name: list(recorded_parts(arguments.data, name, "train")) for name in EVERY_S}
+    arguments.out.write_text(json.dumps(fit(sets), indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,200 @@
+"""Likely driver: each vehicle's driver is drawn from a population that was fitted to recordings.
+
+A drawn driver follows the Intelligent Driver Model as ``calibrated_driver`` does, with a time headway of its
+own, adds an acceleration of its own to it, stays or starts when it stands, keeps to its side of the lane, and
+takes one of its paths. All draws follow from `SceneHistory.route_draw`, so every plan of a child has the same
+driver in it; with what the last second shows, they are conditioned on the seed scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.driving.leaders import Leaders
+from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, Accelerate, drive
+from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
+from scex_sumo.behaviors.driving.projection import expected_way, project
+from scex_sumo.behaviors.models.idm import (
+    CALIBRATED,
+    CURVE_TIME_S,
+    IdmParameters,
+    curve_speeds,
+    desired_speed,
+    desired_speeds,
+)
+from scex_sumo.behaviors.models.likely_seen import (
+    STANDING_MPS,
+    asked_acceleration,
+    leaders_of,
+    path_edges,
+    queue_place,
+    seen_of,
+    shown_by,
+)
+from scex_sumo.behaviors.models.population import (
+    MOST_ASIDE_M,
+    SECONDS,
+    normals,
+    population,
+    students,
+    uniforms,
+)
+from scex_sumo.behaviors.parameters import check_path, check_positive
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
+
+STARTING_MPS = 0.02  # a standing vehicle that gained so much in the last step has started
+HEADWAY_S = (0.3, 4.0)  # nobody keeps less or more
+KEPT_SHARE = 0.9  # of the headway shown in the seed scene, which a driver keeps at most
+RELIEF_MPS2 = 3.0  # who has to brake this hard adds nothing to it
+STRONGEST_MPS2 = 4.0
+HARDEST_MPS2 = -8.0
+_DRIVER, _START = 0, 1  # salts; each plan has a start of its own
+
+
+@dataclass(frozen=True, kw_only=True)
+class LikelyProfile:
+    """Parameters of `LikelyDriver`.
+
+    Attributes:
+        spread: factor on how much drivers differ; 1 as people do, 0 the expected driver.
+        path: which path to take, as in `IdmProfile`, or ``fitted``: a draw per child and vehicle, by how well
+            each path fits what the vehicle shows.
+    """
+
+    spread: float = 1.0
+    path: PathChoice | str = "fitted"
+
+    def __post_init__(self) -> None:
+        check_positive(self, "spread", zero=True)
+        if self.path != "fitted":
+            check_path(self.path)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drivers:
+    """The n drivers of a plan, as drawn.
+
+    Attributes:
+        headway: (n,) s.
+        own: (n, 3) what each adds to its acceleration in each second after the seed scene, m/s².
+        side: (n,) where each wants to be beside its path after 3 s, m, left positive.
+        seen: (n,) where it was in the seed scene.
+    """
+
+    headway: FloatArray
+    own: FloatArray
+    side: FloatArray
+    seen: FloatArray
+
+
+class LikelyDriver:
+    """Drivers as people are: one drawn for every vehicle of every child."""
+
+    def __init__(self, profile: LikelyProfile) -> None:
+        self.profile = profile
+        self.population = population()
+
+    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+        """Plan 3 s; see `Behavior.plan`. What it draws follows from `SceneHistory.route_draw` alone."""
+        paths, row = self._paths(history, road, who)
+        drivers = self._drivers(history, road, who, paths, row)
+        own = history.now[who.child, who.vehicle]
+        s, _, _ = project(paths, row, own.x, own.y, expected_way(history, who))
+        aside = _aside(history, drivers)
+        leaders = leaders_of(history, who, paths, row, s, aside[:, 0])
+        waits = self._waits(history, who, leaders)
+        accelerate = _acceleration(history, who, paths, row, leaders, drivers, waits)
+        return drive(history, who, paths, row, accelerate, aside=aside)
+
+    def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
+        if self.profile.path != "fitted":
+            return chosen_paths(history, road, who, self.profile.path)  # type: ignore[arg-type]
+        paths, _ = chosen_paths(history, road, who, 0)
+        edges = path_edges(history.scene, paths, self.population)
+        draw = uniforms(history.route_draw[who.child, who.vehicle], 1, 7)[:, 0]
+        row = paths.first[who.vehicle]
+        last = row + paths.count[who.vehicle] - 1
+        for _ in range(int(paths.count.max(initial=1)) - 1):
+            row = row + ((row < last) & (draw >= edges[row]))
+        return paths, row
+
+    def _drivers(
+        self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray
+    ) -> Drivers:
+        drawn = uniforms(history.route_draw[who.child, who.vehicle], 8, _DRIVER)
+        spread, known = self.profile.spread, self.population
+        seen, speed = seen_of(history.scene, paths), shown_by(history.scene).speed[who.vehicle]
+        headway = np.exp(known.headway[0] + spread * known.headway[1] * normals(drawn[:, 5]))
+        shown = np.maximum(KEPT_SHARE * seen.headway[row], HEADWAY_S[0])
+        side = known.keeps_side * seen.offset[row] + spread * known.side_m * normals(drawn[:, 6])
+        return Drivers(
+            headway=np.clip(np.minimum(headway, shown), *HEADWAY_S),
+            own=known.own_acceleration(
+                speed, seen.features[row], seen.unsure[row], spread * students(drawn[:, :5])
+            ),
+            side=np.clip(side, -MOST_ASIDE_M, MOST_ASIDE_M),
+            seen=seen.offset[row],
+        )
+
+    def _waits(self, history: SceneHistory, who: Who, leaders: Leaders) -> FloatArray:
+        """(n,) for how long each vehicle stands from now on, s; 0 where it drives."""
+        speed = history.states.speed[who.child, who.vehicle]
+        before = speed[:, -2] if history.step else speed[:, -1]
+        stands = (speed[:, -1] < STANDING_MPS) & (speed[:, -1] - before < STARTING_MPS)
+        draw = uniforms(history.route_draw[who.child, who.vehicle], 1, 10 + history.step)[:, 0]
+        if self.profile.spread == 0:
+            draw = np.full_like(draw, 0.5)
+        rate = np.asarray(self.population.start_rate)[queue_place(leaders.gap, leaders.speed)]
+        # Waiting has no memory: what is drawn anew in every plan is one exponential time in all.
+        return np.where(stands, -np.log(draw) / np.maximum(rate, 1e-9), 0.0)
+
+
+def _aside(history: SceneHistory, drivers: Drivers) -> FloatArray:
+    """(n, 31) wanted offset from the path now and after each step, m."""
+    time_s = (history.step + np.arange(PLAN_STEPS + 1)) * STEP_S
+    share = np.minimum(time_s / SECONDS, 1.0)
+    return drivers.seen[:, None] + (drivers.side - drivers.seen)[:, None] * share
+
+
+def _acceleration(
+    history: SceneHistory,
+    who: Who,
+    paths: SeedPaths,
+    row: IntArray,
+    leaders: Leaders,
+    drivers: Drivers,
+    waits: FloatArray,
+) -> Accelerate:
+    """Acceleration of drawn drivers, for `drive`."""
+    wished = desired_speeds(paths, CALIBRATED.speed, CALIBRATED.speed_factor)
+    curves = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
+    first, last = row * paths.samples, paths.samples - 1
+    ahead = REAR_AXLE_SHARE * history.scene.length[who.vehicle]
+    shown = shown_by(history.scene)
+    habit = (shown.speed[who.vehicle], shown.acceleration[who.vehicle])
+    stood = habit[0] < STANDING_MPS
+    profile = IdmParameters.of(CALIBRATED, time_headway=drivers.headway)
+
+    def at(s: FloatArray) -> IntArray:
+        return first + np.clip((s + ahead) * (1 / DS_M), 0, last).astype(np.int64)
+
+    def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
+        time_s = (history.step + step) * STEP_S
+        limit = wished[at(s)]
+        # What a standing vehicle shows is no habit.
+        desired = np.where(stood, limit, desired_speed(CALIBRATED, limit, v, *habit, time_s))
+        gap = leaders.gap + leaders.speed * (step * STEP_S) - travelled
+        curve = curves[at(s + v * CURVE_TIME_S)]
+        asked = asked_acceleration(profile, v, desired, gap, leaders.speed, curve)
+        own = np.where(waits > 0, 0.0, drivers.own[:, min(int(time_s + 1e-6), SECONDS - 1)])
+        own = np.where(own > 0, own * np.clip(1 + asked / RELIEF_MPS2, 0.0, 1.0), own)
+        still = np.where(v > 0, -STRONGEST_MPS2, 0.0)
+        return np.where(waits > step * STEP_S, still, np.clip(asked + own, HARDEST_MPS2, STRONGEST_MPS2))
+
+    return accelerate

@@ -1,0 +1,130 @@
+"""Population of drivers: the fitted joint distribution that `LikelyDriver` draws each vehicle's driver from.
+
+The numbers are in ``behaviors/weights/likely_driver.json``, written by ``benchmarks/calibrate_likely.py``.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from scipy.special import ndtri
+
+from scex_sumo.arrays import FloatArray, IntArray
+
+SHIPPED = Path(__file__).parents[1] / "weights" / "likely_driver.json"
+SECONDS = 3  # for so many intervals of 1 s a driver's own acceleration is drawn; the last one goes on
+FAR_M = 50.0  # a leader beyond this does not count for that
+MOST_OWN_MPS2 = 5.0
+MOST_ASIDE_M = 1.75  # from the path: further off, a vehicle is on its way somewhere
+DEGREES = 4  # of freedom of the drawn accelerations: people are at times far from what one expects
+_WEYL = np.uint64(0x9E3779B97F4A7C15)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Population:
+    """Distribution of drivers.
+
+    Attributes:
+        speed_edges: (K - 1,) m/s between the K classes by speed in the seed scene.
+        mean: (K, 3, 7) the expected own acceleration in each of three seconds, m/s², linear in what the seed
+            scene shows, ``Seen.features``.
+        root: (K, 3, 3) lower triangular; root @ root.T is the scale matrix of what is left, (m/s²)²,
+        unsure: (3,) and its square root grows as exp(unsure @ ``Seen.unsure``).
+        skew: (K,) draws that accelerate are exp(skew) times as large, those that brake exp(-skew) times.
+        headway: mean and standard deviation of the logarithm of the time headway in s.
+        start_rate: 1/s at which a standing vehicle starts: behind a standing leader, a moving one, alone.
+        keeps_side: share of its offset from the path that a vehicle still has after 3 s,
+        side_m: and the standard deviation of the rest, m.
+        path: (4,) weights of how a path fits the seed scene, see `path_features`.
+    """
+
+    speed_edges: FloatArray
+    mean: FloatArray
+    root: FloatArray
+    unsure: FloatArray
+    skew: FloatArray
+    headway: tuple[float, float]
+    start_rate: tuple[float, float, float]
+    keeps_side: float
+    side_m: float
+    path: FloatArray
+
+    def speed_class(self, speed: FloatArray) -> IntArray:
+        """(n,) class of each speed."""
+        return np.searchsorted(self.speed_edges, speed, side="right").astype(np.int64)
+
+    def own_acceleration(
+        self, speed: FloatArray, features: FloatArray, unsure: FloatArray, draw: FloatArray
+    ) -> FloatArray:
+        """What each driver adds to the acceleration that the situation asks for.
+
+        Args:
+            speed: (n,) in the seed scene, m/s.
+            features: (n, 7) as in ``Seen``.
+            unsure: (n, 3) likewise.
+            draw: (n, 3) of Student's distribution with `DEGREES`; 0 is the expected driver.
+
+        Returns:
+            (n, 3) m/s² in each of three seconds.
+        """
+        k = self.speed_class(speed)
+        drawn = np.einsum("nij,nj->ni", self.root[k], draw)
+        size = np.exp(unsure @ self.unsure + self.skew[k] * np.sign(drawn.sum(axis=1)))
+        own: FloatArray = np.einsum("nij,nj->ni", self.mean[k], features) + size[:, None] * drawn
+        return np.clip(own, -MOST_OWN_MPS2, MOST_OWN_MPS2)
+
+
+@cache
+def population() -> Population:
+    """The shipped population."""
+    given = json.loads(SHIPPED.read_text(encoding="utf-8"))
+    arrays = ("speed_edges", "mean", "root", "unsure", "skew", "path")
+    standing, moving, alone = given["start_rate"]
+    return Population(
+        **{name: np.array(given[name]) for name in arrays},
+        headway=(given["headway"][0], given["headway"][1]),
+        start_rate=(standing, moving, alone),
+        keeps_side=given["keeps_side"],
+        side_m=given["side_m"],
+    )
+
+
+def uniforms(draw: FloatArray, count: int, salt: int = 0) -> FloatArray:
+    """(n, count) numbers in (0, 1) that follow from one number each, the same in every plan.
+
+    Args:
+        draw: (n,) in [0, 1), one for each vehicle of a child.
+        count: how many.
+        salt: another one gives others.
+
+    Source: the mixing function of SplitMix64, Steele, Lea, Flood 2014.
+    """
+    with np.errstate(over="ignore"):
+        step = np.arange(1, count + 1, dtype=np.uint64) + np.uint64(64 * (salt + 1))
+        z = np.ascontiguousarray(draw, dtype=np.float64).view(np.uint64)[:, None] + step * _WEYL
+        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        z = z ^ (z >> np.uint64(31))
+    result: FloatArray = ((z >> np.uint64(11)).astype(np.float64) + 0.5) / 2.0**53
+    return result
+
+
+def normals(uniform: FloatArray) -> FloatArray:
+    """Standard normal numbers of uniform ones, by the inverse of the distribution function."""
+    result: FloatArray = ndtri(uniform)
+    return result
+
+
+def students(uniform: FloatArray) -> FloatArray:
+    """(n, 3) numbers of Student's multivariate distribution with four degrees of freedom.
+
+    Args:
+        uniform: (n, 5) three for a normal vector and two for the common χ² with four degrees, -2·ln(u·u').
+    """
+    chi2 = -2.0 * np.log(uniform[:, 3] * uniform[:, 4])
+    result: FloatArray = normals(uniform[:, :3]) * np.sqrt(DEGREES / chi2)[:, None]
+    return result

@@ -1,0 +1,62 @@
+"""Reference of a run: what the same seed scene likely becomes, beside what it could become."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from typing import Any
+
+from scex_sumo.extrapolation.extrapolate import Progress, extrapolate
+from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.results.run import REFERENCE, Run
+from scex_sumo.scene import SeedScene
+
+CHILDREN = 117
+"""Children of a reference: a 95 % interval of at most +-9 % around a share."""
+
+SHARED = ("steps", "replan", "seed", "preset", "metrics", "thresholds", "reflect")
+"""Settings that a reference has from its run; it draws all its vehicles, none is assigned or under test."""
+
+
+def add_reference(
+    run: Run,
+    scene: SeedScene,
+    mix: str,
+    *,
+    workers: int | Workers = 1,
+    progress: Progress | None = None,
+    command: Sequence[str] | None = None,
+    **settings: Any,
+) -> Run:
+    """Run the reference of a run into its folder, ``reference/``, a result by itself; what is there is kept.
+
+    Args:
+        run: the finished run, whose children stay as they are.
+        scene: its seed scene, with its road.
+        mix: the models that tell what is likely, as `extrapolate` takes them.
+        workers: as in `extrapolate`.
+        progress: likewise.
+        command: likewise.
+        settings: those of the run; only `SHARED` are taken.
+
+    Returns:
+        The reference.
+    """
+    shared = {name: value for name, value in settings.items() if name in SHARED}
+    return extrapolate(
+        scene,
+        out=run.folder / REFERENCE,
+        overwrite=True,
+        workers=workers,
+        progress=progress,
+        command=command,
+        models=mix,
+        children=CHILDREN,
+        keep_plans=False,
+        **shared,
+    )
+
+
+def drop_reference(run: Run) -> None:
+    """Remove the reference of an earlier run from a result folder, where there is one."""
+    shutil.rmtree(run.folder / REFERENCE, ignore_errors=True)

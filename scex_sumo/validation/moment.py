@@ -1,0 +1,137 @@
+"""Moment in a worker: its children beside what really happened, measured by the same code."""
+
+from __future__ import annotations
+
+import dataclasses
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.converters.net.convert import SumoNet
+from scex_sumo.errors import TrackError, reason_of
+from scex_sumo.extrapolation.job import Job, batch_size, batches_of, run_batch
+from scex_sumo.extrapolation.measure import measure_recorded
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.ranking.moments import Failure
+from scex_sumo.ranking.run_moment import MomentTask, check_versions, one_at_a_time, road_and_net
+from scex_sumo.ranking.settings import built
+from scex_sumo.road import Road
+from scex_sumo.roads.routes import off_road
+from scex_sumo.scene import SeedScene, States
+from scex_sumo.validation.realism import realism, realism_score
+from scex_sumo.validation.vehicles import encounters_table, vehicles_table
+from scex_sumo.world.sumo import SumoWorld
+
+RECORDED, CONSTANT_VELOCITY, SEED_MOMENT = -1, -2, -3
+"""Children of a moment that are none: what happened, constant velocity, the first step of that."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Forecast:
+    """One moment: what the children say, and what happened.
+
+    Attributes:
+        children: metric columns and ``collision`` of each child, and of `RECORDED` and the other two.
+        vehicles: see `vehicles_table`.
+        encounters: see `encounters_table`.
+        realism: one row: its score and the likelihood of each feature.
+    """
+
+    children: pa.Table
+    vehicles: pa.Table
+    encounters: pa.Table
+    realism: pa.Table
+
+
+def validate_moment(task: MomentTask, road: bytes | None = None) -> Forecast | Failure:
+    """Run the children of a task beside its recording; or what is wrong with the moment."""
+    packed = task.road or road
+    try:
+        assert packed is not None, "no road"
+        check_versions(task)
+        with one_at_a_time:
+            return _forecast(task, *road_and_net(packed))
+    except Exception as error:  # whatever it is, the other moments go on
+        return Failure.of(task.ref, reason_of(error))
+
+
+def _forecast(task: MomentTask, road: Road, net: SumoNet) -> Forecast:
+    scene = dataclasses.replace(task.scene, road=road)
+    if len(off_road(road, scene)) == scene.vehicles:
+        raise TrackError(f"none of its {scene.vehicles} vehicles is on a mapped lane; check the map's origin")
+    steps = task.settings.steps
+    judged = _recorded_to_end(scene, steps)
+    if not judged.any():
+        raise TrackError(f"no vehicle is recorded for {steps} steps after it; take another moment")
+    asked = dataclasses.replace(task.settings.run, preset="both", metrics=None, keep_plans=False)
+    plain = RunSettings(models="constant_velocity", children=1, steps=steps, keep_plans=False)
+    children = _run(scene, net, asked, built(task.settings.models), len(task.children))
+    straight = _run(scene, net, plain, ModelSet.of(plain), 1)
+    first = _run(scene, net, dataclasses.replace(plain, steps=1), ModelSet.of(plain), 1)
+    recorded = measure_recorded(scene, steps, metrics=asked.measured, preset=asked.rule)
+    assert recorded is not None and scene.future is not None
+    after = scene.future[:, :steps].repeat(1).swapaxes(1, 2)
+    known = np.where(recorded.values.defined, recorded.values.values, np.nan)
+    rows = [
+        (np.arange(len(task.children)), children.values, children.collided),
+        (np.array([RECORDED]), known, recorded.overlaps.any_of(1)),
+        (np.array([CONSTANT_VELOCITY]), straight.values, straight.collided),
+        (np.array([SEED_MOMENT]), first.values, first.collided),
+    ]
+    rng = np.random.default_rng(zlib.crc32(task.ref.moment.encode()))
+    likelihood = realism(children.states, after, scene.length, scene.width, judged, road)
+    return Forecast(
+        children=_children_table(asked.columns, rows),
+        vehicles=vehicles_table(scene, children.states, straight.states, judged, rng),
+        encounters=encounters_table(scene, children.states, straight.states, after, judged, rng),
+        realism=pa.table({"realism": [realism_score(likelihood)], **{k: [v] for k, v in likelihood.items()}}),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Children:
+    states: States
+    values: FloatArray
+    collided: BoolArray
+
+
+def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet, count: int) -> _Children:
+    models.try_on(scene, seed=settings.seed)
+    drawn = models.draw(scene.track_ids, children=count, seed=settings.seed, design=settings.design)
+    job = Job(scene, net, settings, models, drawn, net.path.parent)
+    batches = batches_of(range(count), batch_size(job), apart=job.apart)
+    slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
+    with SumoWorld(net, scene, slots=slots) as world:
+        parts = [run_batch(job, world, batch) for batch in batches]
+    hit = [
+        np.asarray(part.collisions["child"], dtype=np.int64) for part in parts if part.collisions is not None
+    ]
+    collided = np.zeros(count, dtype=bool)
+    for children in hit:
+        collided[children] = True
+    return _Children(
+        collided=collided,
+        states=States.concatenate([part.states for part in parts], axis=0),
+        values=np.concatenate([np.where(part.defined, part.values, np.nan) for part in parts]),
+    )
+
+
+def _recorded_to_end(scene: SeedScene, steps: int) -> BoolArray:
+    """(V,) vehicles with a recorded future of so many steps."""
+    if scene.future_valid is None or scene.future_valid.shape[1] < steps:
+        return np.zeros(scene.vehicles, dtype=bool)
+    whole: BoolArray = np.all(scene.future_valid[:, :steps], axis=1)
+    return whole
+
+
+def _children_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArray, BoolArray]]) -> pa.Table:
+    values = np.concatenate([part[1] for part in rows])
+    data = {"child": pa.array(np.concatenate([part[0] for part in rows]), pa.int32())}
+    for index, name in enumerate(columns):
+        data[name] = pa.array(values[:, index], mask=np.isnan(values[:, index]))
+    data["collision"] = pa.array(np.concatenate([part[2] for part in rows]))
+    return pa.table(data)

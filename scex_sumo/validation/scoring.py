@@ -1,0 +1,243 @@
+"""Scores of a validation: events, continuous values, positions, encounters and realism, as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.ranking.moments import MomentRef
+from scex_sumo.statistics.scores import (
+    brier,
+    brier_parts,
+    calibration_error,
+    covered,
+    crps,
+    group_bootstrap,
+    precision_area,
+    rank_among,
+    reliability,
+    roc_area,
+    skill,
+)
+from scex_sumo.validation.events import COLLISION, EVENTS, Event
+from scex_sumo.validation.moment import CONSTANT_VELOCITY, RECORDED, SEED_MOMENT, Forecast
+
+LEAST_DEFINED = 0.5  # share of the children in which a metric must be defined to forecast its value
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Forecasts:
+    """All moments of a validation.
+
+    Attributes:
+        refs: (M) the moments.
+        columns: metric columns, then ``collision``.
+        children: (M) values (C, K) of the children; NaN where undefined.
+        recorded: (M, K) what happened.
+        straight: (M, K) constant velocity.
+        now: (M, K) the seed moment itself.
+        group: (M,) recording of each moment, a number.
+        vehicles: rows of all moments, with their group; so are the others.
+        encounters: see `encounters_table`.
+        realism: (M,) score.
+    """
+
+    refs: Sequence[MomentRef]
+    columns: tuple[str, ...]
+    children: Sequence[FloatArray]
+    recorded: FloatArray
+    straight: FloatArray
+    now: FloatArray
+    group: IntArray
+    vehicles: pa.Table
+    encounters: pa.Table
+    realism: FloatArray
+
+    def of(self, column: str) -> int:
+        """Index of a column."""
+        return self.columns.index(column)
+
+
+def gathered(found: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
+    """Forecasts of all moments together."""
+    columns = tuple(name for name in found[0][1].children.column_names if name != "child")
+    names = sorted({ref.recording for ref, _ in found})
+    group = np.array([names.index(ref.recording) for ref, _ in found])
+    parts = [_matrix(forecast.children, columns) for _, forecast in found]
+
+    def row(number: int) -> FloatArray:
+        return np.stack([values[child == number][0] for child, values in parts])
+
+    def rows(tables: Sequence[pa.Table]) -> pa.Table:
+        marked = [
+            t.append_column("group", pa.array(np.full(len(t), g)))
+            for t, g in zip(tables, group, strict=True)
+            if len(t)
+        ]
+        return pa.concat_tables(marked) if marked else pa.table({})
+
+    return Forecasts(
+        refs=[ref for ref, _ in found],
+        columns=columns,
+        children=[values[child >= 0] for child, values in parts],
+        recorded=row(RECORDED),
+        straight=row(CONSTANT_VELOCITY),
+        now=row(SEED_MOMENT),
+        group=group,
+        vehicles=rows([forecast.vehicles for _, forecast in found]),
+        encounters=rows([forecast.encounters for _, forecast in found]),
+        realism=np.array([forecast.realism["realism"][0].as_py() for _, forecast in found], dtype=np.float64),
+    )
+
+
+def _matrix(table: pa.Table, columns: tuple[str, ...]) -> tuple[IntArray, FloatArray]:
+    values = [np.asarray(table[c].to_numpy(zero_copy_only=False), dtype=np.float64) for c in columns]
+    return np.asarray(table["child"], dtype=np.int64), np.stack(values, axis=1)
+
+
+def probability(found: Forecasts, event: Event) -> tuple[FloatArray, BoolArray]:
+    """(M,) forecast probability of an event, and whether it happened."""
+    column = found.of(event.column)
+    forecast = np.array([event.happened(values[:, column]).mean() for values in found.children])
+    return forecast, event.happened(found.recorded[:, column])
+
+
+def event_scores(found: Forecasts) -> list[dict[str, Any]]:
+    """One row for each event: Brier score with its parts, skills, calibration, areas under curves."""
+    rows = []
+    for event in EVENTS:
+        column = found.of(event.column)
+        p, o = probability(found, event)
+        parts, base = brier_parts(p, o), float(o.mean())
+        straight = brier(event.happened(found.straight[:, column]).astype(np.float64), o)
+        now = brier(event.happened(found.now[:, column]).astype(np.float64), o)
+        low, high = group_bootstrap(_brier_of(p, o), found.group)
+        diagram = reliability(p, o)
+        rows.append(
+            {
+                "event": event.name,
+                "paper": event.paper,
+                "seeds": len(p),
+                "happened": base,
+                "forecast": float(p.mean()),
+                "brier": parts.score,
+                "brier_low": low,
+                "brier_high": high,
+                "reliability": parts.reliability,
+                "resolution": parts.resolution,
+                "uncertainty": parts.uncertainty,
+                "within_bins": parts.within,
+                "skill_base_rate": skill(parts.score, parts.uncertainty),
+                "skill_seed_moment": skill(parts.score, now),
+                "skill_constant_velocity": skill(parts.score, straight),
+                "calibration_error": calibration_error(p, o),
+                "roc_area": roc_area(p, o),
+                "precision_area": precision_area(p, o),
+                "diagram_forecast": diagram.forecast.tolist(),
+                "diagram_observed": diagram.observed.tolist(),
+                "diagram_count": diagram.count.tolist(),
+            }
+        )
+    return rows
+
+
+def _brier_of(p: FloatArray, o: BoolArray) -> Callable[[IntArray], float]:
+    return lambda index: brier(p[index], o[index])
+
+
+def value_scores(found: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]:
+    """One row for each metric column: CRPS, its skill against constant velocity, coverage, ranks."""
+    rng, rows = np.random.default_rng(seed), []
+    for column, name in enumerate(found.columns):
+        if name == COLLISION:
+            continue
+        score, plain, inside, rank, group = [], [], [], [], []
+        for m, values in enumerate(found.children):
+            sample, y, straight = values[:, column], found.recorded[m, column], found.straight[m, column]
+            known = np.isfinite(sample)
+            if not (np.isfinite(y) and np.isfinite(straight)) or known.mean() < LEAST_DEFINED:
+                continue
+            score.append(crps(sample[known], y))
+            plain.append(abs(straight - y))
+            inside.append(covered(sample[known], y))
+            rank.append(rank_among(sample[known], y, rng))
+            group.append(found.group[m])
+        if score:
+            rows.append({"column": name, **_of_values(score, plain, inside, rank, group)})
+    return rows
+
+
+def _of_values(
+    score: Sequence[float],
+    plain: Sequence[float],
+    inside: Sequence[bool],
+    rank: Sequence[float],
+    group: Sequence[int],
+) -> dict[str, Any]:
+    known, reference, hit = np.array(score), np.array(plain), np.array(inside, dtype=np.float64)
+    low, high = group_bootstrap(lambda index: float(hit[index].mean()), np.array(group))
+    return {
+        "count": len(known),
+        "crps": float(known.mean()),
+        "crps_skill": skill(float(known.mean()), float(reference.mean())),
+        "coverage": float(hit.mean()),
+        "coverage_low": low,
+        "coverage_high": high,
+        "ranks": np.histogram(rank, bins=10, range=(0.0, 1.0))[0].tolist(),
+    }
+
+
+def encounter_scores(found: Forecasts) -> list[dict[str, Any]]:
+    """The least body gap of encounters, as a row like those of `value_scores`; none without encounters."""
+    table = found.encounters
+    if not len(table):
+        return []
+    names = ("crps_m", "constant_velocity_error_m", "covered", "rank", "group")
+    return [
+        {"column": "least gap of an encounter", **_of_values(*(table[name].to_pylist() for name in names))}
+    ]
+
+
+def position_scores(found: Forecasts) -> list[dict[str, Any]]:
+    """One row for each second, of moving and of standing vehicles: errors in m, coverage, ranks."""
+    rows, table = [], found.vehicles
+    for second in sorted(set(table["second"].to_pylist())):
+        for moving in (True, False):
+            part = table.filter(pc.and_(pc.equal(table["second"], second), pc.equal(table["moving"], moving)))
+            if not len(part):
+                continue
+            means = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_velocity_error_m")
+            rows.append(
+                {
+                    "second": second,
+                    "moving": moving,
+                    "vehicles": len(part),
+                    **{name: float(np.mean(part[name].to_numpy())) for name in means},
+                    "along_coverage": float(np.mean(part["along_covered"].to_pylist())),
+                    "across_coverage": float(np.mean(part["across_covered"].to_pylist())),
+                    "along_ranks": np.histogram(part["along_rank"].to_numpy(), 10, (0, 1))[0].tolist(),
+                }
+            )
+    return rows
+
+
+def summary(found: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """What a reader looks at first."""
+    papers = [row for row in events if row["paper"]]
+    collision = next(row for row in events if row["event"] == "collision")
+    realism = found.realism[np.isfinite(found.realism)]
+    return {
+        "seeds": len(found.refs),
+        "recordings": len(set(found.group.tolist())),
+        "mean_brier": float(np.mean([row["brier"] for row in papers])),
+        "mean_brier_base_rate": float(np.mean([row["uncertainty"] for row in papers])),
+        "p_collision": collision["forecast"],
+        "recorded_overlaps": collision["happened"],
+        "realism": float(realism.mean()) if len(realism) else None,
+    }

@@ -1,0 +1,136 @@
+"""Vehicles and pairs of one moment against the recording: positions at 1, 2, 3 s, gaps of encounters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.scene import SeedScene, States
+from scex_sumo.statistics.scores import covered, crps, rank_among
+
+SECONDS = (1, 2, 3)
+MOVING_MPS = 0.5
+ENCOUNTER_M = 10.0  # a pair that comes this near in some child is an encounter
+
+
+def vehicles_table(
+    scene: SeedScene, children: States, straight: States, judged: BoolArray, rng: np.random.Generator
+) -> pa.Table:
+    """One row for each vehicle recorded to the end and each second.
+
+    Columns: track_id, moving, second; error of the children's mean position, mean and least error of a child,
+    error of constant velocity, m; for the way along the recorded heading and across it whether the recorded
+    one is within the children's 5-95 % and its rank in (0, 1).
+
+    Args:
+        scene: with its recorded future.
+        children: (C, T, V).
+        straight: (1, T, V) constant velocity.
+        judged: (V,).
+        rng: breaks ties of ranks.
+    """
+    assert scene.future is not None
+    rows = []
+    for second in SECONDS:
+        step = 10 * second - 1
+        if step >= children.shape[1]:
+            continue
+        for v in np.flatnonzero(judged).tolist():
+            x, y, heading = (
+                float(a[v, step]) for a in (scene.future.x, scene.future.y, scene.future.heading)
+            )
+            dx, dy = children.x[:, step, v] - x, children.y[:, step, v] - y
+            off = np.hypot(dx, dy)
+            along = np.cos(heading) * dx + np.sin(heading) * dy
+            across = np.cos(heading) * dy - np.sin(heading) * dx
+            rows.append(
+                {
+                    "track_id": int(scene.track_ids[v]),
+                    "moving": bool(scene.now.speed[v] > MOVING_MPS),
+                    "second": second,
+                    "error_of_mean_m": float(np.hypot(dx.mean(), dy.mean())),
+                    "mean_error_m": float(off.mean()),
+                    "least_error_m": float(off.min()),
+                    "constant_velocity_error_m": float(
+                        np.hypot(straight.x[0, step, v] - x, straight.y[0, step, v] - y)
+                    ),
+                    "along_covered": covered(along, 0.0),
+                    "across_covered": covered(across, 0.0),
+                    "along_rank": rank_among(along, 0.0, rng),
+                    "across_rank": rank_among(across, 0.0, rng),
+                }
+            )
+    return pa.Table.from_pylist(rows)
+
+
+def encounters_table(
+    scene: SeedScene,
+    children: States,
+    straight: States,
+    recorded: States,
+    judged: BoolArray,
+    rng: np.random.Generator,
+) -> pa.Table:
+    """One row for each pair that comes within 10 m in some child: its least body gap, forecast and recorded.
+
+    Columns: first, second, recorded_m, covered, rank, crps_m, and the error of constant velocity, m.
+
+    Args:
+        scene: the seed scene.
+        children: (C, T, V).
+        straight: (1, T, V) constant velocity.
+        recorded: (1, T, V).
+        judged: (V,) vehicles recorded to the end.
+        rng: breaks ties of ranks.
+    """
+    first, second = _near_pairs(children, judged)
+    gaps, plain, real = (_least_gap(scene, s, first, second) for s in (children, straight, recorded))
+    rows = [
+        {
+            "first": int(scene.track_ids[first[k]]),
+            "second": int(scene.track_ids[second[k]]),
+            "recorded_m": float(real[0, k]),
+            "covered": covered(gaps[:, k], float(real[0, k])),
+            "rank": rank_among(gaps[:, k], float(real[0, k]), rng),
+            "crps_m": crps(gaps[:, k], float(real[0, k])),
+            "constant_velocity_error_m": float(abs(plain[0, k] - real[0, k])),
+        }
+        for k in np.flatnonzero(gaps.min(axis=0, initial=np.inf) <= ENCOUNTER_M).tolist()
+    ]
+    return pa.Table.from_pylist(rows)
+
+
+def _near_pairs(children: States, judged: BoolArray) -> tuple[IntArray, IntArray]:
+    """Pairs whose centres come within 25 m: bodies of cars and trucks may come within 10 m."""
+    who = np.flatnonzero(judged)
+    a, b = np.triu_indices(len(who), 1)
+    first, second = who[a], who[b]
+    near = np.zeros(len(first), dtype=bool)
+    for k in range(0, len(first), 256):
+        i, j = first[k : k + 256], second[k : k + 256]
+        dx, dy = children.x[:, ::5, i] - children.x[:, ::5, j], children.y[:, ::5, i] - children.y[:, ::5, j]
+        near[k : k + 256] = (np.hypot(dx, dy) < 25.0).any(axis=(0, 1))
+    return first[near], second[near]
+
+
+def _least_gap(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> FloatArray:
+    """(C, P) least distance of the rectangles of pairs over all steps, m."""
+    cos, sin = np.cos(states.heading), np.sin(states.heading)
+    least = np.empty((states.shape[0], len(first)))
+    for k, (i, j) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
+        size = np.ones(states.x[:, :, i].size)
+        least[:, k] = rectangle_distance(
+            dx=(states.x[:, :, j] - states.x[:, :, i]).ravel(),
+            dy=(states.y[:, :, j] - states.y[:, :, i]).ravel(),
+            cos_1=cos[:, :, i].ravel(),
+            sin_1=sin[:, :, i].ravel(),
+            cos_2=cos[:, :, j].ravel(),
+            sin_2=sin[:, :, j].ravel(),
+            length_1=scene.length[i] * size,
+            width_1=scene.width[i] * size,
+            length_2=scene.length[j] * size,
+            width_2=scene.width[j] * size,
+        ).reshape(states.shape[:2]).min(axis=1)  # fmt: skip
+    return least

@@ -1,0 +1,100 @@
+"""Likely driver: drawn from a population, the same in every plan, as the last second shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scex_sumo.behaviors.driving.paths import seed_paths
+from scex_sumo.behaviors.models.likely_driver import LikelyDriver, LikelyProfile
+from scex_sumo.behaviors.models.likely_seen import path_edges, shown_by
+from scex_sumo.behaviors.models.population import normals, population, students, uniforms
+from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.errors import UsageError
+from tests.behaviors import roads
+
+DRIVER = LikelyDriver(LikelyProfile())
+DRAW = np.linspace(0.01, 0.99, 50)
+
+
+def test_numbers_from_a_draw_are_uniform_and_follow_from_it_alone() -> None:
+    draw = np.random.default_rng(0).random(4000)
+    found = uniforms(draw, 3)
+    assert np.abs(np.histogram(found, 10, (0, 1))[0] / found.size - 0.1).max() < 0.01  # 3.6 sigma
+    assert np.abs(np.corrcoef(np.column_stack([found, draw]).T) - np.eye(4)).max() < 0.06
+    assert (uniforms(draw[7:8], 3) == found[7]).all()
+    assert not (uniforms(draw, 3, 1) == found).any()
+
+
+def test_normal_and_student_numbers_have_their_spread() -> None:
+    draw = uniforms(np.random.default_rng(1).random(20000), 5)
+    assert normals(draw[:, 0]).std() == pytest.approx(1.0, abs=0.02)
+    # Quartiles of Student's distribution with four degrees of freedom: 0.741.
+    assert np.quantile(students(draw), 0.75) == pytest.approx(0.741, abs=0.02)
+
+
+def test_drivers_of_other_children_differ_and_those_of_one_child_stay_the_same() -> None:
+    where, scene = roads.straight(), roads.scene_of((100.0, 0.0, 0.0, 10.0))
+    history = roads.present(scene, 50, DRAW[:, None])
+    made = roads.plan(DRIVER, where, history)
+    assert np.ptp(made.x[:, 29]) > 2.0
+    again = roads.plan(DRIVER, where, roads.present(scene, 1, DRAW[10:11, None]))
+    assert (again.x[0] == made.x[10]).all()
+
+
+def test_without_spread_all_drive_as_expected() -> None:
+    where, scene = roads.straight(), roads.scene_of((100.0, 0.0, 0.0, 10.0))
+    driver = LikelyDriver(LikelyProfile(spread=0.0))
+    made = roads.plan(driver, where, roads.present(scene, 50, DRAW[:, None]))
+    assert np.ptp(made.x[:, 29]) < 1e-9
+
+
+def test_a_standing_vehicle_behind_a_standing_leader_stays() -> None:
+    where = roads.straight()
+    scene = roads.scene_of((100.0, 0.0, 0.0, 0.0), (107.0, 0.0, 0.0, 0.0))
+    made = roads.plan(DRIVER, where, roads.present(scene, 50, np.column_stack([DRAW, DRAW[::-1]])))
+    moved = np.abs(made.x[::2, 29] - 100.0) > 0.5
+    assert moved.mean() < 0.15  # at a rate of 0.02 1/s some 6 % start
+
+
+def test_who_shows_that_it_brakes_gets_less_far() -> None:
+    where, scene = roads.straight(), roads.scene_of((100.0, 0.0, 0.0, 10.0))
+    speed = scene.history.speed.copy()
+    speed[0] = 10.0 + np.linspace(2.0, 0.0, 11)
+    braking = replace(scene, history=replace(scene.history, speed=speed))
+    assert shown_by(braking).acceleration[0] == pytest.approx(-2.0, abs=0.05)
+    steady = roads.plan(DRIVER, where, roads.present(scene, 50, DRAW[:, None])).x[:, 29]
+    slower = roads.plan(DRIVER, where, roads.present(braking, 50, DRAW[:, None])).x[:, 29]
+    assert slower.mean() < steady.mean() - 3.0
+
+
+def test_accelerations_that_scatter_are_believed_less() -> None:
+    scene = roads.scene_of((100.0, 0.0, 0.0, 10.0))
+    speed = scene.history.speed.copy()
+    speed[0] = 10.0 + np.linspace(-2.0, 0.0, 11) + 0.3 * (-1.0) ** np.arange(11)
+    noisy = replace(scene, history=replace(scene.history, speed=speed))
+    assert abs(shown_by(noisy).acceleration[0]) < 0.3
+
+
+def test_paths_are_drawn_and_a_fast_vehicle_takes_no_sharp_turn() -> None:
+    where = roads.fork()
+    slow, fast = (roads.scene_of((30.0, 0.0, 0.0, v)) for v in (4.0, 15.0))
+    share = {}
+    for name, scene in (("slow", slow), ("fast", fast)):
+        edges = path_edges(scene, seed_paths(scene, where), population())
+        share[name] = edges[1] - edges[0]  # of straight on
+    assert share["fast"] > 0.9
+    assert 0.2 < share["slow"] < share["fast"]
+
+
+def test_spread_is_not_negative_and_the_path_a_known_one() -> None:
+    with pytest.raises(UsageError, match="spread"):
+        build(parse_models("likely_driver:spread=-1")[0])
+    with pytest.raises(UsageError, match="path"):
+        build(parse_models("likely_driver:path=nowhere")[0])
+
+
+def test_likely_stands_for_guarded_drawn_drivers() -> None:
+    assert [str(spec) for spec in parse_models("likely")] == ["likely_driver:guard=true"]

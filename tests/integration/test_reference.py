@@ -1,0 +1,32 @@
+"""Both answers of a run: what is possible, and beside it what is likely."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+from scex_sumo.extrapolation.extrapolate import extrapolate
+from scex_sumo.extrapolation.reference import CHILDREN, add_reference, drop_reference
+from scex_sumo.reports.run_table import summary_table
+from scex_sumo.scenarios import example_path
+from scex_sumo.scenarios.seeds import read_seed
+
+
+def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Path) -> None:
+    scene = read_seed(example_path("motorway_merge"))
+    settings = {"models": "rules", "children": 4, "steps": 5}
+    run = extrapolate(scene, out=tmp_path, **settings)
+    before = (tmp_path / "tracks.parquet").read_bytes()
+    likely = add_reference(run, scene, "likely", **settings)
+    assert (tmp_path / "tracks.parquet").read_bytes() == before
+    assert likely.children == CHILDREN
+    assert json.loads((tmp_path / "reference" / "run.json").read_text())["models"]
+    drivers = pq.read_table(tmp_path / "reference" / "assignments.parquet")["model"].to_pylist()
+    assert set(drivers) == {"likely_driver:guard=true"}
+    again = type(run)(tmp_path)
+    headers = [str(column.header) for column in summary_table(again).columns]
+    assert "P likely" in headers and "P possible" in headers
+    drop_reference(again)
+    assert type(run)(tmp_path).reference is None

@@ -1,0 +1,129 @@
+"""Scores of moments: what a forecast of known children is worth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from scex_sumo.errors import ResultError
+from scex_sumo.ranking.moments import MomentRef
+from scex_sumo.scene import States
+from scex_sumo.validation.events import EVENTS
+from scex_sumo.validation.folder import ForecastFolder
+from scex_sumo.validation.moment import CONSTANT_VELOCITY, RECORDED, SEED_MOMENT, Forecast
+from scex_sumo.validation.page import write_page
+from scex_sumo.validation.realism import realism, realism_score
+from scex_sumo.validation.scoring import (
+    encounter_scores,
+    event_scores,
+    gathered,
+    position_scores,
+    probability,
+    summary,
+    value_scores,
+)
+from tests.behaviors import roads
+
+COLUMNS = sorted({event.column for event in EVENTS} - {"collision"})
+
+
+def ref(number: int) -> MomentRef:
+    return MomentRef(
+        moment=f"m{number}", location="here", recording=f"r{number % 2}", case="", time_s=number, vehicles=2
+    )
+
+
+def forecast(distance: list[float], recorded: float) -> Forecast:
+    child = [*range(len(distance)), RECORDED, CONSTANT_VELOCITY, SEED_MOMENT]
+    values = [*distance, recorded, 20.0, 20.0]
+    table = {"child": pa.array(child, pa.int32())}
+    for column in COLUMNS:
+        table[column] = pa.array(values if column == "distance" else [None] * len(child), pa.float64())
+    table["collision"] = pa.array([False] * len(child))
+    vehicles = pa.Table.from_pylist(
+        [
+            {
+                "track_id": 1, "moving": True, "second": 3, "error_of_mean_m": 1.0, "mean_error_m": 2.0,
+                "least_error_m": 0.5, "constant_velocity_error_m": 3.0, "along_covered": True,
+                "across_covered": False, "along_rank": 0.5, "across_rank": 0.99,
+            }
+        ]
+    )  # fmt: skip
+    return Forecast(
+        children=pa.table(table),
+        vehicles=vehicles,
+        encounters=pa.table({}),
+        realism=pa.table({"realism": [0.7]}),
+    )
+
+
+FOUND = [(ref(0), forecast([4.0, 4.0, 6.0, 8.0], 4.5)), (ref(1), forecast([9.0, 9.5, 10.0, 12.0], 9.8))]
+
+
+def test_the_probability_of_an_event_is_its_share_of_the_children() -> None:
+    p, o = probability(gathered(FOUND), EVENTS[0])
+    assert p.tolist() == [0.5, 0.0]
+    assert o.tolist() == [True, False]
+
+
+def test_an_event_is_scored_against_base_rate_and_constant_velocity() -> None:
+    row = event_scores(gathered(FOUND))[0]
+    assert row["brier"] == pytest.approx(0.125)
+    assert row["skill_base_rate"] == pytest.approx(0.5)
+    assert row["skill_constant_velocity"] == pytest.approx(0.75)
+
+
+def test_a_value_is_scored_by_crps_against_constant_velocity() -> None:
+    row = next(row for row in value_scores(gathered(FOUND)) if row["column"] == "distance")
+    assert row["count"] == 2
+    assert row["coverage"] == 1.0
+    assert 0.8 < row["crps_skill"] < 1.0
+
+
+def test_positions_are_averaged_over_vehicles() -> None:
+    (row,) = position_scores(gathered(FOUND))
+    assert (row["vehicles"], row["error_of_mean_m"], row["along_coverage"]) == (2, 1.0, 1.0)
+
+
+def test_the_page_is_one_file_with_all_tables(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    found = gathered(FOUND)
+    rows = {"events": event_scores(found), "values": value_scores(found), "positions": position_scores(found)}
+    info = {"models": ["likely"], "children": 4, "part": "all", "failed": {"m9": "no <vehicle>"}}
+    write_page(tmp_path, {**info, **summary(found, rows["events"])}, rows)
+    page = (tmp_path / "validation.html").read_text()
+    assert "distance" in page and "no &lt;vehicle&gt;" in page and "http" not in page
+    assert not encounter_scores(found)
+
+
+def test_a_folder_gives_back_what_was_added_and_takes_no_other_validation(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "v"
+    with ForecastFolder(path, {"a": 1}) as folder:
+        folder.append(*FOUND[0])
+        assert folder.has(ref(0)) and not folder.has(ref(1))
+    with ForecastFolder(path, {"a": 1}) as folder:
+        assert folder.read(ref(0)).children.equals(FOUND[0][1].children)
+    with pytest.raises(ResultError, match="another validation"):
+        ForecastFolder(path, {"a": 2})
+
+
+def motion(speed: float, children: int) -> States:
+    steps = 0.1 * speed * np.arange(1, 31)
+    x = np.broadcast_to(100 + steps[None, :, None], (children, 30, 1)).copy()
+    return States(x=x, y=np.zeros_like(x), heading=np.zeros_like(x), speed=np.full_like(x, speed))
+
+
+def test_who_drives_as_recorded_is_more_real_than_who_does_not() -> None:
+    size, judged, where = np.array([4.5]), np.array([True]), roads.straight()
+    width = np.array([1.8])
+    same = realism(motion(10.0, 8), motion(10.0, 1), size, width, judged, where)
+    other = realism(motion(2.0, 8), motion(10.0, 1), size, width, judged, where)
+    assert realism_score(same) > realism_score(other)
+    assert same["collision_indication"] == pytest.approx(8.001 / 8.002)
+
+
+def test_realism_of_nobody_is_unknown() -> None:
+    found = realism(
+        motion(1.0, 2), motion(1.0, 1), np.ones(1), np.ones(1), np.array([False]), roads.straight()
+    )
+    assert np.isnan(realism_score(found))
