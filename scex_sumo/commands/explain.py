@@ -37,7 +37,7 @@ def explain_command(
     """Say which vehicles' drivers make a scene critical, and how."""
     from rich.console import Console
 
-    from scex_sumo.metrics.registry import COLLISION, column_named
+    from scex_sumo.metrics.registry import COLLISION, COLUMNS, column_named
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
     from scex_sumo.studies.explain import (
@@ -66,11 +66,11 @@ def explain_command(
     _write(folder / "explain_effects.parquet", [r for e in found for r in effect_rows(e, ids)])
     _write(folder / "explain_conditions.parquet", [r for e in found for r in condition_rows(e, ids, names)])
     _write(folder / "explain_worst.parquet", [r for rows in worst_of.values() for r in rows])
-    wanted = [COLLISION, *run.thresholds] if metric is None else [metric]
+    wanted = [COLLISION, *COLUMNS[::2], *run.thresholds] if metric is None else [metric]
     shown = [e for e in found if e.metric in wanted]
     scene = run.info["seed_scene"]["name"]
     print(f"{scene}: share of the variance over {run.children} children that comes from who drives")
-    Console(width=None if sys.stdout.isatty() else 110).print(_effects_table(run, shown))
+    Console(width=None if sys.stdout.isatty() else 140).print(_effects_table(run, shown))
     for explanation in shown:
         _print_conditions(explanation, ids, names, worst_of[explanation.metric], every=metric is not None)
     if plots:

@@ -97,7 +97,7 @@ def extrapolate(
         models.try_on(scene, seed=wanted.seed)
         _check_world(wanted, models, gui)
         temporary = TemporaryFolder() if out is None else None
-        path = Path(temporary.name if temporary else str(out))
+        path = Path(temporary.name) / "run" if temporary else Path(str(out))
         folder = ResultFolder(path, _identity(scene, wanted, models, assignment), overwrite=overwrite)
         assert scene.road is not None
         net = converted(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml", keep=cache)

@@ -68,6 +68,7 @@ def folder_of(path: Path, tested: Columns, baseline: Columns) -> Run:
         count = len(next(iter(values.values())))
         columns = {c: pa.array(values.get(c, [None] * count), pa.float64()) for c in COLUMNS}
         pq.write_table(pa.table({"child": list(range(count)), **columns}), folder / "under_test.parquet")
+        pq.write_table(pa.table({"child": list(range(count))}), folder / "metrics.parquet")
         hits = {"child": [0, 0, 3], "track_id": [17, 8, 9], "other_id": [9, 9, 8]}
         pq.write_table(pa.table(hits).slice(0 if vehicles["17"] else 1), folder / "collisions.parquet")
         info = {

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.convert import convert, open_net
+from scex_sumo.converters.net.convert import convert
+from scex_sumo.converters.net.sumo_net import open_net
 from scex_sumo.converters.sumo.net import beside
 from scex_sumo.errors import MapError
 from scex_sumo.extrapolation.extrapolate import extrapolate

@@ -9,7 +9,6 @@ from base64 import b64encode
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from scex_sumo.evaluation.encounters import in_words
 from scex_sumo.reports.page.contents import model_colors, report_contents
@@ -128,15 +127,3 @@ def test_likely_children_that_collide_are_counted(run: Run, tmp_path: Path) -> N
     shutil.copytree(run.folder, copy)
     shutil.copytree(run.folder, copy / "reference")
     assert report_contents(open_run(copy))[0]["likely_collisions"] == run.p_collision.value
-
-
-def test_columns_that_were_not_measured_of_the_recording_have_no_recorded_value(
-    run: Run, tmp_path: Path
-) -> None:
-    copy = tmp_path / "out"
-    shutil.copytree(run.folder, copy)
-    more = run.metrics.append_column("distance_path", run.metrics["distance"])
-    pq.write_table(more, copy / "metrics.parquet")
-    last = report_contents(open_run(copy))[0]["metrics"][-1]
-    assert (last["column"], last["side"], last["recorded"]) == ("distance_path", "left", None)
-    assert last["name"] == "distance path"
