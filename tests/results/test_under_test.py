@@ -133,7 +133,7 @@ def test_table_and_picture_show_every_metric(run: Run, tmp_path: Path) -> None:
     svg, png = draw_under_test(run, tmp_path / "under_test")
     assert png.stat().st_size > 0
     text = svg.read_text()
-    assert "vehicle 17: mypkg:MyDriver" in text and text.count("P = 40.0%") == 4
+    assert "vehicle 17: mypkg:MyDriver" in text and text.count("P = 40.0%") == 3
     assert text.count("defined in no child") == 4
 
 
