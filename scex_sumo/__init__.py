@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from scex_sumo.behaviors.learned.hetero_data import to_hetero_data as to_hetero_data
     from scex_sumo.behaviors.plug_in.inputs import Surroundings as Surroundings
     from scex_sumo.behaviors.plug_in.predictor import Predictor as Predictor
+    from scex_sumo.behaviors.predictors import predictor as predictor
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
-    from scex_sumo.behaviors.registry import predictor as predictor
     from scex_sumo.behaviors.scene_graph.export import to_networkx as to_networkx
     from scex_sumo.behaviors.scene_graph.graph import SceneGraph as SceneGraph
     from scex_sumo.behaviors.scene_graph.graph import scene_graph as scene_graph
@@ -87,7 +87,7 @@ _HOMES = {
     "parse_models": "scex_sumo.behaviors.registry",
     "plot_attention": "scex_sumo.reports.attention_picture",
     "plot_scene_graph": "scex_sumo.reports.scene_graph_picture",
-    "predictor": "scex_sumo.behaviors.registry",
+    "predictor": "scex_sumo.behaviors.predictors",
     "rank": "scex_sumo.ranking.rank",
     "read_map": "scex_sumo.converters.maps",
     "read_road": "scex_sumo.converters.lanelet.reader",

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from scex_sumo import derived as module
+from scex_sumo.behaviors.driving.motion import curve_speeds
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.guard.ways import expected
 from scex_sumo.behaviors.learned.seen.raster import raster_of
 from scex_sumo.behaviors.learned.seen.surface import path_room
-from scex_sumo.behaviors.models.idm import curve_speeds, desired_speeds
+from scex_sumo.behaviors.models.idm import desired_speeds
 from scex_sumo.behaviors.plug_in.inputs import lane_pieces
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.derived import MOST_OWNERS, derived

@@ -24,7 +24,7 @@ from scex_sumo.behaviors.plug_in.process import NAME as PROCESS
 from scex_sumo.behaviors.plug_in.process import split_command
 from scex_sumo.behaviors.plug_in.single import SingleVehicle, SingleVehicleBehavior
 from scex_sumo.behaviors.plug_in.usable import reason_in_model
-from scex_sumo.behaviors.plug_in.user_model import UserModel, predictor_model, user_model
+from scex_sumo.behaviors.plug_in.user_model import UserModel, user_model
 from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.behaviors.spec import GUARD, LEARNED, converted, profile_of, shown, user_arguments
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
@@ -282,24 +282,3 @@ def _user_model(name: str) -> UserModel:
     except Exception as error:  # anything can go wrong in another package's import
         raise UsageError(f"{name}: entry point {point.value} cannot be loaded: {error}") from error
     return user_model(loaded, name)
-
-
-def predictor(name: str | None = None, *, batched: bool = False, **surroundings: Any) -> Callable[[F], F]:
-    """Register a function that predicts trajectories as a behaviour model: ``@predictor("my_driver")``.
-
-    Args:
-        name: of the model; None registers nothing, for a function that is named by its import path.
-        batched: as in `Predictor`.
-        surroundings: how much it sees, as in `Surroundings`; parameters of the model.
-
-    Raises:
-        UsageError: the name is taken, or the function asks for inputs that there are not.
-    """
-
-    def register(function: F) -> F:
-        model = predictor_model(function, batched=batched, **surroundings)
-        model.make()  # says what is wrong with it where it is written
-        function.__scex_predictor__ = model  # type: ignore[attr-defined]
-        return function if name is None else behavior(name)(function)
-
-    return register

@@ -34,7 +34,7 @@ from scex_sumo.results.under_test import BASELINE
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.bands import Look, grow, look
 from scex_sumo.version import __version__
-from scex_sumo.world.sumo import load_sumo
+from scex_sumo.world.session import load_sumo
 
 LEARNED = ("scex_sumo.behaviors.learned.driver",)  # takes seconds to import
 

@@ -262,7 +262,7 @@ class _Elsewhere(Exception):
 def serve() -> None:
     """What a worker process does: the tasks that come in on standard input until it closes."""
     orders, reports = served_streams()
-    from scex_sumo.world.sumo import load_sumo
+    from scex_sumo.world.session import load_sumo
 
     load_sumo()  # there is time before the first task
 

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.errors import ResultError, UsageError, one_line
-from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, metric_of, side_of
+from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, side_of
 from scex_sumo.results.densities import half_widths, metric_density
 from scex_sumo.results.design import column_of, intervals_of, is_critical
 from scex_sumo.results.info import read_info
+from scex_sumo.results.tables import (
+    as_pandas,
+    kept_scene,
+    read_metrics,
+    read_table,
+    states_of,
+    with_own_collisions,
+)
 from scex_sumo.results.under_test import BASELINE, UNDER_TEST, UnderTest
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
@@ -76,25 +82,12 @@ class Run:
         """
         if table not in TABLES:
             raise UsageError(f"unknown table {table!r}; known: {', '.join(TABLES)}")
-        if importlib.util.find_spec("pandas") is None:
-            raise UsageError("to_pandas needs pandas: pip install 'scex-sumo[notebook]'")
-        return getattr(self, table).to_pandas()
+        return as_pandas(getattr(self, table))
 
     @cached_property
     def metrics(self) -> pa.Table:
         """One row per child: ``child``, the metric columns, null where undefined, and ``collision``."""
-        table = self.table("metrics.parquet", columns=("child",), rows=self.info.get("children"))
-        file = self.folder / "metrics.parquet"
-        if table["child"].to_pylist() != list(range(table.num_rows)):
-            raise ResultError(f"{file}: its children are not 0 to {table.num_rows - 1}; run again")
-        for name in table.column_names[1:]:
-            if name == COLLISION:
-                continue
-            kind = table.schema.field(name).type
-            if not (pa.types.is_floating(kind) or pa.types.is_null(kind)):
-                raise ResultError(f"{file}: column {name[:40]} holds no numbers; run again")
-            metric_of(name)
-        return table
+        return read_metrics(self.folder / "metrics.parquet", rows=self.info.get("children"))
 
     @cached_property
     def recorded(self) -> pa.Table | None:
@@ -170,34 +163,18 @@ class Run:
             )
         if self.baseline is None:
             raise ResultError(f"{self.folder}: its baseline was not run; run again without --no-baseline")
-        tested, without = self._tested(known), self.baseline._tested(known)
+        tested, without = (
+            with_own_collisions(run.table(UNDER_TEST), run.collisions, known) for run in (self, self.baseline)
+        )
         if without["child"] != tested["child"]:
             raise ResultError(f"{self.baseline.folder}: has not the children of {self.folder}; run again")
         vehicles = {int(track): model for track, model in known.items()}
         return UnderTest(vehicles, tested, without, self.thresholds | {COLLISION: 1.0}, self.intervals)
 
-    def _tested(self, vehicles: Iterable[str]) -> pa.Table:
-        """Metrics of the pairs that involve a vehicle under test, and whether one of them collides."""
-        own = [int(track) for track in vehicles]
-        either = [np.isin(np.asarray(self.collisions[name]), own) for name in ("track_id", "other_id")]
-        struck = np.asarray(self.collisions["child"])[either[0] | either[1]]
-        table = self.table(UNDER_TEST)
-        hit = np.isin(np.asarray(table["child"]), struck).astype(np.float64)
-        return table.add_column(1, COLLISION, pa.array(hit))
-
     @cached_property
     def scene(self) -> SeedScene:
         """The seed scene as kept in ``seed.csv``, vehicles in the order of the run; without its road."""
-        from scex_sumo.converters.datasets.seed import recorded_scene
-
-        known = self.info["seed_scene"]
-        scene = recorded_scene(
-            self.folder / known["name"], tracks=self.folder / "seed.csv", case="1.0", repair=False
-        )
-        where = {int(track): index for index, track in enumerate(scene.track_ids)}
-        if sorted(where) != sorted(known["track_ids"]):
-            raise ResultError(f"{self.folder}: seed.csv is not that of run.json; run again")
-        return scene.reordered([where[track] for track in known["track_ids"]], name=known["name"])
+        return kept_scene(self.folder, self.info["seed_scene"])
 
     @cached_property
     def net(self) -> SumoNet:
@@ -217,10 +194,7 @@ class Run:
         vehicles = len(self.info["seed_scene"]["track_ids"])
         frames = LOGGED_HISTORY + int(self.info["steps"])
         rows = self.tracks.slice(child * vehicles * frames, vehicles * frames)
-        x, y, vx, vy, psi = (
-            np.asarray(rows[name]).reshape(vehicles, frames) for name in ("x", "y", "vx", "vy", "psi_rad")
-        )
-        return States(x=x, y=y, heading=psi, speed=np.hypot(vx, vy))
+        return states_of(rows, vehicles, frames)
 
     def models_of(self, child: int) -> list[str]:
         """(V,) who drove each vehicle of a child."""
@@ -316,27 +290,8 @@ class Run:
         return int(self.metrics["child"][int(index)].as_py())
 
     def table(self, name: str, *, columns: Sequence[str] = (), rows: int | None = None) -> pa.Table:
-        """One of the folder's Parquet files.
-
-        Args:
-            name: of the file.
-            columns: those that it must have.
-            rows: how many it must have; None for any number.
-
-        Raises:
-            ResultError: it cannot be read, or is not as the run wrote it.
-        """
-        file = self.folder / name
-        try:
-            table = pq.ParquetFile(file).read()
-        except (OSError, pa.ArrowException, ValueError) as error:
-            raise ResultError(f"{file}: cannot be read: {one_line(error)[:160]}") from None
-        missing = [column for column in columns if column not in table.column_names]
-        if missing:
-            raise ResultError(f"{file}: has no column {missing[0]}; it is not as the run wrote it: run again")
-        if rows not in (None, table.num_rows):
-            raise ResultError(f"{file}: has {table.num_rows} rows, run.json says {rows}; run again")
-        return table
+        """One of the folder's Parquet files; a `ResultError` where it lacks columns or rows, or is none."""
+        return read_table(self.folder / name, columns=columns, rows=rows)
 
 
 def open_run(folder: str | Path) -> Run:

@@ -12,8 +12,13 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.scene import STEP_S
+from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.tiles import tile_id
+
+# moveToXY's keepRoute, which decides where SUMO looks for the lane that the vehicle is on; the vehicle is put
+# exactly where it should be in any case (2). 1 = only along the vehicle's route; 4 = lanes of any permission.
+ANY_LANE = 2 + 4
+_OWN_ROUTE = 2 + 1
 
 # No driver of SUMO's gains more speed than this in one step, m/s.
 _MAX_GAIN_MPS = 1.0
@@ -179,3 +184,31 @@ class Batch:
         x, y = sumo.vehicle.getPosition(key)
         angle, speed = sumo.vehicle.getAngle(key), sumo.vehicle.getSpeed(key)
         self.straight_on.append(Pose(key=key, x=x, y=y, angle=angle, speed=speed))
+
+
+def new_batch(
+    start: States,
+    driven: Sequence[SumoDriven],
+    *,
+    ids: list[str],
+    slots: list[int],
+    offsets: Sequence[tuple[float, float]],
+    watched: bool,
+) -> Batch:
+    """A batch that has not begun; arguments as `Batch` has them, and whether somebody looks at it."""
+    overridden = np.ones(start.shape, dtype=bool)
+    for d in driven:
+        overridden[d.child, d.vehicle] = False
+    # Looking for lanes takes three quarters of the time, and is of use only to the drivers of SUMO's who
+    # look for vehicles on their lanes: where there are none, SUMO need not look beyond one lane.
+    mixed = np.full(len(slots), watched) | ~overridden.all(axis=1)
+    return Batch(
+        slots=slots,
+        ids=ids,
+        offset=np.array(offsets, dtype=np.float64).T[..., None],
+        overridden=overridden,
+        mixed=mixed,
+        lanes=np.where(mixed[:, None] & overridden, ANY_LANE, _OWN_ROUTE),
+        speed=start.speed.copy(),
+        held=np.empty(start.shape),
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 import tempfile
@@ -62,6 +63,11 @@ class VehicleCalls:
         inner = getattr(getattr(module, "libsumo", None), "_libsumo", None)
         names = [field.name for field in fields(cls)]
         return cls(**{n: getattr(inner, f"vehicle_{n}", getattr(module.vehicle, n)) for n in names})
+
+
+def load_sumo(*, gui: bool = False) -> Any:
+    """libsumo, or traci for sumo-gui; the first time takes a quarter of a second."""
+    return importlib.import_module("traci" if gui else "libsumo")
 
 
 @contextmanager

@@ -7,7 +7,6 @@ vehicles: nothing is left of one that could colour the next, not even the time (
 
 from __future__ import annotations
 
-import importlib
 import shutil
 from collections.abc import Sequence
 from itertools import chain
@@ -21,10 +20,10 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import SimulationError
 from scex_sumo.files import TemporaryFolder
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
-from scex_sumo.world.batch import Batch, Some, SumoDriven, vehicle_ids
+from scex_sumo.world.batch import ANY_LANE, Batch, Some, SumoDriven, new_batch, vehicle_ids
 from scex_sumo.world.colors import Rgb
 from scex_sumo.world.frame import from_sumo, to_sumo
-from scex_sumo.world.session import ANY_ROUTE, SumoSession, VehicleCalls
+from scex_sumo.world.session import ANY_ROUTE, SumoSession, VehicleCalls, load_sumo
 from scex_sumo.world.tiles import TILE_SLOTS, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 
@@ -32,20 +31,10 @@ if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 
 __all__ = ["TILE_SLOTS", "SumoDriven", "SumoWorld"]
-
-# moveToXY's keepRoute, which decides where SUMO looks for the lane that the vehicle is on; the vehicle is put
-# exactly where it should be in any case (2). 1 = only along the vehicle's route; 4 = lanes of any permission.
-_ANY_LANE = 2 + 4
-_OWN_ROUTE = 2 + 1
 # Distance at which SUMO takes a vehicle to be on a lane, m. Faster than the default of 100 m; from 20 m on it
 # finds the right one of two lanes that fork on all maps tried, with 5 m not always.
 _MATCH_M = 20.0
 _NO_LANE = -1
-
-
-def load_sumo(*, gui: bool = False) -> Any:
-    """libsumo, or traci for sumo-gui; the first time takes a quarter of a second."""
-    return importlib.import_module("traci" if gui else "libsumo")
 
 
 class SumoWorld:
@@ -132,7 +121,10 @@ class SumoWorld:
         self._speeds.clear()
         self._sumo = self._session.ready(load_sumo(gui=self._gui))
         self._call = VehicleCalls.of(self._sumo)
-        batch = self._running = self._new_batch(start, wanted, driven)
+        ids = vehicle_ids(wanted, self._scene.track_ids)
+        offsets = [self._session.layout.offset(slot) for slot in wanted]
+        batch = new_batch(start, driven, ids=ids, slots=wanted, offsets=offsets, watched=self._gui)
+        self._running = batch
         if shared := batch.shared_slots():
             raise SimulationError(
                 f"slots {shared} hold several children, one of them with drivers of SUMO's or somebody who "
@@ -146,25 +138,6 @@ class SumoWorld:
         self._advance(batch)
         with self._session.refusals("hand vehicles over to its drivers"):
             batch.hand_over(driven, self._sumo)
-
-    def _new_batch(self, start: States, slots: list[int], driven: Sequence[SumoDriven]) -> Batch:
-        overridden = np.ones(start.shape, dtype=bool)
-        for d in driven:
-            overridden[d.child, d.vehicle] = False
-        # Looking for lanes takes three quarters of the time, and is of use only to the drivers of SUMO's who
-        # look for vehicles on their lanes: where there are none, SUMO need not look beyond one lane.
-        mixed = np.full(len(slots), self._gui) | ~overridden.all(axis=1)
-        offsets = np.array([self._session.layout.offset(slot) for slot in slots], dtype=np.float64)
-        return Batch(
-            slots=slots,
-            ids=vehicle_ids(slots, self._scene.track_ids),
-            offset=offsets.T[..., None],
-            overridden=overridden,
-            mixed=mixed,
-            lanes=np.where(mixed[:, None] & overridden, _ANY_LANE, _OWN_ROUTE),
-            speed=start.speed.copy(),
-            held=np.empty(start.shape),
-        )
 
     def move(self, states: States, mask: BoolArray) -> None:
         """Say where vehicles are after the next step.
@@ -284,7 +257,7 @@ class SumoWorld:
             self._speeds.extend(zip([some.ids[i] for i in some.watched], speeds, changes, strict=True))
 
     def _put(self, key: str, x: float, y: float, angle: float) -> None:
-        self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, _ANY_LANE, _MATCH_M)
+        self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, ANY_LANE, _MATCH_M)
 
     def _advance(self, batch: Batch) -> None:
         """One step of SUMO, a count of the vehicles, and the right speeds for those that were moved.

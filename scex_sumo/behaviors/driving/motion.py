@@ -20,8 +20,9 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
+from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import bend_at, clipped, expected_way, project, refine, sample
+from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, Who
@@ -222,3 +223,17 @@ def _centres(out: FloatArray, length: FloatArray) -> Plan:
     return Plan(
         x=x + ahead * np.cos(heading), y=y + ahead * np.sin(heading), heading=wrap(heading), speed=speed
     )
+
+
+@derived
+def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> FloatArray:
+    """(P * N,) highest speed along all paths, m/s, from which the driver comes through every curve ahead.
+
+    √(lateral / curvature) in the curve; before it, what braking at `deceleration` brings down to that.
+    """
+    square = lateral / np.maximum(paths.curve_curvature, 1e-6)
+    # v² may fall by 2·b·ds per sample: a running minimum of v² + 2·b·s from the far end.
+    slope = 2 * deceleration * DS_M * np.arange(paths.samples)
+    reachable = np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope
+    speeds: FloatArray = np.sqrt(reachable).ravel()
+    return speeds

@@ -11,7 +11,7 @@ from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import Sight
 from scex_sumo.behaviors.driving.distinct import distinct, handed_out, own_motion
 from scex_sumo.behaviors.driving.leaders import find_leaders
-from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, drive
+from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import expected_way, project
 from scex_sumo.behaviors.parameters import check_path, check_positive
@@ -291,17 +291,3 @@ def desired_speeds(paths: SeedPaths, speed: float, factor: float) -> FloatArray:
     # A vehicle off the mapped lanes keeps its own speed, whatever the driver wishes.
     off = np.repeat(~paths.on_road, paths.count)
     return np.where(off[:, None], paths.speed_limit, wished).ravel()
-
-
-@derived
-def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> FloatArray:
-    """(P * N,) highest speed along all paths, m/s, from which the driver comes through every curve ahead.
-
-    √(lateral / curvature) in the curve; before it, what braking at `deceleration` brings down to that.
-    """
-    square = lateral / np.maximum(paths.curve_curvature, 1e-6)
-    # v² may fall by 2·b·ds per sample: a running minimum of v² + 2·b·s from the far end.
-    slope = 2 * deceleration * DS_M * np.arange(paths.samples)
-    reachable = np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope
-    speeds: FloatArray = np.sqrt(reachable).ravel()
-    return speeds

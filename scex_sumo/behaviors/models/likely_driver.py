@@ -16,14 +16,13 @@ import numpy as np
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.leaders import Leaders
-from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, Accelerate, drive
+from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import expected_way, project
 from scex_sumo.behaviors.models.idm import (
     CALIBRATED,
     CURVE_TIME_S,
     IdmParameters,
-    curve_speeds,
     desired_speed,
     desired_speeds,
 )

@@ -8,7 +8,7 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
-from scex_sumo.behaviors.driving.motion import rear_axle
+from scex_sumo.behaviors.driving.motion import curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import project
 from scex_sumo.behaviors.models.idm import (
@@ -16,7 +16,6 @@ from scex_sumo.behaviors.models.idm import (
     CURVE_TIME_S,
     HABIT_STEPS,
     IdmParameters,
-    curve_speeds,
     idm_acceleration,
 )
 from scex_sumo.behaviors.models.population import FAR_M, MOST_ASIDE_M, Population
