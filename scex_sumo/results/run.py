@@ -61,12 +61,9 @@ class Run:
         return str(importlib.import_module("scex_sumo.reports.notebook").run_html(self))
 
     def plot(self, path: str | Path, *, metric: str | None = None, curve: str = "density") -> Path:
-        """Draw densities as in a paper, into an SVG, PNG or PDF file; returns the file.
+        """Draw densities as in a paper, of one metric or all, into an SVG, PNG or PDF file; returns the file.
 
-        Args:
-            path: file to write.
-            metric: one of the metric columns; None draws all of them.
-            curve: ``density`` or ``cumulative``.
+        ``curve`` is ``density`` or ``cumulative``.
         """
         draw = importlib.import_module("scex_sumo.reports.run_figure").draw_figure
         return Path(draw(self, curve, Path(path), metric=metric))
