@@ -11,6 +11,8 @@ written.
 from __future__ import annotations
 
 import argparse
+import cProfile
+import pstats
 import resource
 import statistics
 import subprocess
@@ -18,112 +20,55 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 from bare_loop import DEFAULT_MAP, WAYS, Poses, bare_loop, poses_of
 
+import scex_sumo
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.converters.moments.writer import write_tracks
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios.seeds import synthetic_seed
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.world.sumo import load_sumo
+from scex_sumo.world.session import load_sumo
 
 SIX = f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor"
-# Where each stage is called; what a stage calls of another one counts for that other.
-STAGES = {
-    "read map and tracks": ("scex_sumo.scenarios.seeds.read_seed",),
-    "draw the design": ("scex_sumo.extrapolation.assignments.designed_assignments",),
-    "convert": ("scex_sumo.extrapolation.extrapolate.converted",),
-    "world": tuple(
-        f"scex_sumo.world.sumo.SumoWorld.{name}"
-        for name in ("__init__", "begin", "move", "step", "read", "close")
-    ),
-    "loop": ("scex_sumo.extrapolation.job.roll_out",),
-    "metrics": (
-        "scex_sumo.extrapolation.job.measure_rollout",
-        "scex_sumo.extrapolation.job.worst_of",
-        "scex_sumo.extrapolation.writing.measure_recorded",
-    ),
-    "keep parts": ("scex_sumo.extrapolation.job.save_part", "scex_sumo.results.parts.Parts.read"),
-    "write": (
-        "scex_sumo.extrapolation.extrapolate.write_tables",
-        "scex_sumo.results.folder.ResultFolder.finish",
-    ),
-}
+PACKAGE = Path(scex_sumo.__file__).parent
 
 
-class Stages:
-    """Processor time by stage, each without what it calls of the others."""
+def rooms(work: Callable[[], object]) -> Counter[str]:
+    """Processor time of some work by package of ours, s.
 
-    def __init__(self) -> None:
-        self.spent: Counter[str] = Counter()
-        self._open = ["rest"]
-        self._since = time.process_time()
-
-    def _lap(self) -> None:
-        now = time.process_time()
-        self.spent[self._open[-1]] += now - self._since
-        self._since = now
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Time within counts for a stage."""
-        self._lap()
-        self._open.append(name)
-        try:
-            yield
-        finally:
-            self._lap()
-            self._open.pop()
-
-    def timed(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
-        """The same function, its time counted."""
-
-        def inner(*given: Any, **named: Any) -> Any:
-            with self.stage(name):
-                return call(*given, **named)
-
-        return inner
+    Each function's own time counts for its package, that of libraries for whoever calls them; the profile's
+    shares of the time that the work takes without one.
+    """
+    begin = time.process_time()
+    work()
+    whole = time.process_time() - begin
+    profile = cProfile.Profile(time.process_time)
+    profile.runcall(work)
+    spent: Counter[str] = Counter()
+    for (file, _, _), (_, _, own, _, callers) in pstats.Stats(profile).stats.items():  # type: ignore[attr-defined]
+        if _room(file) is not None or not callers:
+            spent[_room(file) or "rest"] += own
+            continue
+        for (caller, _, _), (_, _, part, _) in callers.items():
+            spent[_room(caller) or "libraries"] += part
+    total = sum(spent.values())
+    return Counter({room: whole * part / total for room, part in spent.items()})
 
 
-@contextmanager
-def measured() -> Iterator[Stages]:
-    """Time within is counted by stage."""
-    stages = Stages()
-    with ExitStack() as stack:
-        for name, places in STAGES.items():
-            for place in places:
-                owner, _, attribute = place.rpartition(".")
-                found = _found(owner)
-                stack.enter_context(
-                    patch.object(found, attribute, stages.timed(name, getattr(found, attribute)))
-                )
-        with stages.stage("rest"):
-            yield stages
-
-
-def _found(path: str) -> Any:
-    """A module, or a class in it."""
-    import importlib
-
-    try:
-        return importlib.import_module(path)
-    except ModuleNotFoundError:
-        module, _, name = path.rpartition(".")
-        return getattr(importlib.import_module(module), name)
+def _room(file: str) -> str | None:
+    """The package that a file of ours is in."""
+    path = Path(file)
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py") if path.is_relative_to(PACKAGE) else None
 
 
 def whole_run(map_path: Path, tracks: Path, out: Path, options: argparse.Namespace, workers: int = 1) -> Run:
     """What ``scex-sumo run`` does, without its summary and pictures."""
-    import scex_sumo.scenarios.seeds
-
-    scene = scex_sumo.scenarios.seeds.read_seed(map_path, tracks=tracks, case="1.0")
+    scene = scex_sumo.read_seed(map_path, tracks=tracks, case="1.0")
     return scex_sumo.extrapolate(
         scene,
         models=options.models,
@@ -197,9 +142,7 @@ def main() -> None:
         for _ in range(options.repeat):
             for way, loops in bare.items():
                 loops.append(sum(bare_loop(net, poses, way).values()))
-            with measured() as stages:
-                whole_run(options.map, tracks, folder / "out", options)
-            runs.append(stages.spent)
+            runs.append(rooms(lambda: whole_run(options.map, tracks, folder / "out", options)))
         size = f"{options.children} children x {options.vehicles} vehicles x {options.steps} steps"
         print(f"{options.map.stem}, {size}")
         print(f"models: {options.models}\n")
@@ -223,10 +166,10 @@ def _wall(options: argparse.Namespace, tracks: Path, folder: Path, workers: int)
 
 
 def report(bare: dict[str, list[float]], runs: list[Counter[str]], total: int) -> None:
-    """The table: seconds, microseconds per vehicle-step, share of the whole run."""
+    """The table by package: seconds, microseconds per vehicle-step, share of the whole run."""
     whole = statistics.median(sum(run.values()) for run in runs)
     print(f"{'':22s} {'s':>7s} {'us':>7s} {'share':>6s}")
-    for name in (*STAGES, "rest"):
+    for name, _ in sum(runs, Counter()).most_common(12):
         seconds = statistics.median(run[name] for run in runs)
         print(f"{name:22s} {seconds:7.3f} {1e6 * seconds / total:7.2f} {seconds / whole:6.1%}")
     print(f"{'whole run':22s} {whole:7.3f} {1e6 * whole / total:7.2f}")

@@ -122,23 +122,27 @@ def environment(folder: Path, package: str) -> Path:
 def ours() -> None:
     """The same quantities here."""
     import numpy as np
-    from one_seed import measured
+    from one_seed import rooms
 
     import scex_sumo
-    from scex_sumo.metrics.registry import COLUMNS
+    from scex_sumo.extrapolation.settings import RunSettings
 
+    columns = RunSettings().columns
     seed = scex_sumo.synthetic_seed(scex_sumo.example_path("roundabout"), vehicles=VEHICLES)
     with tempfile.TemporaryDirectory() as folder:
-        for _ in range(2):  # the first one imports
-            with measured() as stages:
-                scex_sumo.extrapolate(
-                    seed, models=["standard_driver"], children=64, out=Path(folder) / "out", overwrite=True
-                )
-    loop, metrics = stages.spent["loop"], stages.spent["metrics"]
+
+        def run() -> None:
+            out = Path(folder) / "out"
+            scex_sumo.extrapolate(seed, models=["standard_driver"], children=64, out=out, overwrite=True)
+
+        run()  # imports
+        spent = rooms(run)
+    loop = spent["extrapolation"] + spent["behaviors"]
+    metrics = spent["metrics"] + spent["evaluation"]
     count = 64 * VEHICLES * STEPS
     print(f"scex-sumo IDM, plans of 3 s every 0.5 s: {1e6 * loop / count:.1f} us per vehicle-step")
-    each = 1e6 * metrics / (count * (VEHICLES - 1)) / (len(COLUMNS) / 2)
-    print(f"scex-sumo metrics, mean of {len(COLUMNS) // 2}: {each:.3f} us per ordered pair and step")
+    each = 1e6 * metrics / (count * (VEHICLES - 1)) / (len(columns) / 2)
+    print(f"scex-sumo metrics, mean of {len(columns) // 2}: {each:.3f} us per ordered pair and step")
     assert np.isfinite(each)
 
 

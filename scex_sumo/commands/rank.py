@@ -28,6 +28,9 @@ def rank_command(
     min_vehicles: Annotated[int, Option(help="Fewer moving vehicles make no seed scene.")] = 2,
     models: Models = None,
     preset: Annotated[str, Option(metavar="paper|path|both", help="Which metrics are evaluated.")] = "both",
+    metrics: Annotated[
+        str | None, Option(metavar="NAME,...", help="These metrics, also of your own; else the preset's.")
+    ] = None,
     threshold: Thresholds = None,
     keep: Annotated[
         str, Option(metavar="none|critical|all", help="Children whose tracks are kept.")
@@ -57,6 +60,7 @@ def rank_command(
             min_vehicles=min_vehicles,
             models=models if models is not None else DEFAULT_MODELS,
             preset=preset,
+            metrics=None if metrics is None else [name.strip() for name in metrics.split(",")],
             thresholds=parse_thresholds(threshold),
             keep=keep,
             top=top,

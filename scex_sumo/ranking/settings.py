@@ -14,7 +14,8 @@ from scex_sumo.converters.datasets.recordings import Recording
 from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import Models, RunSettings
-from scex_sumo.metrics.registry import thresholds_of
+from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.registry import describe_metrics, thresholds_of
 from scex_sumo.results.design import design_intervals
 from scex_sumo.statistics.designs import DEFAULT_DESIGN
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -40,6 +41,7 @@ class RankSettings:
         replan: steps that a plan is followed.
         design: how assignments are drawn; fewer children must be the first of more.
         preset: which metrics are evaluated, as of a run.
+        metrics: in their place, as of a run.
         seed: the same seed gives the same ranking.
         thresholds: by metric column, on top of the defaults; kept whole, in the order of the columns.
         keep: whose tracks are kept: ``none``, ``critical`` (at most 5 of a moment) or ``all``.
@@ -60,6 +62,7 @@ class RankSettings:
     replan: int = 5
     design: str = field(init=False, default=DEFAULT_DESIGN)
     preset: str = "both"
+    metrics: Sequence[str | Metric] | None = None
     seed: int = 0
     thresholds: Mapping[str, float] = field(default_factory=dict)
     keep: str = "none"
@@ -73,6 +76,7 @@ class RankSettings:
             children=self.children,
             design=self.design,
             preset=self.preset,
+            metrics=self.metrics,
             steps=self.steps,
             replan=self.replan,
             seed=self.seed,
@@ -115,6 +119,7 @@ class RankSettings:
             "replan": self.replan,
             "design": self.design,
             "preset": self.preset,
+            **({"metrics": described} if (described := describe_metrics(self.run.measured)) else {}),
             "seed": self.seed,
             "thresholds": dict(self.thresholds),
             "keep": self.keep,

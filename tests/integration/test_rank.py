@@ -245,3 +245,22 @@ def test_options_that_make_no_sense_are_usage_errors(
 
 def test_usage_errors_have_their_status(dataset: Path, tmp_path: Path) -> None:
     assert "METRIC=VALUE" in refused(dataset, "--threshold", "ttc", "-o", tmp_path / "out", status=2)
+
+
+def test_a_metric_of_ones_own_is_ranked_beside_the_others(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "closeness.py").write_text(
+        "import numpy as np, scex_sumo as scex\n"
+        "@scex.metric('speed_gap', critical='max', unit='m/s', threshold=3.0)\n"
+        "def speed_gap(scenes):\n"
+        "    first, second = scenes.pairs\n"
+        "    return scenes.unordered(np.abs(scenes.speed[second] - scenes.speed[first]))\n"
+    )
+    out = tmp_path / "out"
+    words = command(dataset, *OPTIONS, "--metrics", "paper,closeness:speed_gap", "--workers", 2, "-o", out)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    table = pq.read_table(out / "ranking.parquet")
+    assert (
+        table["p_speed_gap"].to_pylist()[:3] == [1.0] * 3
+    )  # some drive 3 m/s faster than others in any child
+    assert "median_wttc" in table.column_names and "median_gap" not in table.column_names
