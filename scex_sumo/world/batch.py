@@ -98,7 +98,7 @@ class Some:
 
 
 @dataclass(kw_only=True, eq=False)
-class Batch:
+class RunningBatch:
     """The running batch.
 
     Attributes:
@@ -194,15 +194,15 @@ def new_batch(
     slots: list[int],
     offsets: Sequence[tuple[float, float]],
     watched: bool,
-) -> Batch:
-    """A batch that has not begun; arguments as `Batch` has them, and whether somebody looks at it."""
+) -> RunningBatch:
+    """A batch that has not begun; arguments as `RunningBatch` has them, and whether somebody looks at it."""
     overridden = np.ones(start.shape, dtype=bool)
     for d in driven:
         overridden[d.child, d.vehicle] = False
     # Looking for lanes takes three quarters of the time, and is of use only to the drivers of SUMO's who
     # look for vehicles on their lanes: where there are none, SUMO need not look beyond one lane.
     mixed = np.full(len(slots), watched) | ~overridden.all(axis=1)
-    return Batch(
+    return RunningBatch(
         slots=slots,
         ids=ids,
         offset=np.array(offsets, dtype=np.float64).T[..., None],

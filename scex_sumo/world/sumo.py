@@ -20,7 +20,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import SimulationError
 from scex_sumo.files import TemporaryFolder
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
-from scex_sumo.world.batch import ANY_LANE, Batch, Some, SumoDriven, new_batch, vehicle_ids
+from scex_sumo.world.batch import ANY_LANE, RunningBatch, Some, SumoDriven, new_batch, vehicle_ids
 from scex_sumo.world.colors import Rgb
 from scex_sumo.world.frame import from_sumo, to_sumo
 from scex_sumo.world.session import ANY_ROUTE, SumoSession, VehicleCalls, load_sumo
@@ -81,7 +81,7 @@ class SumoWorld:
         self._gui = gui
         self._length = np.asarray(scene.length, dtype=np.float64)
         self._sumo: Any = None
-        self._running: Batch | None = None
+        self._running: RunningBatch | None = None
         self._speeds: list[tuple[str, float, float]] = []  # to be set after the next step
         self._routes = 0
 
@@ -237,7 +237,7 @@ class SumoWorld:
                 self._sumo.vehicle.setColor(self._batch.id_of(child, vehicle), (*rgb, 255))
 
     @property
-    def _batch(self) -> Batch:
+    def _batch(self) -> RunningBatch:
         if self._running is None:
             raise SimulationError("no batch is running in this world; begin one first")
         return self._running
@@ -259,7 +259,7 @@ class SumoWorld:
     def _put(self, key: str, x: float, y: float, angle: float) -> None:
         self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, ANY_LANE, _MATCH_M)
 
-    def _advance(self, batch: Batch) -> None:
+    def _advance(self, batch: RunningBatch) -> None:
         """One step of SUMO, a count of the vehicles, and the right speeds for those that were moved.
 
         SUMO takes the motion along the lane for the speed, which is wrong wherever a vehicle is not parallel
@@ -281,7 +281,7 @@ class SumoWorld:
         self._speeds.clear()
         batch.held = np.where(batch.speed < 0, 0.0, batch.speed)
 
-    def _add_vehicles(self, batch: Batch, driven: Sequence[SumoDriven]) -> None:
+    def _add_vehicles(self, batch: RunningBatch, driven: Sequence[SumoDriven]) -> None:
         vehicles = self._scene.vehicles
         overridden = [self._types.overridden(v) for v in range(vehicles)]
         by_sumo = {d.child * vehicles + d.vehicle: d for d in driven}

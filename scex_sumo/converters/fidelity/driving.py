@@ -15,7 +15,7 @@ import shapely
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.fidelity.loading import sumo_binary
-from scex_sumo.converters.fidelity.net import Net, read_net
+from scex_sumo.converters.fidelity.net import JudgedNet, read_net
 from scex_sumo.errors import SimulationError
 from scex_sumo.files import TemporaryFolder
 from scex_sumo.geometry.loose_ends import begin_inside
@@ -124,7 +124,7 @@ def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0, se
     )
 
 
-def border_routes(net: Net) -> list[tuple[str, ...]]:
+def border_routes(net: JudgedNet) -> list[tuple[str, ...]]:
     """Shortest route in edges for every pair of border edges that lanes lead between.
 
     Cars change lanes where the net permits; a net without borders starts and ends anywhere. Edges that begin
@@ -147,7 +147,7 @@ def border_routes(net: Net) -> list[tuple[str, ...]]:
     ]
 
 
-def _inside(net: Net, starts: set[str], ends: set[str]) -> set[str]:
+def _inside(net: JudgedNet, starts: set[str], ends: set[str]) -> set[str]:
     """Edges among some without predecessors that begin on other lanes."""
     cars = net.car_lanes
     beside = {name: set(net.edges[lane.edge_id]) for name, lane in cars.items() if lane.edge_id in starts}
@@ -163,7 +163,7 @@ def _inside(net: Net, starts: set[str], ends: set[str]) -> set[str]:
     return {cars[name].edge_id for name in found}
 
 
-def _lane_moves(net: Net) -> dict[str, list[str]]:
+def _lane_moves(net: JudgedNet) -> dict[str, list[str]]:
     moves: dict[str, list[str]] = defaultdict(list)
     for link in net.car_links:
         moves[link.from_lane].append(link.to_lane)
@@ -175,7 +175,7 @@ def _lane_moves(net: Net) -> dict[str, list[str]]:
     return moves
 
 
-def _paths(net: Net, moves: dict[str, list[str]], start: str) -> dict[str, tuple[str, ...]]:
+def _paths(net: JudgedNet, moves: dict[str, list[str]], start: str) -> dict[str, tuple[str, ...]]:
     """Edges passed from a start edge to every edge in reach, fewest moves first."""
     queue = [name for name in net.edges[start] if net.lanes[name].cars]
     passed: dict[str, tuple[str, ...]] = {name: (start,) for name in queue}

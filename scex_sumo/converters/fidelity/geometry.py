@@ -10,7 +10,7 @@ import shapely
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.fidelity.matching import COVERED, Matching, sample
-from scex_sumo.converters.fidelity.net import Net, NetLane
+from scex_sumo.converters.fidelity.net import JudgedLane, JudgedNet
 
 PRESENT_M = (
     1.0  # a lanelet is there when SUMO lanes pass this near; how near exactly is the deviation's affair
@@ -21,7 +21,7 @@ SPEED_TOLERANCE_MPS = 0.01  # nets are written with two or three decimals
 LENGTH_TOLERANCE_M = 0.25  # SUMO rounds shapes to centimetres, and lanes up to its shortest length of 0.1 m
 REVERSED_M = 0.5  # lanelets much shorter than a step have no direction worth arguing about
 
-Lanes = Mapping[int, list[NetLane]]
+Lanes = Mapping[int, list[JudgedLane]]
 
 
 def judge_geometry(matching: Matching) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def judge_geometry(matching: Matching) -> dict[str, Any]:
     }
 
 
-def _distances(points: FloatArray, lanes: list[NetLane]) -> FloatArray:
+def _distances(points: FloatArray, lanes: list[JudgedLane]) -> FloatArray:
     union = shapely.MultiLineString([lane.shape for lane in lanes])
     return np.asarray(shapely.distance(shapely.points(sample(points)), union), dtype=np.float64)
 
@@ -94,7 +94,7 @@ def _back(matching: Matching) -> tuple[dict[str, FloatArray], dict[str, float]]:
     return back, overhang
 
 
-def _wrong_speed(matching: Matching, lane_id: int, lanes: list[NetLane]) -> list[tuple[int, float, float]]:
+def _wrong_speed(matching: Matching, lane_id: int, lanes: list[JudgedLane]) -> list[tuple[int, float, float]]:
     """The first of a lanelet's SUMO lanes with another limit than its own, as (lanelet, map, net in m/s)."""
     vehicle = matching.road.vehicle_lanes
     for lane in lanes:
@@ -120,7 +120,7 @@ def _widths(matching: Matching, present: Lanes) -> tuple[FloatArray, FloatArray]
     return np.concatenate(errors or none), np.concatenate(floors or none)
 
 
-def _wrong_lengths(net: Net) -> tuple[tuple[str, float, float], ...]:
+def _wrong_lengths(net: JudgedNet) -> tuple[tuple[str, float, float], ...]:
     """Edges with another length than their lanes' mean; SUMO's drivers go by it."""
     found = []
     for edge, names in net.edges.items():
@@ -141,7 +141,7 @@ def _reversed(matching: Matching) -> tuple[tuple[int, str], ...]:
     return tuple(sorted(found))
 
 
-def _invented(matching: Matching, lane: NetLane) -> bool:
+def _invented(matching: Matching, lane: JudgedLane) -> bool:
     """Whether a car lane of more than a stub stands for no vehicle lanelet."""
     known = matching.lanelets(lane.lane_id) & matching.road.vehicle_lanes.keys()
     return not known and bool(lane.line.length > STUB_M + 0.05)

@@ -10,7 +10,7 @@ import shapely
 
 from scex_sumo.converters.fidelity.conflicts import NEAR_M
 from scex_sumo.converters.fidelity.matching import Matching
-from scex_sumo.converters.fidelity.net import Link
+from scex_sumo.converters.fidelity.net import JudgedLink
 
 AHEAD_LINKS = 4  # an approach may lie this many plain links before its intersection
 
@@ -21,32 +21,32 @@ class Links:
     def __init__(self, matching: Matching) -> None:
         self.matching = matching
         self.net = matching.net
-        self._lines: dict[Link, shapely.MultiLineString] = {}
-        self._through: dict[int, list[Link]] = defaultdict(list)
-        self._leaving: dict[str, list[Link]] = defaultdict(list)
-        self._lanelets: dict[Link, set[int]] = {}
+        self._lines: dict[JudgedLink, shapely.MultiLineString] = {}
+        self._through: dict[int, list[JudgedLink]] = defaultdict(list)
+        self._leaving: dict[str, list[JudgedLink]] = defaultdict(list)
+        self._lanelets: dict[JudgedLink, set[int]] = {}
         for link in self.net.links:
             self._lanelets[link] = {i for lane in link.via for i in matching.lanelets(lane)}
             self._leaving[link.from_lane].append(link)
             for lane_id in self._lanelets[link]:
                 self._through[lane_id].append(link)
 
-    def lanelets(self, link: Link, *, approach: bool = False) -> set[int]:
+    def lanelets(self, link: JudgedLink, *, approach: bool = False) -> set[int]:
         """Lanelets that a link leads through, with those on the lane that it leaves if wanted."""
         before = self.matching.lanelets(link.from_lane) if approach else set()
         return self._lanelets[link] | before
 
-    def of(self, lane_id: int) -> list[Link]:
+    def of(self, lane_id: int) -> list[JudgedLink]:
         """Links through a lanelet, its first and last centimetres included, or leaving it."""
         lanes = {name for name in self.matching.names(lane_id) if not self.net.lanes[name].internal}
         return list(dict.fromkeys([*self._through.get(lane_id, ()), *self._from(lanes)]))
 
-    def leaving(self, lane_id: int) -> list[Link]:
+    def leaving(self, lane_id: int) -> list[JudgedLink]:
         """Links from a lanelet's own lanes onto others."""
         lanes = {name for name in self.matching.names(lane_id) if not self.net.lanes[name].internal}
         return [k for k in self._from(lanes) if lane_id not in self.matching.lanelets(k.to_lane)]
 
-    def meetings(self, first_id: int, second_id: int) -> list[tuple[Link, Link]]:
+    def meetings(self, first_id: int, second_id: int) -> list[tuple[JudgedLink, JudgedLink]]:
         """Pairs of links with which two lanelets get in each other's way, from different lanes.
 
         Cars from one lane come one after the other; SUMO needs no foes for them.
@@ -58,7 +58,7 @@ class Links:
             if one.from_lane != other.from_lane and self.are_near(one, other)
         ]
 
-    def are_near(self, one: Link, other: Link) -> bool:
+    def are_near(self, one: JudgedLink, other: JudgedLink) -> bool:
         """Whether two links come as near to each other as a conflict does."""
         return bool(self._line(one).distance(self._line(other)) <= NEAR_M)
 
@@ -67,7 +67,7 @@ class Links:
         first, second = ({link.from_lane for link in self.of(i)} for i in (first_id, second_id))
         return first == second and len(first) == 1
 
-    def ahead(self, lane_id: int) -> list[Link]:
+    def ahead(self, lane_id: int) -> list[JudgedLink]:
         """Links of a lanelet that have foes or, for an approach, the first such ahead of it; else its own."""
         links = self.of(lane_id)
         for _ in range(AHEAD_LINKS):
@@ -77,39 +77,39 @@ class Links:
             links = self._from({link.to_lane for link in links})
         return self.of(lane_id)
 
-    def yields(self, one: Link, other: Link) -> bool:
+    def yields(self, one: JudgedLink, other: JudgedLink) -> bool:
         """Whether the first of two links of one junction gives way to the second."""
         return bool(self.net.junctions[one.junction].response[one.row, other.row])
 
-    def are_foes(self, one: Link, other: Link) -> bool:
+    def are_foes(self, one: JudgedLink, other: JudgedLink) -> bool:
         """Whether two links are foes, in both rows."""
         if one.junction != other.junction or one.row < 0 or other.row < 0:
             return False
         foes = self.net.junctions[one.junction].foes
         return bool(foes[one.row, other.row] and foes[other.row, one.row])
 
-    def waits(self, one: Link, other: Link) -> bool:
+    def waits(self, one: JudgedLink, other: JudgedLink) -> bool:
         """Whether the first of two foes gives way, and the second does not."""
         return self.are_foes(one, other) and self.yields(one, other) and not self.yields(other, one)
 
-    def pairs(self) -> Iterator[tuple[Link, Link]]:
+    def pairs(self) -> Iterator[tuple[JudgedLink, JudgedLink]]:
         """Every pair of links that have rows in one junction, once."""
-        rows: dict[str, dict[int, Link]] = defaultdict(dict)
+        rows: dict[str, dict[int, JudgedLink]] = defaultdict(dict)
         for link in self.net.links:
             if link.row >= 0:
                 rows[link.junction][link.row] = link
         for of_junction in rows.values():
             yield from combinations((link for _, link in sorted(of_junction.items())), 2)
 
-    def _from(self, lanes: Iterable[str]) -> list[Link]:
+    def _from(self, lanes: Iterable[str]) -> list[JudgedLink]:
         return [link for lane in sorted(lanes) for link in self._leaving.get(lane, ())]
 
-    def _met(self, lane_id: int, other_id: int) -> list[Link]:
+    def _met(self, lane_id: int, other_id: int) -> list[JudgedLink]:
         """Links of a lanelet that come as near to another lanelet as a conflict does."""
         other = shapely.LineString(self.matching.road.lanes[other_id].centreline)
         return [link for link in self.of(lane_id) if self._line(link).distance(other) <= NEAR_M]
 
-    def _line(self, link: Link) -> shapely.MultiLineString:
+    def _line(self, link: JudgedLink) -> shapely.MultiLineString:
         if link not in self._lines:
             shapes = [self.net.lanes[lane].shape for lane in link.via]
             # Nets without internal lanes: the link is the place where its lanes meet.

@@ -22,7 +22,7 @@ import shapely
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.fidelity.matching import AHEAD_RAD, Matching, headings, sample, turn
-from scex_sumo.converters.fidelity.net import Net
+from scex_sumo.converters.fidelity.net import JudgedNet
 from scex_sumo.errors import SimulationError
 from scex_sumo.road import Road
 
@@ -113,7 +113,7 @@ def _probe_points(road: Road) -> tuple[FloatArray, list[int], FloatArray]:
     return np.concatenate(points), owners, np.concatenate(directions)
 
 
-def _ask_sumo(net: Net, points: FloatArray, directions: FloatArray) -> list[str]:
+def _ask_sumo(net: JudgedNet, points: FloatArray, directions: FloatArray) -> list[str]:
     """The lane on which SUMO puts a car at each point; an empty text where it knows none."""
     import sumolib
     import traci

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.fidelity.net import Net
+from scex_sumo.converters.fidelity.net import JudgedNet
 from scex_sumo.road import Lane, Road
 
 SAMPLE_M = 0.5
@@ -51,7 +51,7 @@ class Stretch:
 class Matching:
     """A net beside its map, and all stretches by lanelet and by SUMO lane (there in driving order)."""
 
-    net: Net
+    net: JudgedNet
     road: Road
     by_lanelet: Mapping[int, tuple[Stretch, ...]]
     by_sumo_lane: Mapping[str, tuple[Stretch, ...]]
@@ -86,7 +86,7 @@ def turn(heading_rad: FloatArray | float, other_rad: FloatArray | float) -> Floa
     return angle
 
 
-def match(net: Net, road: Road, lanes: LaneNames | None) -> Matching:
+def match(net: JudgedNet, road: Road, lanes: LaneNames | None) -> Matching:
     """Find the SUMO lanes of every lanelet.
 
     Args:
@@ -123,7 +123,7 @@ def _stretch(lane: Lane, sumo_lane: str, line: shapely.LineString) -> Stretch:
     return Stretch(lane_id=lane.lane_id, sumo_lane=sumo_lane, start_m=start, end_m=end)
 
 
-def _by_geometry(net: Net, road: Road) -> list[tuple[int, str]]:
+def _by_geometry(net: JudgedNet, road: Road) -> list[tuple[int, str]]:
     names = [name for name, lane in net.lanes.items() if lane.line.length >= CONNECTOR_M]
     points = [sample(net.lanes[name].shape) for name in names]
     directions = [headings(p) for p in points]

@@ -25,7 +25,7 @@ CAR = "passenger"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NetLane:
+class JudgedLane:
     """One SUMO lane.
 
     Attributes:
@@ -56,7 +56,7 @@ class NetLane:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Link:
+class JudgedLink:
     """One connection between two lanes of normal edges.
 
     Attributes:
@@ -94,7 +94,7 @@ class Junction:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Net:
+class JudgedNet:
     """Lanes, links and junctions of a net, by id.
 
     Attributes:
@@ -106,26 +106,26 @@ class Net:
     """
 
     path: Path
-    lanes: Mapping[str, NetLane]
+    lanes: Mapping[str, JudgedLane]
     edges: Mapping[str, tuple[str, ...]]
-    links: tuple[Link, ...]
+    links: tuple[JudgedLink, ...]
     following: Mapping[str, tuple[str, ...]]
     junctions: Mapping[str, Junction]
     offset: FloatArray
     phases: Mapping[str, tuple[str, ...]]
 
     @cached_property
-    def car_lanes(self) -> dict[str, NetLane]:
+    def car_lanes(self) -> dict[str, JudgedLane]:
         """Lanes open to passenger cars."""
         return {i: lane for i, lane in self.lanes.items() if lane.cars}
 
     @cached_property
-    def car_links(self) -> list[Link]:
+    def car_links(self) -> list[JudgedLink]:
         """Links between lanes open to passenger cars."""
         return [k for k in self.links if k.from_lane in self.car_lanes and k.to_lane in self.car_lanes]
 
 
-def read_net(path: Path, place: Georeference | None = None) -> Net:
+def read_net(path: Path, place: Georeference | None = None) -> JudgedNet:
     """Read a SUMO net.
 
     Args:
@@ -156,7 +156,7 @@ def read_net(path: Path, place: Georeference | None = None) -> Net:
     for programme in root.iter("tlLogic"):
         phases[programme.attrib["id"]] += [phase.attrib["state"] for phase in programme.iter("phase")]
     following = _following(root, lanes)
-    return Net(
+    return JudgedNet(
         path=path,
         lanes=lanes,
         edges={i: tuple(ids) for i, ids in edges.items()},
@@ -189,8 +189,8 @@ def _points(text: str) -> FloatArray:
     return np.array([[float(v) for v in point.split(",")[:2]] for point in text.split()])
 
 
-def _lane(edge: Element, lane: Element, offset: FloatArray) -> NetLane:
-    return NetLane(
+def _lane(edge: Element, lane: Element, offset: FloatArray) -> JudgedLane:
+    return JudgedLane(
         lane_id=lane.attrib["id"],
         edge_id=edge.attrib["id"],
         index=int(lane.attrib["index"]),
@@ -211,7 +211,7 @@ def _ends(connection: Element) -> tuple[str, str]:
     return source, f"{connection.get('to')}_{connection.get('toLane')}"
 
 
-def _following(root: Element, lanes: Mapping[str, NetLane]) -> dict[str, tuple[str, ...]]:
+def _following(root: Element, lanes: Mapping[str, JudgedLane]) -> dict[str, tuple[str, ...]]:
     following: dict[str, list[str]] = defaultdict(list)
     for connection in root.iter("connection"):
         source, target = _ends(connection)
@@ -222,7 +222,7 @@ def _following(root: Element, lanes: Mapping[str, NetLane]) -> dict[str, tuple[s
     return {i: tuple(ids) for i, ids in following.items()}
 
 
-def _links(root: Element, following: Mapping[str, tuple[str, ...]]) -> tuple[Link, ...]:
+def _links(root: Element, following: Mapping[str, tuple[str, ...]]) -> tuple[JudgedLink, ...]:
     rows = {
         lane: (junction.attrib["id"], row)
         for junction in root.iter("junction")
@@ -241,7 +241,7 @@ def _links(root: Element, following: Mapping[str, tuple[str, ...]]) -> tuple[Lin
             lane = next(iter(following.get(lane, ())), None)
         junction, row = next((rows[lane] for lane in chain if lane in rows), ("", -1))
         links.append(
-            Link(
+            JudgedLink(
                 from_lane=source,
                 to_lane=target,
                 via=tuple(chain),

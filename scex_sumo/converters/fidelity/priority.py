@@ -10,7 +10,7 @@ import numpy as np
 from scex_sumo.converters.fidelity.conflicts import Conflict, find_conflicts
 from scex_sumo.converters.fidelity.links import Links
 from scex_sumo.converters.fidelity.matching import Matching, turn
-from scex_sumo.converters.fidelity.net import Link, Net
+from scex_sumo.converters.fidelity.net import JudgedLink, JudgedNet
 
 Pair = tuple[int, int]
 
@@ -51,7 +51,7 @@ def judge_priority(matching: Matching) -> dict[str, Any]:
     }
 
 
-def _named(pairs: Iterable[tuple[Link, Link]]) -> tuple[tuple[str, str], ...]:
+def _named(pairs: Iterable[tuple[JudgedLink, JudgedLink]]) -> tuple[tuple[str, str], ...]:
     return tuple((one.via[0], other.via[0]) for one, other in pairs)
 
 
@@ -61,7 +61,7 @@ def _controlled(links: Links, lane_id: int) -> bool:
     return any(all(_lit(links.net, link) for link in held) for held in ways if held)
 
 
-def _lit(net: Net, link: Link) -> bool:
+def _lit(net: JudgedNet, link: JudgedLink) -> bool:
     return any(link.signal_index < len(state) for state in net.phases.get(link.signal, ()))
 
 
@@ -131,14 +131,14 @@ def _from_the_right(links: Links, conflicts: Iterable[Conflict]) -> tuple[int, t
     return count, tuple(wrong)
 
 
-def _opposed(links: Links, one: Link, other: Link) -> bool:
+def _opposed(links: Links, one: JudgedLink, other: JudgedLink) -> bool:
     """Whether two links enter the junction against each other, so that the left-turner yields instead."""
     ends = [links.net.lanes[link.from_lane].shape for link in (one, other)]
     ways = [np.arctan2(*(shape[-1] - shape[-2])[::-1]) for shape in ends]
     return not RIGHT_RAD[0] <= abs(turn(*ways)) <= RIGHT_RAD[1]
 
 
-def _mutual(links: Links) -> Iterator[tuple[Link, Link]]:
+def _mutual(links: Links) -> Iterator[tuple[JudgedLink, JudgedLink]]:
     """Pairs that wait for each other, outside all-way stops, zippers and lights that never let both go."""
     rules = (rule for rule in links.matching.road.regulations if rule.kind == "all_way_stop")
     stops = {i for rule in rules for i in (rule.yielding or rule.lanes)}
@@ -152,7 +152,7 @@ def _mutual(links: Links) -> Iterator[tuple[Link, Link]]:
             yield one, other
 
 
-def _both(net: Net, one: Link, other: Link, letters: str) -> bool | None:
+def _both(net: JudgedNet, one: JudgedLink, other: JudgedLink, letters: str) -> bool | None:
     """Whether some phase shows two links one of the letters both; None where no one light controls them."""
     states = net.phases.get(one.signal)
     if states is None or one.signal != other.signal:
@@ -164,13 +164,13 @@ def _both(net: Net, one: Link, other: Link, letters: str) -> bool | None:
     )
 
 
-def _free(links: Links, one: Link, other: Link) -> bool:
+def _free(links: Links, one: JudgedLink, other: JudgedLink) -> bool:
     """Whether neither of two foes gives way, and no signal keeps them apart."""
     free = not links.yields(one, other) and not links.yields(other, one)
     return free and links.are_foes(one, other) and not (one.signal and other.signal)
 
 
-def _inconsistent(net: Net) -> tuple[str, ...]:
+def _inconsistent(net: JudgedNet) -> tuple[str, ...]:
     """Junctions where foes are not mutual, or a link gives way to one that is no foe."""
     return tuple(
         sorted(
