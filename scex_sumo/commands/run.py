@@ -66,7 +66,7 @@ def run_command(
         str, Option(metavar="MIX|none", help="Models that tell what is likely, run beside the others.")
     ] = "likely",
     design: Annotated[
-        str | None, Option(metavar="NAME", help="How assignments are drawn: balanced (default), random, ...")
+        str | None, Option(metavar="NAME", help="How assignments are drawn: balanced (default) or random.")
     ] = None,
     until_band: Annotated[
         float | None, Option(metavar="W", help="Go on until all 95 % bands are within +-W, e.g. 0.05.")

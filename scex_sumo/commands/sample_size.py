@@ -49,8 +49,9 @@ def sample_size_command(
     sizes: Annotated[str, Option(metavar="N,...", help="Sizes of the samples.")] = "1000,385,100,10",
     draws: Annotated[int, Option(help="Samples of each size.")] = 200,
     designs: Annotated[
-        str, Option(metavar="NAME,...", help="random: subsets; others as --design of run.")
+        str, Option(metavar="NAME,...", help="random: subsets; balanced: as --design of run.")
     ] = "random",
+    preset: Annotated[str, Option(metavar="paper|path|both", help="Which metrics are evaluated.")] = "both",
     seed: Seed = 0,
     workers: Processes = 1,
     plots: Annotated[bool, Option(help="Draw the densities and errors.")] = True,
@@ -83,6 +84,7 @@ def sample_size_command(
             scene,
             folder,
             models=models if models is not None else MODELS,
+            preset=preset,
             seed=seed,
             workers=workers,
             overwrite=overwrite,

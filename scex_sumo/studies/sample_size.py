@@ -32,6 +32,7 @@ def truth(
     models: str = MODELS,
     seed: int = 0,
     workers: int = 1,
+    preset: str = "both",
     overwrite: bool = False,
     command: Sequence[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -42,6 +43,7 @@ def truth(
         scene: the seed scene, with its road.
         out: result folder; an interrupted run goes on.
         seed: of the routes that models of random routes take; one draw per assignment.
+        preset: which metrics are evaluated, as of a run.
         overwrite: replace another result in ``out``.
         command: the command line, for ``run.json``.
         progress: called with (steps done, steps in all).
@@ -59,6 +61,7 @@ def truth(
             "models": [{"model": str(s), "weight": s.weight} for s in parse_models(models)],
             "children": len(all_assignments([len(parse_models(models))] * scene.vehicles)),
             "assign": {},
+            "preset": preset,
             "seed": seed,
         }
         same_scene = found.info["seed_scene"]["fingerprint"] == digest(scene)
@@ -68,6 +71,7 @@ def truth(
         scene,
         models=models,
         children="all",
+        preset=preset,
         seed=seed,
         workers=workers,
         out=out,

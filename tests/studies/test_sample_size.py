@@ -91,12 +91,12 @@ def scex(*arguments: object) -> subprocess.CompletedProcess[str]:
 def test_the_command_runs_all_assignments_once_and_compares_samples(tmp_path: Path) -> None:
     out = tmp_path / "out"
     options = ["--vehicles", 2, "--models", "constant_velocity,emergency_brake,risky_driver", "-o", out]
-    options += ["--sizes", "9,4", "--draws", 5, "--no-plots"]
+    options += ["--sizes", "9,4", "--draws", 5, "--no-plots", "--preset", "paper"]
     done = scex("sample-size", ROUNDABOUT, *options, "--designs", "random,balanced")
     assert done.returncode == 0, done.stderr
     assert "2 of" in done.stderr
     table = pq.read_table(out / "sample_size.parquet")
-    assert table.num_rows == (12 + 14) * 2 * 2  # columns of both presets, designs, sizes
+    assert table.num_rows == 12 * 2 * 2  # columns of the preset, designs, sizes
     assert pc.read_csv(out / "sample_size.csv").num_rows == table.num_rows
     whole = [r for r in table.to_pylist() if r["size"] == 9 and r["metric"] == "distance"]
     assert [r["ks_p95"] for r in whole] == [0.0, 0.0]  # nine of nine assignments are all of them
