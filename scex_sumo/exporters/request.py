@@ -102,8 +102,10 @@ def most_critical(run: Run, column: str, count: int) -> tuple[int, ...]:
     Raises:
         UsageError: there is no such metric, or it is defined in none of the children.
     """
-    if column not in run.columns:
-        raise UsageError(f"--critical {column}: unknown metric; known: {', '.join(run.columns)}")
+    try:
+        column = run.column(column)
+    except UsageError:
+        raise UsageError(f"--critical {column}: unknown metric; known: {', '.join(run.columns)}") from None
     values = np.asarray(run.metrics[column].to_numpy(zero_copy_only=False), dtype=np.float64)
     order = np.argsort(values if side_of(column) == "left" else -values, kind="stable")
     defined = order[~np.isnan(values[order])][:count]

@@ -45,8 +45,8 @@ def rectangle_distance(
     reach_1 = _corners_to_box(*in_first, cos, sin, half[2], half[3], half[0], half[1])
     reach_2 = _corners_to_box(*in_second, cos, -sin, half[0], half[1], half[2], half[3])
     squared = np.minimum(reach_1, reach_2)
-    apart = _separated(*in_first, cos, sin, half[2], half[3], half[0], half[1])
-    apart |= _separated(*in_second, cos, sin, half[0], half[1], half[2], half[3])
+    apart = separated(*in_first, cos, sin, half[2], half[3], half[0], half[1])
+    apart |= separated(*in_second, cos, sin, half[0], half[1], half[2], half[3])
     return np.where(apart, np.sqrt(squared), 0.0)
 
 
@@ -71,7 +71,7 @@ def _corners_to_box(
     return nearest
 
 
-def _separated(
+def separated(
     x: FloatArray,
     y: FloatArray,
     cos: FloatArray,

@@ -8,7 +8,7 @@ import io
 import json
 import re
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +56,7 @@ class RankFolder:
             raise
 
     def _claim(self, overwrite: bool) -> None:
-        found = self._found_identity()
+        found = found_identity(self.path, (_PENDING, INFO))
         if found != self.identity:
             if found is not None and not overwrite:
                 raise ResultError(
@@ -76,16 +76,6 @@ class RankFolder:
         (self.path / INFO).unlink(missing_ok=True)
         for name in (_CHILDREN, _SEEDS, _FAILED):
             (self.path / name).mkdir(exist_ok=True)
-
-    def _found_identity(self) -> str | None:
-        for name in (_PENDING, INFO):
-            file = self.path / name
-            if file.is_file():
-                try:
-                    return str(json.loads(file.read_text())["identity"])
-                except (ValueError, KeyError, TypeError):
-                    return ""
-        return None
 
     def _clear(self) -> None:
         """Remove what an earlier ranking wrote, and nothing else."""
@@ -204,6 +194,17 @@ def _is_whole(file: Path, first: int, last: int) -> bool:
     except (OSError, pa.ArrowException, ValueError):
         return False
     return "child" in table.column_names and table["child"].to_pylist() == list(range(first, last + 1))
+
+
+def found_identity(folder: Path, names: Iterable[str]) -> str | None:
+    """Identity that the first of some files in a folder tells; empty for one that cannot be read."""
+    for file in (folder / name for name in names):
+        if file.is_file():
+            try:
+                return str(json.loads(file.read_text())["identity"])
+            except (ValueError, KeyError, TypeError):
+                return ""
+    return None
 
 
 def children_table(part: MomentPart) -> pa.Table:

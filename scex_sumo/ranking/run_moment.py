@@ -11,10 +11,11 @@ import pickle
 import threading
 import weakref
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -36,6 +37,8 @@ from scex_sumo.roads.routes import off_road
 from scex_sumo.scene import SeedScene
 from scex_sumo.version import __version__
 from scex_sumo.world.sumo import SumoWorld
+
+Found = TypeVar("Found")
 
 KEEP_MOST = 5
 """Children of a moment whose tracks ``critical`` keeps at most."""
@@ -116,12 +119,19 @@ one_at_a_time = threading.Lock()
 
 def run_moment(task: MomentTask, road: bytes | None = None) -> MomentPart | Failure:
     """Children of a task, run on its road or the one given; or what is wrong with the moment."""
+    return worked(_run, task, road)
+
+
+def worked(
+    work: Callable[[MomentTask, Road, SumoNet], Found], task: MomentTask, road: bytes | None
+) -> Found | Failure:
+    """What some work finds of a moment, alone in its process; or what is wrong with the moment."""
     packed = task.road or road
     try:
         assert packed is not None, "no road"
         check_versions(task)
         with one_at_a_time:
-            return _run(task, *road_and_net(packed))
+            return work(task, *road_and_net(packed))
     except Exception as error:  # whatever it is, the other moments go on
         return Failure.of(task.ref, reason_of(error))
 

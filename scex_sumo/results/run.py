@@ -218,11 +218,13 @@ class Run:
         """Threshold of each metric that has one."""
         return dict(self.info["thresholds"])
 
+    def column(self, text: str) -> str:
+        """The metric column that is meant by a name as it is printed; a `UsageError` where none is."""
+        return text if text in self.outcomes else column_named(text, self.columns)
+
     def values(self, column: str) -> FloatArray:
         """(C,) values of a metric in all children, NaN where undefined; of ``collision`` 0 and 1."""
-        if column not in (*self.columns, *self.outcomes):
-            raise UsageError(f"unknown metric {column!r}; known: {', '.join(self.columns)}")
-        return column_of(self.metrics, column)
+        return column_of(self.metrics, self.column(column))
 
     def samples(self, column: str) -> FloatArray:
         """(n,) the values of a metric, named as a column or as it is printed, where it is defined."""
@@ -238,8 +240,9 @@ class Run:
             reflect: tell atoms apart and reflect at 0 what cannot be negative; None does as the run was told.
         """
         folded = bool(self.info.get("reflect", True)) if reflect is None else reflect
-        values = self.values(column)
-        return metric_density(values, self._half_widths[column], reflect=folded, bandwidth=bandwidth)
+        column = self.column(column)
+        width = self._half_widths[column]
+        return metric_density(self.values(column), width, reflect=folded, bandwidth=bandwidth)
 
     @cached_property
     def _half_widths(self) -> dict[str, float]:
@@ -250,14 +253,10 @@ class Run:
 
         A child in which the metric is undefined is not critical.
 
-        Args:
-            column: one of the metric columns.
-            threshold: None takes the run's.
-
         Raises:
-            UsageError: no threshold is given and the run has none for this metric.
+            UsageError: no ``threshold`` is given, and the run has none for this metric.
         """
-        column = column_named(column, self.columns)
+        column = self.column(column)
         limit = self.thresholds.get(column) if threshold is None else threshold
         if limit is None:
             raise UsageError(
@@ -268,7 +267,7 @@ class Run:
 
     def recorded_value(self, column: str) -> float | None:
         """What a metric was in the recorded future, or None."""
-        column = column_named(column, self.columns)
+        column = self.column(column)
         if self.recorded is None:
             return None
         value = self.recorded[column][0].as_py()
@@ -280,6 +279,7 @@ class Run:
         Raises:
             ResultError: the metric is defined in no child.
         """
+        column = self.column(column)
         values = self.values(column)
         if np.isnan(values).all():
             raise ResultError(f"{self.folder}: {column} is defined in none of {self.children} children")

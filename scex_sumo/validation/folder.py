@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 
 from scex_sumo.errors import ResultError
 from scex_sumo.files import lock, replacing, unlock, write_atomic
+from scex_sumo.ranking.folder import found_identity
 from scex_sumo.ranking.moments import Failure, MomentRef, as_row, from_row
 from scex_sumo.validation.moment import Forecast
 
@@ -36,7 +37,7 @@ class ForecastFolder:
         text = json.dumps(configuration, sort_keys=True, default=str)
         self.identity = hashlib.sha256(text.encode()).hexdigest()
         try:
-            found = self._found_identity()
+            found = found_identity(path, (_PENDING, INFO))
             if found != self.identity and path.is_dir() and any(path.iterdir()):
                 if found is None or not overwrite:
                     what = "not empty, and no validation" if found is None else "holds another validation"
@@ -51,16 +52,6 @@ class ForecastFolder:
             (path / _FAILED).mkdir(exist_ok=True)
         except OSError as error:
             raise ResultError(f"{path}: cannot write the validation: {error.strerror or error}") from None
-
-    def _found_identity(self) -> str | None:
-        for name in (_PENDING, INFO):
-            file = self.path / name
-            if file.is_file():
-                try:
-                    return str(json.loads(file.read_text())["identity"])
-                except (ValueError, KeyError, TypeError):
-                    return ""
-        return None
 
     def __enter__(self) -> ForecastFolder:
         return self

@@ -11,13 +11,13 @@ import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.net.convert import SumoNet
-from scex_sumo.errors import TrackError, reason_of
+from scex_sumo.errors import TrackError
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, run_batch
 from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.ranking.moments import Failure
-from scex_sumo.ranking.run_moment import MomentTask, check_versions, one_at_a_time, road_and_net
+from scex_sumo.ranking.run_moment import MomentTask, worked
 from scex_sumo.ranking.settings import built
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import off_road
@@ -49,14 +49,7 @@ class Forecast:
 
 def validate_moment(task: MomentTask, road: bytes | None = None) -> Forecast | Failure:
     """Run the children of a task beside its recording; or what is wrong with the moment."""
-    packed = task.road or road
-    try:
-        assert packed is not None, "no road"
-        check_versions(task)
-        with one_at_a_time:
-            return _forecast(task, *road_and_net(packed))
-    except Exception as error:  # whatever it is, the other moments go on
-        return Failure.of(task.ref, reason_of(error))
+    return worked(_forecast, task, road)
 
 
 def _forecast(task: MomentTask, road: Road, net: SumoNet) -> Forecast:

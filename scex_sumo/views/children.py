@@ -39,6 +39,7 @@ def write_child(run: Run, number: int) -> Path:
 
 def write_worst(run: Run, column: str) -> Path:
     """Files that show the child most critical by a metric, at its worst step; returns the one to open."""
+    column = run.column(column)
     number = run.most_critical(column)
     same = [row for row in run.worst.to_pylist() if (row["child"], row["metric"]) == (number, column)]
     if not same:  # the mean of a child has no step of its own
@@ -107,6 +108,7 @@ def most_different(run: Run, count: int) -> IntArray:
 
 def most_critical(run: Run, count: int, column: str) -> IntArray:
     """(count,) children in the order of a metric, the most critical first; undefined ones last."""
+    column = run.column(column)
     values = run.values(column) * (1 if side_of(column) == "left" else -1)
     return np.argsort(values, kind="stable")[:count].astype(np.int64)
 

@@ -74,3 +74,12 @@ def test_presets_choose_the_columns_and_the_kernel_may_be_plain(tmp_path: Path) 
     paper = scex_sumo.extrapolate(scene, preset="paper", children=3, out=tmp_path / "paper")
     assert len(paper.columns) == 12
     assert "unknown 'lane'" in refused("run", ROUNDABOUT, "--preset", "lane", status=2)
+
+
+def test_metrics_are_asked_for_as_they_are_printed(run: Run) -> None:
+    for printed in ("1/TTC", "TTC", "ttc"):
+        assert np.array_equal(run.samples(printed), run.samples("ttc"))
+        assert run.p_critical(printed) == run.p_critical("ttc")
+        assert np.array_equal(run.density(printed).pdf, run.density("ttc").pdf)
+        assert run.most_critical(printed) == run.most_critical("ttc")
+        assert run.recorded_value(printed) == run.recorded_value("ttc")

@@ -6,7 +6,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.geometry.rectangles import separated
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,7 +57,7 @@ class OutlinePairs:
         other = self.half_length_2, self.half_width_2
         square_1, ax, ay = _corner_to_box(x_1, y_1, cos, sin, *other, *own)
         square_2, bx, by = _corner_to_box(x_2, y_2, cos, -sin, *own, *other)
-        apart = _apart(x_1, y_1, cos, sin, *other, *own) | _apart(x_2, y_2, cos, sin, *own, *other)
+        apart = separated(x_1, y_1, cos, sin, *other, *own) | separated(x_2, y_2, cos, sin, *own, *other)
         from_1 = square_1 <= square_2
         # The vector from the first outline to the second one, in the map's frame.
         wx = np.where(from_1, ax * self.cos_1 - ay * self.sin_1, bx * self.cos_2 - by * self.sin_2)
@@ -94,20 +95,3 @@ def _corner_to_box(
         np.copyto(vector_x, px, where=nearer)
         np.copyto(vector_y, py, where=nearer)
     return best, vector_x, vector_y
-
-
-def _apart(
-    x: FloatArray,
-    y: FloatArray,
-    cos: FloatArray,
-    sin: FloatArray,
-    half_length: FloatArray,
-    half_width: FloatArray,
-    box_length: FloatArray,
-    box_width: FloatArray,
-) -> BoolArray:
-    """(N,) whether an axis of the box separates it from the rectangle."""
-    c, s = np.abs(cos), np.abs(sin)
-    apart: BoolArray = np.abs(x) > box_length + half_length * c + half_width * s
-    apart |= np.abs(y) > box_width + half_length * s + half_width * c
-    return apart

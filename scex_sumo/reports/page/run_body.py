@@ -8,6 +8,7 @@ from typing import Any
 
 from scex_sumo.reports.page.html import Html, element, joined
 from scex_sumo.reports.page.shell import asset
+from scex_sumo.reports.run_table import counted
 
 _WORST = 3
 _SECONDS_A_STEP = 0.1
@@ -32,11 +33,6 @@ def run_body(info: Mapping[str, Any]) -> str:
         notes=_notes(info["notes"]),
         foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
     )
-
-
-def counted(count: int, noun: str) -> str:
-    """A number with its noun, e.g. ``3 vehicles``."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def percent(share: float) -> str:
