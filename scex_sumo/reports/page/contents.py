@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import ScexError
+from scex_sumo.reports.page.curves import band_half_width, curve_arrays, densities_of, effective_numbers
 from scex_sumo.reports.page.metric_columns import metric_words
 from scex_sumo.reports.page.packing import quantized, second_sums
 from scex_sumo.reports.page.road_lines import UNIT_M, road_arrays
@@ -19,7 +20,6 @@ from scex_sumo.reports.page.tables import (
     encounter_table,
     event_table,
     likely_collisions,
-    likely_values,
     metric_values,
 )
 from scex_sumo.reports.page.tracks import HEADING_RAD, POSITION_M, unique_tracks, whole_tracks
@@ -56,6 +56,9 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     track_ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
     levels, models = _assignment(run, len(track_ids))
     metrics = [metric_words(run, column) for column in run.columns]
+    curves, numbers = densities_of(run), effective_numbers(run, [metric["side"] for metric in metrics])
+    for metric, number in zip(metrics, numbers, strict=True):
+        metric |= {"band": band_half_width(curves, metric["column"]), "numbers": number}
     tracks = unique_tracks(run)
     arrays: dict[str, Any] = {
         "start": tracks.start,
@@ -64,13 +67,14 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
         "levels": levels,
         "sizes": quantized(np.stack([scene.length, scene.width], axis=1), POSITION_M),
         "values": metric_values(run.metrics, run.columns),
+        **curve_arrays(curves, "curve", run.columns),
         **collision_arrays(run),
         **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
         **road_arrays(_net(run), _box(tracks.start, tracks.motion)),
     }
-    likely = likely_values(run, run.columns)
-    if likely is not None:
-        arrays["likely"] = likely
+    if run.reference is not None:
+        arrays["likely"] = metric_values(run.reference.metrics, run.columns)
+        arrays |= curve_arrays(densities_of(run.reference), "likely", run.columns)
     return _words(run, scene, track_ids, models, metrics), arrays
 
 

@@ -11,6 +11,7 @@ from scex_sumo.reports.page.shell import asset
 from scex_sumo.reports.run_table import counted
 
 _WORST = 3
+_RECORDED = element("span", id="recorded-said")
 _SECONDS_A_STEP = 0.1
 
 
@@ -26,7 +27,8 @@ def run_body(info: Mapping[str, Any]) -> str:
     return Template(asset("report.html")).substitute(
         name=element("span", info["name"]),
         about=joined(" · ".join(part for part in about if part)),
-        verdict=joined(_collision_card(info), _share_card(), _encounter_card(info)),
+        verdict=joined(_collision_card(info), _share_card(info), _encounter_card(info)),
+        charts=joined(*(_chart(info, number) for number in range(len(info["metrics"])))),
         legend=_legend(info),
         recorded="" if info["has_recorded"] else " hidden",
         focus=_focus_options(info),
@@ -56,8 +58,36 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
     return element("div.card", *parts)
 
 
-def _share_card() -> Html:
-    return element("div.card", element("h2", "P(critical)"), element("div", id="shares"))
+def _share_card(info: Mapping[str, Any]) -> Html:
+    """P(critical) of each metric as a bar: possible, its interval, likely."""
+    bar = element("div.bar", *(element(f"i.{kind}") for kind in ("drawn", "range", "likely")))
+    lines = [
+        element("div.share", element("span"), bar, element("b"), data_metric=number, hidden=True)
+        for number, metric in enumerate(info["metrics"])
+        if not metric["mean"]
+    ]
+    likely = ", violet: likely" if info["likely_collisions"] is not None else ""
+    about = element("p.soft", f"blue: possible, line: 95 %{likely}; recorded future: ", _RECORDED)
+    return element("div.card", element("h2", "P(critical)"), *lines, about)
+
+
+def _chart(info: Mapping[str, Any], number: int) -> Html:
+    """One metric with the threshold that can be typed or dragged."""
+    metric = info["metrics"][number]
+    name = metric["name"] + (f" [{metric['unit']}]" if metric["unit"] else "")
+    sign = " ≤ " if metric["side"] == "left" else " ≥ "
+    limit = element("input", type="number", step="any", title="Threshold", aria_label=f"Threshold of {name}")
+    recorded = [] if metric["recorded"] is None else [f"recorded {metric['recorded']:.2f}"]
+    rare = metric["defined"] < info["children"]
+    defined = [f"defined in {metric['defined']} of {info['children']} children"] if rare else []
+    return element(
+        "div.chart",
+        element("header", element("span", name), element("span", element("b"), sign, limit)),
+        element("canvas", aria_label=f"Distribution of {name}"),
+        element("p.soft", ", ".join([*recorded, *defined])),
+        data_metric=number,
+        hidden=metric["mean"],
+    )
 
 
 def _encounter_card(info: Mapping[str, Any]) -> Html:
