@@ -28,26 +28,47 @@ def curve_arrays(table: pa.Table, prefix: str, columns: Iterable[str]) -> dict[s
         columns: metric columns.
 
     Returns:
-        ``PREFIXn`` (P, 3) x, density, and share at or below x, in `X_UNIT`, `DENSITY_UNIT` and `SHARE_UNIT`;
-        ``PREFIXn_atoms`` (A, 2) value and share.
+        ``PREFIXn`` (P, 3) x, density, and share at or below x, in `X_UNIT`, `DENSITY_UNIT` and `SHARE_UNIT`.
     """
     arrays: dict[str, NDArray[Any]] = {}
     for number, column in enumerate(columns):
-        rows = table.filter(pc.equal(table["metric"], column))
-        if not rows.num_rows:
-            continue
-        x, pdf, cdf, share = (np.asarray(rows[name]) for name in ("x", "pdf", "cdf", "atom"))
-        found = np.stack([x / X_UNIT, pdf / DENSITY_UNIT, cdf / SHARE_UNIT], axis=1)
-        arrays[f"{prefix}{number}"] = np.rint(found).astype(np.int64)
-        arrays[f"{prefix}{number}_atoms"] = np.stack([x, share], axis=1)[share > 0]
+        rows = _rows_of(table, column)
+        if rows["x"].size:
+            found = np.stack([rows["x"] / X_UNIT, rows["pdf"] / DENSITY_UNIT, rows["cdf"] / SHARE_UNIT], axis=1)
+            arrays[f"{prefix}{number}"] = np.rint(found).astype(np.int64)
     return arrays
 
 
-def band_half_width(table: pa.Table, column: str) -> float:
-    """Half-width of the band around the cumulative curve of a metric, as in the table; 0 without one."""
-    rows = table.filter(pc.equal(table["metric"], column))
-    above, below = (np.abs(np.asarray(rows[end]) - np.asarray(rows["cdf"])) for end in ("high", "low"))
-    return float(max(above.max(initial=0.0), below.max(initial=0.0)))
+def curve_words(table: pa.Table, likely: pa.Table | None, column: str) -> dict[str, Any]:
+    """What is known of a metric's curves beside their points.
+
+    Args:
+        table: of densities.
+        likely: the same of the likely children, where there are any.
+        column: of a metric.
+
+    Returns:
+        ``atoms`` and ``likely_atoms`` with their shares, ``band`` its half-width, ``peak`` the largest density
+        and ``most`` the largest share of an atom.
+    """
+    rows = [_rows_of(part, column) for part in (table, likely) if part is not None]
+    atoms = [
+        [(x, share) for x, share in zip(part["x"].tolist(), part["atom"].tolist(), strict=True) if share > 0]
+        for part in rows
+    ]
+    ends = np.concatenate([rows[0]["high"] - rows[0]["cdf"], rows[0]["cdf"] - rows[0]["low"]])
+    return {
+        "atoms": atoms[0],
+        "likely_atoms": atoms[-1] if likely is not None else [],
+        "band": float(ends.max(initial=0.0)),
+        "peak": max(float(part["pdf"].max(initial=1e-9)) for part in rows),
+        "most": max(float(part["atom"].max(initial=0.0)) for part in rows),
+    }
+
+
+def _rows_of(table: pa.Table, column: str) -> dict[str, FloatArray]:
+    rows = table.filter(pc.equal(table["metric"], column)).drop_columns(["metric"])
+    return {name: np.asarray(rows[name]) for name in rows.column_names}
 
 
 def densities_of(run: Run) -> pa.Table:

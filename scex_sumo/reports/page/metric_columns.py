@@ -10,6 +10,7 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import UsageError
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.registry import metric_of
+from scex_sumo.reports.page.ticks import ticks
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import BANDWIDTH
 
@@ -29,6 +30,7 @@ def metric_words(run: Run, column: str) -> dict[str, Any]:
     threshold = run.thresholds.get(column)
     side = found.side if found else "left"
     samples = np.sort(run.samples(column))
+    view = _view(samples, [recorded, threshold])
     share = run.p_critical(column) if threshold is not None and samples.size else None
     return {
         "column": column,
@@ -36,13 +38,15 @@ def metric_words(run: Run, column: str) -> dict[str, Any]:
         "unit": found.column_unit if found else "",
         "mean": column.endswith("_mean"),
         "side": side,
+        "sign": "≤" if side == "left" else "≥",
         "threshold": threshold,
         "p": None if share is None else {"value": share.value, "low": share.low, "high": share.high},
         "tenth": _worst_tenth(samples, side),
         "recorded": recorded,
         "defined": int(samples.size),
         "folded": bool(run.info.get("reflect", True)) and bool(samples.size) and bool(samples[0] >= 0),
-        "view": _view(samples, [recorded, threshold]),
+        "view": view or (0.0, 1.0),
+        "ticks": ticks(*view) if view else [],
     }
 
 

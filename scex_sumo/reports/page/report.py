@@ -19,7 +19,6 @@ SCRIPTS = (
     "pairs.js",
     "map.js",
     "player.js",
-    "verdict.js",
     "models.js",
     "report.js",
 )

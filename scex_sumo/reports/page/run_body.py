@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import shlex
+from collections.abc import Mapping, Sequence
 from string import Template
 from typing import Any
 
@@ -11,7 +12,6 @@ from scex_sumo.reports.page.shell import asset
 from scex_sumo.reports.run_table import counted
 
 _WORST = 3
-_RECORDED = element("span", id="recorded-said")
 _SECONDS_A_STEP = 0.1
 
 
@@ -32,6 +32,7 @@ def run_body(info: Mapping[str, Any]) -> str:
         legend=_legend(info),
         recorded="" if info["has_recorded"] else " hidden",
         focus=_focus_options(info),
+        copies=_copies(info),
         notes=_notes(info["notes"]),
         foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
     )
@@ -63,26 +64,37 @@ def _share_card(info: Mapping[str, Any]) -> Html:
     bar = element("div.bar", *(element(f"i.{kind}") for kind in ("drawn", "range", "likely")))
     lines = [
         element("div.share", element("span"), bar, element("b"), data_metric=number, hidden=True)
-        for number, metric in enumerate(info["metrics"])
-        if not metric["mean"]
+        for number in range(len(info["metrics"]))
     ]
-    likely = ", violet: likely" if info["likely_collisions"] is not None else ""
-    about = element("p.soft", f"blue: possible, line: 95 %{likely}; recorded future: ", _RECORDED)
+    likely = "; violet: likely" if info["likely_collisions"] is not None else ""
+    about = element("p.soft", f"Blue: possible; line: 95 %{likely}. {_recorded_words(info['metrics'])}")
     return element("div.card", element("h2", "P(critical)"), *lines, about)
+
+
+def _recorded_words(metrics: Sequence[Mapping[str, Any]]) -> str:
+    """By what the recorded future was critical."""
+    judged = [m for m in metrics if None not in (m["recorded"], m["threshold"]) and not m["mean"]]
+    if not judged:
+        return "What really happened was not recorded."
+    names = [
+        f"{m['name']} {m['sign']} {m['threshold']:.2f}"
+        for m in judged
+        if (m["recorded"] <= m["threshold"] if m["side"] == "left" else m["recorded"] >= m["threshold"])
+    ]
+    return f"The recorded future had {', '.join(names)}." if names else "The recorded future was not critical."
 
 
 def _chart(info: Mapping[str, Any], number: int) -> Html:
     """One metric with the threshold that can be typed or dragged."""
     metric = info["metrics"][number]
     name = metric["name"] + (f" [{metric['unit']}]" if metric["unit"] else "")
-    sign = " ≤ " if metric["side"] == "left" else " ≥ "
     limit = element("input", type="number", step="any", title="Threshold", aria_label=f"Threshold of {name}")
     recorded = [] if metric["recorded"] is None else [f"recorded {metric['recorded']:.2f}"]
     rare = metric["defined"] < info["children"]
     defined = [f"defined in {metric['defined']} of {info['children']} children"] if rare else []
     return element(
         "div.chart",
-        element("header", element("span", name), element("span", element("b"), sign, limit)),
+        element("header", element("span", name), element("span", element("b"), f" {metric['sign']} ", limit)),
         element("canvas", aria_label=f"Distribution of {name}"),
         element("p.soft", ", ".join([*recorded, *defined])),
         data_metric=number,
@@ -102,7 +114,8 @@ def _encounter_card(info: Mapping[str, Any]) -> Html:
 
 def _legend(info: Mapping[str, Any]) -> Html:
     models = [
-        element("div", element("i", data_model=number), model) for number, model in enumerate(info["models"])
+        element("div", element("svg", element("rect", width="14", height="8", rx="2", fill=color)), model)
+        for model, color in zip(info["models"], info["colors"], strict=True)
     ]
     recorded = [element("div", element("i.outline"), "recorded")] if info["has_recorded"] else []
     return joined(*models, *recorded)
@@ -114,6 +127,19 @@ def _focus_options(info: Mapping[str, Any]) -> Html:
     known = {row["metric"] for row in info["events"]["rows"]}
     options = [element("option", name, value=m) for m, name in enumerate(names, -1) if m in known]
     return joined(*options)
+
+
+def _copies(info: Mapping[str, Any]) -> Html:
+    """Buttons that copy a command of the terminal; CHILD stands for the child that is shown."""
+    folder = shlex.quote(info["folder"])
+    commands = {
+        "open in sumo-gui": f"scex-sumo view {folder} --child CHILD",
+        "export child": f"scex-sumo export {folder} --child CHILD --to fcd",
+        "run again": info["command"],
+    }
+    return joined(
+        *(element("button", f"copy: {name}", data_copy=text) for name, text in commands.items() if text)
+    )
 
 
 def _notes(notes: list[str]) -> Html:

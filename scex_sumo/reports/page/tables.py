@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
@@ -81,13 +80,11 @@ def _event(
     }
 
 
-def collision_arrays(run: Run) -> dict[str, NDArray[Any]]:
-    """Collisions: ``collision_children`` (n,) and ``collision_places`` (n, 2) in m; none where unknown."""
-    table = optional_table(run, COLLISIONS)
-    if table is None:
-        return {}
-    places = np.stack([np.asarray(table["x"]), np.asarray(table["y"])], axis=1)
-    return {"collision_children": np.asarray(table["child"]), "collision_places": places}
+def collision_places(run: Run) -> dict[str, Any]:
+    """Collisions: ``children`` and ``places``, x and y in m; none where unknown."""
+    rows = _rows(optional_table(run, COLLISIONS))
+    places = [(round(row["x"], 2), round(row["y"], 2)) for row in rows]
+    return {"children": [row["child"] for row in rows], "places": places}
 
 
 def collision_share(run: Run) -> dict[str, Any] | None:

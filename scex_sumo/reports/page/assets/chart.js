@@ -1,9 +1,9 @@
 // Charts: density or cumulative curve of a metric from the run's tables, brushed and with a threshold to drag.
 
-// Points [x, density, share at or below x] of a curve of the tables, and its atoms [value, share]; units as in curves.py.
-function curveOf({ arrays }, name) {
-  const { [name]: found, [`${name}_atoms`]: atoms } = arrays, rows = ({ shape, values }) => Array.from({ length: shape[0] }, (_, i) => [...values.subarray(i * shape[1], (i + 1) * shape[1])]);
-  return found ? { points: rows(found).map(([x, density, below]) => [x / 1e3, density / 1e4, below / 1e4]), atoms: rows(atoms) } : { points: [], atoms: [] };
+// A curve of the tables: points [x, density, share at or below x], in the units of curves.py, and atoms [value, share].
+function curveOf(found, atoms = []) {
+  const { values, shape } = found || { values: [], shape: [0] }, units = [1e-3, 1e-4, 1e-4];
+  return { points: Array.from({ length: shape[0] }, (_, i) => units.map((unit, k) => unit * values[3 * i + k])), atoms };
 }
 
 // The same of some of `count` samples: kernels, those below 0 folded back, and how many have the atoms' values.
@@ -16,21 +16,18 @@ function curveOfSome(values, count, xs, width, isFolded, atoms) {
   };
 }
 
-// Axis along the bottom of a chart, with about as many round numbers as have room; returns where the plot ends.
-function bottomAxis({ paint, write, width, height }, low, high) {
-  const base = height - 16, raw = (high - low) / Math.max(2, width / 60), power = 10 ** Math.floor(Math.log10(raw));
-  const step = power * [1, 2, 5, 10].find((factor) => factor * power >= raw), digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+// Axis along the bottom of a chart with its ticks [value, words]; returns where the plot ends.
+function bottomAxis({ paint, write, width, height }, ticks, toX) {
+  const base = height - 16;
   paint([[0, base + 0.5], [width, base + 0.5]], { stroke: "line", width: 1 });
-  for (let tick = Math.ceil(low / step); tick * step <= high; tick++) {
-    write((tick * step).toFixed(digits), clamp((tick * step - low) / (high - low) * width, 10, width - 10), height - 4);
-  }
+  for (const [value, words] of ticks) write(words, clamp(toX(value), 10, width - 10), height - 4);
   return base;
 }
 
 function makeChart(run, state, element) {
   const m = Number(element.dataset.metric), metric = run.info.metrics[m], column = run.columns[m], [limit, canvas] = all("input, canvas", element);
-  const drawn = curveOf(run, `curve${m}`), likely = curveOf(run, `likely${m}`), [low, high] = metric.view || [0, 1];
-  const peak = Math.max(1e-9, ...[...drawn.points, ...likely.points].map((point) => point[1])), [atom, most] = drawn.atoms.reduce((a, b) => b[1] > a[1] ? b : a, [0, 0]);
+  const drawn = curveOf(run.arrays[`curve${m}`], metric.atoms), likely = curveOf(run.arrays[`likely${m}`], metric.likely_atoms);
+  const { peak, most, view: [low, high] } = metric, [line] = all(`.share[data-metric="${m}"]`);
   let brush = null, drag = null;
 
   const toX = (value) => (value - low) / (high - low) * canvas.clientWidth, toValue = (px) => low + px / canvas.clientWidth * (high - low);
@@ -38,40 +35,46 @@ function makeChart(run, state, element) {
 
   function draw(isCumulative) {
     const pen = sharp(canvas), { paint, write, width } = pen, threshold = state.thresholds[m], own = toX(column[state.child]);
-    describe(threshold);
-    if (!width || !metric.view) return;
-    const base = bottomAxis(pen, low, high), top = isCumulative ? 1 : 1.12 * peak;
+    if (!width || !metric.ticks.length) return;
+    const base = bottomAxis(pen, metric.ticks, toX), top = isCumulative ? 1 : 1.12 * peak;
     const at = (x, y) => [toX(x), base - clamp(y / top, 0, 1) * (base - 4)], upright = (x, style) => paint([[x, 0], [x, base]], style);
-    const line = ({ points }, more = 0) => points.map((point) => at(point[0], point[isCumulative ? 2 : 1] + more));
+    const curveLine = ({ points }, more = 0) => points.map((point) => at(point[0], point[isCumulative ? 2 : 1] + more));
     const area = (upper, lower, fill, alpha) => paint([...upper, ...lower.reverse()], { fill, alpha });
     const box = (left, right, y, bottom, fill, alpha) => area([[left, y], [right, y]], [[left, bottom], [right, bottom]], fill, alpha);
     const curve = (found, stroke, dash) => {
-      paint(line(found), { stroke, dash });
-      if (isCumulative || dash) return;
-      area(line(found), line(found).map(([x]) => [x, base]), stroke, 0.18);
-      for (const [x, share] of found.atoms) paint([at(x, 0), at(x, 0.94 * top * share / most)], { stroke, width: 3 });
+      paint(curveLine(found), { stroke, dash });
+      if (isCumulative) return;
+      if (!dash) area(curveLine(found), curveLine(found).map(([x]) => [x, base]), stroke, 0.18);
+      for (const [x, share] of found.atoms) paint([at(x, 0), at(x, 0.86 * top * share / most)], { stroke, width: 3, dash });
     };
     if (threshold !== null) {
-      box(toX(threshold), metric.side === "left" ? 0 : width, 0, base, "critical", 0.1);
+      box(toX(threshold), metric.sign === "≤" ? 0 : width, 0, base, "critical", 0.1);
       upright(toX(threshold), { stroke: "critical" });
       box(toX(threshold) - 4, toX(threshold) + 4, base / 2 - 9, base / 2 + 9, "critical");
     }
-    if (isCumulative) area(line(drawn, metric.band), line(drawn, -metric.band), "drawn", 0.2);
+    if (isCumulative) area(curveLine(drawn, metric.band), curveLine(drawn, -metric.band), "drawn", 0.2);
     curve(drawn, "drawn");
     curve(likely, "likely", [5, 3]);
     const chosen = column.filter((value, c) => state.mask[c] && !Number.isNaN(value)), xs = Array.from({ length: width / 2 }, (_, i) => toValue(2 * i));
     if (state.count < run.children && chosen.length) curve(curveOfSome(chosen, metric.defined, xs, run.info.bandwidth, metric.folded, drawn.atoms), "picked");
-    if (!isCumulative && most) write(`${percent(most)} alike`, clamp(toX(atom), 26, width - 26), 9);
+    for (const [x, share] of isCumulative ? [] : drawn.atoms) if (share === most) write(percent(share), clamp(toX(x), 16, width - 16), 9);
     if (metric.recorded !== null) upright(toX(metric.recorded), { stroke: "recorded", dash: [5, 3] });
     if (own >= 0) paint(circle([clamp(own, 4, width - 4), base - 4], 4), { fill: "picked" });
     if (brush) box(...brush.map(toX), 0, base, "picked", 0.16);
   }
 
-  function describe(threshold) {
-    const share = state.share(m), said = element.querySelector("b"), isSet = threshold !== null;
-    said.textContent = isSet ? percent(share.value) : "";
-    said.title = share.words;
+  function describe() { // P, here and in the verdict
+    const threshold = state.thresholds[m], isSet = threshold !== null, { value, low: least, high: most95, words } = state.share(m);
+    const likelyShare = run.likely[m] ? state.share(m, run.likely[m]).value : NaN;
     if (document.activeElement !== limit) limit.value = isSet ? Number(threshold.toFixed(3)) : "";
+    for (const part of [element, line]) {
+      const said = part.querySelector("b");
+      said.textContent = isSet ? percent(value) : "";
+      said.title = `${words}; likely: ${percent(likelyShare)}`;
+    }
+    line.hidden = !isSet || metric.mean;
+    line.firstChild.textContent = `${metric.name} ${metric.sign} ${short(threshold)}`;
+    line.style.cssText = `--value: ${value}; --low: ${least}; --high: ${most95}; --chance: ${isMissing(likelyShare) ? -1 : likelyShare}`;
   }
 
   function setLimit(value) {
@@ -98,6 +101,5 @@ function makeChart(run, state, element) {
     else if (Math.abs(px - drag.from) > 3) select([toValue(px), toValue(drag.from)]);
   };
   canvas.onpointerup = canvas.onpointercancel = () => { drag = null; };
-  canvas.ondblclick = () => select();
-  return { element, metric, draw };
+  return { element, metric, draw, describe };
 }

@@ -17,14 +17,16 @@ async function unpack(text) {
   return { info: head.info, arrays };
 }
 
-// Poses (rows, 1 + steps, 3) in m and rad of second differences after the start of each row's vehicle.
-function posesOf({ shape: [rows, steps], values }, start, ownerOf, units) {
+const UNITS = [0.01, 0.01, 0.001]; // of poses, m and rad, as in tracks.py
+
+// Poses (rows, 1 + steps, 3) of second differences after the start of each row's vehicle.
+function posesOf({ shape: [rows, steps], values }, start, ownerOf) {
   const poses = new Float64Array(rows * (steps + 1) * 3);
   for (let row = 0; row < rows; row++) {
     for (let k = 0; k < 3; k++) {
       let change = 0, sum = start.values[ownerOf(row) * 3 + k];
       for (let t = 0; t <= steps; t++) {
-        poses[(row * (steps + 1) + t) * 3 + k] = sum * (k < 2 ? units.position : units.heading);
+        poses[(row * (steps + 1) + t) * 3 + k] = sum * UNITS[k];
         sum += change += values[(row * steps + t) * 3 + k];
       }
     }
@@ -34,20 +36,18 @@ function posesOf({ shape: [rows, steps], values }, start, ownerOf, units) {
 
 // The run as the other parts ask for it; tracks are rows of `poses`, see `track`.
 function runOf({ info, arrays }) {
-  const { start, motion, which, levels, sizes, values, likely, recorded } = arrays;
+  const { start, motion, which, levels, values, likely, recorded } = arrays;
   const [children, vehicles] = which.shape, owner = new Int32Array(motion.shape[0]);
   which.values.forEach((row, i) => { owner[row] = i % vehicles; });
   const columns = (table) => info.metrics.map((_, m) => table && table.values.subarray(m * table.shape[1], (m + 1) * table.shape[1]));
-  const size = (vehicle) => [0, 1].map((i) => sizes.values[2 * vehicle + i] * info.units.position);
   return {
-    info, arrays, children, vehicles, owner, size,
+    info, arrays, children, vehicles, owner,
     frames: motion.shape[1] + 1,
-    poses: posesOf(motion, start, (row) => owner[row], info.units),
-    recorded: recorded && posesOf(recorded, start, (row) => row, info.units),
-    recordedFrames: recorded ? recorded.shape[1] + 1 : 0,
+    poses: posesOf(motion, start, (row) => owner[row]),
+    recorded: recorded && posesOf(recorded, start, (row) => row),
     columns: columns(values),
     likely: columns(likely),
-    radius: (vehicle) => Math.hypot(...size(vehicle)) / 2,
+    radius: (vehicle) => Math.hypot(...info.sizes[vehicle]) / 2,
     id: (vehicle) => info.track_ids[vehicle],
     track: (child, vehicle) => which.values[child * vehicles + vehicle],
     model: (child, vehicle) => levels.values[child * vehicles + vehicle],

@@ -1,7 +1,5 @@
 // Table of vehicles and models: how often a child is critical, given who drives a vehicle.
 
-const FEW = 5; // children that say too little
-
 // Makes the table; returns what draws it anew.
 function modelTable(run, state) {
   const { models, track_ids: ids, under_test: tested } = run.info;
@@ -10,7 +8,6 @@ function modelTable(run, state) {
   const table = makeTable(byId("models"), { columns: [{ title: "vehicle" }, ...titles], rows: [] }, { mark(cell, { given, v }, i) {
     if (!i || !given[i - 1].count) return;
     const { count, hits, share } = given[i - 1], color = share > mean ? "critical" : "drawn";
-    cell.classList.toggle("few", count < FEW);
     cell.title = `${hits} of ${count}; 95 %: ${range(interval(share, count))}`;
     cell.style.background = `color-mix(in srgb, var(--${color}) ${Math.min(75, Math.round(150 * Math.abs(share - mean)))}%, transparent)`;
     onPress(cell, () => state.filter(`vehicle ${v}`, `${ids[v]} as ${models[i - 1]}`, (c) => run.model(c, v) === i - 1));
@@ -22,8 +19,8 @@ function modelTable(run, state) {
     byId("models-about").textContent = `Share of children with ${words}, given who drives a vehicle; overall ${percent(mean)}. A click selects those children.`;
     const rows = ids.map((id, v) => {
       const given = models.map((_, model) => hits.filter((_hit, c) => run.model(c, v) === model)).map((of) => ({ count: of.length, hits: sum(of), share: sum(of) / of.length }));
-      const sure = given.filter(({ count }) => count >= FEW).map(({ share }) => share);
-      return { cells: [id + (tested.includes(id) ? " (under test)" : ""), ...given.map(({ share }) => share)], given, v, spread: Math.max(...sure) - Math.min(...sure) };
+      const shares = given.map(({ share }) => share), known = shares.filter((share) => !isMissing(share));
+      return { cells: [id + (tested.includes(id) ? " (under test)" : ""), ...shares], given, v, spread: Math.max(...known) - Math.min(...known) };
     });
     table.show(rows.sort((a, b) => b.spread - a.spread));
   };
@@ -31,9 +28,8 @@ function modelTable(run, state) {
 
 // Whether a child is critical by what is in focus: a collision, or a metric's threshold, else its worst tenth.
 function criticalBy(run, { focus, thresholds, isCritical }) {
-  const { collision_children: collided } = run.arrays;
-  if (focus < 0) return { test: (c) => Boolean(collided) && collided.values.includes(c), words: "a collision" };
-  const { name, side, tenth } = run.info.metrics[focus], limit = thresholds[focus] ?? tenth;
-  const words = `${name} ${side === "left" ? "≤" : "≥"} ${short(limit)}${thresholds[focus] === null ? ", the worst tenth" : ""}`;
+  if (focus < 0) return { test: (c) => run.info.collisions.children.includes(c), words: "a collision" };
+  const { name, sign, tenth } = run.info.metrics[focus], limit = thresholds[focus] ?? tenth;
+  const words = `${name} ${sign} ${short(limit)}${thresholds[focus] === null ? ", the worst tenth" : ""}`;
   return { test: (c) => isCritical(focus, run.columns[focus][c], limit), words };
 }

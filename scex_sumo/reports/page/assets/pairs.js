@@ -20,9 +20,9 @@ function bodyGap(poseA, sizeA, poseB, sizeB) {
   return isApart ? gap : 0; // the nearest points of two apart have a corner among them
 }
 
-// Gap of a pair at each of the first steps, given the rows of both.
-function courseOf(run, poses, frames, pair, rows) {
-  const gap = (t) => bodyGap(...pair.flatMap((v, i) => [poseAt(poses, frames, rows[i], t), run.size(v)]));
+// Gap of a pair at each step, given the rows of both.
+function courseOf({ frames, info }, poses, pair, rows) {
+  const gap = (t) => bodyGap(...pair.flatMap((v, i) => [poseAt(poses, frames, rows[i], t), info.sizes[v]]));
   return Array.from({ length: frames }, (_, t) => gap(t));
 }
 
@@ -31,21 +31,16 @@ function coursesOf(run, pair, mask) {
   const found = new Map();
   mask.forEach((isPicked, c) => {
     const rows = pair.map((v) => run.track(c, v)), key = String(rows);
-    if (!found.has(key)) found.set(key, { course: courseOf(run, run.poses, run.frames, pair, rows), children: [], picked: 0 });
+    if (!found.has(key)) found.set(key, { course: courseOf(run, run.poses, pair, rows), children: [], picked: 0 });
     found.get(key).children.push(c);
     found.get(key).picked += isPicked;
   });
   return [...found.values()];
 }
 
-const wasThere = (run, v, t) => t === 0 || run.arrays.recorded_valid.values[v * (run.recordedFrames - 1) + t - 1];
-
 function pairChart(run, state, canvas) {
   const last = run.frames - 1;
   let key, lines, recorded;
-  canvas.onpointerdown = canvas.onpointermove = (event) => {
-    if (event.buttons) state.seek(event.offsetX / canvas.clientWidth * last);
-  };
 
   // Draws the courses; returns the child's gap now, where there is one.
   return () => {
@@ -53,20 +48,18 @@ function pairChart(run, state, canvas) {
     if (key !== `${pair} ${state.selection}`) {
       key = `${pair} ${state.selection}`;
       lines = coursesOf(run, pair, state.mask);
-      recorded = run.recorded ? courseOf(run, run.recorded, run.recordedFrames, pair, pair) : [];
+      recorded = run.recorded ? courseOf(run, run.recorded, pair, pair) : [];
     }
-    const top = Math.max(1, ...lines.map((line) => Math.min(...line.course) + 6)), base = bottomAxis(pen, 0, last / 10);
+    const top = Math.max(1, ...lines.map((line) => Math.min(...line.course) + 6)), base = bottomAxis(pen, run.info.ticks, (s) => s * 10 / last * width);
     const at = (gap, t) => [t / last * width, base - Math.min(gap / top, 1.2) * (base - 4)];
     for (const { course, picked } of lines) {
       if (picked) paint(course.map(at), { stroke: "drawn", alpha: Math.min(0.12 + 2 * picked / state.count, 0.6) });
     }
-    const there = recorded.map(at).filter((_, t) => pair.every((v) => wasThere(run, v, t)));
-    paint(there, { stroke: "recorded", dash: [5, 3] });
+    paint(recorded.map(at).filter((_, t) => recorded[t] < 1e4), { stroke: "recorded", dash: [5, 3] });
     const own = lines.find((line) => line.children.includes(child));
     if (own) paint(own.course.map(at), { stroke: "picked", width: 2.6 });
     paint([[step / last * width, 0], [step / last * width, base]], { stroke: "ink" });
     write(`${top.toFixed(0)} m`, width - 2, 11, { align: "right" });
-    write("s", width - 2, base - 4, { align: "right" });
     return own ? own.course[Math.round(step)] : null;
   };
 }

@@ -31,8 +31,8 @@ function makePlayer(run, state, map) {
     say("recording …");
   }
 
-  function copy({ copy: verb, ending = "" }) {
-    const words = verb === "run" ? info.command : `scex-sumo ${verb} ${info.quoted} --child ${Math.max(state.child, 0)}${ending}`;
+  function copy(command) {
+    const words = command.replace("CHILD", Math.max(state.child, 0));
     navigator.clipboard.writeText(words).then(() => say(`copied: ${words}`), () => say(words));
   }
 
@@ -43,21 +43,17 @@ function makePlayer(run, state, map) {
     "save-png": () => canvas.toBlob((blob) => save(blob, nameOf("png"))), "save-webm": film,
   };
   for (const [name, act] of Object.entries(clicks)) byId(name).onclick = () => act();
-  byId("follow").onchange = () => map.follow(true);
   Object.assign(byId("time"), { max: last, oninput: ({ target }) => state.seek(Number(target.value)) });
   byId("child").onchange = ({ target: { value } }) => state.change({ child: value === "" ? -1 : clamp(Math.round(value), 0, run.children - 1) });
-  for (const name of Object.keys(state.show)) {
-    byId(`show-${name}`).onchange = ({ target }) => state.change({ show: { ...state.show, [name]: target.checked } });
-  }
-  for (const button of all("[data-copy]")) button.onclick = () => copy(button.dataset);
+  for (const box of all("[id^=show]")) box.onchange = () => state.change({}, "view");
+  for (const button of all("[data-copy]")) button.onclick = () => copy(button.dataset.copy);
 
   const moves = {
-    ArrowLeft: () => state.seek(Math.round(state.step) - 1), ArrowRight: () => state.seek(Math.round(state.step) + 1),
-    Home: () => state.seek(0), End: () => state.seek(last),
+    arrowleft: () => state.seek(Math.round(state.step) - 1), arrowright: () => state.seek(Math.round(state.step) + 1),
   };
   for (const element of all("[data-key]")) moves[element.dataset.key] = () => element.click();
   document.onkeydown = (event) => {
-    const { key, target, ctrlKey, metaKey, altKey } = event, act = moves[key.length === 1 ? key.toLowerCase() : key];
+    const { key, target, ctrlKey, metaKey, altKey } = event, act = moves[key.toLowerCase()];
     const isTyping = target.matches("input:not([type=checkbox]), select") && key !== "Escape", isPressed = key === " " && target.matches("button");
     if (!act || isTyping || isPressed || ctrlKey || metaKey || altKey || byId("help").open) return;
     event.preventDefault();

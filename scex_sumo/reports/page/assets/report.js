@@ -6,7 +6,7 @@ function runReport(run) {
   const charts = all(".chart").map((element) => makeChart(run, state, element));
 
   function jump({ pair, child, step }) {
-    state.change({ pair, child, step: clamp(step, 0, run.frames - 1), playing: false });
+    state.change({ pair, child, step, playing: false });
     byId("mapbox").scrollIntoView({ behavior: "smooth", block: "nearest" });
   }
 
@@ -44,14 +44,13 @@ function runReport(run) {
     if (any("selection", "child", "thresholds", "size")) drawCharts();
     if (any("pair", "child", "step", "selection", "size")) drawPair();
     if (any("selection")) drawChips();
-    if (any("thresholds")) drawShares(run, state);
+    if (any("thresholds")) for (const chart of charts) chart.describe();
     if (any("thresholds", "focus")) drawModels();
     if (any("focus")) worst.show(info.events.rows.filter((row) => row.metric === state.focus));
     if (any("pair", "child")) for (const table of [encounters, worst]) table.choose();
   };
 
   const redraw = () => state.change({}, "size");
-  info.colors.forEach((color, m) => { all("#legend i[data-model]")[m].style.background = color; });
   for (const button of all("[data-encounter]")) button.onclick = () => jump(info.encounters.rows[button.dataset.encounter]);
   byId("focus").onchange = ({ target }) => state.change({ focus: Number(target.value) });
   byId("curve").onchange = byId("means").onchange = redraw;

@@ -4,7 +4,6 @@ function makeState(run) {
   const pending = new Set(), filters = new Map();
   const state = {
     step: 0, child: -1, pair: null, focus: -1, playing: false, filters,
-    show: { ids: true, ghosts: true, paths: true, recorded: true, heat: false },
     thresholds: run.info.metrics.map((metric) => metric.threshold),
     selection: 0, mask: new Uint8Array(run.children).fill(1), count: run.children,
 
@@ -37,7 +36,7 @@ function makeState(run) {
 
     isCritical(m, value, limit = state.thresholds[m]) {
       if (limit === null || isMissing(value)) return false;
-      return run.info.metrics[m].side === "left" ? value <= Math.fround(limit) : value >= Math.fround(limit);
+      return run.info.metrics[m].sign === "≤" ? value <= Math.fround(limit) : value >= Math.fround(limit);
     },
     // Critical share of all children; at the run's own threshold as its tables have it, elsewhere with the
     // number of independent children that the design is worth there.
