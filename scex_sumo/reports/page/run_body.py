@@ -95,7 +95,7 @@ def _chart(info: Mapping[str, Any], number: int) -> Html:
     return element(
         "div.chart",
         element("header", element("span", name), element("span", element("b"), f" {metric['sign']} ", limit)),
-        element("canvas", aria_label=f"Distribution of {name}"),
+        element("canvas", aria_label=f"Distribution of {name}", hidden=not metric["ticks"]),
         element("p.soft", ", ".join([*recorded, *defined])),
         data_metric=number,
         hidden=metric["mean"],

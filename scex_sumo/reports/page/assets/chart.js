@@ -57,7 +57,8 @@ function makeChart(run, state, element) {
     curve(likely, "likely", [5, 3]);
     const chosen = column.filter((value, c) => state.mask[c] && !Number.isNaN(value)), xs = Array.from({ length: width / 2 }, (_, i) => toValue(2 * i));
     if (state.count < run.children && chosen.length) curve(curveOfSome(chosen, metric.defined, xs, run.info.bandwidth, metric.folded, drawn.atoms), "picked");
-    for (const [x, share] of isCumulative ? [] : drawn.atoms) if (share === most) write(percent(share), clamp(toX(x), 16, width - 16), 9);
+    const [atom] = drawn.atoms.filter(([, share]) => share === most);
+    if (atom && !isCumulative) write(percent(most), clamp(toX(atom[0]), 16, width - 16), 9);
     if (metric.recorded !== null) upright(toX(metric.recorded), { stroke: "recorded", dash: [5, 3] });
     if (own >= 0) paint(circle([clamp(own, 4, width - 4), base - 4], 4), { fill: "picked" });
     if (brush) box(...brush.map(toX), 0, base, "picked", 0.16);
