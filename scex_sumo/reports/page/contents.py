@@ -24,7 +24,7 @@ from scex_sumo.reports.page.tables import (
 )
 from scex_sumo.reports.page.tracks import POSITION_M, UniqueTracks, unique_tracks, whole_tracks
 from scex_sumo.results.run import Run
-from scex_sumo.reports.page.ticks import ticks
+from scex_sumo.reports.page.svg import ticks
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH
 

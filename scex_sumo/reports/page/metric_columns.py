@@ -10,7 +10,7 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import UsageError
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.registry import metric_of
-from scex_sumo.reports.page.ticks import ticks
+from scex_sumo.reports.page.svg import ticks
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import BANDWIDTH
 

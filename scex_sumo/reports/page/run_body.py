@@ -15,8 +15,8 @@ _WORST = 3
 _SECONDS_A_STEP = 0.1
 
 
-def run_body(info: Mapping[str, Any]) -> str:
-    """HTML of the body, from what `report_contents` says."""
+def run_body(info: Mapping[str, Any], *cards: Html) -> str:
+    """HTML of the body, from what `report_contents` says, with more cards at the end."""
     place = info["location"] if info["location"] != info["name"] else ""
     about = [
         counted(len(info["track_ids"]), "vehicle"),
@@ -33,7 +33,7 @@ def run_body(info: Mapping[str, Any]) -> str:
         recorded="" if info["has_recorded"] else " hidden",
         focus=_focus_options(info),
         copies=_copies(info),
-        notes=_notes(info["notes"]),
+        notes=joined(*cards, _notes(info["notes"])),
         foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
     )
 
@@ -48,11 +48,12 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
     if found is None:
         words = element("p.soft", "not in this result; run it again")
         return element("div.card", element("h2", "P(collision)"), element("div.big", "–"), words)
-    of = f"{found['count']} of {counted(info['children'], 'child scenario')}; 95 %: "
+    of = f"{found['count']} of {counted(info['children'], 'child scenario')}; "
+    sure = element("span.nowrap", f"95 %: {percent(found['low'])} – {percent(found['high'])}")
     parts = [
         element("h2", "P(collision)"),
         element("div.big.hot" if found["count"] else "div.big", percent(found["value"])),
-        element("p.soft", of + f"{percent(found['low'])} – {percent(found['high'])}"),
+        element("p.soft", of, sure),
     ]
     if likely is not None:
         parts.append(element("p", f"likely: {percent(likely)}"))

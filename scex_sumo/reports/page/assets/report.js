@@ -50,6 +50,7 @@ function runReport(run) {
     if (any("pair", "child")) for (const table of [encounters, worst]) table.choose();
   };
 
+  showTables(info.tables);
   const redraw = () => state.change({}, "size");
   for (const button of all("[data-encounter]")) button.onclick = () => jump(info.encounters.rows[button.dataset.encounter]);
   byId("focus").onchange = ({ target }) => state.change({ focus: Number(target.value) });

@@ -1,5 +1,3 @@
-// Page of a study: its tables.
+// Page of a study: nothing but its tables.
 
-unpack(byId("data").textContent).then(({ info }) => {
-  for (const [id, table] of Object.entries(info.tables)) makeTable(byId(id), table);
-});
+unpack(byId("data").textContent).then(({ info }) => showTables(info.tables));
