@@ -34,7 +34,9 @@ def curve_arrays(table: pa.Table, prefix: str, columns: Iterable[str]) -> dict[s
     for number, column in enumerate(columns):
         rows = _rows_of(table, column)
         if rows["x"].size:
-            found = np.stack([rows["x"] / X_UNIT, rows["pdf"] / DENSITY_UNIT, rows["cdf"] / SHARE_UNIT], axis=1)
+            found = np.stack(
+                [rows["x"] / X_UNIT, rows["pdf"] / DENSITY_UNIT, rows["cdf"] / SHARE_UNIT], axis=1
+            )
             arrays[f"{prefix}{number}"] = np.rint(found).astype(np.int64)
     return arrays
 
@@ -103,6 +105,9 @@ def effective_numbers(run: Run, sides: Iterable[str]) -> list[list[tuple[float, 
     found = np.minimum(run.intervals.effective_number(np.concatenate(hits, axis=1).astype(float)), 1e9)
     ends = np.cumsum([share.size for share in shares])[:-1]
     return [
-        [*zip(share.tolist(), number.tolist(), strict=True), (1.0, float(number[-1:].max(initial=run.children)))]
+        [
+            *zip(share.tolist(), number.tolist(), strict=True),
+            (1.0, float(number[-1:].max(initial=run.children))),
+        ]
         for share, number in zip(shares, np.split(found, ends), strict=True)
     ]

@@ -82,7 +82,9 @@ def _recorded_words(metrics: Sequence[Mapping[str, Any]]) -> str:
         for m in judged
         if (m["recorded"] <= m["threshold"] if m["side"] == "left" else m["recorded"] >= m["threshold"])
     ]
-    return f"The recorded future had {', '.join(names)}." if names else "The recorded future was not critical."
+    return (
+        f"The recorded future had {', '.join(names)}." if names else "The recorded future was not critical."
+    )
 
 
 def _chart(info: Mapping[str, Any], number: int) -> Html:

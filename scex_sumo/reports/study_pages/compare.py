@@ -69,7 +69,11 @@ def kind_of(group: int) -> str:
 
 def _pairs(runs: Sequence[Run], comparison: Comparison) -> dict[str, object]:
     heads = [("one", "text", ""), ("other", "text", ""), ("distance", "real", "Mean over all metrics")]
-    heads += [("set apart by", "text", ""), ("by", "real", "Distance in this metric"), ("medians", "text", "")]
+    heads += [
+        ("set apart by", "text", ""),
+        ("by", "real", "Distance in this metric"),
+        ("medians", "text", ""),
+    ]
     first, second = np.triu_indices(len(runs), 1)
     rows = []
     for k in np.argsort(comparison.total[first, second], kind="stable"):

@@ -26,7 +26,10 @@ _FULL = 0.5
 
 
 def write_explanations(
-    run: Run, found: Sequence[Explanation], names: Sequence[str], worst: Mapping[str, Sequence[Mapping[str, Any]]]
+    run: Run,
+    found: Sequence[Explanation],
+    names: Sequence[str],
+    worst: Mapping[str, Sequence[Mapping[str, Any]]],
 ) -> Path:
     """Write the page into the folder of the run.
 
@@ -37,7 +40,11 @@ def write_explanations(
         worst: rows of the most critical children by metric.
     """
     ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
-    said = [_sentences(one, ids, names) for one in found if one.metric == COLLISION or one.given or pair_of(one.metric)]
+    said = [
+        _sentences(one, ids, names)
+        for one in found
+        if one.metric == COLLISION or one.given or pair_of(one.metric)
+    ]
     worst_of = [one for one in found if one.metric in run.columns and not one.metric.endswith("_mean")]
     drawn = [_matrix(one, ids) for one in worst_of if one.effects]
     cards = [
@@ -117,8 +124,21 @@ def _worst(rows: Sequence[Mapping[str, Any]]) -> Table:
     shown = []
     for row in rows:
         vehicles = [str(row[name]) for name in ("track_id", "other_id") if row[name] is not None]
-        name = row["metric"] if row["metric"] == COLLISION or pair_of(row["metric"]) else metric_title(row["metric"])
-        shown.append([name, row["child"], row["value"], " – ".join(vehicles) or None, row["after_s"], row["assignment"]])
+        name = (
+            row["metric"]
+            if row["metric"] == COLLISION or pair_of(row["metric"])
+            else metric_title(row["metric"])
+        )
+        shown.append(
+            [
+                name,
+                row["child"],
+                row["value"],
+                " – ".join(vehicles) or None,
+                row["after_s"],
+                row["assignment"],
+            ]
+        )
     return table(heads, shown)
 
 
@@ -133,7 +153,9 @@ def _matrix(one: Explanation, ids: Sequence[int]) -> Html:
         y = row * _CELL_PX
         parts.append(element("text", str(track), x=_MARGIN_PX - 5, y=y + 17, text_anchor="end"))
         foot = len(ids) * _CELL_PX + 13
-        parts.append(element("text", str(track), x=_MARGIN_PX + y + _CELL_PX // 2, y=foot, text_anchor="middle"))
+        parts.append(
+            element("text", str(track), x=_MARGIN_PX + y + _CELL_PX // 2, y=foot, text_anchor="middle")
+        )
         for column in range(row + 1):
             parts += _cell(_MARGIN_PX + column * _CELL_PX, y, share[row, column])
     side = len(ids) * _CELL_PX

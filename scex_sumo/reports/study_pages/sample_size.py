@@ -43,7 +43,9 @@ def write_sample_size(
         "How far samples are from all assignments",
         "The largest difference of the shares of children at or below any value (Kolmogorov-Smirnov): of "
         f"{draws} samples of each size the median, and the size that 95 % of them stay below (dashed).",
-        legend([*((kind, name) for name, kind in errors.items()), ("soft", "known bound, independent draws")]),
+        legend(
+            [*((kind, name) for name, kind in errors.items()), ("soft", "known bound, independent draws")]
+        ),
         plots(*(_errors(rows, column, errors) for column in columns)),
     )
     what = card(
@@ -53,14 +55,28 @@ def write_sample_size(
         plots(*(_densities(run, column, subsets) for column in columns)),
     )
     about = f"{counted(scene['vehicles'], 'vehicle')}, all {run.children} assignments of models"
-    numbers = card("In numbers", "Also of the means over a child. KS, W1, JSD: three distances of a sample from all assignments.", place("sizes"))
+    numbers = card(
+        "In numbers",
+        "Also of the means over a child. KS, W1, JSD: three distances of a sample from all assignments.",
+        place("sizes"),
+    )
     return write_study(
-        path, f"How many children are enough: {scene['name']}", about, how_far, what, numbers, tables={"sizes": _table(rows)}
+        path,
+        f"How many children are enough: {scene['name']}",
+        about,
+        how_far,
+        what,
+        numbers,
+        tables={"sizes": _table(rows)},
     )
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    names = [(f"{kind}_{end}", f"{kind.upper()} {words}") for kind in ("ks", "w1", "jsd") for end, words in (("median", "median"), ("p95", "95 %"))]
+    names = [
+        (f"{kind}_{end}", f"{kind.upper()} {words}")
+        for kind in ("ks", "w1", "jsd")
+        for end, words in (("median", "median"), ("p95", "95 %"))
+    ]
     heads = [("metric", "text", ""), ("design", "text", ""), ("children", "text", "")]
     return table(
         [*heads, *((title, "real", "") for _, title in names)],
@@ -96,8 +112,7 @@ def _densities(run: Run, column: str, subsets: Mapping[int, IntArray]) -> Html:
     x = span(values)
     curves: list[tuple[str, Density | None]] = [("drawn", _density(values))]
     curves += [
-        (kind, _density(values[children]))
-        for children, kind in zip(subsets.values(), _KINDS, strict=False)
+        (kind, _density(values[children])) for children, kind in zip(subsets.values(), _KINDS, strict=False)
     ]
     return density_plot(column, curves, x)
 

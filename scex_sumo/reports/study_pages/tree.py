@@ -73,7 +73,10 @@ def _branches(grouping: Grouping, noise: float, height: int) -> list[Html]:
         parts, joined = (int(one), int(two)), count + step
         same = group[parts[0]] if group[parts[0]] == group[parts[1]] else 0
         color = f"c{(same - 1) % _COLORS}" if same else "soft"
-        (x, low), (right, high) = (x_of(depth[parts[0]]), place[parts[0]]), (x_of(depth[parts[1]]), place[parts[1]])
+        (x, low), (right, high) = (
+            (x_of(depth[parts[0]]), place[parts[0]]),
+            (x_of(depth[parts[1]]), place[parts[1]]),
+        )
         middle = x_of(float(at))
         found.append(
             element(f"path.line.{color}", d=f"M{x:.1f},{low:.1f}H{middle:.1f}V{high:.1f}H{right:.1f}")
