@@ -96,18 +96,19 @@ class RankingRun:
             finally:
                 items.close()  # ends the thread, wherever the workers have stopped
 
-    def tasks(self, refs: Sequence[MomentRef], children: int) -> Iterator[MomentTask]:
-        """The first children of some moments once more, as tasks."""
+    def tasks(self, refs: Sequence[MomentRef]) -> Iterator[MomentTask]:
+        """Some moments with all children that they have been given, as tasks that may be run once more."""
         names = {ref.moment for ref in refs}
         items = cut(
             self._readable(),
             self.listings,
             self.settings,
-            range(children),
+            range(self.settings.children),
             wanted=lambda listing: [ref for ref in listing.moments if ref.moment in names],
-            spare=lambda ref: children,
+            spare=lambda ref: 0,
         )
-        yield from (item for item in items if isinstance(item, MomentTask))
+        for task in (item for item in items if isinstance(item, MomentTask)):
+            yield dataclasses.replace(task, children=range(self.tallies[task.ref.moment][-1].children))
 
     def _readable(self) -> list[Recording]:
         return [recording for recording in self.recordings if recording.name in self.listings]
