@@ -13,7 +13,7 @@ from scex_sumo.converters.datasets.recordings import Recording
 from scex_sumo.ranking.folder import RankFolder, pairs_of
 from scex_sumo.ranking.moments import Failure, Listing, MomentRef
 from scex_sumo.ranking.places import Tally, mean_score, round_ends, undecided
-from scex_sumo.ranking.run_moment import KEEP_MOST, MomentPart, MomentTask, score_of
+from scex_sumo.ranking.run_moment import KEEP_MOST, MomentTask, score_of
 from scex_sumo.ranking.settings import RankSettings
 from scex_sumo.ranking.tasks import cut, read_ahead
 from scex_sumo.ranking.workers import MomentWorkers

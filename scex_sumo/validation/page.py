@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from scex_sumo.metrics.registry import known_metrics
+from scex_sumo.reports.page.density_plot import metric_title
 from scex_sumo.reports.page.html import Html, element
 from scex_sumo.reports.page.study import Table, card, place, plots, table, write_study
 from scex_sumo.reports.page.svg import Plane
@@ -90,7 +92,7 @@ def write_page(
             "Is the spread right?",
             "Ranks of the recorded value among the children: flat (the line) where the children are like "
             "it, high at both ends where they spread too little, high at one where they are off.",
-            plots(*(_ranks(row["column"], row["ranks"]) for row in values)),
+            plots(*(_ranks(_named(row["column"]), row["ranks"]) for row in values)),
         ),
         card(
             "Positions", "How far the children are from where the vehicles really went.", place("positions")
@@ -129,10 +131,18 @@ def _shown(value: float | None) -> str:
 
 
 def _table(heads: Sequence[tuple[str, str, str, str]], rows: Sequence[Mapping[str, Any]]) -> Table:
-    return table([head[1:] for head in heads], [[_plain(row[head[0]]) for head in heads] for row in rows])
+    return table([head[1:] for head in heads], [[_cell(row, head[0]) for head in heads] for row in rows])
 
 
-def _plain(value: Any) -> Any:
+def _named(column: str) -> str:
+    """A metric column as it is printed; other values have names already."""
+    return metric_title(column) if column.removesuffix("_mean") in known_metrics() else column
+
+
+def _cell(row: Mapping[str, Any], key: str) -> Any:
+    value = row[key]
+    if key == "column":
+        return _named(value)
     if isinstance(value, bool):
         return "yes" if value else "no"
     return None if isinstance(value, float) and math.isnan(value) else value

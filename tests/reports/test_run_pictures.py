@@ -109,7 +109,7 @@ def test_models_keep_their_colours() -> None:
 def test_pictures_leave_the_users_matplotlib_alone(run: Run, tmp_path: Path) -> None:
     code = (
         "import sys, matplotlib; matplotlib.use('svg'); from pathlib import Path\n"
-        "from scex_sumo.reports import compare_pictures, run_pictures, statistics_pictures\n"
+        "from scex_sumo.reports import run_figure, run_pictures\n"
         "from scex_sumo.results.run import open_run\n"
         "run_pictures.draw_densities(open_run(Path(sys.argv[1])), Path(sys.argv[2]))\n"
         "assert matplotlib.get_backend() == 'svg' and 'matplotlib.pyplot' not in sys.modules\n"

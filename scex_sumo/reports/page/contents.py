@@ -14,6 +14,7 @@ from scex_sumo.reports.page.curves import curve_arrays, curve_words, densities_o
 from scex_sumo.reports.page.metric_columns import metric_words
 from scex_sumo.reports.page.packing import quantized, second_sums
 from scex_sumo.reports.page.road_lines import road_paths
+from scex_sumo.reports.page.svg import ticks
 from scex_sumo.reports.page.tables import (
     collision_places,
     collision_share,
@@ -24,7 +25,6 @@ from scex_sumo.reports.page.tables import (
 )
 from scex_sumo.reports.page.tracks import POSITION_M, UniqueTracks, unique_tracks, whole_tracks
 from scex_sumo.results.run import Run
-from scex_sumo.reports.page.svg import ticks
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH
 
