@@ -31,9 +31,9 @@ HTML = "ranking.html"
 _ROWS = 1000
 _REASONS = 20
 _HOW = (
-    "A seed scene is one moment of recorded traffic; its child scenarios are what could come of it with other "
-    "drivers. Moments are ranked by how often and how hard vehicles collide in the children, and by how many "
-    "encounters are critical."
+    "A seed scene is one moment of recorded traffic; its child scenarios are what could come of it with "
+    "other drivers. Moments are ranked by how often and how hard vehicles collide in the children, and by "
+    "how many encounters are critical."
 )
 
 

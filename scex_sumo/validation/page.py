@@ -120,8 +120,8 @@ def _summary(info: Mapping[str, Any]) -> Html:
         f"Mean Brier score over the paper's thresholds {info['mean_brier']:.3f}; always saying the base rate "
         f"gives {info['mean_brier_base_rate']:.3f}.",
         f"P(collision) {info['p_collision']:.2%}; in the recordings {info['recorded_overlaps']:.2%} overlap.",
-        f"Realism {_shown(info['realism'])}, after that of the Waymo Sim Agents Challenge, of 3 s and without "
-        "lights: to compare mixes with each other, not with that leaderboard.",
+        f"Realism {_shown(info['realism'])}, after that of the Waymo Sim Agents Challenge, of 3 s and "
+        "without lights: to compare mixes with each other, not with that leaderboard.",
     )
     return card("In short", *(element("p", line) for line in lines))
 

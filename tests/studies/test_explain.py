@@ -97,7 +97,7 @@ def test_the_command_prints_and_writes_it(folder: Path, capsys: pytest.CaptureFi
     assert worst[0]["assignment"] == "7=brakes 8=brakes 11=races"
     page = (folder / "explain.html").read_text()
     assert "11.1% of the children have distance [m] ≤ 5." in page
-    assert page.count("<figure>") == 3
+    assert page.count("<figure>") == 1  # nothing else varies
 
 
 def test_all_metrics_are_printed_where_none_is_named(

@@ -77,7 +77,8 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
         arrays["likely"] = metric_values(run.reference.metrics, run.columns)
         arrays |= curve_arrays(likely, "likely", run.columns)
     box = _box(tracks)
-    around = tuple(edge + sign * _AROUND_M for edge, sign in zip(box, (-1, 1, -1, 1), strict=True))
+    left, right, low, high = box
+    around = (left - _AROUND_M, right + _AROUND_M, low - _AROUND_M, high + _AROUND_M)
     seen = {"box": box, "road": road_paths(_net(run), around)}
     return _words(run, scene, track_ids, models, metrics) | seen, arrays
 
@@ -159,7 +160,7 @@ def _box(tracks: UniqueTracks) -> tuple[float, float, float, float]:
     owner = np.empty(len(tracks.motion), dtype=np.int64)
     owner[tracks.which] = np.arange(tracks.which.shape[1])
     moved = second_sums(tracks.motion[..., :2])
-    centres: FloatArray = (tracks.start[owner, None, :2] + moved) * POSITION_M
+    centres = np.asarray((tracks.start[owner, None, :2] + moved) * POSITION_M)
     (left, low), (right, high) = centres.min(axis=(0, 1)).tolist(), centres.max(axis=(0, 1)).tolist()
     return left, right, low, high
 

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.results.densities import DENSITIES, densities_table
 from scex_sumo.results.run import Run
 
@@ -50,8 +50,8 @@ def curve_words(table: pa.Table, likely: pa.Table | None, column: str) -> dict[s
         column: of a metric.
 
     Returns:
-        ``atoms`` and ``likely_atoms`` with their shares, ``band`` its half-width, ``peak`` the largest density
-        and ``most`` the largest share of an atom.
+        ``atoms`` and ``likely_atoms`` with their shares, ``band`` its half-width, ``peak`` the largest
+        density and ``most`` the largest share of an atom.
     """
     rows = [_rows_of(part, column) for part in (table, likely) if part is not None]
     atoms = [
@@ -92,7 +92,7 @@ def effective_numbers(run: Run, sides: Iterable[str]) -> list[list[tuple[float, 
     Returns:
         For each column pairs of share and number, ascending; the last one is of 1.
     """
-    hits: list[FloatArray] = []
+    hits: list[BoolArray] = []
     shares: list[FloatArray] = []
     levels = np.arange(1, _LEVELS + 1) / (_LEVELS + 1)
     for column, side in zip(run.columns, sides, strict=True):
