@@ -64,13 +64,13 @@ def _children(
     run: Run, child: int | None, critical: str | None, encounter: str | None, top: int
 ) -> tuple[int, ...]:
     """The children that the options name."""
-    from scex_sumo.exporters.request import closest_encounters, most_critical
+    from scex_sumo.exporters.request import closest_encounters, critical_children
 
     if child is not None:
         run.states(child)  # says when there is no such child
         return (child,)
     if critical is not None:
-        return most_critical(run, critical, top)
+        return critical_children(run, critical, top)
     if encounter is None:
         return tuple(range(run.children))
     try:

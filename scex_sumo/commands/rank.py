@@ -7,10 +7,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, Option
+from typer import Option
 
 from scex_sumo.commands.console import progress_bar, resumable, warn
-from scex_sumo.commands.options import Models, Processes, Seed, Thresholds, parse_thresholds
+from scex_sumo.commands.options import (
+    Cluster,
+    Every,
+    MinVehicles,
+    Models,
+    Processes,
+    Roots,
+    Seed,
+    Thresholds,
+    parse_thresholds,
+)
 
 if TYPE_CHECKING:
     from scex_sumo.ranking.rank import Ranking
@@ -19,13 +29,11 @@ _SHOWN_FAILURES = 3
 
 
 def rank_command(
-    roots: Annotated[
-        list[Path], Argument(metavar="DATASET...", help="Folders of recordings.", show_default=False)
-    ],
-    every: Annotated[float, Option(metavar="S", help="Least time between two seed scenes.")] = 1.0,
+    roots: Roots,
+    every: Every = 1.0,
     children: Annotated[int, Option(help="Children of a seed scene at most.")] = 96,
     first: Annotated[int, Option(help="Children of every seed scene; more where ranks are close.")] = 32,
-    min_vehicles: Annotated[int, Option(help="Fewer moving vehicles make no seed scene.")] = 2,
+    min_vehicles: MinVehicles = 2,
     models: Models = None,
     preset: Annotated[str, Option(metavar="paper|path|both", help="Which metrics are evaluated.")] = "both",
     metrics: Annotated[
@@ -38,9 +46,7 @@ def rank_command(
     top: Annotated[int, Option(help="Moments on the page.")] = 10,
     seed: Seed = 0,
     workers: Processes = 1,
-    cluster: Annotated[
-        str | None, Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
-    ] = None,
+    cluster: Cluster = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace another ranking.")] = False,
     out: Annotated[
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)

@@ -161,10 +161,10 @@ def _train(run: Trainer) -> None:
 
 def _finish(run: Trainer, out: Path, command: str) -> None:
     from scex_sumo.behaviors.learned.weights import save_weights
-    from scex_sumo.training.validate import validate
+    from scex_sumo.training.validate import score_network
 
     run.mean.load_state_dict(run.best)
-    score = validate(run.predict_mean, run.validation, run.options.weights)
+    score = score_network(run.predict_mean, run.validation, run.options.weights)
     sites = run.dataset.sites
     figures = {
         sites[s]: {"ade_m": score.ade[s], "fde_m": score.fde[s], "best_of_6_m": score.best[s]}

@@ -6,31 +6,27 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, Option
+from typer import Option
 
 from scex_sumo.commands.console import progress_bar, resumable, warn
-from scex_sumo.commands.options import Models, Processes, Seed
+from scex_sumo.commands.options import Cluster, Every, MinVehicles, Models, Processes, Roots, Seed
 
 if TYPE_CHECKING:
     from scex_sumo.validation.validate import Validation
 
 
 def validate_command(
-    roots: Annotated[
-        list[Path], Argument(metavar="DATASET...", help="Folders of recordings, or single files.")
-    ],
+    roots: Roots,
     models: Models = None,
-    every: Annotated[float, Option(metavar="S", help="Least time between two seed scenes.")] = 1.0,
+    every: Every = 1.0,
     children: Annotated[int, Option(help="Children of a seed scene.")] = 96,
-    min_vehicles: Annotated[int, Option(help="Fewer moving vehicles make no seed scene.")] = 2,
+    min_vehicles: MinVehicles = 2,
     part: Annotated[
         str, Option(metavar="all|train|validation|test", help="Part of each recording's time.")
     ] = "all",
     seed: Seed = 0,
     workers: Processes = 1,
-    cluster: Annotated[
-        str | None, Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
-    ] = None,
+    cluster: Cluster = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace another validation.")] = False,
     out: Annotated[
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/validation.", show_default=False)

@@ -123,7 +123,7 @@ def write(stream: IO[bytes], content: Any) -> None:
     stream.flush()
 
 
-def pack(content: Any) -> bytes:
+def pickled(content: Any) -> bytes:
     """Pickle; classes of the user's own script by value, since a worker does not run the script."""
     try:
         packed = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)

@@ -19,7 +19,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 from scex_sumo.errors import SimulationError, UsageError
-from scex_sumo.extrapolation.worker_process import DIED, WorkerProcess, pack, served_streams, write
+from scex_sumo.extrapolation.worker_process import DIED, WorkerProcess, pickled, served_streams, write
 from scex_sumo.files import TemporaryFolder
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ class Workers:
         slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
         work, tick = partial(batch_runner, job, slots), on_step or (lambda children: None)
         busy = self._workers[: max(len(batches) - 1, 0)]
-        packed = pack(work) if busy else b""
+        packed = pickled(work) if busy else b""
         for worker in busy:
             worker.thread.submit(self._share, worker, packed, left, reports)
         unfinished = len(batches)
@@ -166,7 +166,7 @@ class Workers:
             Each with its finished future, in the order in which they finish; that of a task of which two
             workers died raises `WorkersDied`.
         """
-        waiting, idle, packed = iter(tasks), deque(self._workers), pack(work)
+        waiting, idle, packed = iter(tasks), deque(self._workers), pickled(work)
         running: dict[Future[Any], tuple[T, _Worker]] = {}
         while True:
             while idle and (task := next(waiting, None)) is not None:

@@ -255,7 +255,7 @@ def metric_of(column: str) -> Metric:
     return _metric(name)
 
 
-def most_critical(columns: Iterable[str]) -> list[str]:
+def critical_columns(columns: Iterable[str]) -> list[str]:
     """The columns of most critical values, without those of means."""
     return [column for column in columns if not column.endswith("_mean")]
 

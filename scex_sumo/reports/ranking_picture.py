@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.reports.run_pictures import look_at, scene_panel
+from scex_sumo.reports.run_pictures import look_at, scene_panel, ways
 from scex_sumo.reports.sheet import sheet
 from scex_sumo.scene import SeedScene
 
@@ -16,17 +15,18 @@ _WIDTH_IN = 5.6
 _DPI = 110
 
 
-def scene_png(scene: SeedScene, futures: Sequence[FloatArray]) -> bytes:
+def scene_png(scene: SeedScene, x: FloatArray, y: FloatArray) -> bytes:
     """The bytes of a PNG; the same scene has the same.
 
     Args:
         scene: the seed scene, with its road.
-        futures: V arrays (C, T, 2) of the vehicles' centres in the children, m.
+        x: (C, V, T) centres of the vehicles in the children, m.
+        y: likewise.
     """
     assert scene.road is not None
     with sheet(_WIDTH_IN, _WIDTH_IN) as figure:
         axes = figure.subplots()
-        scene_panel(axes, scene.road, scene, futures)
+        scene_panel(axes, scene.road, scene, ways(x, y))
         # A square keeps a street that runs across it large, where the scene alone would be a thin strip.
         low, high = np.array([axes.get_xlim(), axes.get_ylim()]).T
         size = max(high - low) * np.clip((high - low) / max(high - low), 0.45, 1.0)
@@ -35,9 +35,3 @@ def scene_png(scene: SeedScene, futures: Sequence[FloatArray]) -> bytes:
         sink = io.BytesIO()
         figure.savefig(sink, format="png", dpi=_DPI, metadata={"Software": None})
     return sink.getvalue()
-
-
-def futures_of(x: FloatArray, y: FloatArray) -> list[FloatArray]:
-    """(C, V, T) centres as V arrays (C, T, 2)."""
-    points = np.stack([x, y], axis=-1)
-    return [points[:, vehicle] for vehicle in range(x.shape[1])]

@@ -27,8 +27,14 @@ _WIDE = 4  # panels side by side
 def futures_of(run: Run, scene: SeedScene) -> list[FloatArray]:
     """Simulated centres of each vehicle: V arrays (C, 1 + T, 2), the seed scene first, m."""
     shape = (run.children, scene.vehicles, LOGGED_HISTORY + run.info["steps"])
-    points = np.stack([np.asarray(run.tracks[c]).reshape(shape) for c in ("x", "y")], axis=-1)
-    return [points[:, vehicle, LOGGED_HISTORY - 1 :] for vehicle in range(scene.vehicles)]
+    x, y = (np.asarray(run.tracks[c]).reshape(shape)[..., LOGGED_HISTORY - 1 :] for c in ("x", "y"))
+    return ways(x, y)
+
+
+def ways(x: FloatArray, y: FloatArray) -> list[FloatArray]:
+    """(C, V, T) centres as V arrays (C, T, 2)."""
+    points = np.stack([x, y], axis=-1)
+    return [points[:, vehicle] for vehicle in range(x.shape[1])]
 
 
 def draw_densities(run: Run, stem: Path) -> list[Path]:

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
 from scex_sumo.extrapolation.fallbacks import fallback_lines
-from scex_sumo.metrics.registry import COLLISION, metric_of, most_critical, side_of
+from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of, side_of
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
@@ -82,7 +82,7 @@ def summary_table(run: Run) -> Table:
             *_shares(share),
             f"{run.children}/{run.children}",
         )
-    for column in most_critical(run.columns):
+    for column in critical_columns(run.columns):
         samples = run.samples(column)
         recorded = run.recorded_value(column)
         threshold = run.thresholds.get(column)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from scex_sumo.metrics.registry import COLLISION, most_critical
+from scex_sumo.metrics.registry import COLLISION, critical_columns
 from scex_sumo.reports import sheet
 from scex_sumo.results.run import Run
 from scex_sumo.results.under_test import Driven, UnderTest
@@ -26,7 +26,7 @@ def draw_under_test(run: Run, stem: Path) -> list[Path]:
     tested = run.under_test
     with sheet.sheet(9.0, 5.0) as figure:
         for axes, column in sheet.metric_panels(
-            figure, [c for c in most_critical(tested.columns) if c != COLLISION], wide=3
+            figure, [c for c in critical_columns(tested.columns) if c != COLLISION], wide=3
         ):
             _panel(axes, tested, column, run.thresholds.get(column))
         sheet.left_label(figure, "density")

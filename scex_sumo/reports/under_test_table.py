@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scex_sumo.metrics.registry import metric_of, most_critical
+from scex_sumo.metrics.registry import critical_columns, metric_of
 from scex_sumo.reports.run_table import counted, print_table
 from scex_sumo.results.under_test import UnderTest
 from scex_sumo.statistics.density import Interval
@@ -35,7 +35,7 @@ def under_test_table(tested: UnderTest) -> Table:
     table.add_column("metric")
     for name in ("median", "baseline", "worse : better", "p", "P(critical)", "baseline", "p"):
         table.add_column(name, justify="right", no_wrap=True)
-    found = [tested.difference(column) for column in most_critical(tested.columns)]
+    found = [tested.difference(column) for column in critical_columns(tested.columns)]
     values = holm([one.p_value for one in found])
     shares = holm([one.critical_p_value for one in found])
     for one, p_value, p_share in zip(found, values, shares, strict=True):

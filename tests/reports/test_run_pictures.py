@@ -16,7 +16,6 @@ from scex_sumo.reports.run_pictures import draw_cumulative, draw_densities
 from scex_sumo.reports.run_table import print_summary, summary_table
 from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
 from scex_sumo.results.run import Run, open_run
-from scex_sumo.world.colors import model_colors
 from tests.results.test_folder import part_of
 from tests.seeds import straight_seed
 
@@ -99,11 +98,6 @@ def test_the_summary_shows_shares_and_dashes(run: Run) -> None:
     assert "2.00" in rows["distance [m]"]  # recorded
     assert "0/40" in rows["gap time [s]"]
     assert "20/40" in rows["1/TTC [1/s]"]
-
-
-def test_models_keep_their_colours() -> None:
-    assert model_colors(["risky_driver", "mine"]) == model_colors(["risky_driver:time_headway=1", "mine:a=2"])
-    assert len(set(model_colors(["mine", "yours", "sumo:EIDM", "standard_driver"]))) == 4
 
 
 def test_pictures_leave_the_users_matplotlib_alone(run: Run, tmp_path: Path) -> None:

@@ -21,7 +21,13 @@ import numpy as np
 import shapely
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.fidelity.matching import AHEAD_RAD, Matching, headings, sample, turn
+from scex_sumo.converters.fidelity.matching import (
+    AHEAD_RAD,
+    Matching,
+    angle_between,
+    sample_headings,
+    sample_line,
+)
 from scex_sumo.converters.fidelity.net import JudgedNet
 from scex_sumo.errors import SimulationError
 from scex_sumo.road import Road
@@ -163,6 +169,6 @@ def _mapped(matching: Matching, owner: int, found: str, point: FloatArray, direc
         return False
     if lanes[found].line.distance(place) > SAME_PLACE_M:
         return False
-    line = sample(lanes[found].shape, 0.2)
-    heading = headings(line)[int(np.argmin(np.hypot(*(line - point).T)))]
-    return bool(abs(turn(direction, heading)) < AHEAD_RAD)
+    line = sample_line(lanes[found].shape, 0.2)
+    heading = sample_headings(line)[int(np.argmin(np.hypot(*(line - point).T)))]
+    return bool(abs(angle_between(direction, heading)) < AHEAD_RAD)

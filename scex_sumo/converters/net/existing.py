@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from scex_sumo.converters.net.lane_table import LaneTable, read_ends
-from scex_sumo.converters.sumo.net import lane_names, open_text
+from scex_sumo.converters.sumo.net import lane_names, unpacked
 from scex_sumo.files import write_atomic
 
 
 def copy_net(source: Path, net_path: Path) -> LaneTable:
     """Copy a net, unpacked; the table of its lanes, which are numbered as those of its road."""
-    write_atomic(net_path, open_text(source))
+    write_atomic(net_path, unpacked(source))
     return LaneTable(((k + 1, name) for k, name in enumerate(lane_names(source))), read_ends(net_path))
