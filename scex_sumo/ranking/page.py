@@ -25,7 +25,7 @@ from scex_sumo.ranking.places import distinct_moments, nearby
 from scex_sumo.ranking.ranking_run import RankingRun
 from scex_sumo.ranking.run_moment import MomentPart, MomentTask, unpack_road
 from scex_sumo.ranking.settings import written
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.tables.runs import counted
 from scex_sumo.scene import LOGGED_HISTORY
 
 HTML = "ranking.html"
@@ -87,7 +87,7 @@ def write_ranking_page(run: RankingRun, folder: Path, table: pa.Table) -> list[s
 
 def draw(task: MomentTask, part: MomentPart) -> bytes:
     """The picture of a moment whose children have run with all their tracks."""
-    from scex_sumo.reports.ranking_picture import scene_png
+    from scex_sumo.reports.pictures.ranking import scene_png
 
     assert task.road is not None and part.tracks is not None
     shape = (len(part.children), len(part.track_ids), -1)

@@ -38,8 +38,8 @@ from scex_sumo.metrics.registry import (
     side_of,
     thresholds_of,
 )
-from scex_sumo.reports.run_pictures import draw_densities
-from scex_sumo.reports.run_table import summary_table
+from scex_sumo.reports.pictures.runs import draw_densities
+from scex_sumo.reports.tables.runs import summary_table
 from scex_sumo.results.run import open_run
 from tests.metrics.scenes import one_scene, random_run
 
