@@ -63,7 +63,6 @@ METRICS: Final[Mapping[str, Metric]] = {each.name: each for each in (*_BY_HEADIN
 """Built-in metrics; the first six are the paper's, the others those of preset ``path``, in their order."""
 
 PAPER_METRICS: Final[tuple[str, ...]] = tuple(each.name for each in _BY_HEADING)
-PATH_METRICS: Final[tuple[str, ...]] = tuple(each.name for each in _ON_PATHS)
 SETS: Final[Mapping[str, tuple[Metric, ...]]] = {
     "paper": _BY_HEADING,
     "path": tuple(replace(each, preset="path") for each in _ON_PATHS),

@@ -19,7 +19,6 @@ from scex_sumo.version import __version__
 LANE_CODE = "scex_sumo_lane"  # user data of a lane: its id in the map
 _TYPES = {"vehicle": "driving", "bus": "bus", "bicycle": "biking", "pedestrian": "sidewalk"}
 _MARK_M = 0.12
-_MIDDLE_EAST = 500_000.0  # UTM's false easting
 
 
 def opendrive_text(road: Road) -> str:

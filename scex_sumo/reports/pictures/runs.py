@@ -1,9 +1,8 @@
-"""Pictures of a run: densities, cumulative densities, the scene with its futures."""
+"""Panels of a run: densities, cumulative densities, the scene with its futures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -19,9 +18,8 @@ from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import Density
 
-_CURVE, _CRITICAL, _RECORDED, _LIKELY = "#1f4e79", "#c0392b", "#222222", "#2e8b57"
+_CURVE, CRITICAL, RECORDED, _LIKELY = "#1f4e79", "#c0392b", "#222222", "#2e8b57"
 _MARGIN_M = 10.0
-_WIDE = 4  # panels side by side
 
 
 def futures_of(run: Run, scene: SeedScene) -> list[FloatArray]:
@@ -35,40 +33,6 @@ def ways(x: FloatArray, y: FloatArray) -> list[FloatArray]:
     """(C, V, T) centres as V arrays (C, T, 2)."""
     points = np.stack([x, y], axis=-1)
     return [points[:, vehicle] for vehicle in range(x.shape[1])]
-
-
-def draw_densities(run: Run, stem: Path) -> list[Path]:
-    """Write the density of each metric column as SVG and PNG, one panel each; atoms as stems.
-
-    Args:
-        run: a finished run.
-        stem: path without ending.
-    """
-    return _draw_panels(run, "density", density_panel, stem)
-
-
-def draw_cumulative(run: Run, stem: Path) -> list[Path]:
-    """Write the cumulative density of each column with its 95 % band as SVG and PNG."""
-    return _draw_panels(run, "cumulative density", cumulative_panel, stem)
-
-
-def _draw_panels(run: Run, what: str, draw: Callable[[Run, str, Axes], None], stem: Path) -> list[Path]:
-    with sheet.sheet(11.5, 2.4 * -(-len(run.columns) // _WIDE)) as figure:
-        for axes, column in sheet.metric_panels(figure, run.columns, wide=_WIDE):
-            samples = run.samples(column)
-            if not np.isfinite(samples).any():
-                sheet.empty(axes)
-                continue
-            draw(run, column, axes)
-            if len(samples) < run.children:
-                sheet.note(axes, 0.82, f"defined in\n{len(samples)}/{run.children}")
-        sheet.left_label(figure, what)
-        sheet.headline(figure, sheet.run_name(run, children=True))
-        lines = [("threshold, critical side shaded", {"color": _CRITICAL, "linewidth": 1})]
-        if run.recorded is not None:
-            lines.append(("recorded future", {"color": _RECORDED, "linewidth": 1.2, "linestyle": "--"}))
-        sheet.legend(figure, lines, loc="upper right")
-        return sheet.save(figure, stem)
 
 
 def density_panel(run: Run, column: str, axes: Axes) -> None:
@@ -107,18 +71,18 @@ def _mark(run: Run, column: str, axes: Axes, x: FloatArray) -> None:
     recorded, threshold = run.recorded_value(column), run.thresholds.get(column)
     left, right = sheet.span(run.samples(column), float(x[0]), float(x[-1]), (recorded, threshold))
     if recorded is not None and left <= recorded <= right:
-        axes.axvline(recorded, color=_RECORDED, linewidth=1.2, linestyle="--")
+        axes.axvline(recorded, color=RECORDED, linewidth=1.2, linestyle="--")
     elif recorded is not None:
         words = f"recorded {recorded:.3g} →" if recorded > right else f"← recorded {recorded:.3g}"
-        sheet.note(axes, 0.12, words, _RECORDED, fontsize=7)
+        sheet.note(axes, 0.12, words, RECORDED, fontsize=7)
     if threshold is not None:
         if left < threshold < right:
-            axes.axvline(threshold, color=_CRITICAL, linewidth=1)
+            axes.axvline(threshold, color=CRITICAL, linewidth=1)
         critical = (left, threshold) if side_of(column) == "left" else (threshold, right)
         low, high = max(critical[0], left), min(critical[1], right)
         if low < high:
-            axes.axvspan(low, high, color=_CRITICAL, alpha=0.07, linewidth=0)
-        sheet.note(axes, 0.95, f"P = {run.p_critical(column).value:.1%}", _CRITICAL)
+            axes.axvspan(low, high, color=CRITICAL, alpha=0.07, linewidth=0)
+        sheet.note(axes, 0.95, f"P = {run.p_critical(column).value:.1%}", CRITICAL)
     beyond = float(np.mean(run.samples(column) > right))
     if beyond > 0:
         sheet.note(axes, 0.04, f"{max(beyond, 0.001):.1%} beyond →", fontsize=7)

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
-from scex_sumo.reports.pictures.runs import draw_cumulative, draw_densities
+from scex_sumo.reports.pictures.figure import draw_figure
 from scex_sumo.reports.tables.runs import print_summary, summary_table
 from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
 from scex_sumo.results.run import Run, open_run
@@ -65,7 +65,7 @@ def test_unknown_metrics_and_missing_thresholds_name_the_known(run: Run) -> None
 
 
 def test_plots_say_what_is_defined_and_mark_the_recorded_value(run: Run, tmp_path: Path) -> None:
-    svg, png = draw_densities(run, tmp_path / "densities")
+    svg, png = (draw_figure(run, "density", tmp_path / f"densities{end}") for end in (".svg", ".png"))
     text = svg.read_text()
     assert "defined in no child" in text
     assert "20/40" in text
@@ -74,8 +74,8 @@ def test_plots_say_what_is_defined_and_mark_the_recorded_value(run: Run, tmp_pat
 
 
 def test_the_same_run_is_drawn_in_the_same_bytes(run: Run, tmp_path: Path) -> None:
-    first = draw_cumulative(run, tmp_path / "first")[0].read_bytes()
-    assert draw_cumulative(run, tmp_path / "second")[0].read_bytes() == first
+    first = draw_figure(run, "cumulative", tmp_path / "first.svg").read_bytes()
+    assert draw_figure(run, "cumulative", tmp_path / "second.svg").read_bytes() == first
 
 
 @pytest.mark.parametrize("width", [60, 80])
@@ -103,10 +103,10 @@ def test_the_summary_shows_shares_and_dashes(run: Run) -> None:
 def test_pictures_leave_the_users_matplotlib_alone(run: Run, tmp_path: Path) -> None:
     code = (
         "import sys, matplotlib; matplotlib.use('svg'); from pathlib import Path\n"
-        "from scex_sumo.reports.pictures import comparison, runs, statistics\n"
+        "from scex_sumo.reports.pictures import comparison, figure, statistics\n"
         "from scex_sumo.results.run import open_run\n"
-        "runs.draw_densities(open_run(Path(sys.argv[1])), Path(sys.argv[2]))\n"
+        "figure.draw_figure(open_run(Path(sys.argv[1])), 'density', Path(sys.argv[2]))\n"
         "assert matplotlib.get_backend() == 'svg' and 'matplotlib.pyplot' not in sys.modules\n"
     )
-    subprocess.run([sys.executable, "-c", code, str(run.folder), str(tmp_path / "densities")], check=True)
+    subprocess.run([sys.executable, "-c", code, str(run.folder), str(tmp_path / "densities.png")], check=True)
     assert (tmp_path / "densities.png").exists()
