@@ -191,7 +191,9 @@ def _complaints(errors: Iterable[str]) -> list[str]:
     for error in errors:
         match = _LOAD_ERROR.search(error)
         if match:
-            sentence = re.sub(r"-?\d+", "N", match[2]).strip().rstrip(".!")
+            sentence = (
+                re.sub(r"(\S{40})\S{20,}", r"\1…", re.sub(r"-?\d+", "N", match[2])).strip().rstrip(".!")
+            )
             found.setdefault(sentence, set()).add(int(match[1]))
     return [f"Lanelet2: {sentence}: {list_ids(ids)}" for sentence, ids in found.items()]
 
