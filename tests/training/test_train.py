@@ -56,7 +56,7 @@ def trained(
     small: Dataset, given: TrainOptions, folder: Path | None = None, stop: int | None = None
 ) -> tuple[Trainer, list[Progress]]:
     """A run, in closed loop with the first graphs as what it drifted to; interrupted after an epoch."""
-    part = dataset_module.Samples.concatenate([small.train])
+    part = dataset_module.TrainingSamples.concatenate([small.train])
     run = Trainer(small, given, device=CPU, drift=lambda file, number: part, folder=folder)
     run.resume()
     log: list[Progress] = []
