@@ -37,7 +37,7 @@ from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.learned.models import GraphPredictor
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
 from scex_sumo.behaviors.registry import ModelSpec, build
-from scex_sumo.commands.train import train_command
+from scex_sumo.commands.of_datasets.train import train_command
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
 from scex_sumo.training.data.samples import learnable
 
