@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.metrics.registry import metric_of
-from scex_sumo.reports import sheet
+from scex_sumo.reports.pictures import sheet
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import BANDWIDTH, density
 from scex_sumo.statistics.distances import Scale

@@ -10,12 +10,12 @@ from pathlib import Path
 
 from scex_sumo.errors import ScexError
 from scex_sumo.extrapolation.extrapolate import extrapolate
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.workers.pool import Workers
 from scex_sumo.files import TemporaryFolder, write_atomic
 from scex_sumo.ranking.run_moment import MomentTask, unpack_road
-from scex_sumo.reports.page.contents import report_contents
 from scex_sumo.reports.page.html import Html
 from scex_sumo.reports.page.report import filled_report
+from scex_sumo.reports.page.run.contents import report_contents
 from scex_sumo.reports.page.scene_svg import scene_svg
 
 

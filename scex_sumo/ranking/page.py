@@ -12,20 +12,20 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.workers.pool import Workers
 from scex_sumo.metrics.registry import COLLISION, metric_of
 from scex_sumo.ranking.folder import REPORTS
 from scex_sumo.ranking.moment_report import MomentReport, write_moment_report
 from scex_sumo.ranking.moments import MomentRef
-from scex_sumo.ranking.places import distinct, nearby
+from scex_sumo.ranking.places import distinct_moments, nearby
 from scex_sumo.ranking.ranking_run import RankingRun
 from scex_sumo.ranking.settings import written
 from scex_sumo.reports.page.density_plot import metric_title
 from scex_sumo.reports.page.html import Html, element
-from scex_sumo.reports.page.run_body import percent
+from scex_sumo.reports.page.run.body import percent
 from scex_sumo.reports.page.study import Table, card, place, table, write_study
 from scex_sumo.reports.page.svg import Plane
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.tables.runs import counted
 
 HTML = "ranking.html"
 _ROWS = 1000
@@ -37,7 +37,7 @@ _HOW = (
 )
 
 
-def write_page(run: RankingRun, folder: Path, ranking: pa.Table, *, workers: int = 1) -> list[str]:
+def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, workers: int = 1) -> list[str]:
     """Report the best distinct moments and write the page.
 
     Args:
@@ -51,7 +51,7 @@ def write_page(run: RankingRun, folder: Path, ranking: pa.Table, *, workers: int
     """
     by_name = {ref.moment: ref for ref in run.refs}
     refs = [by_name[name] for name in ranking["seed"].to_pylist()[: len(by_name)]]
-    chosen = distinct(refs, range(len(refs)), run.settings.top)
+    chosen = distinct_moments(refs, range(len(refs)), run.settings.top)
     rows = {refs[i].moment: ranking.slice(i, 1).to_pylist()[0] for i in chosen}
     with Workers(workers) as pool:
         reports = _write_reports(run, [refs[i] for i in chosen], folder, pool)

@@ -15,7 +15,7 @@ from scex_sumo.ranking.moments import Failure, Listing, MomentRef
 from scex_sumo.ranking.places import Tally, mean_score, round_ends, undecided
 from scex_sumo.ranking.run_moment import KEEP_MOST, MomentTask, score_of
 from scex_sumo.ranking.settings import RankSettings
-from scex_sumo.ranking.tasks import cut, read_ahead
+from scex_sumo.ranking.tasks import moment_tasks, read_ahead
 from scex_sumo.ranking.workers import MomentWorkers
 
 _AHEAD = 8  # seed scenes built before a worker asks for them
@@ -99,7 +99,7 @@ class RankingRun:
     def tasks(self, refs: Sequence[MomentRef]) -> Iterator[MomentTask]:
         """Some moments with all children that they have been given, as tasks that may be run once more."""
         names = {ref.moment for ref in refs}
-        items = cut(
+        items = moment_tasks(
             self._readable(),
             self.listings,
             self.settings,
@@ -116,7 +116,7 @@ class RankingRun:
     def _cut(
         self, recordings: Sequence[Recording], span: range, chosen: set[str] | None
     ) -> Iterator[Listing | Failure | MomentTask]:
-        return cut(
+        return moment_tasks(
             recordings,
             dict(self.listings),
             self.settings,

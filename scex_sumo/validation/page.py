@@ -14,7 +14,7 @@ from scex_sumo.reports.page.density_plot import metric_title
 from scex_sumo.reports.page.html import Html, element
 from scex_sumo.reports.page.study import Table, card, place, plots, table, write_study
 from scex_sumo.reports.page.svg import Plane
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.tables.runs import counted
 
 HTML = "validation.html"
 _EVENT_HEADS = (
@@ -66,7 +66,7 @@ _POSITION_HEADS = (
 )
 
 
-def write_page(
+def write_validation_page(
     folder: Path, info: Mapping[str, Any], rows: Mapping[str, Sequence[Mapping[str, Any]]]
 ) -> None:
     """Write ``validation.html``.
