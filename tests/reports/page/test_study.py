@@ -1,4 +1,4 @@
-"""Pages of studies: charts on their axes, tables that sort in a real browser, and nothing that is requested."""
+"""Pages of studies: charts on their axes, tables that sort in a real browser, nothing that is requested."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def test_a_plane_has_more_upwards_and_keeps_what_is_outside_at_its_edge() -> Non
 
 
 def test_a_range_leaves_far_values_out_and_takes_near_marks_in() -> None:
-    values = np.array([1.0, 2.0, 3.0, 1000.0, np.inf])
+    values = np.array([*np.linspace(1, 3, 20), 1000.0, np.inf])
     low, high = span(values, 4.0, 5000.0)
-    assert low < 1 and 4 < high <= 1000
+    assert low < 1 and 4 < high < 15
     assert span(np.array([np.inf])) == (0.0, 1.0)
 
 
@@ -54,9 +54,8 @@ def test_the_picture_of_a_scene_has_its_vehicles_and_where_they_go(run: Run) -> 
 
 
 def test_a_page_shows_its_tables_sorted_by_a_click_and_asks_for_nothing(browser: Any, tmp_path: Path) -> None:
-    rows = table(
-        [("name", "text", ""), ("share", "percent", "of all")], [["b", 0.02], ["a", None], ["c", 0.5]]
-    )
+    heads = [("name", "text", ""), ("share", "percent", "of all")]
+    rows = table(heads, [["b", 0.02], ["a", None], ["c", 0.5]])
     chart = density_plot("ttc", [("drawn", density([0.2, 0.4]))], (0.0, 1.0), threshold=0.3)
     cards = card("Numbers <here>", "A sentence.", place("numbers"), plots(chart, element("p", "a & b")))
     path = write_study(tmp_path / "page.html", "A study", "about", cards, tables={"numbers": rows})
@@ -71,7 +70,7 @@ def test_a_page_shows_its_tables_sorted_by_a_click_and_asks_for_nothing(browser:
     assert shown == ["b", "a", "c"]
     page.click("#numbers th:nth-child(2) button")
     shown = [cell.strip() for cell in page.locator("#numbers tr td").all_inner_texts()]
-    assert shown == ["a", "–", "c", "50 %", "b", "2.0 %"]
+    assert shown == ["c", "50 %", "b", "2.0 %", "a", "–"]
     assert page.inner_text("h2") == "Numbers <here>"
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     assert wrong == []
