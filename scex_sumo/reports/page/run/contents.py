@@ -52,6 +52,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     likely = None if run.reference is None else densities_of(run.reference)
     for metric, number in zip(metrics, numbers, strict=True):
         metric |= {"numbers": number, **curve_words(curves, likely, metric["column"])}
+    views = {metric["column"]: metric["view"] for metric in metrics}
     tracks = unique_tracks(run)
     arrays: dict[str, Any] = {
         "start": tracks.start,
@@ -59,12 +60,12 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
         "which": tracks.which,
         "levels": levels,
         "values": metric_values(run.metrics, run.columns),
-        **curve_arrays(curves, "curve", run.columns),
+        **curve_arrays(curves, "curve", views),
         **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
     }
     if run.reference is not None:
         arrays["likely"] = metric_values(run.reference.metrics, run.columns)
-        arrays |= curve_arrays(likely, "likely", run.columns)
+        arrays |= curve_arrays(likely, "likely", views)
     box = _box(tracks)
     left, right, low, high = box
     around = (left - _AROUND_M, right + _AROUND_M, low - _AROUND_M, high + _AROUND_M)

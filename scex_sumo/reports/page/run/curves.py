@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,25 +19,32 @@ _LEVELS = 9
 """Shares of critical children at which it is known how many independent children the design is worth."""
 
 
-def curve_arrays(table: pa.Table, prefix: str, columns: Iterable[str]) -> dict[str, NDArray[Any]]:
+def curve_arrays(
+    table: pa.Table, prefix: str, views: Mapping[str, tuple[float, float]]
+) -> dict[str, NDArray[Any]]:
     """Curves of metric columns, numbered in their order, of those that have any.
 
     Args:
         table: of densities.
         prefix: of the names.
-        columns: metric columns.
+        views: range of values that is seen, by metric column; the curves go on to its ends.
 
     Returns:
         ``PREFIXn`` (P, 3) x, density, and share at or below x, in `X_UNIT`, `DENSITY_UNIT` and `SHARE_UNIT`.
     """
     arrays: dict[str, NDArray[Any]] = {}
-    for number, column in enumerate(columns):
+    for number, (column, (low, high)) in enumerate(views.items()):
         rows = _rows_of(table, column)
-        if rows["x"].size:
-            found = np.stack(
-                [rows["x"] / X_UNIT, rows["pdf"] / DENSITY_UNIT, rows["cdf"] / SHARE_UNIT], axis=1
-            )
-            arrays[f"{prefix}{number}"] = np.rint(found).astype(np.int64)
+        x, cdf = rows["x"], rows["cdf"]
+        if not x.size:
+            continue
+        before = [(low, 0.0, 0.0), (float(x[0]), 0.0, 0.0)] if low < x[0] else []
+        after = [(float(x[-1]), 0.0, float(cdf[-1])), (high, 0.0, float(cdf[-1]))] if high > x[-1] else []
+        whole = np.concatenate(
+            [np.reshape(before, (-1, 3)), np.stack([x, rows["pdf"], cdf], axis=1), np.reshape(after, (-1, 3))]
+        )
+        found = np.rint(whole / (X_UNIT, DENSITY_UNIT, SHARE_UNIT))
+        arrays[f"{prefix}{number}"] = found.astype(np.int64)
     return arrays
 
 
