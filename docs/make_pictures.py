@@ -1,7 +1,7 @@
 """Pictures of the docs, drawn anew from the code: ``make docs-pictures``, or with names for some of them.
 
 Run: ``python docs/make_pictures.py [NAME...]``, about half a minute for all; what needs an extra that is not
-there is skipped. Pictures of studies are written by the commands that their pages name.
+there is skipped. Pictures of studies are photographs of the pages that the commands named there write.
 """
 
 from __future__ import annotations

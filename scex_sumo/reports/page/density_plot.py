@@ -60,7 +60,7 @@ def density_plot(
     seen = [curve.pdf[(curve.x >= x[0]) & (curve.x <= x[1])] for _, curve in known]
     plane = Plane(x=x, y=(0.0, 1.08 * max([1e-9, *(float(pdf.max(initial=0.0)) for pdf in seen)])))
     parts: list[Html] = []
-    if threshold is not None:
+    if threshold is not None and known:
         far = x[0] if metric_of(column).side == "left" else x[1]
         parts.append(plane.box((threshold, far), plane.y, "critical"))
         parts.append(plane.line(np.full(2, threshold), np.array(plane.y), "critical"))
