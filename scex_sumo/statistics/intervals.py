@@ -9,7 +9,7 @@ two, three and more vehicles' models, the variance of the mean over the rows of 
 s²(k) the variance that interactions of k vehicles make, b(k) the mean of the normed kernel of order k over
 all pairs of rows (1 / N for independent rows, 0 where the design balances the order). The design says b; the
 components s² are estimated from the products of residuals of pairs of rows, which they make alike the more,
-the more models two rows share; typical components are mixed in as if they had been seen in a few children.
+the more models two rows share; typical components are mixed in as if some more children had shown them.
 From the variance follow the effective number of independent children, p (1 - p) / variance, Wilson's interval
 with it, and the band, in proportion to the standard deviation.
 
@@ -39,7 +39,7 @@ FEWEST_CHILDREN: Final = 30
 
 _FORMS_FOR: Final = (0.5, 0.2, 0.1, 0.2)  # components by order, then the rest, that the forms are best for
 _TYPICAL: Final = (0.6, 0.2, 0.1, 0.1)  # components of shares before anything is seen
-_PRIOR_CHILDREN: Final = 30  # as many children are worth the typical components
+_PRIOR_WORTH: Final = 2.3  # the typical components are worth so many times the root of the children
 _BLOCK_ROWS: Final = 1024  # blocks of a design are independent of each other
 _THRESHOLDS: Final = 33
 _WIDEST: Final = 0.9  # quantile of the standard deviations over thresholds that makes the band
@@ -127,7 +127,7 @@ class DesignIntervals:
         if not self.balanced:
             return number
         some = np.flatnonzero(spread > 0)
-        seen = self.count / (self.count + _PRIOR_CHILDREN)
+        seen = 1 / (1 + _PRIOR_WORTH / np.sqrt(self.count))
         typical = spread[some] * float(self._weight() @ self._blocks[0].of_orders(_TYPICAL))
         variance = seen * self.variance(critical[:, some]) + (1 - seen) * typical
         # A design of all assignments leaves nothing but rounding.
