@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -59,17 +59,42 @@ def shares(found: Sequence[Truth], draws: Sequence[IntArray], made: Sequence[Des
     answers, names, real = answers[:, open_], names[open_], real[open_]
     known = [mine.all_shares(answers[rows]) for mine, rows in zip(made, draws, strict=True)]
     value, low, high = (
-        np.array([[getattr(share, end) for share in row] for row in known]) for end in ("value", "low", "high")
+        np.array([[getattr(share, end) for share in row] for row in known])
+        for end in ("value", "low", "high")
     )
-    count = len(draws[0])
-    by_hits = [wilson(hits, count) for hits in range(count + 1)]
-    usual = np.array([share.high - share.low for share in by_hits])
+    ordinary = [[wilson(round(p.value * p.count), p.count) for p in row] for row in known]
     return Found(
         names=names.tolist(),
         holds=((low - 1e-12 <= real) & (real <= high + 1e-12)).mean(axis=0),
         width=(high - low).mean(axis=0),
         spread=2 * _NORMAL * np.sqrt(np.mean((value - real) ** 2, axis=0)),
-        ordinary=usual[np.rint(value * count).astype(np.int64)].mean(axis=0),
+        ordinary=np.mean([[p.high - p.low for p in row] for row in ordinary], axis=0),
+    )
+
+
+def given_models(found: Sequence[Truth], draws: Sequence[IntArray], made: Sequence[DesignIntervals]) -> Found:
+    """Intervals of P(collision) given one vehicle's model, for each vehicle and model."""
+    levels = np.stack(np.unravel_index(np.arange(LEVELS**VEHICLES), SHAPE), axis=1)
+    parts = []
+    for vehicle, level in np.ndindex(VEHICLES, LEVELS):
+        inside = levels[:, vehicle] == level
+        number = np.cumsum(inside) - 1
+        less = [
+            replace(t, answers=t.answers[inside][:, [0]], questions=("collision, given a model",))
+            for t in found
+        ]
+        rows = [draw[inside[draw]] for draw in draws]
+        mine = [
+            every.among(vehicle, int(np.argmax(inside[draw])))
+            for every, draw in zip(made, draws, strict=True)
+        ]
+        parts.append(shares(less, [number[kept] for kept in rows], mine))
+    return Found(
+        names=[name for part in parts for name in part.names],
+        **{
+            end: np.concatenate([getattr(part, end) for part in parts])
+            for end in ("holds", "width", "spread", "ordinary")
+        },
     )
 
 
@@ -101,11 +126,9 @@ def line(head: str, name: str, found: Found, those: Sequence[int]) -> str:
     holds, width, spread, ordinary = (
         np.asarray(part)[those] for part in (found.holds, found.width, found.spread, found.ordinary)
     )
-    low, worst = np.quantile(holds, 0.05), holds.min()
-    return (
-        f"| {head} | {name} | {len(those)} | {holds.mean():.1%} | {low:.0%} | {worst:.0%} | {width.mean():.3f} "
-        f"| {spread.mean():.3f} | {width.mean() / spread.mean():.2f} | {ordinary.mean():.3f} |"
-    )
+    often = f"{holds.mean():.1%} | {np.quantile(holds, 0.05):.0%} | {holds.min():.0%}"
+    wide = f"{width.mean():.3f} | {spread.mean():.3f} | {width.mean() / spread.mean():.2f}"
+    return f"| {head} | {name} | {len(those)} | {often} | {wide} | {ordinary.mean():.3f} |"
 
 
 def main() -> None:
@@ -131,6 +154,8 @@ def main() -> None:
                 those = [i for i, other in enumerate(asked.names) if other == name]
                 print(line(head, f"P({name})", asked, those), flush=True)
             print(line(head, "all P", asked, range(len(asked.names))))
+            given_one = given_models(found, draws, made)
+            print(line(head, f"P({given_one.names[0]})", given_one, range(len(given_one.names))), flush=True)
             widths = bands(found, draws, made)
             print(line(head, "bands", widths, range(len(widths.names))), flush=True)
 

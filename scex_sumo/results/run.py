@@ -166,7 +166,8 @@ class Run:
         if without["child"] != tested["child"]:
             raise ResultError(f"{self.baseline.folder}: has not the children of {self.folder}; run again")
         vehicles = {int(track): model for track, model in known.items()}
-        return UnderTest(vehicles, tested, without, self.thresholds | {COLLISION: 1.0}, self.intervals)
+        limits, folded = self.thresholds | {COLLISION: 1.0}, bool(self.info.get("reflect", True))
+        return UnderTest(vehicles, tested, without, limits, self.intervals, reflect=folded)
 
     @cached_property
     def scene(self) -> SeedScene:
