@@ -159,13 +159,13 @@ def _print_conditions(
         print(f"{explanation.metric}: defined in no child")
         return
     p = explanation.p_critical
-    print(f"{_question(explanation)}: {p.value:.1%} of {p.count} children (95 %: {p.low:.1%} – {p.high:.1%})")
+    sure = "" if p.low == p.high else f" (95 %: {p.low:.1%} – {p.high:.1%})"
+    print(f"{_question(explanation)}: {p.value:.1%} of {p.count} children{sure}")
     for c in explanation.rules:
         who = " and ".join(f"{ids[v]}={names[m]}" for v, m in zip(c.vehicles, c.models, strict=True))
-        print(
-            f"  {c.share:.0%} with {who} (95 %: {c.low:.0%} – {c.high:.0%}, "
-            f"{c.critical} of {c.children}; {c.covered:.0%} of the critical ones)"
-        )
+        sure = "" if c.low == c.high else f"95 %: {c.low:.0%} – {c.high:.0%}, "
+        counted = f"{c.critical} of {c.children}; {c.covered:.0%} of the critical ones"
+        print(f"  {c.share:.0%} with {who} ({sure}{counted})")
     for row in worst if every else worst[:1]:
         value = [f"{row['value']:.3g}"] if explanation.metric in run.columns else []
         if row["track_id"] is not None:
