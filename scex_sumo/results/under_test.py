@@ -82,6 +82,7 @@ class UnderTest:
         thresholds: Mapping[str, float],
         intervals: DesignIntervals,
         *,
+        without: DesignIntervals | None = None,
         reflect: bool = True,
     ) -> None:
         """Put two tables of the same children side by side.
@@ -92,10 +93,12 @@ class UnderTest:
             baseline: of the same children without.
             thresholds: by metric column.
             intervals: of shares of the children.
+            without: of those of the baseline, where others are drawn; None for the same.
             reflect: as of `metric_density`.
         """
         self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
-        self.thresholds, self.intervals, self.reflect = thresholds, intervals, reflect
+        self.thresholds, self.reflect = thresholds, reflect
+        self.intervals = {"under_test": intervals, "baseline": without or intervals}
         self.columns = [name for name in metrics.column_names if name != "child"]
 
     @property
@@ -119,7 +122,7 @@ class UnderTest:
         """Kernel density and cumulative density of a metric with its 95 % band."""
         values, defined = self.values(column, driven)
         known = np.where(defined, values, np.nan)
-        width = self.intervals.half_width(known)
+        width = self.intervals[driven].half_width(known)
         return metric_density(known, width, reflect=self.reflect, bandwidth=bandwidth)
 
     def p_critical(self, column: str, driven: Driven = "under_test") -> Interval | None:
@@ -129,7 +132,7 @@ class UnderTest:
         if limit is None:
             return None
         values, defined = self.values(column, driven)
-        return self.intervals.share(defined & is_critical(values, column, limit))
+        return self.intervals[driven].share(defined & is_critical(values, column, limit))
 
     def difference(self, column: str) -> Difference:
         """Compare the children one by one."""
