@@ -25,12 +25,14 @@ class Programme:
         connections: the controlled connections; their places are the link indices.
         phases: (seconds, state), one character of state per connection.
         programme: SUMO's programID.
+        crossings: edges of the crossings that it controls; their places follow those of the connections.
     """
 
     name: str
     connections: tuple[Connection, ...]
     phases: tuple[tuple[float, str], ...]
     programme: str = "0"
+    crossings: tuple[str, ...] = ()
 
 
 def fixed_programmes(
