@@ -144,10 +144,12 @@ def _junction(node: Node, lights: Lights, walks: Walks) -> Iterator[str]:
     yield f'{head} customShape="1">'
     size = len(inner)
     for index, link in enumerate(links):
-        walked = {len(links) + k for k, crossing in enumerate(crossings) if index in crossing.crossed}
-        yield _request(index, link.response | walked, link.foes | walked, size)
+        walked = {len(links) + k: c.marked for k, c in enumerate(crossings) if index in c.crossed}
+        first = {k for k, marked in walked.items() if marked}
+        yield _request(index, link.response | first, link.foes | walked.keys(), size)
     for k, crossing in enumerate(crossings):
-        yield _request(len(links) + k, set(), set(crossing.crossed), size)
+        crossed = set(crossing.crossed)
+        yield _request(len(links) + k, set() if crossing.marked else crossed, crossed, size)
     yield "    </junction>"
 
 

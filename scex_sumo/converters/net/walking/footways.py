@@ -1,8 +1,8 @@
-"""Footways: the crosswalks and walkways of a map as a graph of places where they meet."""
+"""Footways: the crosswalks and walkways of a map, cut at the places where they meet or leave the road."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -16,6 +16,9 @@ from scex_sumo.road import Lane
 
 MEET_M = 0.5  # between the ends of two footways, or from the end of one to the side of another
 END_M = 2.0  # who comes in this close to a footway's end comes in there
+KERB_M = 1.0  # between the edge of a lane and where people wait
+ISLAND_M = 4.0  # between lanes that are crossed at one go
+ALONG = 3.0  # a lane that runs over more than so many widths of a walkway runs along it
 SHORTEST_M = 0.5  # of a footway, and of what a vehicle lane has in common with a crosswalk
 
 _Station = tuple[int, float]  # lanelet, arc length on it in m
@@ -23,7 +26,7 @@ _Station = tuple[int, float]  # lanelet, arc length on it in m
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Footway:
-    """A crosswalk, or a stretch of a walkway, between two places.
+    """A crosswalk, or a stretch of a walkway, on the road or beside it, between two places.
 
     Attributes:
         name: ``w`` and the lanelet, with a number where there are several.
@@ -31,7 +34,8 @@ class Footway:
         shape: (P, 2) m.
         width: m.
         places: where it begins and ends.
-        crossed: for a crosswalk the vehicle lanes under it with the arc lengths between which they are, m.
+        marked: whether it is a crosswalk: people go first there.
+        crossed: vehicle lanes under it, with the arc lengths between which they are, m.
     """
 
     name: str
@@ -39,7 +43,17 @@ class Footway:
     shape: FloatArray
     width: float
     places: tuple[int, int]
+    marked: bool = False
     crossed: tuple[tuple[int, tuple[float, float]], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Crossed:
+    """A vehicle lane under a footway: where it is there, and the stretch of the footway on it, m."""
+
+    lane: int
+    span: tuple[float, float]
+    walked: tuple[float, float]
 
 
 @dataclass(kw_only=True, eq=False)
@@ -59,40 +73,40 @@ class _Meetings:
 
 
 def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Footway]:
-    """Crosswalks and walkways, cut where others come in from the side.
+    """Crosswalks and walkways, cut where others come in from the side and where they leave the road.
 
     Args:
         lanes: all of the map.
         driven: those for vehicles, as the net has them.
     """
     walked = {i: x for i, x in lanes.items() if x.kind == "pedestrian" and _long(x)}
-    crossed = {i: tuple(_crossed(x, driven)) for i, x in walked.items() if x.subtype == "crosswalk"}
+    crossed = {i: list(_crossed(x, driven)) for i, x in walked.items()}
     meetings = _Meetings()
     for i, lane in walked.items():
-        for s in (0.0, length_of(lane.centreline)):
+        for s in (0.0, length_of(lane.centreline), *_kerbs(lane, crossed[i])):
             meetings.root((i, s))
+        for s in (0.0, length_of(lane.centreline)):
             for j, other in walked.items():
-                if i != j and (at := _meets(lane, s, other, whole=bool(crossed.get(j)))) is not None:
+                if i != j and (at := _meets(lane, s, other, whole=_marked(other))) is not None:
                     meetings.unite((i, s), (j, at))
     places = {root: k for k, root in enumerate(sorted({meetings.root(s) for s in list(meetings.parent)}))}
     found = []
     for i, lane in walked.items():
         stations = sorted(s for j, s in meetings.parent if j == i)
         for k, (start, end) in enumerate(pairwise(stations)):
-            name = f"w{i}" if len(stations) == 2 else f"w{i}#{k}"
             ends = (places[meetings.root((i, start))], places[meetings.root((i, end))])
-            shape = cut(lane.centreline, start, end)
-            found.append(
-                Footway(
-                    name=name,
-                    lanelet=i,
-                    shape=shape,
-                    width=lane.width_m,
-                    places=ends,
-                    crossed=crossed.get(i, ()),
-                )
+            under = [c for c in crossed[i] if start <= sum(c.walked) / 2 <= end]
+            way = Footway(
+                name=f"w{i}" if len(stations) == 2 else f"w{i}#{k}",
+                lanelet=i,
+                shape=cut(lane.centreline, start, end),
+                width=lane.width_m,
+                places=ends,
+                marked=_marked(lane),
+                crossed=tuple((c.lane, c.span) for c in under),
             )
-    return [f for f in found if f.places[0] != f.places[1]]
+            found += [way] if ends[0] != ends[1] else []
+    return found
 
 
 def crossed_zones(ways: list[Footway]) -> list[Zone]:
@@ -136,17 +150,38 @@ def _meets(lane: Lane, s: float, other: Lane, *, whole: bool) -> float | None:
     return None if whole else round(station)  # those who come in close together come in at one place
 
 
-def _crossed(crosswalk: Lane, driven: Mapping[int, Lane]) -> Iterator[tuple[int, tuple[float, float]]]:
-    """Vehicle lanes under a crosswalk, with the stretches of them that it covers."""
-    area = _area(crosswalk)
+def _marked(lane: Lane) -> bool:
+    return lane.subtype == "crosswalk"
+
+
+def _crossed(footway: Lane, driven: Mapping[int, Lane]) -> Iterator[_Crossed]:
+    """Vehicle lanes that run across a footway."""
+    area, middle = _area(footway), shapely.LineString(footway.centreline)
     for i, lane in driven.items():
         line = shapely.LineString(lane.centreline)
         if not area.intersects(line):
             continue
         for part in shapely.get_parts(area.intersection(line)):
-            if part.length >= SHORTEST_M:
-                ends = sorted(float(line.project(shapely.Point(part.coords[k]))) for k in (0, -1))
-                yield i, (ends[0], ends[1])
+            across = part.length < ALONG * footway.width_m and part.intersects(middle)
+            if part.length < SHORTEST_M or not (_marked(footway) or across):
+                continue
+            ends = sorted(float(line.project(shapely.Point(part.coords[k]))) for k in (0, -1))
+            s, half = float(middle.project(shapely.shortest_line(part, middle).centroid)), lane.width_m / 2
+            yield _Crossed(lane=i, span=(ends[0], ends[1]), walked=(s - half, s + half))
+
+
+def _kerbs(footway: Lane, crossed: Sequence[_Crossed]) -> Iterator[float]:
+    """Where a walkway comes to the road and leaves it; a crosswalk is a crossing as a whole."""
+    length = length_of(footway.centreline)
+    spans = sorted(c.walked for c in crossed) if not _marked(footway) else []
+    merged: list[tuple[float, float]] = []
+    for low, high in spans:
+        if merged and low < merged[-1][1] + ISLAND_M:
+            merged[-1] = (merged[-1][0], max(high, merged[-1][1]))
+        else:
+            merged.append((low, high))
+    for low, high in merged:
+        yield from (s for s in (low - KERB_M, high + KERB_M) if END_M < s < length - END_M)
 
 
 def _area(lane: Lane) -> shapely.Polygon:

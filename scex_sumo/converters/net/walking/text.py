@@ -50,7 +50,7 @@ def ways_on_foot(walks: Walks, lights: Mapping[str, tuple[str, int]]) -> Iterato
         if crossing.name in lights:
             name, index = lights[crossing.name]
             light = f' tl="{name}" linkIndex="{index}"'
-        yield _way(crossing.start, crossing.name, light)
+        yield _way(crossing.start, crossing.name, light, state="M" if crossing.marked else "m")
         yield _way(crossing.name, crossing.end)
     for walk in walks.sidewalks:
         start, end = walk.areas
@@ -68,5 +68,7 @@ def _lane(lane: NetLane) -> str:
     )
 
 
-def _way(start: str, end: str, light: str = "") -> str:
-    return f'    <connection from="{start}" to="{end}" fromLane="0" toLane="0"{light} dir="s" state="M"/>'
+def _way(start: str, end: str, light: str = "", state: str = "M") -> str:
+    return (
+        f'    <connection from="{start}" to="{end}" fromLane="0" toLane="0"{light} dir="s" state="{state}"/>'
+    )

@@ -35,6 +35,7 @@ class Crossing:
         end: walking area at its end.
         crossed: links of the junction that run over it, by index.
         edges: that it lies at.
+        marked: whether vehicles give way there; elsewhere people do.
     """
 
     node: str
@@ -43,6 +44,7 @@ class Crossing:
     end: str
     crossed: tuple[int, ...]
     edges: tuple[str, ...]
+    marked: bool
 
     @property
     def name(self) -> str:
@@ -150,7 +152,15 @@ class _Plan:
                 name = f":{node}_c{next(numbers[node])}"
                 lane = replace(lane, name=f"{name}_0")
                 crossings.append(
-                    Crossing(node=node, lane=lane, start=areas[0], end=areas[1], crossed=links, edges=edges)
+                    Crossing(
+                        node=node,
+                        lane=lane,
+                        start=areas[0],
+                        end=areas[1],
+                        crossed=links,
+                        edges=edges,
+                        marked=way.marked,
+                    )
                 )
             else:
                 nodes = (self._node[way.places[0]], self._node[way.places[1]])
