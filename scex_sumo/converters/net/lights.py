@@ -12,6 +12,7 @@ from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
 
 GREEN_S, YELLOW_S, ALL_RED_S = 25, 3, 2
+BEFORE_END_M = 30.0  # from a crosswalk to the end of a lane whose light holds people's traffic, too
 AHEAD_M = 60.0  # how far beyond a light its traffic is looked at for conflicts with that of other lights
 ONCOMING = math.radians(135.0)
 
@@ -50,7 +51,7 @@ def fixed_programmes(
     """
     elements = [rule for rule in rules if rule.kind == "traffic_light"]
     clashing = {pair for c in found if c.kind != "diverge" for pair in (c.lanes, c.lanes[::-1])}
-    groups = [(rule, controlled(layout, rule, clashing)) for rule in elements]
+    groups = [(rule, controlled(layout, rule, clashing, lanes)) for rule in elements]
     groups = [(rule, links) for rule, links in groups if links]
     ahead = [_ahead(lanes, rule.lanes) for rule, _ in groups]
     against = [
@@ -67,10 +68,13 @@ def fixed_programmes(
     return programmes
 
 
-def controlled(layout: NetLayout, rule: Regulation, clashing: set[tuple[int, int]]) -> list[Connection]:
+def controlled(
+    layout: NetLayout, rule: Regulation, clashing: set[tuple[int, int]], lanes: Mapping[int, Lane]
+) -> list[Connection]:
     """Links that a light controls: those that leave its lanes, or enter those in conflict.
 
-    Maps differ in whether the approach or the lanelet across the intersection refers to the light.
+    Maps differ in whether the approach or the lanelet across the intersection refers to the light. Crosswalks
+    shortly before the end of its lanes are controlled, too.
     """
     crossing = {lane for lane, _ in clashing}
     found = []
@@ -79,11 +83,16 @@ def controlled(layout: NetLayout, rule: Regulation, clashing: set[tuple[int, int
         for lane in rule.lanes:
             # A lane that begins at the map's border is entered where its first edge ends.
             enters = lane in others or (first == lane and c.enters)
-            leaves = first == lane and bool(others)
+            leaves = first == lane and (bool(others) or _left(lanes[lane], c) < BEFORE_END_M)
             if enters if lane in crossing else leaves:
                 found.append(c)
                 break
     return found
+
+
+def _left(lane: Lane, c: Connection) -> float:
+    """How far a lane goes on behind the start of a link on it, m."""
+    return length_of(lane.centreline) - c.starts[-1][1]
 
 
 def _ahead(lanes: Mapping[int, Lane], ids: Iterable[int]) -> set[int]:
