@@ -71,7 +71,7 @@ def _missing_foes(links: Links, conflicts: Iterable[Conflict]) -> tuple[tuple[Pa
     for conflict in conflicts:
         pair = (conflict.first, conflict.second)
         pairs = links.meetings(*pair)
-        if not pairs and links.one_source(*pair):
+        if not pairs and (links.one_source(*pair) or links.foes_before(*pair)):
             continue
         if not pairs or not all(links.are_foes(a, b) for a, b in pairs):
             missing.append(pair)
