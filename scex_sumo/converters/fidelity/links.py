@@ -60,7 +60,7 @@ class Links:
         ]
 
     def foes_before(self, first_id: int, second_id: int) -> bool:
-        """Whether links of two lanelets are foes though they do not meet: one leaves the map where they would.
+        """Whether links of two lanelets are foes though they do not meet: one leaves the map before that.
 
         The last metres of a lanelet that ends within another are an edge: cars must be able to leave there.
         """
