@@ -12,7 +12,7 @@ from scex_sumo.converters.fidelity.conflicts import NEAR_M
 from scex_sumo.converters.fidelity.matching import Matching
 from scex_sumo.converters.fidelity.net import JudgedLink
 
-JOINT_M = 0.25  # of a link within which nothing can happen
+JOINT_M = 0.25  # a link this short without foes is none to meet on
 AHEAD_LINKS = 4  # an approach may lie this many plain links before its intersection
 
 
@@ -120,13 +120,13 @@ class Links:
         return [
             link
             for link in self.of(lane_id)
-            if not self._is_joint(link, lane_id) and self._line(link).distance(other) <= NEAR_M
+            if not self._is_joint(link) and self._line(link).distance(other) <= NEAR_M
         ]
 
-    def _is_joint(self, link: JudgedLink, lane_id: int) -> bool:
-        """Whether a link merely joins two edges of one lanelet: who is there is on the road."""
-        ends = (link.from_lane, link.to_lane)
-        return self._line(link).length < JOINT_M and all(lane_id in self.matching.lanelets(i) for i in ends)
+    def _is_joint(self, link: JudgedLink) -> bool:
+        """Whether a link merely joins two edges: who is there is on the road."""
+        foes = link.row >= 0 and self.net.junctions[link.junction].foes[link.row].any()
+        return not foes and self._line(link).length < JOINT_M
 
     def _line(self, link: JudgedLink) -> shapely.MultiLineString:
         if link not in self._lines:

@@ -7,11 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from scex_sumo.converters.net.elements import Connection, NetLayout
-from scex_sumo.geometry.polylines import length_of, turn
+from scex_sumo.geometry.polylines import length_of, project, turn
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
 
 GREEN_S, YELLOW_S, ALL_RED_S = 25, 3, 2
+AT_LINE_M = 2.0  # how far stop lines reach into crosswalks, as drawn
 BEFORE_END_M = 30.0  # from a crosswalk to the end of a lane whose light holds people's traffic, too
 AHEAD_M = 60.0  # how far beyond a light its traffic is looked at for conflicts with that of other lights
 ONCOMING = math.radians(135.0)
@@ -74,7 +75,7 @@ def controlled(
     """Links that a light controls: those that leave its lanes, or enter those in conflict.
 
     Maps differ in whether the approach or the lanelet across the intersection refers to the light. Crosswalks
-    shortly before the end of its lanes are controlled, too.
+    behind its stop line, or shortly before the end of its lanes, are controlled, too.
     """
     crossing = {lane for lane, _ in clashing}
     found = []
@@ -83,16 +84,20 @@ def controlled(
         for lane in rule.lanes:
             # A lane that begins at the map's border is entered where its first edge ends.
             enters = lane in others or (first == lane and c.enters)
-            leaves = first == lane and (bool(others) or _left(lanes[lane], c) < BEFORE_END_M)
+            leaves = first == lane and (bool(others) or _held(lanes[lane], rule, c.starts[-1][1]))
             if enters if lane in crossing else leaves:
                 found.append(c)
                 break
     return found
 
 
-def _left(lane: Lane, c: Connection) -> float:
-    """How far a lane goes on behind the start of a link on it, m."""
-    return length_of(lane.centreline) - c.starts[-1][1]
+def _held(lane: Lane, rule: Regulation, start: float) -> bool:
+    """Whether a light holds who drives over a crosswalk that begins at an arc length of a lane, m."""
+    stops = [project(line, lane.centreline) for line in rule.stop_lines]
+    held = [float(s[gap < lane.width_m].mean()) for s, gap in stops if (gap < lane.width_m).any()]
+    if held:
+        return max(held) < start + AT_LINE_M
+    return length_of(lane.centreline) - start < BEFORE_END_M
 
 
 def _ahead(lanes: Mapping[int, Lane], ids: Iterable[int]) -> set[int]:
