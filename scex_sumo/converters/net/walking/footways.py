@@ -157,7 +157,10 @@ def _marked(lane: Lane) -> bool:
 def _crossed(footway: Lane, driven: Mapping[int, Lane]) -> Iterator[_Crossed]:
     """Vehicle lanes that run across a footway."""
     area, middle = _area(footway), shapely.LineString(footway.centreline)
+    low, high = np.reshape(area.bounds, (2, 2))
     for i, lane in driven.items():
+        if (lane.centreline.max(axis=0) < low).any() or (lane.centreline.min(axis=0) > high).any():
+            continue
         line = shapely.LineString(lane.centreline)
         if not area.intersects(line):
             continue
