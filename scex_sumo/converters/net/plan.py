@@ -66,6 +66,7 @@ class _Plan:
         self._lanes = topology.lanes
         self._ring = ring_lanes(topology.lanes)
         self._widths: dict[Piece, float] = {}
+        self._shapes: dict[Piece, FloatArray] = {}
 
     def edges(self) -> Iterator[Edge]:
         """Edges of all road pieces, row by row."""
@@ -166,7 +167,10 @@ class _Plan:
         return start + joint * first, end - joint * last
 
     def _road_shape(self, piece: Piece) -> FloatArray:
-        return cut(self._lanes[self._topology.lane_id(piece)].centreline, *self._trims(piece))
+        if piece not in self._shapes:
+            line = self._lanes[self._topology.lane_id(piece)].centreline
+            self._shapes[piece] = cut(line, *self._trims(piece))
+        return self._shapes[piece]
 
     def _inner_shape(self, path: Path) -> FloatArray:
         """The end of the road before, the junction pieces, the beginning of the road after."""
