@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.converters.fidelity.conflicts import Conflict, find_conflicts
+from scex_sumo.converters.fidelity.conflicts import JudgedConflict, find_conflicts
 from scex_sumo.converters.fidelity.links import Links
-from scex_sumo.converters.fidelity.matching import Matching, turn
+from scex_sumo.converters.fidelity.matching import Matching, angle_between
 from scex_sumo.converters.fidelity.net import JudgedLink, JudgedNet
 
 Pair = tuple[int, int]
@@ -66,7 +66,9 @@ def _lit(net: JudgedNet, link: JudgedLink) -> bool:
     return any(link.signal_index < len(state) for state in net.phases.get(link.signal, ()))
 
 
-def _missing_foes(links: Links, conflicts: Iterable[Conflict]) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
+def _missing_foes(
+    links: Links, conflicts: Iterable[JudgedConflict]
+) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
     """Lanelet pairs of which SUMO lets two cars drive at once, and of these the pairs in no one junction."""
     missing, apart = [], []
     for conflict in conflicts:
@@ -81,7 +83,7 @@ def _missing_foes(links: Links, conflicts: Iterable[Conflict]) -> tuple[tuple[Pa
     return tuple(missing), tuple(apart)
 
 
-def _regulated(links: Links, conflicts: Iterable[Conflict]) -> tuple[int, tuple[Pair, ...]]:
+def _regulated(links: Links, conflicts: Iterable[JudgedConflict]) -> tuple[int, tuple[Pair, ...]]:
     """Lanelet pairs of the rules that meet, and those where SUMO does not make the yielding one wait."""
     meeting = {pair for c in conflicts for pair in ((c.first, c.second), (c.second, c.first))}
     rules = (rule for rule in links.matching.road.regulations if rule.kind != "all_way_stop")
@@ -118,7 +120,7 @@ def _regulated(links: Links, conflicts: Iterable[Conflict]) -> tuple[int, tuple[
     return count, tuple(wrong)
 
 
-def _from_the_right(links: Links, conflicts: Iterable[Conflict]) -> tuple[int, tuple[Pair, ...]]:
+def _from_the_right(links: Links, conflicts: Iterable[JudgedConflict]) -> tuple[int, tuple[Pair, ...]]:
     """Crossings at about a right angle that no rule names: who comes from the right goes first."""
     rules = links.matching.road.regulations
     ruled = {i for rule in rules for i in (*rule.lanes, *rule.yielding, *rule.priority)}
@@ -146,7 +148,7 @@ def _opposed(links: Links, one: JudgedLink, other: JudgedLink) -> bool:
     # Over some length: the last segment of a lane that was cut may be no longer than a careless click.
     tips = [(np.array(line.interpolate(-END_M).xy), np.array(line.coords[-1])) for line in ends]
     ways = [np.arctan2(*(tip - before[:, 0])[::-1]) for before, tip in tips]
-    return not RIGHT_RAD[0] <= abs(turn(*ways)) <= RIGHT_RAD[1]
+    return not RIGHT_RAD[0] <= abs(angle_between(*ways)) <= RIGHT_RAD[1]
 
 
 def _mutual(links: Links) -> Iterator[tuple[JudgedLink, JudgedLink]]:
