@@ -1,4 +1,4 @@
-"""Densities of one metric side by side in a chart, with its threshold; atoms as upright lines."""
+"""Densities or cumulative curves of a metric side by side in a chart; atoms as upright lines."""
 
 from __future__ import annotations
 
@@ -38,6 +38,36 @@ def span(values: FloatArray, *marks: float | None) -> tuple[float, float]:
     return low, high
 
 
+def cumulative_plot(
+    column: str,
+    curves: Sequence[tuple[str, Density | None]],
+    x: tuple[float, float],
+    *,
+    threshold: float | None = None,
+) -> Html:
+    """Chart of the cumulative curves of a metric with their bands; arguments as of `density_plot`."""
+    plane = Plane(x=x)
+    known = [(kind, curve) for kind, curve in curves if curve is not None]
+    parts = _threshold(plane, column, threshold) if known else [_nowhere(plane)]
+    for kind, curve in known:
+        parts.append(plane.area(curve.x, *curve.band, kind))
+        parts.append(plane.line(curve.x, curve.cdf, kind))
+    return plane.figure(metric_title(column), *parts)
+
+
+def _threshold(plane: Plane, column: str, threshold: float | None) -> list[Html]:
+    """The threshold, and what is critical beyond it."""
+    if threshold is None:
+        return []
+    far = plane.x[0] if metric_of(column).side == "left" else plane.x[1]
+    line = plane.line(np.full(2, threshold), np.array(plane.y), "critical")
+    return [plane.box((threshold, far), plane.y, "critical"), line]
+
+
+def _nowhere(plane: Plane) -> Html:
+    return plane.words(sum(plane.x) / 2, plane.y[1] / 2, "defined in no child")
+
+
 def density_plot(
     column: str,
     curves: Sequence[tuple[str, Density | None]],
@@ -59,11 +89,7 @@ def density_plot(
     known = [(kind, curve) for kind, curve in curves if curve is not None]
     seen = [curve.pdf[(curve.x >= x[0]) & (curve.x <= x[1])] for _, curve in known]
     plane = Plane(x=x, y=(0.0, 1.08 * max([1e-9, *(float(pdf.max(initial=0.0)) for pdf in seen)])))
-    parts: list[Html] = []
-    if threshold is not None and known:
-        far = x[0] if metric_of(column).side == "left" else x[1]
-        parts.append(plane.box((threshold, far), plane.y, "critical"))
-        parts.append(plane.line(np.full(2, threshold), np.array(plane.y), "critical"))
+    parts = _threshold(plane, column, threshold) if known else [_nowhere(plane)]
     most = max([1e-9, *(atom.share for _, curve in known for atom in curve.atoms)])
     for number, (kind, curve) in enumerate(known):
         inside = (curve.x >= x[0]) & (curve.x <= x[1])
@@ -75,6 +101,4 @@ def density_plot(
             if x[0] <= atom.value <= x[1]:
                 top = 0.9 * plane.y[1] * atom.share / most
                 parts.append(plane.line(np.full(2, atom.value), np.array([0.0, top]), kind))
-    if not known:
-        parts.append(plane.words(sum(x) / 2, plane.y[1] / 2, "defined in no child"))
     return plane.figure(metric_title(column), *parts, note=note)

@@ -91,7 +91,7 @@ def _sentences(one: Explanation, ids: Sequence[int], names: Sequence[str]) -> Ht
         )
         for rule in one.rules
     ]
-    head = element("b", f"{one.p_critical:.1%} of the children have {_question(one)}.")
+    head = element("b", f"{one.p_critical.value:.1%} of the children have {_question(one)}.")
     return element("div", element("p", head), *([element("ul", *rules)] if rules else []))
 
 
@@ -111,7 +111,7 @@ def _conditions(found: Sequence[Explanation], ids: Sequence[int], names: Sequenc
         ("of the critical", "percent", "Part of all critical children that are so"),
     ]
     rows = [
-        [_question(one), _who(c, ids, names), c.share, one.p_critical, c.low, c.high, c.covered]
+        [_question(one), _who(c, ids, names), c.share, one.p_critical.value, c.low, c.high, c.covered]
         for one in found
         for c in one.conditions
     ]

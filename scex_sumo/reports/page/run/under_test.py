@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.metrics.registry import COLLISION, critical_columns
-from scex_sumo.reports.page.density_plot import density_plot, metric_title, span
+from scex_sumo.reports.page.density_plot import cumulative_plot, metric_title, span
 from scex_sumo.reports.page.html import Html
 from scex_sumo.reports.page.study import Table, card, place, plots, table
 from scex_sumo.reports.page.svg import legend
@@ -29,7 +29,8 @@ def under_test_card(run: Run) -> Html:
     return card(
         f"Under test, {tested.label}",
         "Only encounters of the vehicles under test count here. Without: the same children, the same other "
-        "drivers, with these vehicles driven as drawn.",
+        "drivers, with these vehicles driven as drawn. Curves: share of the children up to a value, with "
+        "its 95 % band.",
         place(TABLE),
         legend([("picked", "with the driver under test"), ("drawn", "without")]),
         plots(*(_chart(tested, column, run.thresholds.get(column)) for column in columns)),
@@ -88,4 +89,4 @@ def _chart(tested: UnderTest, column: str, threshold: float | None) -> Html:
         for driven, values in both.items()
     ]
     x = span(np.concatenate(list(both.values())), threshold)
-    return density_plot(column, curves, x, threshold=threshold)
+    return cumulative_plot(column, curves, x, threshold=threshold)
