@@ -50,8 +50,9 @@ def cumulative_plot(
     known = [(kind, curve) for kind, curve in curves if curve is not None]
     parts = _threshold(plane, column, threshold) if known else [_nowhere(plane)]
     for kind, curve in known:
-        parts.append(plane.area(curve.x, *curve.band, kind))
-        parts.append(plane.line(curve.x, curve.cdf, kind))
+        low, high, line = (np.append(y, y[-1]) for y in (*curve.band, curve.cdf))  # on to the right end
+        at = np.append(curve.x, x[1])
+        parts += [plane.area(at, low, high, kind), plane.line(at, line, kind)]
     return plane.figure(metric_title(column), *parts)
 
 
