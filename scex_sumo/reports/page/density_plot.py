@@ -50,8 +50,8 @@ def cumulative_plot(
     known = [(kind, curve) for kind, curve in curves if curve is not None]
     parts = _threshold(plane, column, threshold) if known else [_nowhere(plane)]
     for kind, curve in known:
-        low, high, line = (np.append(y, y[-1]) for y in (*curve.band, curve.cdf))  # on to the right end
-        at = np.append(curve.x, x[1])
+        at = np.append(curve.x[(curve.x >= x[0]) & (curve.x < x[1])], x[1])  # on to the right end
+        low, high, line = (np.interp(at, curve.x, y) for y in (*curve.band, curve.cdf))
         parts += [plane.area(at, low, high, kind), plane.line(at, line, kind)]
     return plane.figure(metric_title(column), *parts)
 
