@@ -91,7 +91,7 @@ def _errors(rows: Sequence[Mapping[str, Any]], column: str, kinds: Mapping[str, 
     span_x = (np.log10(sizes[0]) - 0.05, np.log10(sizes[-1]) + 0.05) if sizes else (0.0, 1.0)
     plane = Plane(x=(float(span_x[0]), float(span_x[1])), y=(-2.5, 0.0))
     bound = np.array([dkw_half_width(size) for size in sizes])
-    parts = [plane.line(np.log10(sizes), np.log10(bound), "soft")] if sizes else []
+    parts = [plane.line(np.log10(sizes), np.log10(bound), "soft")] if known else []
     for design, kind in kinds.items():
         found = sorted((r["size"], r["ks_median"], r["ks_p95"]) for r in known if r["design"] == design)
         if not found:
