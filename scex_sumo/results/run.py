@@ -107,7 +107,7 @@ class Run:
 
     @cached_property
     def worst(self) -> pa.Table:
-        """Where each extremum came from: child, metric, timestamp_ms, the two tracks, value, after_collision."""
+        """Where each extremum came from: child, metric, time, the two tracks, value, ``after_collision``."""
         return self.table("worst.parquet", columns=("child", "metric", "timestamp_ms", "track_id", "value"))
 
     @cached_property
