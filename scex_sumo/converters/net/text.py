@@ -8,10 +8,20 @@ from typing import TypeAlias
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.net.elements import DECIMALS, Connection, Edge, NetLane, NetLayout, Node, shape_text
+from scex_sumo.converters.net.elements import (
+    DECIMALS,
+    EXACT,
+    Connection,
+    Edge,
+    NetLane,
+    NetLayout,
+    Node,
+    shape_text,
+)
 from scex_sumo.converters.net.lights import Programme
 from scex_sumo.converters.net.pieces.rules import bits, direction
 from scex_sumo.converters.net.stretches import stretches
+from scex_sumo.converters.sumo.lanelets import KEY, stretches_text
 from scex_sumo.road import Georeference
 
 Lights: TypeAlias = Mapping[str, tuple[str, int]]  # internal lane: its traffic light and link index there
@@ -86,7 +96,8 @@ def _lane(lane: NetLane, index: int, *, bans: bool) -> str:
     return (
         f'        <lane id="{lane.name}" index="{index}"{allow}{change} speed="{lane.speed:.4f}"'
         f' length="{max(lane.length, 0.1):.{DECIMALS}f}" width="{lane.width:.2f}"'
-        f' shape="{shape_text(lane.shape)}"/>'
+        f' shape="{shape_text(lane.shape, EXACT)}">'
+        f'<param key="{KEY}" value="{stretches_text(lane.stretches)}"/></lane>'
     )
 
 
