@@ -20,6 +20,8 @@ OFFSET_M = 0.004  # how far straight lines between stations may leave the border
 BEYOND_M = 5.0  # borders are thought longer by this at their ends
 GOOD_M = 0.03
 LARGEST_M = 0.12
+_STRAIGHT = math.cos(math.radians(15.0))
+_NOTHING_M = 1e-6
 _WAYS = ((3.0, True), (1.5, True), (6.0, True), (12.0, True), (3.0, False), (8.0, False))
 
 
@@ -79,6 +81,38 @@ class Ribbon:
         return Ribbon(curve=self.curve.part(first, last), sections=tuple(sections), error=self.error)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Edge:
+    """Line across a road at which its lanes end and others begin.
+
+    Attributes:
+        point: (2,) on it, m.
+        direction: (2,) unit vector in driving direction, at right angles to it.
+    """
+
+    point: FloatArray
+    direction: FloatArray
+
+    def fits(self, lines: Sequence[FloatArray], *, end: bool) -> bool:
+        """Whether borders end (begin) so near to it that they may do so on it."""
+        tips = np.array([line[-1 if end else 0] for line in lines]) - self.point
+        straight = float(edge_direction(lines, end=end) @ self.direction)
+        return bool(np.abs(tips @ self.direction).max() < LARGEST_M and straight > _STRAIGHT)
+
+    def met_by(self, line: FloatArray, *, end: bool) -> FloatArray:
+        """A border made longer or shorter so that it ends (begins) on this line."""
+        line = line if end else line[::-1]
+        ahead = (self.direction if end else -self.direction) @ (line - self.point).T
+        inside = int(np.flatnonzero(ahead < -_NOTHING_M)[-1]) if (ahead < -_NOTHING_M).any() else 0
+        step = line[min(inside + 1, len(line) - 1)] - line[inside]
+        if inside + 1 == len(line):
+            step = line[-1] - line[-2]
+        rise = float((self.direction if end else -self.direction) @ step)
+        tip = line[inside] + step * (-ahead[inside] / rise) if rise > 0 else line[-1]
+        met = np.vstack([line[: inside + 1], tip[None]])
+        return met if end else met[::-1]
+
+
 def fitting_groups(lanes: Mapping[int, Lane], group: Group) -> list[Group]:
     """A group, or its parts where its lanes do not begin or end on one line across and make no road."""
     if len(group) == 1 or ribbon_of(lanes, (group,)).error < LARGEST_M:
@@ -93,13 +127,29 @@ def fitting_groups(lanes: Mapping[int, Lane], group: Group) -> list[Group]:
     return parts
 
 
-def ribbon_of(lanes: Mapping[int, Lane], chain: Chain) -> Ribbon:
-    """The ribbon of a chain: of several reference lines the first that is good, or else the best."""
+def ribbon_of(
+    lanes: Mapping[int, Lane], chain: Chain, ends: tuple[Edge | None, Edge | None] = (None, None)
+) -> Ribbon:
+    """The ribbon of a chain: of several reference lines the first that is good, or else the best.
+
+    Args:
+        lanes: of the road, by id.
+        chain: groups that follow one another.
+        ends: lines across at which it shall begin and end, where others do, too.
+    """
     lines = [borders(lanes, group) for group in chain]
     directions = _directions(lines)
+    for edge, at in zip(ends, (0, -1), strict=True):
+        if edge is not None:
+            lines[at] = [edge.met_by(line, end=at < 0) for line in lines[at]]
+            directions[at] = edge.direction
+    free = tuple(
+        direction if edge is not None else None
+        for edge, direction in zip(ends, directions[:: len(directions) - 1], strict=True)
+    )
     best: Ribbon | None = None
     for spacing_m, square in _WAYS:
-        chosen = directions if square else [None, *directions[1:-1], None]
+        chosen = directions if square else [free[0], *directions[1:-1], free[1]]
         curve, last = curve_through(lines, chosen, spacing_m=spacing_m)
         sections = tuple(_sections(chain, lines, curve, last))
         error = _error(curve, sections, lines)
