@@ -94,8 +94,7 @@ def _on_common_edges(
         widest, end = max(sides, key=lambda side: len(_edge_group(*side)))
         if len(_edge_group(widest, end)) < 2:
             continue
-        curve = ribbons[widest].curve
-        edge = Edge(point=curve.points[-1 if end else 0], direction=curve.tangents[-1 if end else 0])
+        edge = ribbons[widest].edge(end=end)
         for chain, end in sides:
             if edge.fits(borders(lanes, _edge_group(chain, end)), end=end):
                 edges.setdefault(chain, [None, None])[end] = edge

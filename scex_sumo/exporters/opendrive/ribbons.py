@@ -22,6 +22,7 @@ GOOD_M = 0.03
 LARGEST_M = 0.12
 _STRAIGHT = math.cos(math.radians(15.0))
 _NOTHING_M = 1e-6
+_SAME_M = 0.06  # lines made longer at a kink end this near to the one that they meet
 _WAYS = ((3.0, True), (1.5, True), (6.0, True), (12.0, True), (3.0, False), (8.0, False))
 
 
@@ -38,6 +39,41 @@ class Section:
     group: Group
     s: FloatArray
     offsets: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Edge:
+    """Line across a road at which its lanes end and others begin.
+
+    Attributes:
+        point: (2,) on it, m.
+        direction: (2,) unit vector in driving direction, at right angles to it.
+        tips: (N, 2) where the road's own borders meet it, m.
+    """
+
+    point: FloatArray
+    direction: FloatArray
+    tips: FloatArray
+
+    def fits(self, lines: Sequence[FloatArray], *, end: bool) -> bool:
+        """Whether borders end (begin) so near to it that they may do so on it."""
+        tips = np.array([line[-1 if end else 0] for line in lines]) - self.point
+        straight = float(edge_direction(lines, end=end) @ self.direction)
+        return bool(np.abs(tips @ self.direction).max() < LARGEST_M and straight > _STRAIGHT)
+
+    def met_by(self, line: FloatArray, *, end: bool) -> FloatArray:
+        """A border made longer or shorter so that it ends (begins) on this line."""
+        line, onward = (line, self.direction) if end else (line[::-1], -self.direction)
+        ahead = (line - self.point) @ onward
+        inside = int(np.flatnonzero(ahead < -_NOTHING_M)[-1]) if (ahead < -_NOTHING_M).any() else 0
+        first = min(inside, len(line) - 2)  # the last piece goes on straight
+        step = line[first + 1] - line[first]
+        rise = float(step @ onward)
+        tip = line[inside] - step * (ahead[inside] / rise) if rise > 0 else line[-1]
+        away = np.hypot(*(self.tips - tip).T)
+        tip = self.tips[away.argmin()] if away.min() < _SAME_M else tip
+        met = np.vstack([line[: inside + 1], tip[None]])
+        return met if end else met[::-1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,6 +95,13 @@ class Ribbon:
         """Length of the reference line, m."""
         return float(self.curve.s[-1])
 
+    def edge(self, *, end: bool) -> Edge:
+        """The line across its end (beginning)."""
+        at = -1 if end else 0
+        section, place, tangent = self.sections[at], self.curve.points[at], self.curve.tangents[at]
+        across = np.array([-tangent[1], tangent[0]])
+        return Edge(point=place, direction=tangent, tips=place + section.offsets[at][:, None] * across)
+
     def split(self, *shares: float) -> list[Ribbon]:
         """The ribbon cut at the knots nearest to shares of its length, ascending."""
         knots = [0]
@@ -79,38 +122,6 @@ class Ribbon:
                 columns = [np.interp(s, section.s, column) for column in section.offsets.T]
                 sections.append(Section(group=section.group, s=s - start, offsets=np.stack(columns, axis=1)))
         return Ribbon(curve=self.curve.part(first, last), sections=tuple(sections), error=self.error)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Edge:
-    """Line across a road at which its lanes end and others begin.
-
-    Attributes:
-        point: (2,) on it, m.
-        direction: (2,) unit vector in driving direction, at right angles to it.
-    """
-
-    point: FloatArray
-    direction: FloatArray
-
-    def fits(self, lines: Sequence[FloatArray], *, end: bool) -> bool:
-        """Whether borders end (begin) so near to it that they may do so on it."""
-        tips = np.array([line[-1 if end else 0] for line in lines]) - self.point
-        straight = float(edge_direction(lines, end=end) @ self.direction)
-        return bool(np.abs(tips @ self.direction).max() < LARGEST_M and straight > _STRAIGHT)
-
-    def met_by(self, line: FloatArray, *, end: bool) -> FloatArray:
-        """A border made longer or shorter so that it ends (begins) on this line."""
-        line = line if end else line[::-1]
-        ahead = (self.direction if end else -self.direction) @ (line - self.point).T
-        inside = int(np.flatnonzero(ahead < -_NOTHING_M)[-1]) if (ahead < -_NOTHING_M).any() else 0
-        step = line[min(inside + 1, len(line) - 1)] - line[inside]
-        if inside + 1 == len(line):
-            step = line[-1] - line[-2]
-        rise = float((self.direction if end else -self.direction) @ step)
-        tip = line[inside] + step * (-ahead[inside] / rise) if rise > 0 else line[-1]
-        met = np.vstack([line[: inside + 1], tip[None]])
-        return met if end else met[::-1]
 
 
 def fitting_groups(lanes: Mapping[int, Lane], group: Group) -> list[Group]:
