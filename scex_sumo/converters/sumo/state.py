@@ -14,6 +14,8 @@ from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.errors import MapError, TrackError
 from scex_sumo.geometry.polylines import along, length_of
 
+NEAR_M = 0.01  # the direction of a lane is taken over this length
+
 
 def read_state(path: str | Path, net: Path | None) -> tuple[TrackTable, tuple[str, ...]]:
     """Read where the vehicles of a saved state are; those that wait to be inserted are left out.
@@ -59,16 +61,17 @@ def _rows(
                 vehicle = vehicles[name]
                 kind = kinds.get(vehicle.get("type", ""), ElementTree.Element("vType"))
                 angle, speed = (float(vehicle.get(key, "").split()[0]) for key in ("angle", "speed"))
-                x, y = _place(lanes[lane.get("id", "")], vehicle, angle)
+                x, y = _place(lanes[lane.get("id", "")], vehicle)
                 sizes = [float(kind.get(key, "nan")) for key in ("length", "width")]
                 word = kind.get("vClass") or vehicle.get("type", "")
                 yield name, word, [time_s, x, y, angle, speed, *sizes]
 
 
-def _place(lane: ElementTree.Element, vehicle: ElementTree.Element, angle: float) -> tuple[float, float]:
+def _place(lane: ElementTree.Element, vehicle: ElementTree.Element) -> tuple[float, float]:
     """Front bumper of a vehicle: its place along the lane, and beside the lane's middle."""
     shape = np.array([[float(v) for v in point.split(",")[:2]] for point in lane.get("shape", "").split()])
-    at = float(vehicle.get("pos", "").split()[0])
-    x, y = along(shape, at * length_of(shape) / float(lane.get("length", "nan")))
-    beside, east = float(vehicle.get("posLat", "0")), np.radians(90.0 - angle)
-    return float(x - beside * np.sin(east)), float(y + beside * np.cos(east))
+    at = float(vehicle.get("pos", "").split()[0]) * length_of(shape) / float(lane.get("length", "nan"))
+    before, here, after = along(shape, at + np.array([-NEAR_M, 0.0, NEAR_M]))
+    ahead = (after - before) / max(float(np.hypot(*(after - before))), 1e-9)
+    x, y = here + float(vehicle.get("posLat", "0")) * np.array([-ahead[1], ahead[0]])
+    return float(x), float(y)

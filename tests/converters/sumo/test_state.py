@@ -15,7 +15,7 @@ from scex_sumo.programs import environment, program
 from scex_sumo.scenarios.seeds import read_seed
 
 ROUTES = """<routes>
- <vType id="car" vClass="passenger" length="4.7" width="1.9"/><vType id="truck" vClass="truck"/>
+ <vType id="car" vClass="passenger"/><vType id="truck" vClass="truck"/>
  <flow id="f" type="car" begin="0" end="60" period="3" from="A0A1" to="C1C2" departLane="best"/>
  <flow id="t" type="truck" begin="0" end="60" period="7" from="C0B0" to="A1A2"/>
 </routes>"""
@@ -38,7 +38,7 @@ def simulation(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_vehicles_are_where_floating_car_data_had_them_before_the_state_was_saved(simulation: Path) -> None:
     state, findings = read_state(simulation / "s.xml", simulation / "g.net.xml")
     data, _ = read_fcd(simulation / "g.fcd.xml")
-    assert len(findings) == 2  # sizes of the type that gives none, and numbers for names
+    assert len(findings) == 2  # sizes of types that give none, and numbers for names
     (before,) = {round(float(t)) for t in data.vehicles.timestamp_ms if abs(t - 24_500.0) < 1.0}
     then = np.abs(data.vehicles.timestamp_ms - before) < 1.0
     assert len(state.vehicles) == then.sum() > 5  # state's time is when the step begins, that of data its end
