@@ -63,7 +63,7 @@ def _rows(
                 angle, speed = (float(vehicle.get(key, "").split()[0]) for key in ("angle", "speed"))
                 x, y = _place(lanes[lane.get("id", "")], vehicle)
                 sizes = [float(kind.get(key, "nan")) for key in ("length", "width")]
-                word = kind.get("vClass") or vehicle.get("type", "")
+                word = kind.get("vClass", vehicle.get("type", ""))
                 yield name, word, [time_s, x, y, angle, speed, *sizes]
 
 
