@@ -1,6 +1,6 @@
 """One child in sumo-gui beside the same child drawn from the files that were exported, for docs/handover.md.
 
-Run: ``python docs/handover_picture.py`` from anywhere, where there is a screen or Xvfb and the extra ``formats``.
+Run: ``python docs/handover_picture.py``; needs a screen or Xvfb, and the extra ``formats``.
 Right: nothing but the ``.xodr`` and ``.xosc``, read by the readers of the tests, which share no code with the
 writers.
 """

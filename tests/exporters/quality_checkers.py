@@ -1,7 +1,7 @@
 """ASAM's quality checkers, asked about exported files where they are installed. For tests, and by hand.
 
 They need an environment of their own: ``python -m venv qc`` and ``qc/bin/pip install asam-qc-opendrive
-asam-qc-openscenarioxml``. By hand, with ``SCEX_QC=qc/bin``: ``python -m tests.exporters.quality_checkers FILE...``
+asam-qc-openscenarioxml``. By hand: ``SCEX_QC=qc/bin python -m tests.exporters.quality_checkers FILE...``
 """
 
 from __future__ import annotations
@@ -35,8 +35,9 @@ def findings(file: Path) -> list[str]:
     with tempfile.TemporaryDirectory() as folder:
         config, report = Path(folder) / "config.xml", Path(folder) / "report.xqar"
         config.write_text(
-            f'<Config><Param name="InputFile" value="{file.resolve()}"/><CheckerBundle application="{bundle}">'
-            f'<Param name="resultFile" value="{report}"/></CheckerBundle></Config>'
+            f'<Config><Param name="InputFile" value="{file.resolve()}"/>'
+            f'<CheckerBundle application="{bundle}"><Param name="resultFile" value="{report}"/>'
+            "</CheckerBundle></Config>"
         )
         done = subprocess.run(
             [program, "-c", str(config)], cwd=folder, capture_output=True, text=True, check=False

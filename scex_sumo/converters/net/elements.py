@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.pieces.rules import Link
-from scex_sumo.converters.sumo.lanelets import Stretch
+from scex_sumo.converters.sumo.lanelets import LaneletPart
 from scex_sumo.geometry.polylines import mean_line
 
 DECIMALS = 3  # millimetres: what SUMO's tools expect
@@ -26,7 +26,7 @@ class NetLane:
         length: nominal length, the same for all lanes of an edge, m.
         width: m.
         speed: m/s.
-        stretches: the parts of lanelets it runs over, in driving order.
+        parts: the parts of lanelets it runs over, in driving order.
         change_left: whether a vehicle may change to the left.
         change_right: whether a vehicle may change to the right.
         allow: SUMO's vehicle class where only one may drive here, or an empty string.
@@ -37,7 +37,7 @@ class NetLane:
     length: float
     width: float
     speed: float
-    stretches: tuple[Stretch, ...] = ()
+    parts: tuple[LaneletPart, ...] = ()
     change_left: bool = False
     change_right: bool = False
     allow: str = ""

@@ -21,7 +21,7 @@ from scex_sumo.converters.net.pieces.rules import (
     set_right_of_way,
 )
 from scex_sumo.converters.net.pieces.topology import Cut, Path, Topology
-from scex_sumo.converters.sumo.lanelets import BEYOND, JOINT_M, Stretch
+from scex_sumo.converters.sumo.lanelets import BEYOND, JOINT_M, LaneletPart
 from scex_sumo.geometry.polylines import bend, cut, heading, join, length_of, width_along
 from scex_sumo.road import Regulation
 from scex_sumo.roads.conflicts import Conflict
@@ -145,7 +145,7 @@ class _Plan:
             length=nominal,
             width=self._width([piece]),
             speed=lane.speed_limit_mps,
-            stretches=tuple(self._stretches([(piece, *self._trims(piece))])),
+            parts=tuple(self._lanelet_parts([(piece, *self._trims(piece))])),
             change_left=left is not None and lane.left == left,
             change_right=right is not None and lane.right == right,
             allow="" if lane.kind == "vehicle" else lane.kind,
@@ -188,12 +188,12 @@ class _Plan:
             ]
         )
 
-    def _stretches(self, parts: Iterable[tuple[Piece, float, float]]) -> Iterator[Stretch]:
+    def _lanelet_parts(self, parts: Iterable[tuple[Piece, float, float]]) -> Iterator[LaneletPart]:
         """Parts of lanes, with what a reader of the net cannot see: the width and limit of the whole lane."""
         for piece, start, end in parts:
             lane = self._lanes[self._topology.lane_id(piece)]
             lanelet = BEYOND if lane.subtype == ENTRY else lane.lane_id
-            yield Stretch(lanelet, start, end, lane.width_m, lane.speed_limit_mps)
+            yield LaneletPart(lanelet, start, end, lane.width_m, lane.speed_limit_mps)
 
     def _width(self, pieces: Sequence[Piece]) -> float:
         """Mean distance of the bounds along pieces, weighted by length, m."""
@@ -229,7 +229,7 @@ class _Plan:
             length=length_of(shape),
             width=self._width(over),
             speed=min(self._lanes[i].speed_limit_mps for i in (ids if path.inside else ids[1:])),
-            stretches=tuple(self._stretches(self._inner_parts(path))),
+            parts=tuple(self._lanelet_parts(self._inner_parts(path))),
             allow="" if self._lanes[ids[0]].kind == "vehicle" else self._lanes[ids[0]].kind,
         )
         driven = [self._topology.lane_id(piece) for piece in path.pieces]

@@ -21,7 +21,7 @@ from scex_sumo.converters.net.elements import (
 from scex_sumo.converters.net.lights import Programme
 from scex_sumo.converters.net.pieces.rules import bits, direction
 from scex_sumo.converters.net.stretches import stretches
-from scex_sumo.converters.sumo.lanelets import KEY, stretches_text
+from scex_sumo.converters.sumo.lanelets import KEY, parts_text
 from scex_sumo.road import Georeference
 
 Lights: TypeAlias = Mapping[str, tuple[str, int]]  # internal lane: its traffic light and link index there
@@ -97,7 +97,7 @@ def _lane(lane: NetLane, index: int, *, bans: bool) -> str:
         f'        <lane id="{lane.name}" index="{index}"{allow}{change} speed="{lane.speed:.4f}"'
         f' length="{max(lane.length, 0.1):.{DECIMALS}f}" width="{lane.width:.2f}"'
         f' shape="{shape_text(lane.shape, EXACT)}">'
-        f'<param key="{KEY}" value="{stretches_text(lane.stretches)}"/></lane>'
+        f'<param key="{KEY}" value="{parts_text(lane.parts)}"/></lane>'
     )
 
 

@@ -25,11 +25,11 @@ BEYOND = 0  # stands for road that the map does not have, where lanes fork or jo
 GAP_M = 0.1  # such road may end this far beside a lane
 STRAIGHT_M = 5e-9  # a point this near to the line between its neighbours is none of the map's
 
-Net: TypeAlias = Mapping[str, tuple["Stretch", ...]]
+Named: TypeAlias = Mapping[str, tuple["LaneletPart", ...]]
 
 
 @dataclass(frozen=True)
-class Stretch:
+class LaneletPart:
     """Part of a lanelet under a lane of a net.
 
     Attributes:
@@ -47,7 +47,7 @@ class Stretch:
     speed: float
 
 
-def stretches_text(stretches: Iterable[Stretch]) -> str:
+def parts_text(stretches: Iterable[LaneletPart]) -> str:
     """What is written into the net."""
     return " ".join(
         ",".join([str(s.lanelet), *(f"{v:.9f}" for v in (s.start, s.end, s.width, s.speed))])
@@ -55,7 +55,7 @@ def stretches_text(stretches: Iterable[Stretch]) -> str:
     )
 
 
-def lanes_of(root: ElementTree.Element) -> dict[str, tuple[Stretch, ...]] | None:
+def named_parts(root: ElementTree.Element) -> dict[str, tuple[LaneletPart, ...]] | None:
     """The stretches under each lane of a net, none where it names none.
 
     Args:
@@ -65,7 +65,7 @@ def lanes_of(root: ElementTree.Element) -> dict[str, tuple[Stretch, ...]] | None
         None where the net was changed since, so that its lanes are no longer what they were made of; nothing
         at all where `convert` did not write it.
     """
-    found: dict[str, tuple[Stretch, ...]] = {}
+    found: dict[str, tuple[LaneletPart, ...]] = {}
     for lane in root.iter("lane"):
         text = next((p.get("value", "") for p in lane.iter("param") if p.get("key") == KEY), "")
         if not text:
@@ -83,19 +83,19 @@ def lanes_of(root: ElementTree.Element) -> dict[str, tuple[Stretch, ...]] | None
     return found
 
 
-def _stretch(text: str) -> Stretch:
+def _stretch(text: str) -> LaneletPart:
     lanelet, *numbers = text.split(",")
-    return Stretch(int(lanelet), *map(float, numbers))
+    return LaneletPart(int(lanelet), *map(float, numbers))
 
 
-def places(named: Net, name: str) -> list[tuple[int, float]]:
+def lanelet_places(named: Named, name: str) -> list[tuple[int, float]]:
     """Lanelets of a lane, and where it begins on them, m; without mere joints to the roads around it."""
     stretches = [s for s in named[name] if s.lanelet != BEYOND]
     long = [s for s in stretches if s.end - s.start > JOINT_M * 1.001]
     return list({s.lanelet: s.start for s in reversed(long or stretches)}.items())[::-1]
 
 
-def put_together(named: Net, lanes: Mapping[str, Lane]) -> dict[int, Lane]:
+def put_together(named: Named, lanes: Mapping[str, Lane]) -> dict[int, Lane]:
     """The lanelets of a net, each joined from the lanes that run over it.
 
     Args:
@@ -106,7 +106,7 @@ def put_together(named: Net, lanes: Mapping[str, Lane]) -> dict[int, Lane]:
         By lanelet id; without bounds, predecessors and conflicts. Lanes that name no lanelet are left out.
     """
     numbers = {lane.lane_id: name for name, lane in lanes.items()}
-    parts: dict[int, list[tuple[Stretch, FloatArray]]] = {}
+    parts: dict[int, list[tuple[LaneletPart, FloatArray]]] = {}
     following: dict[int, set[int]] = {}
     beside: dict[int, list[int | None]] = {}
     for name, stretches in named.items():
@@ -136,7 +136,7 @@ def put_together(named: Net, lanes: Mapping[str, Lane]) -> dict[int, Lane]:
 
 def _lanelet(
     number: int,
-    parts: Sequence[tuple[Stretch, FloatArray]],
+    parts: Sequence[tuple[LaneletPart, FloatArray]],
     kind: str,
     following: Sequence[int],
     beside: Sequence[int | None] | None,
@@ -159,7 +159,7 @@ def _lanelet(
     )
 
 
-def _joined(parts: Sequence[tuple[Stretch, FloatArray]]) -> FloatArray:
+def _joined(parts: Sequence[tuple[LaneletPart, FloatArray]]) -> FloatArray:
     """Centreline of a lanelet from parts that may cover the same ground, in any order."""
     lines: list[FloatArray] = []
     reached = -np.inf

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 from collections.abc import Container, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,9 +12,9 @@ from xml.sax import SAXException
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.formats import map_name
-from scex_sumo.converters.sumo.lanelets import lanes_of, places, put_together
-from scex_sumo.converters.sumo.rules import regulations
+from scex_sumo.converters.formats import map_name, open_binary
+from scex_sumo.converters.sumo.lanelets import lanelet_places, named_parts, put_together
+from scex_sumo.converters.sumo.rules import junction_rules
 from scex_sumo.errors import MapError
 from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.road import Area, Lane, Marking, Road
@@ -46,7 +45,7 @@ def read_sumo_road(path: str | Path) -> Road:
     """
     path = Path(path)
     net, forbidden = _open(path)
-    named = lanes_of(_root(path))
+    named = named_parts(_root(path))
     numbers = {name: k + 1 for k, name in enumerate(lane_names(path))}
     sumo_lanes = {numbers[name]: net.getLane(name) for name in numbers}
     following = {i: _following(lane, numbers) for i, lane in sumo_lanes.items()}
@@ -57,7 +56,7 @@ def read_sumo_road(path: str | Path) -> Road:
     if named:
         lanes = put_together(named, {lane.subtype: lane for lane in lanes.values()})
         lines = {i: lane.centreline for i, lane in lanes.items()}
-        numbers = {name: under[0][0] for name in named if (under := places(named, name))}
+        numbers = {name: under[0][0] for name in named if (under := lanelet_places(named, name))}
         within = set(lanes) - {number for name, number in numbers.items() if not name.startswith(":")}
     lanes = {i: _bounded(lane) for i, lane in _with_predecessors(lanes).items()}
     if not any(lane.kind == "vehicle" for lane in lanes.values()):
@@ -65,7 +64,7 @@ def read_sumo_road(path: str | Path) -> Road:
     return Road(
         name=map_name(path),
         lanes=overlapping(lanes, lines),
-        regulations=regulations(net, numbers),
+        regulations=junction_rules(net, numbers),
         markings=tuple(_markings(lanes, within)),
         areas=_areas(net),
         net=path,
@@ -75,9 +74,9 @@ def read_sumo_road(path: str | Path) -> Road:
 
 def lane_places(path: Path) -> list[tuple[str, list[tuple[int, float]]]]:
     """Each lane of a net with the lanes of its road under it, and where it begins on them, m."""
-    named = lanes_of(_root(path))
+    named = named_parts(_root(path))
     if named:
-        return [(name, under) for name in named if (under := places(named, name))]
+        return [(name, under) for name in named if (under := lanelet_places(named, name))]
     return [(name, [(k + 1, 0.0)]) for k, name in enumerate(lane_names(path))]
 
 
@@ -105,17 +104,18 @@ def lane_names(path: Path) -> list[str]:
     ]
 
 
-def open_text(path: Path) -> bytes:
+def unpacked(path: Path) -> bytes:
     """Content of a net or another file of SUMO's, gzipped or not."""
     try:
-        return gzip.decompress(path.read_bytes()) if path.suffix == ".gz" else path.read_bytes()
+        with open_binary(path) as file:
+            return file.read()
     except (OSError, EOFError) as error:
         raise MapError(f"{path}: cannot be read: {error}; check the path of the net") from None
 
 
 def _root(path: Path) -> ElementTree.Element:
     try:
-        root = ElementTree.fromstring(open_text(path))
+        root = ElementTree.fromstring(unpacked(path))
     except ElementTree.ParseError as error:
         raise MapError(f"{path}: no XML ({error}); build the net again with netconvert") from None
     if root.tag != "net":

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scex_sumo.converters.sumo.fcd import tracks_of
-from scex_sumo.converters.sumo.net import open_text
+from scex_sumo.converters.sumo.net import unpacked
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.errors import MapError, TrackError
 from scex_sumo.geometry.polylines import along, length_of
@@ -33,7 +33,7 @@ def read_state(path: str | Path, net: Path | None) -> tuple[TrackTable, tuple[st
             f"{path}: a saved state counts along the lanes of its SUMO net; give that as the map"
         )
     try:
-        root, roads = (ElementTree.fromstring(open_text(file)) for file in (path, net))
+        root, roads = (ElementTree.fromstring(unpacked(file)) for file in (path, net))
         time_s = float(root.get("time", "nan"))
         rows = list(_rows(root, roads, time_s))
     except (MapError, ElementTree.ParseError, ValueError, IndexError) as error:

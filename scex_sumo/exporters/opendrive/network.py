@@ -17,14 +17,14 @@ from scex_sumo.exporters.opendrive.groups import (
     chains_and_cuts,
     lane_groups,
 )
-from scex_sumo.exporters.opendrive.ribbons import LARGEST_M, Edge, Ribbon, fitting_groups, ribbon_of
+from scex_sumo.exporters.opendrive.ribbons import LARGEST_M, Ribbon, RoadEnd, fitting_groups, ribbon_of
 from scex_sumo.road import Lane
 
 HEAD_M = 20.0  # longest connecting road that is only part of a chain
 
 
 @dataclass(frozen=True, kw_only=True)
-class Link:
+class RoadLink:
     """What a road leads to, or comes from.
 
     Attributes:
@@ -52,8 +52,8 @@ class Piece:
 
     number: int
     ribbon: Ribbon
-    before: Link | None = None
-    after: Link | None = None
+    before: RoadLink | None = None
+    after: RoadLink | None = None
     junction: int | None = None
 
 
@@ -88,7 +88,7 @@ def _on_common_edges(
     lanes: Mapping[int, Lane], cuts: Sequence[Cut], ribbons: Mapping[Chain, Ribbon]
 ) -> dict[Chain, Ribbon]:
     """Ribbons of the chains that end or begin at a road with several lanes: where that does, across it."""
-    edges: dict[Chain, list[Edge | None]] = {}
+    edges: dict[Chain, list[RoadEnd | None]] = {}
     for cut in cuts:
         sides = [(chain, True) for chain in cut.ends] + [(chain, False) for chain in cut.starts]
         widest, end = max(sides, key=lambda side: len(_edge_group(*side)))
@@ -174,9 +174,9 @@ class _Network:
                 _join(before, after, pairs)
                 self._connect(connecting, junction)
                 if connecting is after:
-                    before.after = Link(junction=junction)
+                    before.after = RoadLink(junction=junction)
                 else:
-                    after.before = Link(junction=junction)
+                    after.before = RoadLink(junction=junction)
 
     def _connect(self, piece: Piece, junction: int) -> None:
         """Make a road part of a junction; one that is part of two makes them one."""
@@ -196,10 +196,10 @@ class _Network:
         pairs = tuple((-k - 1, -k - 1) for k in range(len(chain[0])))
         for head in parts.heads.values():
             _join(head, parts.rest, pairs)
-            parts.rest.before = Link(junction=numbers[id(self._entry[chain])])
+            parts.rest.before = RoadLink(junction=numbers[id(self._entry[chain])])
         if parts.tail is not None:
             _join(parts.rest, parts.tail, pairs)
-            parts.rest.after = Link(junction=numbers[id(self._exit[chain])])
+            parts.rest.after = RoadLink(junction=numbers[id(self._exit[chain])])
 
     def _settle_junctions(self) -> None:
         """Give joined junctions one number."""
@@ -229,8 +229,8 @@ def _lane_numbers(group: Group) -> dict[int, int]:
 
 
 def _join(before: Piece, after: Piece, pairs: tuple[tuple[int, int], ...]) -> None:
-    before.after = Link(road=after.number, lanes=pairs)
-    after.before = Link(road=before.number, lanes=tuple((b, a) for a, b in pairs))
+    before.after = RoadLink(road=after.number, lanes=pairs)
+    after.before = RoadLink(road=before.number, lanes=tuple((b, a) for a, b in pairs))
 
 
 def connections(pieces: Sequence[Piece]) -> Iterator[tuple[int, Piece, Piece]]:

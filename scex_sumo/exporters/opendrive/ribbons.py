@@ -42,7 +42,7 @@ class Section:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Edge:
+class RoadEnd:
     """Line across a road at which its lanes end and others begin.
 
     Attributes:
@@ -95,12 +95,12 @@ class Ribbon:
         """Length of the reference line, m."""
         return float(self.curve.s[-1])
 
-    def edge(self, *, end: bool) -> Edge:
+    def edge(self, *, end: bool) -> RoadEnd:
         """The line across its end (beginning)."""
         at = -1 if end else 0
         section, place, tangent = self.sections[at], self.curve.points[at], self.curve.tangents[at]
         across = np.array([-tangent[1], tangent[0]])
-        return Edge(point=place, direction=tangent, tips=place + section.offsets[at][:, None] * across)
+        return RoadEnd(point=place, direction=tangent, tips=place + section.offsets[at][:, None] * across)
 
     def split(self, *shares: float) -> list[Ribbon]:
         """The ribbon cut at the knots nearest to shares of its length, ascending."""
@@ -139,7 +139,7 @@ def fitting_groups(lanes: Mapping[int, Lane], group: Group) -> list[Group]:
 
 
 def ribbon_of(
-    lanes: Mapping[int, Lane], chain: Chain, ends: tuple[Edge | None, Edge | None] = (None, None)
+    lanes: Mapping[int, Lane], chain: Chain, ends: tuple[RoadEnd | None, RoadEnd | None] = (None, None)
 ) -> Ribbon:
     """The ribbon of a chain: of several reference lines the first that is good, or else the best.
 
