@@ -26,10 +26,11 @@ class NetLane:
         length: nominal length, the same for all lanes of an edge, m.
         width: m.
         speed: m/s.
-        parts: the parts of lanelets it runs over, in driving order.
+        lanelets: the lanelets it runs over, in driving order.
         change_left: whether a vehicle may change to the left.
         change_right: whether a vehicle may change to the right.
         allow: SUMO's vehicle class where only one may drive here, or an empty string.
+        parts: of the lanelets that its shape is made of, in driving order.
     """
 
     name: str
@@ -37,10 +38,11 @@ class NetLane:
     length: float
     width: float
     speed: float
-    parts: tuple[LaneletPart, ...] = ()
+    lanelets: tuple[int, ...]
     change_left: bool = False
     change_right: bool = False
     allow: str = ""
+    parts: tuple[LaneletPart, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -145,10 +145,11 @@ class _Plan:
             length=nominal,
             width=self._width([piece]),
             speed=lane.speed_limit_mps,
-            parts=tuple(self._lanelet_parts([(piece, *self._trims(piece))])),
+            lanelets=(lane.lane_id,),
             change_left=left is not None and lane.left == left,
             change_right=right is not None and lane.right == right,
             allow="" if lane.kind == "vehicle" else lane.kind,
+            parts=tuple(self._lanelet_parts([(piece, *self._trims(piece))])),
         )
 
     def _trims(self, piece: Piece) -> tuple[float, float]:
@@ -229,8 +230,9 @@ class _Plan:
             length=length_of(shape),
             width=self._width(over),
             speed=min(self._lanes[i].speed_limit_mps for i in (ids if path.inside else ids[1:])),
-            parts=tuple(self._lanelet_parts(self._inner_parts(path))),
+            lanelets=tuple(dict.fromkeys(ids)),
             allow="" if self._lanes[ids[0]].kind == "vehicle" else self._lanes[ids[0]].kind,
+            parts=tuple(self._lanelet_parts(self._inner_parts(path))),
         )
         driven = [self._topology.lane_id(piece) for piece in path.pieces]
         return Connection(

@@ -31,8 +31,7 @@ _KINDS = (("passenger", "vehicle"), ("bus", "bus"), ("bicycle", "bicycle"), ("pe
 def read_sumo_road(path: str | Path) -> Road:
     """Read a net; its lanes are numbered from 1 in the order of the file, and it is driven as it is.
 
-    Lanes of a net that `scex_sumo.converters.net.convert` wrote are put together to the map's again.
-
+    Where `convert` wrote it, its lanes for vehicles are put together to the map's again, with their ids.
     Crossings and walking areas are drawn, not driven. Centrelines are SUMO's shapes, borders lie half a width
     beside them. A lane may be changed to where both are for the same vehicles and the net does not forbid
     it. Who gives way is what the requests of the junctions say.
