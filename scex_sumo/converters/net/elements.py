@@ -135,4 +135,6 @@ class NetLayout:
 def shape_text(line: FloatArray, decimals: int = DECIMALS) -> str:
     """A polyline as SUMO writes it: ``x,y x,y``."""
     # Adding 0.0 turns a rounded -0.0 into 0.0.
-    return " ".join(f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in np.round(line, decimals) + 0.0)
+    return " ".join(
+        f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in (np.round(line, decimals) + 0.0).tolist()
+    )
