@@ -11,7 +11,7 @@ import numpy as np
 from scex_sumo.arrays import IntArray
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.files import write_atomic
-from scex_sumo.metrics.registry import side_of
+from scex_sumo.metrics.registry import metric_of, side_of
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 from scex_sumo.views.replay import write_view
@@ -43,11 +43,11 @@ def write_worst(run: Run, column: str) -> Path:
     number = run.most_critical(column)
     same = [row for row in run.worst.to_pylist() if (row["child"], row["metric"]) == (number, column)]
     if not same:  # the mean of a child has no step of its own
-        return _write(run, [_child_view(run, number, title=f"most critical by {column}")])
+        return _write(run, [_child_view(run, number, title=_value(run, number, column))])
     row = same[0]
     tracks = [track for track in (row["track_id"], row["other_id"]) if track is not None]
     step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
-    return _write(run, [_event_view(run, number, tracks, step, f"{column} {row['value']:.3g}")])
+    return _write(run, [_event_view(run, number, tracks, step, _written(column, row["value"]))])
 
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
@@ -116,7 +116,13 @@ def most_critical(run: Run, count: int, column: str) -> IntArray:
 def _value(run: Run, number: int, column: str | None) -> str:
     if column is None:
         return ""
-    return f"{column} {run.values(column)[number]:.3g}"
+    return _written(column, float(run.values(column)[number]))
+
+
+def _written(column: str, value: float) -> str:
+    """The value of a metric as the tables print it, with its unit."""
+    metric, mean = metric_of(column), " mean" if column.endswith("_mean") else ""
+    return f"{metric.words}{mean} {value:.3g} {metric.column_unit or ''}".rstrip()
 
 
 def _child_view(run: Run, number: int, *, title: str = "", **event: Any) -> ChildView:
