@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from scex_sumo.commands.options import Result
+from scex_sumo.commands.completion import complete_formats
+from scex_sumo.commands.options import Result, metric_option
 from scex_sumo.errors import ScexError, UsageError
 
 if TYPE_CHECKING:
@@ -18,7 +19,8 @@ def export_command(
     folder: Result,
     child: Annotated[int | None, Option(metavar="N", help="This child scenario.")] = None,
     critical: Annotated[
-        str | None, Option(metavar="METRIC", help="The children most critical by this metric.")
+        str | None,
+        metric_option("The children most critical by this metric."),
     ] = None,
     encounter: Annotated[
         str | None, Option(metavar="A,B", help="The children in which these two vehicles come closest.")
@@ -26,7 +28,12 @@ def export_command(
     every: Annotated[bool, Option("--all", help="All children.")] = False,
     top: Annotated[int, Option(metavar="K", help="How many, of --critical or --encounter.")] = 1,
     to: Annotated[
-        str, Option(metavar="FORMAT", help="interaction, fcd, openscenario, commonroad, sumo.")
+        str,
+        Option(
+            metavar="FORMAT",
+            help="interaction, fcd, openscenario, commonroad, sumo.",
+            autocompletion=complete_formats,
+        ),
     ] = "interaction",
     ego: Annotated[
         int | None, Option(metavar="TRACK", help="Whose task it is to plan, in a format with planning tasks.")

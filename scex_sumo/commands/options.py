@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from scex_sumo.commands.completion import complete_metrics, complete_models, complete_results
 from scex_sumo.errors import UsageError
 
 MapPath = Annotated[
@@ -32,7 +33,11 @@ Synthetic = Annotated[
 ]
 Models = Annotated[
     str | None,
-    typer.Option(metavar="MODEL[@WEIGHT],...", help="Models to draw from; see 'scex-sumo models'."),
+    typer.Option(
+        metavar="MODEL[@WEIGHT],...",
+        help="Models to draw from; see 'scex-sumo models'.",
+        autocompletion=complete_models,
+    ),
 ]
 Thresholds = Annotated[
     list[str] | None,
@@ -41,8 +46,15 @@ Thresholds = Annotated[
 Seed = Annotated[int, typer.Option(help="Random seed.")]
 Processes = Annotated[int, typer.Option(help="Processes.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")]
-Result = Annotated[Path, typer.Argument(metavar="OUT", help="Result folder.")]
+Result = Annotated[
+    Path, typer.Argument(metavar="OUT", help="Result folder.", autocompletion=complete_results)
+]
 ResultPath = Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", help="Result folder.")]
+
+
+def metric_option(help: str) -> Any:
+    """An option that takes one metric."""
+    return typer.Option(metavar="METRIC", help=help, autocompletion=complete_metrics)
 
 
 def parse_thresholds(entries: Sequence[str] | None) -> dict[str, float]:

@@ -11,7 +11,7 @@ from typing import Annotated
 
 from typer import Option
 
-from scex_sumo.commands.options import Result
+from scex_sumo.commands.options import Result, metric_option
 from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.programs import environment, program
 
@@ -24,7 +24,7 @@ def view_command(
     ] = None,
     critical: Annotated[
         str | None,
-        Option(metavar="METRIC", help="Show the child most critical by this metric, at its worst step."),
+        metric_option("Show the child most critical by this metric, at its worst step."),
     ] = None,
     encounter: Annotated[
         str | None, Option(metavar="A,B", help="Show two vehicles in a typical child where they meet.")
