@@ -71,3 +71,15 @@ def parse_thresholds(entries: Sequence[str] | None) -> dict[str, float]:
         except ValueError:
             raise UsageError(f"--threshold {entry}: needs METRIC=VALUE, e.g. --threshold ttc=0.5") from None
     return result
+
+
+def two_tracks(text: str) -> tuple[int, int]:
+    """``A,B`` of ``--encounter`` as two track ids.
+
+    Raises:
+        UsageError: it is none.
+    """
+    first, _, second = text.partition(",")
+    if not (first.strip().isdigit() and second.strip().isdigit()):
+        raise UsageError(f"--encounter {text}: give the ids of two vehicles, e.g. --encounter 11,7")
+    return int(first), int(second)

@@ -14,8 +14,8 @@ from scex_sumo.evaluation.encounters import in_words
 from scex_sumo.reports.page.contents import model_colors, report_contents
 from scex_sumo.reports.page.packing import second_sums, unpack
 from scex_sumo.reports.page.report import report_html, write_report
-from scex_sumo.reports.page.road_lines import SURFACE
 from scex_sumo.results.run import Run, open_run
+from scex_sumo.views.road_lines import SURFACE
 
 DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')
 
