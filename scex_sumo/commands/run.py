@@ -187,10 +187,6 @@ def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
 
         write_critical(run)
         print(f"report: {write_report(run, scene)}")
-        if tested:
-            from scex_sumo.reports.under_test_picture import draw_under_test
-
-            print(f"under test: {draw_under_test(run, run.folder / 'under_test')[-1]}")
     options = " ".join(f"--{name} {value}" for name, value in _worst_option(run).items())
     print(f"look:   scex-sumo view {shlex.quote(str(out))} {options}")
 

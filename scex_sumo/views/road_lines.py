@@ -15,7 +15,7 @@ _JUNCTION = re.compile(r"<junction [^>]*?\bshape=\"([^\"]+)\"")
 _POLYGON = re.compile(r"<poly [^>]*?\btype=\"([^\"]*)\"[^>]*?\bfill=\"(\d)\"[^>]*?\bshape=\"([^\"]+)\"")
 _BORDERS = {"curbstone", "road_border", "guard_rail", "fence", "wall"}
 
-SURFACE, MARKING, BORDER, AREA, STOP = range(5)
+SURFACE, AREA, MARKING, BORDER, STOP = range(5)
 """How a line of the road is drawn; surfaces are as wide as said, areas are filled."""
 
 

@@ -8,6 +8,7 @@ from scex_sumo.files import write_atomic
 from scex_sumo.reports.page.contents import report_contents
 from scex_sumo.reports.page.run_body import run_body
 from scex_sumo.reports.page.shell import BASE, page_html
+from scex_sumo.reports.page.under_test import TABLE, under_test_card, under_test_rows
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 
@@ -19,7 +20,6 @@ SCRIPTS = (
     "pairs.js",
     "map.js",
     "player.js",
-    "verdict.js",
     "models.js",
     "report.js",
 )
@@ -43,4 +43,6 @@ def write_report(run: Run, scene: SeedScene | None = None) -> Path:
 def report_html(run: Run, scene: SeedScene | None = None) -> str:
     """The report of a run as HTML."""
     info, arrays = report_contents(run, scene)
-    return page_html(info["name"], run_body(info), SCRIPTS, info, arrays)
+    tested = under_test_rows(run)
+    info["tables"] = {} if tested is None else {TABLE: tested}
+    return page_html(info["name"], run_body(info, under_test_card(run)), SCRIPTS, info, arrays)
