@@ -25,6 +25,8 @@ from scex_sumo.ranking.run_moment import MomentPart
 INFO = "rank.json"
 _PENDING = "incomplete.json"
 _CHILDREN, _TRACKS, _SEEDS, _FAILED = "children", "tracks", "seeds", "failed"
+REPORTS = "moments"
+"""Folder of the reports of the moments that are shown."""
 _PART = re.compile(r"children-(\d+)-(\d+)\.parquet")
 _OURS = (INFO, "ranking.parquet", "ranking.csv", "ranking.html")
 
@@ -81,7 +83,7 @@ class RankFolder:
         """Remove what an earlier ranking wrote, and nothing else."""
         for name in _OURS:
             (self.path / name).unlink(missing_ok=True)
-        for name in (_CHILDREN, _TRACKS, _SEEDS, _FAILED):
+        for name in (_CHILDREN, _TRACKS, _SEEDS, _FAILED, REPORTS):
             shutil.rmtree(self.path / name, ignore_errors=True)
 
     def _scan(self) -> Iterator[tuple[str, dict[int, int]]]:

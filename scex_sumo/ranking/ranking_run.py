@@ -96,20 +96,18 @@ class RankingRun:
             finally:
                 items.close()  # ends the thread, wherever the workers have stopped
 
-    def rerun(self, refs: Sequence[MomentRef], children: int) -> Iterator[tuple[MomentTask, MomentPart]]:
-        """The first children of some moments once more, with all their tracks; nothing is written."""
+    def tasks(self, refs: Sequence[MomentRef], children: int) -> Iterator[MomentTask]:
+        """The first children of some moments once more, as tasks."""
         names = {ref.moment for ref in refs}
         items = cut(
             self._readable(),
             self.listings,
-            dataclasses.replace(self.settings, keep="all"),
+            self.settings,
             range(children),
             wanted=lambda listing: [ref for ref in listing.moments if ref.moment in names],
             spare=lambda ref: children,
         )
-        for task, found in self._workers.run(item for item in items if isinstance(item, MomentTask)):
-            if isinstance(found, MomentPart):
-                yield task, found
+        yield from (item for item in items if isinstance(item, MomentTask))
 
     def _readable(self) -> list[Recording]:
         return [recording for recording in self.recordings if recording.name in self.listings]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from scex_sumo.files import write_atomic
 from scex_sumo.reports.page.contents import report_contents
@@ -42,7 +43,12 @@ def write_report(run: Run, scene: SeedScene | None = None) -> Path:
 
 def report_html(run: Run, scene: SeedScene | None = None) -> str:
     """The report of a run as HTML."""
-    info, arrays = report_contents(run, scene)
+    return filled_report(run, *report_contents(run, scene))
+
+
+def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str:
+    """The same from what `report_contents` has said."""
     tested = under_test_rows(run)
-    info["tables"] = {} if tested is None else {TABLE: tested}
-    return page_html(info["name"], run_body(info, under_test_card(run)), SCRIPTS, info, arrays)
+    tables = {} if tested is None else {TABLE: tested}
+    body = run_body(info, under_test_card(run))
+    return page_html(info["name"], body, SCRIPTS, info | {"tables": tables}, arrays)
