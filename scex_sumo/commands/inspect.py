@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shlex
 import sys
 from pathlib import Path
@@ -42,7 +41,7 @@ def inspect_command(
         raise UsageError(f"--every {every:g}: give a time above 0 s, e.g. --every 1")
     if out is not None and out.suffix != ".html":
         raise UsageError(f"-o {out}: unknown ending; known: .html")
-    loaded = load_recording(dataclasses.replace(_recording(map_path, tracks), map_path=map_path))
+    loaded = load_recording(_recording(map_path, tracks))
     console = Console(width=None if sys.stdout.isatty() else 110)
     print(f"{loaded.recording.name}: {_size(loaded)}")
     for finding in loaded.findings:
@@ -63,12 +62,14 @@ def inspect_command(
 
 
 def _recording(map_path: Path, tracks: Path | None) -> Recording:
-    from scex_sumo.converters.datasets.recordings import find_recordings
+    """The recording that ``run`` takes with the same options."""
+    from scex_sumo.converters.datasets.find import Recording
+    from scex_sumo.converters.datasets.seed import recorded_files
+    from scex_sumo.converters.moments.scene import recording_name
 
-    found = find_recordings([map_path if tracks is None else tracks])
-    if not found:
-        raise UsageError(f"{tracks or map_path}: no tracks found; give them with --tracks CSV")
-    return found[0]
+    paths = recorded_files(map_path, tracks)
+    name = recording_name(map_path, paths)
+    return Recording(name=name, site="", dataset="", map_path=map_path, track_paths=paths)
 
 
 def _size(loaded: LoadedRecording) -> str:
