@@ -44,7 +44,7 @@ function showMoments({ info, arrays: { ids, poses, sizes, speeds, kinds, types, 
   }
 
   state.onChange = (any) => {
-    const [time, , vehicles, complete] = info.moments[state.step];
+    const [time, code, vehicles, complete] = info.moments[state.step];
     if (any("step")) {
       info.sizes = everybody.map((v) => [0, 1].map((k) => sizes.values[2 * (v * frames + state.step) + k] / 100));
       table.show(present().map((v) => ({
@@ -53,7 +53,7 @@ function showMoments({ info, arrays: { ids, poses, sizes, speeds, kinds, types, 
       })));
       state.pair = everybody.filter((v) => assigned.has(of(ids, v)));
       byId("title").textContent = `${vehicles} vehicles, ${complete} complete`;
-      byId("clock").textContent = `${time} s`;
+      byId("clock").textContent = `${code ? `case ${code}, ` : ""}${time} s`;
       byId("time").value = state.step;
       byId("command").textContent = command();
     }
