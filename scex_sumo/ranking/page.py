@@ -12,47 +12,49 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
+from scex_sumo.extrapolation.workers.pool import Workers
 from scex_sumo.metrics.registry import COLLISION, metric_of
 from scex_sumo.ranking.folder import REPORTS
 from scex_sumo.ranking.moment_report import MomentReport, write_moment_report
 from scex_sumo.ranking.moments import MomentRef
-from scex_sumo.ranking.places import distinct, nearby
+from scex_sumo.ranking.places import distinct_moments, nearby
 from scex_sumo.ranking.ranking_run import RankingRun
 from scex_sumo.ranking.settings import written
 from scex_sumo.reports.page.density_plot import metric_title
 from scex_sumo.reports.page.html import Html, element
-from scex_sumo.reports.page.run_body import percent
+from scex_sumo.reports.page.run.body import percent
 from scex_sumo.reports.page.study import Table, card, place, table, write_study
 from scex_sumo.reports.page.svg import Plane
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.tables.runs import counted
 
 HTML = "ranking.html"
-_DRAWN_CHILDREN = 32
 _ROWS = 1000
 _REASONS = 20
 _HOW = (
-    "A seed scene is one moment of recorded traffic; its child scenarios are what could come of it with other "
-    "drivers. Moments are ranked by how often and how hard vehicles collide in the children, and by how many "
-    "encounters are critical."
+    "A seed scene is one moment of recorded traffic; its child scenarios are what could come of it with "
+    "other drivers. Moments are ranked by how often and how hard vehicles collide in the children, and by "
+    "how many encounters are critical."
 )
 
 
-def write_page(run: RankingRun, folder: Path, ranking: pa.Table) -> list[str]:
+def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, workers: int = 1) -> list[str]:
     """Report the best distinct moments and write the page.
 
     Args:
         run: the ranking.
         folder: where to write.
         ranking: the moments, the best first, then what failed.
+        workers: processes of this machine that run the moments shown.
 
     Returns:
         The moments on the page, best first.
     """
     by_name = {ref.moment: ref for ref in run.refs}
     refs = [by_name[name] for name in ranking["seed"].to_pylist()[: len(by_name)]]
-    chosen = distinct(refs, range(len(refs)), run.settings.top)
+    chosen = distinct_moments(refs, range(len(refs)), run.settings.top)
     rows = {refs[i].moment: ranking.slice(i, 1).to_pylist()[0] for i in chosen}
-    reports = _write_reports(run, [refs[i] for i in chosen], rows, folder)
+    with Workers(workers) as pool:
+        reports = _write_reports(run, [refs[i] for i in chosen], folder, pool)
     limits = run.settings.thresholds
     cards = []
     for i in chosen:
@@ -75,17 +77,15 @@ def write_page(run: RankingRun, folder: Path, ranking: pa.Table) -> list[str]:
 
 
 def _write_reports(
-    run: RankingRun, refs: Sequence[MomentRef], rows: Mapping[str, Mapping[str, Any]], folder: Path
+    run: RankingRun, refs: Sequence[MomentRef], folder: Path, workers: Workers
 ) -> dict[str, MomentReport]:
     """Reports of moments by their names, of those whose children can be run."""
-    children = min(_DRAWN_CHILDREN, run.settings.first)
     found = {}
-    for task in run.tasks(refs, children):
-        name = task.ref.moment
-        path = folder / REPORTS / f"{name}.html"
-        report = write_moment_report(task, _command(run, task.ref), rows[name]["children"], path)
+    for task in run.tasks(refs):
+        path = folder / REPORTS / f"{task.ref.moment}.html"
+        report = write_moment_report(task, _command(run, task.ref), path, workers)
         if report is not None:
-            found[name] = report
+            found[task.ref.moment] = report
     return found
 
 
@@ -175,7 +175,7 @@ def _table(rows: Sequence[Mapping[str, Any]], limits: Mapping[str, float]) -> Ta
     heads += [("site", "words", ""), ("time", "seconds", "In the recording"), ("vehicles", "text", "")]
     heads += [("children", "text", "That have been run"), ("P(collision)", "percent", "")]
     heads += [("encounters", "real", "Critical ones of a child, on average"), ("worst pair", "text", "")]
-    heads += [(f"P({metric_title(c)})", "percent", _critical(c, limit)) for c, limit in limits.items()]
+    heads += [(f"P({metric_of(c).words})", "percent", _critical(c, limit)) for c, limit in limits.items()]
     return table(heads, [_cells(row, limits) for row in rows])
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from scex_sumo.files import write_atomic
-from scex_sumo.reports.page.contents import report_contents
-from scex_sumo.reports.page.run_body import run_body
+from scex_sumo.reports.page.run.body import run_body
+from scex_sumo.reports.page.run.contents import report_contents
+from scex_sumo.reports.page.run.under_test import TABLE, under_test_card, under_test_rows
 from scex_sumo.reports.page.shell import BASE, page_html
-from scex_sumo.reports.page.under_test import TABLE, under_test_card, under_test_rows
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 

@@ -7,12 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from scex_sumo.files import write_atomic
-from scex_sumo.reports.page.html import Html, element
+from scex_sumo.reports.page.html import Html, element, joined
 from scex_sumo.reports.page.shell import BASE, page_html
 from scex_sumo.version import __version__
 
 Table = Mapping[str, Any]
 """``columns`` and ``rows`` of a table, as ``assets/table.js`` shows them."""
+NO_SCRIPT = element(
+    "noscript",
+    element("p.card", "The tables are made by the JavaScript inside of this file; it asks for nothing."),
+)
 
 
 def write_study(path: Path, title: str, about: str, *cards: Html, tables: Mapping[str, Table]) -> Path:
@@ -30,7 +34,7 @@ def write_study(path: Path, title: str, about: str, *cards: Html, tables: Mappin
     """
     header = element("header", element("div", element("h1", title), element("p", about)))
     footer = element("footer.soft", f"scex-sumo {__version__}")
-    body = Html(header + element("div.study", *cards) + footer)
+    body = joined(header, NO_SCRIPT, element("div.study", *cards), footer)
     write_atomic(path, page_html(title, body, (*BASE, "study.js"), {"tables": tables}, {}).encode())
     return path
 

@@ -44,16 +44,16 @@ def write_comparison(runs: Sequence[Run], comparison: Comparison, grouping: Grou
     )
     alike = card(
         "Which are alike",
-        f"Left: the further to the left two groups join, the less alike they are. Right: distances, darker is "
-        f"further apart ({unit}). Two runs of one and the same scene differ by about {noise:.2f} by chance.",
+        "Left: the further to the left two groups join, the less alike they are. Right: distances, darker "
+        f"is further apart ({unit}). By chance alone, two runs of one scene differ by about {noise:.2f}.",
         draw_tree(comparison, grouping, noise),
     )
     metrics = [m for m, name in enumerate(comparison.metrics) if not name.endswith("_mean")]
     apart = card("Pair by pair", "What sets a pair apart most, with the medians of both.", place("pairs"))
     curves = card(
         "Densities",
-        "How often a value occurs among the children of each scene; upright line: median; in percent the share "
-        "of children in which the metric is defined, where that is not all. One colour: one group.",
+        "How often a value occurs among the children of each scene; upright line: median; in percent the "
+        "share of children in which the metric is defined, where that is not all. One colour: one group.",
         plots(*(_ridges(runs, comparison, grouping, m) for m in metrics)),
     )
     about = f"{len(runs)} runs, {grouping.groups} groups" + (", not clearly apart" if fit < 0.25 else "")

@@ -13,7 +13,7 @@ from scex_sumo.metrics.registry import COLLISION, side_of
 from scex_sumo.reports.page.density_plot import metric_title
 from scex_sumo.reports.page.html import Html, element
 from scex_sumo.reports.page.study import Table, card, place, plots, table, write_study
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.tables.runs import counted
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.effects import Condition
 from scex_sumo.studies.explain import Explanation, pair_of

@@ -13,7 +13,7 @@ from scex_sumo.reports.page.density_plot import density_plot, metric_title, span
 from scex_sumo.reports.page.html import Html
 from scex_sumo.reports.page.study import card, place, plots, table, write_study
 from scex_sumo.reports.page.svg import Plane, legend
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.tables.runs import counted
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Density, density, dkw_half_width
 

@@ -44,11 +44,11 @@ def _row(comparison: Comparison, order: list[int], run: int, row: int, left: flo
     for column, other in enumerate(order):
         value, x = float(total[run, other]), left + 1.6 * _ROW_PX * column
         ink = f"{value / most:.2f}"
-        size = {"width": f"{1.6 * _ROW_PX - 1:.1f}", "height": _ROW_PX - 1}
+        size: dict[str, str | int] = {"width": f"{1.6 * _ROW_PX - 1:.1f}", "height": _ROW_PX - 1}
         found.append(element("rect.cell", x=f"{x:.1f}", y=_ROW_PX * row, fill_opacity=ink, **size))
         if run != other and len(order) <= _NUMBERS_UP_TO:
             kind = "text.light" if value > 0.6 * most else "text.dark"
-            place = {"x": f"{x + 0.8 * _ROW_PX:.1f}", "y": _ROW_PX * row + 16}
+            place: dict[str, str | int] = {"x": f"{x + 0.8 * _ROW_PX:.1f}", "y": _ROW_PX * row + 16}
             found.append(element(kind, f"{value:.2f}", text_anchor="middle", **place))
     return found
 
@@ -67,7 +67,12 @@ def _branches(grouping: Grouping, noise: float, height: int) -> list[Html]:
     found = []
     if noise == noise and noise > 0:
         x = x_of(noise)
-        box = {"x": f"{x:.1f}", "y": 0, "width": f"{_TREE_PX - x:.1f}", "height": height}
+        box: dict[str, str | int] = {
+            "x": f"{x:.1f}",
+            "y": 0,
+            "width": f"{_TREE_PX - x:.1f}",
+            "height": height,
+        }
         found.append(element("rect.chance", element("title", "by chance"), **box))
     for step, (one, two, at, _) in enumerate(grouping.linkage):
         parts, joined = (int(one), int(two)), count + step

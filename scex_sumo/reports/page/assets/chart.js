@@ -6,7 +6,7 @@ function curveOf(found, atoms = []) {
   return { points: Array.from({ length: shape[0] }, (_, i) => units.map((unit, k) => unit * values[3 * i + k])), atoms };
 }
 
-// The same of some of `count` samples: kernels, those below 0 folded back, and how many have the atoms' values.
+// The same of some of `count` samples: kernels, folded back at 0, and how many have the atoms' values.
 function curveOfSome(values, count, xs, width, isFolded, atoms) {
   const rest = values.filter((v) => atoms.every(([value]) => v !== value)), scale = 1 / (count * width * Math.sqrt(2 * Math.PI));
   const kernels = (x, sign) => rest.reduce((sum, v) => sum + Math.exp(-0.5 * ((x - sign * v) / width) ** 2), 0) * scale;

@@ -34,7 +34,7 @@ function posesOf({ shape: [rows, steps], values }, start, ownerOf) {
   return poses;
 }
 
-// The run as the other parts ask for it; tracks are rows of `poses`, see `track`.
+// The run as the other parts ask for it; tracks are rows of `poses`.
 function runOf({ info, arrays }) {
   const { start, motion, which, levels, values, likely, recorded } = arrays;
   const [children, vehicles] = which.shape, owner = new Int32Array(motion.shape[0]);

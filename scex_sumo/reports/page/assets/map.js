@@ -9,7 +9,7 @@ function makeMap(run, state, canvas) {
   const ground = make("canvas"), pointers = new Map();
   let x, y, scale, weights, drivers, usual, groundKey;
 
-  // How many of the selected children drive each track, one of them, and each vehicle's track of most of them.
+  // How many of the selected children drive each track, one of them, and each vehicle's most frequent track.
   function weigh() {
     weights = new Float32Array(owner.length);
     drivers = new Int32Array(owner.length);

@@ -1,6 +1,5 @@
 // Table of vehicles and models: how often a child is critical, given who drives a vehicle.
 
-// Makes the table; returns what draws it anew.
 function modelTable(run, state) {
   const { models, track_ids: ids, under_test: tested } = run.info;
   const titles = models.map((name) => ({ title: name.replaceAll("_", " "), as: "percent", none: "", down: true }));
@@ -13,13 +12,13 @@ function modelTable(run, state) {
     onPress(cell, () => state.filter(`vehicle ${v}`, `${ids[v]} as ${models[i - 1]}`, (c) => run.model(c, v) === i - 1));
   } });
 
-  return () => {
+  return () => { // draws it anew
     const { test, words } = criticalBy(run, state), hits = Array.from(state.mask, (_, c) => Number(test(c)));
     mean = sum(hits) / run.children;
     byId("models-about").textContent = `Share of children with ${words}, given who drives a vehicle; overall ${percent(mean)}. A click selects those children.`;
     const rows = ids.map((id, v) => {
       const given = models.map((_, model) => hits.filter((_hit, c) => run.model(c, v) === model)).map((of) => ({ count: of.length, hits: sum(of), share: sum(of) / of.length }));
-      const shares = given.map(({ share }) => share), known = shares.filter((share) => !isMissing(share));
+      const shares = given.map(({ share }) => share), known = shares.filter(Number.isFinite);
       return { cells: [id + (tested.includes(id) ? " (under test)" : ""), ...shares], given, v, spread: Math.max(...known) - Math.min(...known) };
     });
     table.show(rows.sort((a, b) => b.spread - a.spread));

@@ -45,8 +45,9 @@ function pairChart(run, state, canvas) {
   // Draws the courses; returns the child's gap now, where there is one.
   return () => {
     const { pair, child, step } = state, pen = sharp(canvas), { paint, write, width } = pen;
-    if (key !== `${pair} ${state.selection}`) {
-      key = `${pair} ${state.selection}`;
+    const wanted = `${pair} ${state.selection}`;
+    if (key !== wanted) {
+      key = wanted;
       lines = coursesOf(run, pair, state.mask);
       recorded = run.recorded ? courseOf(run, run.recorded, pair, pair) : [];
     }

@@ -28,7 +28,6 @@ function makePlayer(run, state, map) {
     state.change({ step: 0, playing: false });
     recorder.start();
     play();
-    say("recording …");
   }
 
   function copy(command) {

@@ -43,9 +43,7 @@ function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, mar
   return { show, choose };
 }
 
-function showTables(tables) { // by the id of their places
-  for (const [id, table] of Object.entries(tables)) makeTable(byId(id), table);
-}
+const showTables = (tables) => Object.entries(tables).forEach(([id, table]) => makeTable(byId(id), table));
 
 // An element that acts on a click and on the Enter key.
 function onPress(element, act) {
