@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scex_sumo.commands.export import export_command
+from scex_sumo.commands.of_results.export import export_command
 from scex_sumo.errors import UsageError
 from scex_sumo.results.run import Run
 from scex_sumo.views.children import colors_of
