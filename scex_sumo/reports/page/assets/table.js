@@ -13,7 +13,7 @@ function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, mar
 
   function show(next = rows) {
     rows = next;
-    const sorted = by < 0 ? rows : [...rows].sort((a, b) => (isDown ? -1 : 1) * compare(a.cells[by], b.cells[by]));
+    const sorted = by < 0 ? rows : [...rows].sort((a, b) => compare(a.cells[by], b.cells[by], isDown ? -1 : 1));
     const head = cellsOf("th", (cell, { title, hint = "sort" }, i) => {
       cell.append(make("button", { textContent: title + (i === by ? (isDown ? " ↓" : " ↑") : ""), title: hint, onclick: () => sortBy(i) }));
       return cell;
@@ -51,7 +51,7 @@ function onPress(element, act) {
   return Object.assign(element, { tabIndex: 0, onclick: act, onkeydown: (event) => { if (event.key === "Enter") act(); } });
 }
 
-function compare(a, b) {
+function compare(a, b, sign) { // what is missing comes last
   if (isMissing(a) || isMissing(b)) return isMissing(a) - isMissing(b);
-  return typeof a === "string" ? a.localeCompare(b, undefined, { numeric: true }) : a - b;
+  return sign * (typeof a === "string" ? a.localeCompare(b, undefined, { numeric: true }) : a - b);
 }
