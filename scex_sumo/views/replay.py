@@ -23,12 +23,15 @@ from scex_sumo.world.colors import Rgb
 from scex_sumo.world.gui_drawings import (
     OTHER_RGB,
     ChildView,
+    Frame,
     Shown,
     draw_children,
+    draw_ids,
     draw_legend,
     frame_of,
     legend_entries,
 )
+from scex_sumo.world.gui_names import letter_height, readable
 from scex_sumo.world.gui_settings import write_view_settings
 from scex_sumo.world.tiles import TileLayout, TileTemplate
 from scex_sumo.world.vehicle_types import given_type
@@ -72,24 +75,30 @@ def write_view(
         Shown(child=child, slot=slot if grid else None, offset=layout.offset(slot))
         for slot, child in enumerate(children)
     ]
-    write_fcd(folder / f"{name}.fcd.xml", [g for s in shown for g in _groups(scene, s)], lanes)
+    groups = [group for s in shown for group in _groups(scene, s)]
+    write_fcd(folder / f"{name}.fcd.xml", groups, lanes)
     entries = legend_entries(scene, [model for child in children for model in child.models], colors)
     frame = frame_of(template.bounds, [s.offset for s in shown], entries)
     if not grid:
         frame = frame.closer(children[0].looked_at)
     drawn = draw_children(shown, colors, frame) + draw_legend(frame)
+    letter_m = 0.0
+    if not grid:
+        letter_m = frame.exaggeration * letter_height([key for group in groups for key in group.ids])
+        drawn += _choose_ids(folder / f"{name}.ids.txt", groups, children[0], letter_m, frame)
     additional.append(folder / f"{name}.add.xml")
     types = _types(scene, children, colors)
     additional[-1].write_text(f"<additional>\n{types}{drawn}</additional>\n", encoding="utf-8")
     write_view_settings(
         folder / f"{name}.view.xml",
         frame,
-        names=not grid,
+        letter_m=letter_m,
+        chosen=True,
         snapshots=snapshots,
         # At the end sumo-gui would ask whether to close; who comes for the pictures only wants it to end.
         pause_s=None if snapshots else _stop_s(children[0]),
     )
-    return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1])
+    return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1], ids=not grid)
 
 
 def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[Path, Path | None]:
@@ -106,7 +115,30 @@ def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[P
 
 def _stop_s(child: ChildView) -> float:
     """When sumo-gui stops, s: after the last state, or at that of the event."""
-    return (child.states.shape[1] if child.stop is None else child.stop + 1) * STEP_S
+    return (child.stop_state + 1) * STEP_S
+
+
+def _choose_ids(
+    path: Path, groups: Sequence[FcdTracks], child: ChildView, letter_m: float, frame: Frame
+) -> str:
+    """Select the vehicles whose ids sumo-gui writes on them: those that can be read where it stops.
+
+    Returns:
+        What is drawn in place of the ids of an event that cannot: both, beside their ring.
+    """
+    at, here = child.stop_state, [(group, n) for group in groups for n in range(len(group.ids))]
+    here.sort(key=lambda entry: entry[0] is not groups[0] or entry[1] not in child.event)
+    here = [(group, n) for group, n in here if group.present[n, at]]
+    names = [group.ids[n] for group, n in here]
+    x, y = (np.array([getattr(group.states, axis)[n, at] for group, n in here]) for axis in ("x", "y"))
+    event, beside = list(range(len(child.event))), ""
+    kept = readable(names, x, y, letter_m)
+    if not set(event) <= set(kept):
+        rest = [n for n in range(len(here)) if n not in event]
+        kept = [rest[k] for k in readable([names[n] for n in rest], x[rest], y[rest], letter_m)]
+        beside = draw_ids([names[n] for n in event], x[event], y[event], frame.line_m)
+    path.write_text("".join(f"vehicle:{names[n]}\n" for n in kept), encoding="utf-8")
+    return beside
 
 
 def _write_tiles(
@@ -175,7 +207,9 @@ def _types(scene: SeedScene, children: Sequence[ChildView], colors: Mapping[str,
     return "".join(lines)
 
 
-def _write_configuration(folder: Path, name: str, net: Path, additional: Sequence[Path], steps: int) -> Path:
+def _write_configuration(
+    folder: Path, name: str, net: Path, additional: Sequence[Path], steps: int, *, ids: bool
+) -> Path:
     """The file that sumo-gui opens; other files are named relative to it."""
 
     def relative(path: Path) -> str:
@@ -198,7 +232,7 @@ def _write_configuration(folder: Path, name: str, net: Path, additional: Sequenc
         "xml-validation": "never",
         "start": "true",
         "window-size": _WINDOW,
-    }
+    } | ({"selection-file": f"{name}.ids.txt"} if ids else {})
     lines = "".join(f"    <{key} value={quoted(value)}/>\n" for key, value in options.items())
     path = folder / f"{name}.sumocfg"
     path.write_text(f"<configuration>\n{lines}</configuration>\n", encoding="utf-8")
