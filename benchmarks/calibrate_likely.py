@@ -25,6 +25,7 @@ import numpy as np
 from calibrate import AHEAD, OFF_PATH_M, path_taken, present
 from recorded_scenes import EVERY_S, recorded_parts
 from scipy.optimize import minimize
+from scipy.stats import t as student
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
@@ -37,6 +38,7 @@ from scex_sumo.behaviors.models.idm import (
     desired_speed,
 )
 from scex_sumo.behaviors.models.likely_driver import (
+    BRAKING_MPS2,
     HARDEST_MPS2,
     HEADWAY_S,
     KEPT_SHARE,
@@ -60,17 +62,42 @@ from scex_sumo.behaviors.models.population import (
     SHIPPED,
     Population,
     population,
+    students,
 )
 from scex_sumo.scene import STEP_S, SeedScene, Who
 
 STEPS = 30
 SPEED_EDGES = (STANDING_MPS, 3.0, 7.0, 12.0, 20.0)
+BRAKING = (0.7, 0.6)  # mean and standard deviation of log deceleration towards a leader, m/s²
 RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
 FOLLOWING = {"speed": 3.0, "opening": 1.0, "headway": 3.0}
 DRAWS, TURNS = 40, 16  # of the settling
 LEAST_CLASS = 60  # vehicles of a class that sets a scale of its own
 STARTED_M = 0.7  # a standing vehicle that came this far has started; less is the boxes' jitter
 SMOOTH = 1.0  # m of way that a difference of 1 m/s² between two seconds must explain
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Manner:
+    """How n drivers come up to their leaders.
+
+    Attributes:
+        headway: (n,) s.
+        braking: (n,) m/s².
+    """
+
+    headway: FloatArray
+    braking: FloatArray
+
+    @classmethod
+    def of(cls, shown: FloatArray, known: Population, draw: FloatArray) -> Manner:
+        """As `LikelyDriver` draws them, by the headways shown (n,) and normal numbers (n, 2)."""
+        headway = np.exp(known.headway[0] + known.headway[1] * draw[:, 0])
+        most = np.maximum(KEPT_SHARE * shown, HEADWAY_S[0])
+        braking = np.exp(known.braking[0] + known.braking[1] * draw[:, 1])
+        return cls(
+            headway=np.clip(np.minimum(headway, most), *HEADWAY_S), braking=np.clip(braking, *BRAKING_MPS2)
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,13 +109,14 @@ class Samples:
         acceleration: (n,) there, m/s².
         gap: (n, 31) to the leader if the vehicle stood where it is, now and after each step, m.
         leader_speed: (n, 31) m/s.
-        headway: (n,) shown, s.
+        headway: (n,) shown, s, as in `Seen`.
+        swerve: (n,) likewise, m/s.
         features: (n, 7) shown, as in `Seen`.
         unsure: (n, 3) likewise.
         limit: (n, AHEAD) m/s.
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.
         way: (n, 30) that the vehicle really made, m.
-        offset: (n, 2) of its rear axle from the path, now and after 3 s, m.
+        offset: (n, 4) of its rear axle from the path, now and after 1, 2, 3 s, m.
     """
 
     speed: FloatArray
@@ -96,6 +124,7 @@ class Samples:
     gap: FloatArray
     leader_speed: FloatArray
     headway: FloatArray
+    swerve: FloatArray
     features: FloatArray
     unsure: FloatArray
     limit: FloatArray
@@ -130,7 +159,8 @@ def samples_of(scene: SeedScene) -> Samples | None:
     now, future, seen = scene.now[vehicle], scene.future[vehicle], seen_of(scene, paths)
     s, _, _ = project(paths, row, now.x, now.y, expected_way(history, who))
     leaders = leaders_of(history, who, paths, row, s, seen.offset[row])
-    gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, leaders.gap, leaders.speed)
+    away = leaders.gap + seen.slack[row]
+    gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, away, leaders.speed)
     ways = [
         project(paths, row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s
         for k in range(STEPS)
@@ -140,9 +170,10 @@ def samples_of(scene: SeedScene) -> Samples | None:
     square = CALIBRATED.curve_acceleration / np.maximum(curvature, 1e-6)
     slope = 2 * CALIBRATED.curve_deceleration * DS_M * np.arange(AHEAD)
     curves = np.sqrt(np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope)
-    later = future[:, STEPS - 1]
-    x, y = rear_axle(later, scene.length[vehicle])
-    _, aside, _ = project(paths, row, x, y, s + ways[-1])
+    aside = [seen.offset[row]]
+    for k in (STEPS // 3 - 1, 2 * STEPS // 3 - 1, STEPS - 1):
+        x, y = rear_axle(future[:, k], scene.length[vehicle])
+        aside.append(project(paths, row, x, y, s + ways[k])[1])
     shown = shown_by(scene)
     return Samples(
         speed=shown.speed[vehicle],
@@ -150,12 +181,13 @@ def samples_of(scene: SeedScene) -> Samples | None:
         gap=gap,
         leader_speed=leader_speed,
         headway=seen.headway[row],
+        swerve=seen.swerve[row],
         features=seen.features[row],
         unsure=seen.unsure[row],
         limit=paths.speed_limit[row[:, None], at],
         curves=curves,
         way=np.stack(ways, axis=1),
-        offset=np.column_stack([seen.offset[row], aside]),
+        offset=np.column_stack(aside),
     )
 
 
@@ -186,9 +218,11 @@ def _leader_ways(
     return gaps, speeds
 
 
-def drive(samples: Samples, headway: FloatArray, own: FloatArray) -> FloatArray:
+def drive(samples: Samples, manner: Manner, own: FloatArray) -> FloatArray:
     """(n, 30) way of `LikelyDriver` along the path taken, without steering, behind the leader as it drove."""
-    profile = IdmParameters.of(CALIBRATED, time_headway=headway)
+    profile = IdmParameters.of(
+        CALIBRATED, time_headway=manner.headway, comfort_deceleration=manner.braking
+    )
     i, v, x = np.arange(len(samples.speed)), samples.speed, np.zeros_like(samples.speed)
     ways = np.empty((len(v), STEPS))
     for step in range(STEPS):
@@ -208,7 +242,7 @@ def drive(samples: Samples, headway: FloatArray, own: FloatArray) -> FloatArray:
     return ways
 
 
-def own_accelerations(samples: Samples, headway: FloatArray) -> FloatArray:
+def own_accelerations(samples: Samples, manner: Manner) -> FloatArray:
     """(n, 3) accelerations of its own with which each vehicle goes the way that it went, m/s²."""
     one = np.zeros((SECONDS, STEPS))
     for k in range(SECONDS):
@@ -221,7 +255,7 @@ def own_accelerations(samples: Samples, headway: FloatArray) -> FloatArray:
     response = np.linalg.inv(one @ one.T + smooth.T @ smooth)
     own = np.zeros((len(samples.speed), SECONDS))
     for _ in range(6):
-        missing = samples.way - drive(samples, headway, own)
+        missing = samples.way - drive(samples, manner, own)
         own = np.clip(
             own + (missing @ one.T - own @ (smooth.T @ smooth)) @ response, -MOST_OWN_MPS2, MOST_OWN_MPS2
         )
@@ -233,21 +267,20 @@ def headway_of(samples: Samples) -> tuple[float, float]:
     opening = np.abs(samples.leader_speed[:, 0] - samples.speed)
     steady = (samples.speed > FOLLOWING["speed"]) & (opening < FOLLOWING["opening"])
     steady &= samples.headway < FOLLOWING["headway"]
-    room = np.maximum(samples.gap[:, 0] - CALIBRATED.minimum_gap, 0.5) / np.maximum(samples.speed, 1.0)
-    log = np.log(room[steady])
+    log = np.log(np.maximum(samples.headway[steady], 0.1))
     print(f"headway: {steady.sum()} steady followers, median {np.exp(np.median(log)):.2f} s")
     return float(np.median(log)), float(1.4826 * np.median(np.abs(log - np.median(log))))
 
 
 def accelerations_of(
-    samples: Samples, headway: FloatArray, importance: FloatArray
+    samples: Samples, manner: Manner, importance: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Means (K, 3, 7) and roots (K, 3, 3) of what drivers add, by class of speed, and (3,) what spreads it.
 
     Expectation and maximisation of a Student distribution: means, scale matrices and spreads in turn.
     """
-    own = own_accelerations(samples, headway)
-    left = samples.way - drive(samples, headway, own)
+    own = own_accelerations(samples, manner)
+    left = samples.way - drive(samples, manner, own)
     print(f"own accelerations leave {np.abs(left[:, -1]).mean():.2f} m of the way after 3 s")
     k = np.searchsorted(SPEED_EDGES, samples.speed, side="right")
     classes, members = range(1, len(SPEED_EDGES) + 1), []
@@ -285,35 +318,69 @@ def accelerations_of(
     return np.array([np.zeros_like(means[0]), *means]), np.array([roots[0], *roots]), unsure
 
 
-def settled(known: Population, samples: Samples, headway: FloatArray, weight: FloatArray) -> Population:
+def settled(known: Population, samples: Samples, weight: FloatArray) -> Population:
     """Shift, spread and skew of each class, until the way after 3 s is where its draws say it is.
 
     As often above as below their median, outside 5-95 % one time in ten, and there as often above as below:
     what a driver adds acts through a leader, a limit and a standstill, which the regression does not see.
     """
     rng, y = np.random.default_rng(0), samples.way[:, -1]
-    draws = [rng.standard_t(DEGREES, (len(y), SECONDS)) for _ in range(DRAWS)]
+    draws = [students(rng.random((len(y), SECONDS + 2))) for _ in range(DRAWS)]
+    drivers = [Manner.of(samples.headway, known, rng.standard_normal((len(y), 2))) for _ in range(DRAWS)]
     mean, root, skew = known.mean.copy(), known.root.copy(), known.skew.copy()
     k = known.speed_class(samples.speed)
     for turn in range(TURNS):
         now = dataclasses.replace(known, mean=mean, root=root, skew=skew)
         own = (now.own_acceleration(samples.speed, samples.features, samples.unsure, d) for d in draws)
-        ways = np.stack([drive(samples, headway, a)[:, -1] for a in own])
-        low, middle, high = np.quantile(ways, [0.05, 0.5, 0.95], axis=0)
+        ways = np.stack([drive(samples, m, a)[:, -1] for m, a in zip(drivers, own, strict=True)])
+        low, left, middle, right, high = np.quantile(ways, [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
         gain = 1.0 / (1 + turn / 4)
         for c in np.unique(k):
             w = weight[k == c] / weight[k == c].sum()
             above, below = float(w @ (y > high)[k == c]), float(w @ (y < low)[k == c])
             lift = float(w @ (y > middle)[k == c]) - 0.5
             mean[c, :, 0] += gain * lift * np.sqrt(np.diag(root[c] @ root[c].T))
-            root[c] *= np.exp(np.clip(gain * 1.5 * (above + below - 0.1), -0.3, 0.3))
+            inner = float(w @ ((y > left) & (y < right))[k == c])
+            root[c] *= np.exp(np.clip(gain * 1.5 * (0.5 - inner), -0.3, 0.3))
             skew[c] = np.clip(skew[c] + gain * (above - below), -0.7, 0.7)
             if turn == TURNS - 1:
                 print(
-                    f"class {c}: above {above:.2f}, below {below:.2f}, lift {lift:+.2f}, skew {skew[c]:+.2f}"
+                    f"class {c}: inner {inner:.2f}, above {above:.2f}, below {below:.2f}, lift {lift:+.2f}, skew {skew[c]:+.2f}"
                 )
     root[0] = root[1]
     return dataclasses.replace(known, mean=mean, root=root, skew=skew)
+
+
+def offsets_of(
+    samples: Samples, known: Population, weight: FloatArray
+) -> tuple[float, tuple[float, float], float]:
+    """``keeps_side``, ``keeps_swerve`` and ``side_m`` of `Population`.
+
+    The first by least squares over 1, 2 and 3 s of who stays near its path; the scale so that 90 % of what is
+    left after 3 s lies within 90 % of the Student distribution.
+    """
+    near = np.abs(samples.offset[:, -1]) < MOST_ASIDE_M
+    begin, swerve, after = samples.offset[near, 0], samples.swerve[near], samples.offset[near, 1:]
+    share, time_s = weight[near, None], np.arange(1.0, SECONDS + 1)
+
+    def as_population(values: FloatArray) -> Population:
+        return dataclasses.replace(known, keeps_side=values[0], keeps_swerve=(values[1], values[2]))
+
+    def left(values: FloatArray) -> FloatArray:
+        return after - as_population(values).expected_aside(begin, swerve, time_s)
+
+    result = minimize(
+        lambda values: float((share * np.minimum(left(values) ** 2, 1.0)).sum()),
+        np.array([0.6, 0.8, 1.0]),
+        method="Nelder-Mead",
+    )
+    rest = np.abs(left(result.x)[:, -1])
+    order = np.argsort(rest)
+    share = np.cumsum(weight[near][order])
+    side = float(rest[order][np.searchsorted(share, 0.9 * share[-1])] / student.ppf(0.95, DEGREES))
+    keeps, first, lasts = (float(value) for value in result.x)
+    print(f"offsets: keeps {keeps:.2f}, swerve {first:.2f} for {lasts:.2f} s, rest {side:.3f} m")
+    return keeps, (first, lasts), side
 
 
 def starts_of(samples: Samples) -> list[float]:
@@ -389,25 +456,21 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
     weight = np.repeat(1 / np.sqrt(np.maximum(count, 1)), count)
     print(f"{len(scenes)} moments, {len(samples.speed)} vehicles")
     log_headway = headway_of(samples)
-    shown = np.maximum(KEPT_SHARE * samples.headway, HEADWAY_S[0])
-    headway = np.clip(np.minimum(np.exp(log_headway[0]), shown), *HEADWAY_S)
     moving = samples.speed >= STANDING_MPS
     driving = samples.part(moving)
-    mean, root, unsure = accelerations_of(driving, headway[moving], weight[moving] / weight[moving].mean())
+    begun = dataclasses.replace(population(), headway=log_headway, braking=BRAKING)
+    manner = Manner.of(driving.headway, begun, np.zeros((len(driving.speed), 2)))
+    mean, root, unsure = accelerations_of(driving, manner, weight[moving] / weight[moving].mean())
     regressed = dataclasses.replace(
-        population(),
+        begun,
         speed_edges=np.array(SPEED_EDGES),
         mean=mean,
         root=root,
         unsure=unsure,
         skew=np.zeros(len(mean)),
     )
-    known = settled(regressed, driving, headway[moving], weight[moving])
-    begin, end = samples.offset[moving & (np.abs(samples.offset[:, 1]) < MOST_ASIDE_M)].T
-    keeps = float(begin @ end / (begin @ begin))
-    rest = end - keeps * begin
-    side = float(1.4826 * np.median(np.abs(rest - np.median(rest))))
-    print(f"offsets: keeps {keeps:.2f}, rest {side:.2f} m (standard deviation {rest.std():.2f})")
+    known = settled(regressed, driving, weight[moving])
+    keeps_side, keeps_swerve, side = offsets_of(driving, known, weight[moving])
     return {
         "speed_edges": SPEED_EDGES,
         "mean": known.mean.round(4).tolist(),
@@ -416,7 +479,9 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
         "skew": known.skew.round(4).tolist(),
         "headway": [round(v, 4) for v in log_headway],
         "start_rate": [round(v, 4) for v in starts_of(samples)],
-        "keeps_side": round(keeps, 4),
+        "braking": [round(v, 4) for v in BRAKING],
+        "keeps_side": round(keeps_side, 4),
+        "keeps_swerve": [round(v, 4) for v in keeps_swerve],
         "side_m": round(side, 4),
         "path": paths_of(scenes).round(4).tolist(),
     }

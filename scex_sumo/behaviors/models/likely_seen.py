@@ -25,9 +25,14 @@ from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, Who
 
 STANDING_MPS = 0.5
 CALM_MPS2 = 0.7  # accelerations that scatter this much around their mean tell half
+MOST_SCATTER_MPS2 = 0.5  # beyond this, scatter says no more of a driver
 CLEARANCE_M = 1.2  # of another vehicle's centre from the line that a driver keeps to
+MOST_SWERVE_MPS = 1.5
 MARGIN_M = -0.2  # measured boxes of who drives beside a vehicle may touch its own
 QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
+COUPLED_M = 2.0  # who drives nearer to its leader than this, as fast as it, is taken to keep this distance
+COUPLED_MPS = (3.0, 2.0)  # at this speed and difference of speed, at least and at most
+MOST_SLACK_M = 4.0
 
 
 def queue_place(gap_m: FloatArray, leader_speed_mps: FloatArray) -> IntArray:
@@ -121,15 +126,22 @@ class Seen:
     """What the seed scene shows along each path, (P,).
 
     Attributes:
-        headway: time headway to the leader on that path, s; inf without one.
+        leader: column of the leader on that path, as in `Leaders`; -1 without one.
+        slack: by how much further away than its box it is taken to be, m: trailers that were recorded as
+            vehicles, boxes that are too long, and those who drive side by side are not to brake for it.
+        headway: time headway to the leader, beyond the least gap, s; inf without one.
         offset: of the rear axle from the path, left positive, m, within `MOST_ASIDE_M`.
+        swerve: its speed across the path, likewise, m/s.
         features: (P, 7) what own accelerations depend on: 1, the acceleration shown, what the leader asks
             for, speed difference to it, the lag shown, the leader's acceleration, speed below the limit.
         unsure: (P, 3) what their spread depends on: scatter, size of the acceleration, leader near or not.
     """
 
+    leader: IntArray
+    slack: FloatArray
     headway: FloatArray
     offset: FloatArray
+    swerve: FloatArray
     features: FloatArray
     unsure: FloatArray
 
@@ -143,14 +155,19 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
     who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
     now, begin = scene.now[vehicle], np.full(len(vehicle), BEHIND_M)
     x, y = rear_axle(now, scene.length[vehicle])
-    offset = np.clip(project(paths, row, x, y, begin)[1], -MOST_ASIDE_M, MOST_ASIDE_M)
+    _, across, along = project(paths, row, x, y, begin)
+    offset = np.clip(across, -MOST_ASIDE_M, MOST_ASIDE_M)
     s, _, _ = project(paths, row, now.x, now.y, begin)
     leaders = leaders_of(history, who, paths, row, s, offset)
     speed, acceleration = shown.speed[vehicle], shown.acceleration[vehicle]
     free = np.full_like(speed, np.inf)
-    following = idm_acceleration(CALIBRATED, speed, free, leaders.gap, leaders.speed)
+    opening = leaders.speed - speed
+    coupled = (speed > COUPLED_MPS[0]) & (np.abs(opening) < COUPLED_MPS[1])
+    slack = np.where(coupled, np.clip(COUPLED_M - leaders.gap, 0.0, MOST_SLACK_M), 0.0)
+    gap = leaders.gap + slack
+    following = idm_acceleration(CALIBRATED, speed, free, gap, leaders.speed)
     near = leaders.gap < FAR_M
-    opening = np.where(near, leaders.speed - speed, 0.0)
+    opening = np.where(near, opening, 0.0)
     limits = (
         (acceleration, -4.0, 4.0),
         (following, -4.0, 1.6),
@@ -159,12 +176,16 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
         (_of_leader(leaders, near, shown.acceleration), -3.0, 3.0),
         (paths.speed_limit[row, int((BEHIND_M + 10.0) / DS_M)] - speed, -5.0, 10.0),
     )
+    scatter = np.log1p(np.minimum(shown.scatter[vehicle], MOST_SCATTER_MPS2))
     return Seen(
-        headway=leaders.gap / np.maximum(speed, 1.0),
+        leader=leaders.index,
+        slack=slack,
+        headway=(gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0),
         offset=offset,
+        swerve=np.clip(speed * np.sin(now.heading - along), -MOST_SWERVE_MPS, MOST_SWERVE_MPS),
         features=np.column_stack([np.ones_like(speed), *(np.clip(*values) for values in limits)]),
         unsure=np.column_stack(
-            [np.log1p(shown.scatter[vehicle]), np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]
+            [scatter, np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]
         ),
     )
 

@@ -36,9 +36,11 @@ class Population:
         unsure: (3,) and its square root grows as exp(unsure @ ``Seen.unsure``).
         skew: (K,) draws that accelerate are exp(skew) times as large, those that brake exp(-skew) times.
         headway: mean and standard deviation of the logarithm of the time headway in s.
+        braking: likewise of the deceleration with which it comes up to its leader, in m/s².
         start_rate: 1/s at which a standing vehicle starts: behind a standing leader, a moving one, alone.
         keeps_side: share of its offset from the path that a vehicle still has after 3 s,
-        side_m: and the standard deviation of the rest, m.
+        keeps_swerve: share of its speed across the path that it has at first, and for how long, s,
+        side_m: and the scale of the rest after 3 s, of `DEGREES`, m.
         path: (4,) weights of how a path fits the seed scene, see `path_features`.
     """
 
@@ -48,14 +50,24 @@ class Population:
     unsure: FloatArray
     skew: FloatArray
     headway: tuple[float, float]
+    braking: tuple[float, float]
     start_rate: tuple[float, float, float]
     keeps_side: float
+    keeps_swerve: tuple[float, float]
     side_m: float
     path: FloatArray
 
     def speed_class(self, speed: FloatArray) -> IntArray:
         """(n,) class of each speed."""
         return np.searchsorted(self.speed_edges, speed, side="right").astype(np.int64)
+
+    def expected_aside(self, offset: FloatArray, swerve: FloatArray, time_s: FloatArray) -> FloatArray:
+        """(n, T) where vehicles are beside their paths at times (T,), of what they show (n,), m."""
+        share, lasts = self.keeps_swerve
+        stays = 1 - (1 - self.keeps_side) * np.minimum(time_s / SECONDS, 1.0) ** 2
+        gone = share * lasts * (1 - np.exp(-time_s / lasts))
+        result: FloatArray = offset[:, None] * stays + swerve[:, None] * gone
+        return result
 
     def own_acceleration(
         self, speed: FloatArray, features: FloatArray, unsure: FloatArray, draw: FloatArray
@@ -87,8 +99,10 @@ def population() -> Population:
     return Population(
         **{name: np.array(given[name]) for name in arrays},
         headway=(given["headway"][0], given["headway"][1]),
+        braking=(given["braking"][0], given["braking"][1]),
         start_rate=(standing, moving, alone),
         keeps_side=given["keeps_side"],
+        keeps_swerve=(given["keeps_swerve"][0], given["keeps_swerve"][1]),
         side_m=given["side_m"],
     )
 
