@@ -69,6 +69,7 @@ from scex_sumo.scene import STEP_S, SeedScene, Who
 STEPS = 30
 SPEED_EDGES = (STANDING_MPS, 3.0, 7.0, 12.0, 20.0)
 BRAKING = (0.7, 0.6)  # mean and standard deviation of log deceleration towards a leader, m/s²
+FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half
 RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
 FOLLOWING = {"speed": 3.0, "opening": 1.0, "headway": 3.0}
 DRAWS, TURNS = 40, 16  # of the settling
@@ -110,13 +111,13 @@ class Samples:
         gap: (n, 31) to the leader if the vehicle stood where it is, now and after each step, m.
         leader_speed: (n, 31) m/s.
         headway: (n,) shown, s, as in `Seen`.
-        swerve: (n,) likewise, m/s.
+        across: (n, 3) likewise.
         features: (n, 7) shown, as in `Seen`.
         unsure: (n, 3) likewise.
         limit: (n, AHEAD) m/s.
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.
         way: (n, 30) that the vehicle really made, m.
-        offset: (n, 4) of its rear axle from the path, now and after 1, 2, 3 s, m.
+        side: (n,) offset of its rear axle from the path after 3 s, m.
     """
 
     speed: FloatArray
@@ -124,13 +125,13 @@ class Samples:
     gap: FloatArray
     leader_speed: FloatArray
     headway: FloatArray
-    swerve: FloatArray
+    across: FloatArray
     features: FloatArray
     unsure: FloatArray
     limit: FloatArray
     curves: FloatArray
     way: FloatArray
-    offset: FloatArray
+    side: FloatArray
 
     @classmethod
     def joined(cls, parts: Sequence[Samples]) -> Samples:
@@ -158,7 +159,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
     history, who = present(scene), Who(child=np.zeros_like(vehicle), vehicle=vehicle)
     now, future, seen = scene.now[vehicle], scene.future[vehicle], seen_of(scene, paths)
     s, _, _ = project(paths, row, now.x, now.y, expected_way(history, who))
-    leaders = leaders_of(history, who, paths, row, s, seen.offset[row])
+    leaders = leaders_of(history, who, paths, row, s, seen.across[row, 0])
     away = leaders.gap + seen.slack[row]
     gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, away, leaders.speed)
     ways = [
@@ -170,10 +171,8 @@ def samples_of(scene: SeedScene) -> Samples | None:
     square = CALIBRATED.curve_acceleration / np.maximum(curvature, 1e-6)
     slope = 2 * CALIBRATED.curve_deceleration * DS_M * np.arange(AHEAD)
     curves = np.sqrt(np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope)
-    aside = [seen.offset[row]]
-    for k in (STEPS // 3 - 1, 2 * STEPS // 3 - 1, STEPS - 1):
-        x, y = rear_axle(future[:, k], scene.length[vehicle])
-        aside.append(project(paths, row, x, y, s + ways[k])[1])
+    x, y = rear_axle(future[:, STEPS - 1], scene.length[vehicle])
+    _, side, _ = project(paths, row, x, y, s + ways[-1])
     shown = shown_by(scene)
     return Samples(
         speed=shown.speed[vehicle],
@@ -181,13 +180,13 @@ def samples_of(scene: SeedScene) -> Samples | None:
         gap=gap,
         leader_speed=leader_speed,
         headway=seen.headway[row],
-        swerve=seen.swerve[row],
+        across=seen.across[row],
         features=seen.features[row],
         unsure=seen.unsure[row],
         limit=paths.speed_limit[row[:, None], at],
         curves=curves,
         way=np.stack(ways, axis=1),
-        offset=np.column_stack(aside),
+        side=side,
     )
 
 
@@ -351,36 +350,25 @@ def settled(known: Population, samples: Samples, weight: FloatArray) -> Populati
     return dataclasses.replace(known, mean=mean, root=root, skew=skew)
 
 
-def offsets_of(
-    samples: Samples, known: Population, weight: FloatArray
-) -> tuple[float, tuple[float, float], float]:
-    """``keeps_side``, ``keeps_swerve`` and ``side_m`` of `Population`.
+def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, float]:
+    """``keeps_side`` (3,) and ``side_m`` of `Population`, of who stays near its path.
 
-    The first by least squares over 1, 2 and 3 s of who stays near its path; the scale so that 90 % of what is
-    left after 3 s lies within 90 % of the Student distribution.
+    Least squares, with less weight for who is far from it; the scale so that 90 % of what is left lies within
+    90 % of the Student distribution.
     """
-    near = np.abs(samples.offset[:, -1]) < MOST_ASIDE_M
-    begin, swerve, after = samples.offset[near, 0], samples.swerve[near], samples.offset[near, 1:]
-    share, time_s = weight[near, None], np.arange(1.0, SECONDS + 1)
-
-    def as_population(values: FloatArray) -> Population:
-        return dataclasses.replace(known, keeps_side=values[0], keeps_swerve=(values[1], values[2]))
-
-    def left(values: FloatArray) -> FloatArray:
-        return after - as_population(values).expected_aside(begin, swerve, time_s)
-
-    result = minimize(
-        lambda values: float((share * np.minimum(left(values) ** 2, 1.0)).sum()),
-        np.array([0.6, 0.8, 1.0]),
-        method="Nelder-Mead",
-    )
-    rest = np.abs(left(result.x)[:, -1])
+    near = np.abs(samples.side) < MOST_ASIDE_M
+    shown, after, share = samples.across[near], samples.side[near], weight[near]
+    keeps, trust = np.zeros(3), np.ones(len(after))
+    for _ in range(10):
+        w = (share * trust)[:, None]
+        keeps = np.linalg.solve((shown * w).T @ shown, (shown * w).T @ after)
+        trust = 1 / (1 + ((after - shown @ keeps) / FAR_ASIDE_M) ** 2)
+    rest = np.abs(after - shown @ keeps)
     order = np.argsort(rest)
-    share = np.cumsum(weight[near][order])
-    side = float(rest[order][np.searchsorted(share, 0.9 * share[-1])] / student.ppf(0.95, DEGREES))
-    keeps, first, lasts = (float(value) for value in result.x)
-    print(f"offsets: keeps {keeps:.2f}, swerve {first:.2f} for {lasts:.2f} s, rest {side:.3f} m")
-    return keeps, (first, lasts), side
+    passed = np.cumsum(share[order])
+    side = float(rest[order][np.searchsorted(passed, 0.9 * passed[-1])] / student.ppf(0.95, DEGREES))
+    print(f"offsets: keeps {keeps.round(2)}, rest {side:.3f} m")
+    return keeps, side
 
 
 def starts_of(samples: Samples) -> list[float]:
@@ -470,7 +458,7 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
         skew=np.zeros(len(mean)),
     )
     known = settled(regressed, driving, weight[moving])
-    keeps_side, keeps_swerve, side = offsets_of(driving, known, weight[moving])
+    keeps_side, side = offsets_of(driving, weight[moving])
     return {
         "speed_edges": SPEED_EDGES,
         "mean": known.mean.round(4).tolist(),
@@ -480,8 +468,7 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
         "headway": [round(v, 4) for v in log_headway],
         "start_rate": [round(v, 4) for v in starts_of(samples)],
         "braking": [round(v, 4) for v in BRAKING],
-        "keeps_side": round(keeps_side, 4),
-        "keeps_swerve": [round(v, 4) for v in keeps_swerve],
+        "keeps_side": keeps_side.round(4).tolist(),
         "side_m": round(side, 4),
         "path": paths_of(scenes).round(4).tolist(),
     }

@@ -42,6 +42,7 @@ from scex_sumo.behaviors.models.population import (
     population,
     students,
     uniforms,
+    way_across,
 )
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.road import Road
@@ -54,7 +55,6 @@ RELIEF_MPS2 = 3.0  # who has to brake this hard adds nothing to it
 STRONGEST_MPS2 = 4.0
 HARDEST_MPS2 = -8.0
 BRAKING_MPS2 = (0.5, 8.0)  # nobody comes up to a leader more gently or harder than that
-SIDE_POWER = 1.5  # of time, with which drivers part across the way
 CRAWL_S = 0.5  # who stands has the speed at which it crawls after about this time
 QUEUE_GAP_M = 0.5  # nobody crawls nearer to its leader
 _DRIVER, _START = 0, 1  # salts; each plan has a start of its own
@@ -141,17 +141,16 @@ class LikelyDriver:
         headway = np.exp(known.headway[0] + spread * known.headway[1] * normals(drawn[:, 5]))
         shown = np.maximum(KEPT_SHARE * seen.headway[row], HEADWAY_S[0])
         braking = np.exp(known.braking[0] + spread * known.braking[1] * normals(drawn[:, 7]))
-        time_s = np.minimum((history.step + np.arange(PLAN_STEPS + 1)) * STEP_S, SECONDS)
+        time_s = (history.step + np.arange(PLAN_STEPS + 1)) * STEP_S
         side = spread * known.side_m * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
-        aside = known.expected_aside(seen.offset[row], seen.swerve[row], time_s)
-        aside = aside + side[:, None] * (time_s / SECONDS) ** SIDE_POWER
+        side = np.clip(seen.across[row] @ known.keeps_side + side, -MOST_ASIDE_M, MOST_ASIDE_M)
         return Drivers(
             headway=np.clip(np.minimum(headway, shown), *HEADWAY_S),
             own=known.own_acceleration(
                 speed, seen.features[row], seen.unsure[row], spread * students(drawn[:, :5])
             ),
             braking=np.clip(braking, *BRAKING_MPS2),
-            aside=np.clip(aside, -MOST_ASIDE_M, MOST_ASIDE_M),
+            aside=way_across(seen.across[row], side, time_s),
             crawl=1 + np.minimum(spread, 1.0) * (2 * drawn[:, 10] - 1),
             leader=seen.leader[row],
             slack=seen.slack[row],

@@ -10,7 +10,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
 from scex_sumo.behaviors.driving.motion import curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import project
+from scex_sumo.behaviors.driving.projection import bend_at, project
 from scex_sumo.behaviors.models.idm import (
     CALIBRATED,
     CURVE_TIME_S,
@@ -27,7 +27,7 @@ STANDING_MPS = 0.5
 CALM_MPS2 = 0.7  # accelerations that scatter this much around their mean tell half
 MOST_SCATTER_MPS2 = 0.5  # beyond this, scatter says no more of a driver
 CLEARANCE_M = 1.2  # of another vehicle's centre from the line that a driver keeps to
-MOST_SWERVE_MPS = 1.5
+MOST_SWERVE = 1.5  # m/s and m/s² across a path that are believed
 MARGIN_M = -0.2  # measured boxes of who drives beside a vehicle may touch its own
 QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
 COUPLED_M = 2.0  # who drives nearer to its leader than this, as fast as it, is taken to keep this distance
@@ -130,8 +130,8 @@ class Seen:
         slack: by how much further away than its box it is taken to be, m: trailers that were recorded as
             vehicles, boxes that are too long, and those who drive side by side are not to brake for it.
         headway: time headway to the leader, beyond the least gap, s; inf without one.
-        offset: of the rear axle from the path, left positive, m, within `MOST_ASIDE_M`.
-        swerve: its speed across the path, likewise, m/s.
+        across: (P, 3) of the rear axle: offset from the path, left positive, m, within `MOST_ASIDE_M`; speed
+            across it, m/s; and how that changes, m/s².
         features: (P, 7) what own accelerations depend on: 1, the acceleration shown, what the leader asks
             for, speed difference to it, the lag shown, the leader's acceleration, speed below the limit.
         unsure: (P, 3) what their spread depends on: scatter, size of the acceleration, leader near or not.
@@ -140,8 +140,7 @@ class Seen:
     leader: IntArray
     slack: FloatArray
     headway: FloatArray
-    offset: FloatArray
-    swerve: FloatArray
+    across: FloatArray
     features: FloatArray
     unsure: FloatArray
 
@@ -155,8 +154,8 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
     who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
     now, begin = scene.now[vehicle], np.full(len(vehicle), BEHIND_M)
     x, y = rear_axle(now, scene.length[vehicle])
-    _, across, along = project(paths, row, x, y, begin)
-    offset = np.clip(across, -MOST_ASIDE_M, MOST_ASIDE_M)
+    s_rear, offset, along = project(paths, row, x, y, begin)
+    offset = np.clip(offset, -MOST_ASIDE_M, MOST_ASIDE_M)
     s, _, _ = project(paths, row, now.x, now.y, begin)
     leaders = leaders_of(history, who, paths, row, s, offset)
     speed, acceleration = shown.speed[vehicle], shown.acceleration[vehicle]
@@ -176,13 +175,16 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
         (_of_leader(leaders, near, shown.acceleration), -3.0, 3.0),
         (paths.speed_limit[row, int((BEHIND_M + 10.0) / DS_M)] - speed, -5.0, 10.0),
     )
+    before = scene.history[vehicle, -1 - HABIT_STEPS].heading
+    turn_rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
+    swerve, curvature = speed * np.sin(now.heading - along), bend_at(paths, row, s_rear)
+    turning = np.clip(speed * (turn_rate - speed * curvature), -MOST_SWERVE, MOST_SWERVE)
     scatter = np.log1p(np.minimum(shown.scatter[vehicle], MOST_SCATTER_MPS2))
     return Seen(
         leader=leaders.index,
         slack=slack,
         headway=(gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0),
-        offset=offset,
-        swerve=np.clip(speed * np.sin(now.heading - along), -MOST_SWERVE_MPS, MOST_SWERVE_MPS),
+        across=np.column_stack([offset, np.clip(swerve, -MOST_SWERVE, MOST_SWERVE), turning]),
         features=np.column_stack([np.ones_like(speed), *(np.clip(*values) for values in limits)]),
         unsure=np.column_stack(
             [scatter, np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]

@@ -38,9 +38,8 @@ class Population:
         headway: mean and standard deviation of the logarithm of the time headway in s.
         braking: likewise of the deceleration with which it comes up to its leader, in m/s².
         start_rate: 1/s at which a standing vehicle starts: behind a standing leader, a moving one, alone.
-        keeps_side: share of its offset from the path that a vehicle still has after 3 s,
-        keeps_swerve: share of its speed across the path that it has at first, and for how long, s,
-        side_m: and the scale of the rest after 3 s, of `DEGREES`, m.
+        keeps_side: (3,) what of `Seen.across` makes a vehicle's offset from its path after 3 s: 1, s, s²,
+        side_m: and the scale of the rest, of `DEGREES`, m.
         path: (4,) weights of how a path fits the seed scene, see `path_features`.
     """
 
@@ -52,22 +51,13 @@ class Population:
     headway: tuple[float, float]
     braking: tuple[float, float]
     start_rate: tuple[float, float, float]
-    keeps_side: float
-    keeps_swerve: tuple[float, float]
+    keeps_side: FloatArray
     side_m: float
     path: FloatArray
 
     def speed_class(self, speed: FloatArray) -> IntArray:
         """(n,) class of each speed."""
         return np.searchsorted(self.speed_edges, speed, side="right").astype(np.int64)
-
-    def expected_aside(self, offset: FloatArray, swerve: FloatArray, time_s: FloatArray) -> FloatArray:
-        """(n, T) where vehicles are beside their paths at times (T,), of what they show (n,), m."""
-        share, lasts = self.keeps_swerve
-        stays = 1 - (1 - self.keeps_side) * np.minimum(time_s / SECONDS, 1.0) ** 2
-        gone = share * lasts * (1 - np.exp(-time_s / lasts))
-        result: FloatArray = offset[:, None] * stays + swerve[:, None] * gone
-        return result
 
     def own_acceleration(
         self, speed: FloatArray, features: FloatArray, unsure: FloatArray, draw: FloatArray
@@ -94,17 +84,35 @@ class Population:
 def population() -> Population:
     """The shipped population."""
     given = json.loads(SHIPPED.read_text(encoding="utf-8"))
-    arrays = ("speed_edges", "mean", "root", "unsure", "skew", "path")
+    arrays = ("speed_edges", "mean", "root", "unsure", "skew", "keeps_side", "path")
     standing, moving, alone = given["start_rate"]
     return Population(
         **{name: np.array(given[name]) for name in arrays},
         headway=(given["headway"][0], given["headway"][1]),
         braking=(given["braking"][0], given["braking"][1]),
         start_rate=(standing, moving, alone),
-        keeps_side=given["keeps_side"],
-        keeps_swerve=(given["keeps_swerve"][0], given["keeps_swerve"][1]),
         side_m=given["side_m"],
     )
+
+
+def way_across(across: FloatArray, target: FloatArray, time_s: FloatArray) -> FloatArray:
+    """(n, T) offsets from the path with the least jerk, from what is shown to where a vehicle wants to be.
+
+    Args:
+        across: (n, 3) offset, m, speed, m/s, and acceleration, m/s², at time 0.
+        target: (n,) offset after `SECONDS`, kept from then on, m.
+        time_s: (T,).
+
+    Source: Takahashi et al. 1989, the quintic polynomial.
+    """
+    u = np.minimum(time_s / SECONDS, 1.0)
+    shape = (
+        1 - 10 * u**3 + 15 * u**4 - 6 * u**5,
+        SECONDS * (u - 6 * u**3 + 8 * u**4 - 3 * u**5),
+        SECONDS**2 * (u**2 - 3 * u**3 + 3 * u**4 - u**5) / 2,
+    )
+    begun: FloatArray = across @ np.stack(shape)
+    return np.asarray(begun + target[:, None] * (1 - shape[0]))
 
 
 def uniforms(draw: FloatArray, count: int, salt: int = 0) -> FloatArray:
