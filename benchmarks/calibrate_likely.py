@@ -63,12 +63,14 @@ from scex_sumo.behaviors.models.population import (
     Population,
     population,
     students,
+    way_across,
 )
 from scex_sumo.scene import STEP_S, SeedScene, Who
 
 STEPS = 30
 SPEED_EDGES = (STANDING_MPS, 3.0, 7.0, 12.0, 20.0)
 BRAKING = (0.7, 0.6)  # mean and standard deviation of log deceleration towards a leader, m/s²
+WIDER = 1.3  # of all draws: in children the leaders are drawn, too, and differ from what they did
 FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half
 RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
 FOLLOWING = {"speed": 3.0, "opening": 1.0, "headway": 3.0}
@@ -320,8 +322,9 @@ def accelerations_of(
 def settled(known: Population, samples: Samples, weight: FloatArray) -> Population:
     """Shift, spread and skew of each class, until the way after 3 s is where its draws say it is.
 
-    As often above as below their median, outside 5-95 % one time in ten, and there as often above as below:
-    what a driver adds acts through a leader, a limit and a standstill, which the regression does not see.
+    As often above as below their median, within their quartiles one time in two, and outside 5-95 % as often
+    above as below: what a driver adds acts through a leader, a limit and a standstill, which the regression
+    does not see. Quartiles, for the few who do something else shall not make all others uncertain.
     """
     rng, y = np.random.default_rng(0), samples.way[:, -1]
     draws = [students(rng.random((len(y), SECONDS + 2))) for _ in range(DRAWS)]
@@ -347,7 +350,7 @@ def settled(known: Population, samples: Samples, weight: FloatArray) -> Populati
                     f"class {c}: inner {inner:.2f}, above {above:.2f}, below {below:.2f}, lift {lift:+.2f}, skew {skew[c]:+.2f}"
                 )
     root[0] = root[1]
-    return dataclasses.replace(known, mean=mean, root=root, skew=skew)
+    return dataclasses.replace(known, mean=mean, root=WIDER * root, skew=skew)
 
 
 def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, float]:
@@ -357,7 +360,11 @@ def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, float]
     90 % of the Student distribution.
     """
     near = np.abs(samples.side) < MOST_ASIDE_M
-    shown, after, share = samples.across[near], samples.side[near], weight[near]
+    shown, share = samples.across[near], weight[near]
+    none, one = np.zeros(len(shown)), np.ones(len(shown))
+    end = np.array([float(SECONDS)])
+    by_then = way_across(0 * shown, one, end)[:, 0]
+    after = (samples.side[near] - way_across(shown, none, end)[:, 0]) / by_then
     keeps, trust = np.zeros(3), np.ones(len(after))
     for _ in range(10):
         w = (share * trust)[:, None]

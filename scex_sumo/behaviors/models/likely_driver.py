@@ -32,6 +32,7 @@ from scex_sumo.behaviors.models.likely_seen import (
     leaders_of,
     path_edges,
     queue_place,
+    room_beside,
     seen_of,
     shown_by,
 )
@@ -55,6 +56,7 @@ RELIEF_MPS2 = 3.0  # who has to brake this hard adds nothing to it
 STRONGEST_MPS2 = 4.0
 HARDEST_MPS2 = -8.0
 BRAKING_MPS2 = (0.5, 8.0)  # nobody comes up to a leader more gently or harder than that
+ROOM_SHARE = 0.8  # of the room to who drives beside it, of which a driver makes use by chance
 CRAWL_S = 0.5  # who stands has the speed at which it crawls after about this time
 QUEUE_GAP_M = 0.5  # nobody crawls nearer to its leader
 _DRIVER, _START = 0, 1  # salts; each plan has a start of its own
@@ -143,6 +145,8 @@ class LikelyDriver:
         braking = np.exp(known.braking[0] + spread * known.braking[1] * normals(drawn[:, 7]))
         time_s = (history.step + np.arange(PLAN_STEPS + 1)) * STEP_S
         side = spread * known.side_m * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
+        right, left = (ROOM_SHARE * room_beside(history.scene)[who.vehicle]).T
+        side = np.clip(side, -right, left)
         side = np.clip(seen.across[row] @ known.keeps_side + side, -MOST_ASIDE_M, MOST_ASIDE_M)
         return Drivers(
             headway=np.clip(np.minimum(headway, shown), *HEADWAY_S),

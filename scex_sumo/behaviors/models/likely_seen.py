@@ -29,6 +29,7 @@ MOST_SCATTER_MPS2 = 0.5  # beyond this, scatter says no more of a driver
 CLEARANCE_M = 1.2  # of another vehicle's centre from the line that a driver keeps to
 MOST_SWERVE = 1.5  # m/s and m/s² across a path that are believed
 MARGIN_M = -0.2  # measured boxes of who drives beside a vehicle may touch its own
+BESIDE_M = 8.0  # who is this near in front or behind, and beside the way, drives beside
 QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
 COUPLED_M = 2.0  # who drives nearer to its leader than this, as fast as it, is taken to keep this distance
 COUPLED_MPS = (3.0, 2.0)  # at this speed and difference of speed, at least and at most
@@ -119,6 +120,23 @@ def shown_by(scene: SeedScene) -> Shown:
     return Shown(
         speed=now, acceleration=calm * (calm * late + (1 - calm) * slope), scatter=scatter, lag=line - now
     )
+
+
+@derived
+def room_beside(scene: SeedScene) -> FloatArray:
+    """(V, 2) free room to the right and to the left of each vehicle, to those who drive beside it, m."""
+    now, far = scene.now, scene.length[:, None] / 2 + scene.length / 2 + BESIDE_M
+    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
+    dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
+    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    turn = now.heading - now.heading[:, None]
+    half = (np.abs(np.sin(turn)) * scene.length + np.abs(np.cos(turn)) * scene.width) / 2
+    gap = np.abs(left) - half - scene.width[:, None] / 2
+    beside = (np.abs(ahead) < far) & ((gap > 0) | (np.abs(ahead) < far - BESIDE_M))
+    np.fill_diagonal(beside, False)
+    gap = np.maximum(gap, 0.0)
+    sides = [np.where(beside & side, gap, np.inf).min(axis=1, initial=np.inf) for side in (left < 0, left > 0)]
+    return np.stack(sides, axis=1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -19,6 +19,7 @@ SHIPPED = Path(__file__).parents[1] / "weights" / "likely_driver.json"
 SECONDS = 3  # for so many intervals of 1 s a driver's own acceleration is drawn; the last one goes on
 FAR_M = 50.0  # a leader beyond this does not count for that
 MOST_OWN_MPS2 = 5.0
+ASIDE_S = 3.0
 MOST_ASIDE_M = 1.75  # from the path: further off, a vehicle is on its way somewhere
 DEGREES = 4  # of freedom of the drawn accelerations: people are at times far from what one expects
 _WEYL = np.uint64(0x9E3779B97F4A7C15)
@@ -38,7 +39,8 @@ class Population:
         headway: mean and standard deviation of the logarithm of the time headway in s.
         braking: likewise of the deceleration with which it comes up to its leader, in m/s².
         start_rate: 1/s at which a standing vehicle starts: behind a standing leader, a moving one, alone.
-        keeps_side: (3,) what of `Seen.across` makes a vehicle's offset from its path after 3 s: 1, s, s²,
+        keeps_side: (3,) what of `Seen.across` makes the offset from its path that a vehicle moves to within
+            `ASIDE_S`: 1, s, s²,
         side_m: and the scale of the rest, of `DEGREES`, m.
         path: (4,) weights of how a path fits the seed scene, see `path_features`.
     """
@@ -100,16 +102,16 @@ def way_across(across: FloatArray, target: FloatArray, time_s: FloatArray) -> Fl
 
     Args:
         across: (n, 3) offset, m, speed, m/s, and acceleration, m/s², at time 0.
-        target: (n,) offset after `SECONDS`, kept from then on, m.
+        target: (n,) offset after `ASIDE_S`, kept from then on, m.
         time_s: (T,).
 
     Source: Takahashi et al. 1989, the quintic polynomial.
     """
-    u = np.minimum(time_s / SECONDS, 1.0)
+    u = np.minimum(time_s / ASIDE_S, 1.0)
     shape = (
         1 - 10 * u**3 + 15 * u**4 - 6 * u**5,
-        SECONDS * (u - 6 * u**3 + 8 * u**4 - 3 * u**5),
-        SECONDS**2 * (u**2 - 3 * u**3 + 3 * u**4 - u**5) / 2,
+        ASIDE_S * (u - 6 * u**3 + 8 * u**4 - 3 * u**5),
+        ASIDE_S**2 * (u**2 - 3 * u**3 + 3 * u**4 - u**5) / 2,
     )
     begun: FloatArray = across @ np.stack(shape)
     return np.asarray(begun + target[:, None] * (1 - shape[0]))
