@@ -347,7 +347,8 @@ def settled(known: Population, samples: Samples, weight: FloatArray) -> Populati
             skew[c] = np.clip(skew[c] + gain * (above - below), -0.7, 0.7)
             if turn == TURNS - 1:
                 print(
-                    f"class {c}: inner {inner:.2f}, above {above:.2f}, below {below:.2f}, lift {lift:+.2f}, skew {skew[c]:+.2f}"
+                    f"class {c}: within quartiles {inner:.2f}, above {above:.2f}, below {below:.2f}, "
+                    f"lift {lift:+.2f}, skew {skew[c]:+.2f}"
                 )
     root[0] = root[1]
     return dataclasses.replace(known, mean=mean, root=WIDER * root, skew=skew)

@@ -56,6 +56,7 @@ GUARDS: Mapping[str, GuardProfile] = MappingProxyType(
             margin=0.15,
             alongside_margin=0.05,
             time_margin=0.3,
+            touching=0.3,
         )
     }
 )

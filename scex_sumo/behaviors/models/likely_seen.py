@@ -32,7 +32,7 @@ MARGIN_M = -0.2  # measured boxes of who drives beside a vehicle may touch its o
 BESIDE_M = 8.0  # who is this near in front or behind, and beside the way, drives beside
 QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
 COUPLED_M = 2.0  # who drives nearer to its leader than this, as fast as it, is taken to keep this distance
-COUPLED_MPS = (3.0, 2.0)  # at this speed and difference of speed, at least and at most
+COUPLED_MPS = (3.0, 5.0)  # at this speed and difference of speed, at least and at most
 MOST_SLACK_M = 4.0
 
 
@@ -135,8 +135,8 @@ def room_beside(scene: SeedScene) -> FloatArray:
     beside = (np.abs(ahead) < far) & ((gap > 0) | (np.abs(ahead) < far - BESIDE_M))
     np.fill_diagonal(beside, False)
     gap = np.maximum(gap, 0.0)
-    sides = [np.where(beside & side, gap, np.inf).min(axis=1, initial=np.inf) for side in (left < 0, left > 0)]
-    return np.stack(sides, axis=1)
+    near = (np.where(beside & side, gap, np.inf) for side in (left < 0, left > 0))
+    return np.stack([each.min(axis=1, initial=np.inf) for each in near], axis=1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
