@@ -221,9 +221,7 @@ def _leader_ways(
 
 def drive(samples: Samples, manner: Manner, own: FloatArray) -> FloatArray:
     """(n, 30) way of `LikelyDriver` along the path taken, without steering, behind the leader as it drove."""
-    profile = IdmParameters.of(
-        CALIBRATED, time_headway=manner.headway, comfort_deceleration=manner.braking
-    )
+    profile = IdmParameters.of(CALIBRATED, time_headway=manner.headway, comfort_deceleration=manner.braking)
     i, v, x = np.arange(len(samples.speed)), samples.speed, np.zeros_like(samples.speed)
     ways = np.empty((len(v), STEPS))
     for step in range(STEPS):

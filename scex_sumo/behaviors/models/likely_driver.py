@@ -190,9 +190,7 @@ def _acceleration(
     shown = shown_by(history.scene)
     habit = (shown.speed[who.vehicle], shown.acceleration[who.vehicle])
     stood = habit[0] < STANDING_MPS
-    profile = IdmParameters.of(
-        CALIBRATED, time_headway=drivers.headway, comfort_deceleration=drivers.braking
-    )
+    profile = IdmParameters.of(CALIBRATED, time_headway=drivers.headway, comfort_deceleration=drivers.braking)
     away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
     crawl = np.minimum(habit[0] * drivers.crawl, STANDING_MPS)
 

@@ -204,9 +204,7 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
         headway=(gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0),
         across=np.column_stack([offset, np.clip(swerve, -MOST_SWERVE, MOST_SWERVE), turning]),
         features=np.column_stack([np.ones_like(speed), *(np.clip(*values) for values in limits)]),
-        unsure=np.column_stack(
-            [scatter, np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]
-        ),
+        unsure=np.column_stack([scatter, np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]),
     )
 
 
