@@ -22,7 +22,7 @@ from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.notes import handover_notes, outcome_notes, recorded_info
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.workers.pool import Workers
 from scex_sumo.extrapolation.writing import write_tables
 from scex_sumo.files import TemporaryFolder
 from scex_sumo.metrics.registry import thresholds_of

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from scex_sumo.extrapolation.extrapolate import Progress, extrapolate
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.workers.pool import Workers
 from scex_sumo.results.run import REFERENCE, Run
 from scex_sumo.scene import SeedScene
 

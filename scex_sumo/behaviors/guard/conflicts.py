@@ -7,19 +7,17 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.guard.boxes import box_distances
 from scex_sumo.behaviors.guard.profile import GuardProfile
 from scex_sumo.behaviors.guard.ways import SAMPLE_S, SAMPLES, Expected, PlannedWays, expected
-from scex_sumo.derived import derived
-from scex_sumo.geometry.rectangles import rectangle_distance
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, Who
+from scex_sumo.scene import STEP_S, SceneHistory, Who
 
 MOST_PAIRS = 256  # at a time: bounds the memory, and stays near the processor
 SAME_WAY = 0.5  # cosine above which two go the same way: one follows the other instead of waiting for it
 TOWARDS = -0.5  # cosine below which one comes towards the other
 ORDER_DOUBT_M = 0.5
 AT_ONCE_M = 0.5
-FAR_M = 25.0  # centres of vehicles whose boxes may touch are nearer
 CROSSING_M = 0.5  # two are at their crossing where the offset is this near to the least one
 
 
@@ -107,22 +105,6 @@ def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
         near[:, : scene.vehicles] &= (box_distances(scene) >= view.profile.touching)[who.vehicle]
     i, j = np.nonzero(near)
     return i, j
-
-
-@derived
-def box_distances(scene: SeedScene) -> FloatArray:
-    """(V, V) distance of the vehicles' boxes in a seed scene, m; inf beyond 25 m of their centres."""
-    now, length, width = scene.now, scene.length, scene.width
-    dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
-    i, j = np.nonzero(np.hypot(dx, dy) < FAR_M)
-    cos, sin = np.cos(now.heading), np.sin(now.heading)
-    distance = np.full(dx.shape, np.inf)
-    distance[i, j] = rectangle_distance(
-        dx=dx[i, j], dy=dy[i, j],
-        cos_1=cos[i], sin_1=sin[i], cos_2=cos[j], sin_2=sin[j],
-        length_1=length[i], width_1=width[i], length_2=length[j], width_2=width[j],
-    )  # fmt: skip
-    return distance
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,7 +18,7 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import expected_way, project
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.models.idm import (
     CALIBRATED,
     CURVE_TIME_S,
@@ -116,7 +116,7 @@ class LikelyDriver:
         paths, row = self._paths(history, road, who)
         drivers = self._drivers(history, road, who, paths, row)
         own = history.now[who.child, who.vehicle]
-        s, _, _ = project(paths, row, own.x, own.y, expected_way(history, who))
+        s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
         leaders = leaders_of(history, who, paths, row, s, drivers.aside[:, 0])
         waits = self._waits(history, who, leaders)
         accelerate = _acceleration(history, who, paths, row, leaders, drivers, waits)
@@ -143,7 +143,7 @@ class LikelyDriver:
         headway = np.exp(known.headway[0] + spread * known.headway[1] * normals(drawn[:, 5]))
         shown = np.maximum(KEPT_SHARE * seen.headway[row], HEADWAY_S[0])
         braking = np.exp(known.braking[0] + spread * known.braking[1] * normals(drawn[:, 7]))
-        time_s = (history.step + np.arange(PLAN_STEPS + 1)) * STEP_S
+        time_s = np.arange(history.step, history.step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
         side = spread * known.side_m * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
         right, left = (ROOM_SHARE * room_beside(history.scene)[who.vehicle]).T
         side = np.clip(side, -right, left)

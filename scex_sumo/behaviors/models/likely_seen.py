@@ -10,7 +10,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
 from scex_sumo.behaviors.driving.motion import curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import bend_at, project
+from scex_sumo.behaviors.driving.projection import bend_at, foot_points
 from scex_sumo.behaviors.models.idm import (
     CALIBRATED,
     CURVE_TIME_S,
@@ -90,7 +90,7 @@ def asked_acceleration(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Shown:
+class LastSecond:
     """What the last second of each vehicle shows, (V,).
 
     Attributes:
@@ -107,7 +107,7 @@ class Shown:
 
 
 @derived
-def shown_by(scene: SeedScene) -> Shown:
+def shown_by(scene: SeedScene) -> LastSecond:
     """What the last second of a seed scene shows of its vehicles."""
     speed = scene.history.speed
     time = STEP_S * (np.arange(speed.shape[1]) - (speed.shape[1] - 1) / 2)
@@ -117,7 +117,7 @@ def shown_by(scene: SeedScene) -> Shown:
     calm = 1 / (1 + (scatter / CALM_MPS2) ** 2)
     now = np.maximum(speed[:, -1], 0.0)
     line = speed.mean(axis=1) + slope * time[-1]
-    return Shown(
+    return LastSecond(
         speed=now, acceleration=calm * (calm * late + (1 - calm) * slope), scatter=scatter, lag=line - now
     )
 
@@ -170,12 +170,9 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     row, shown = np.arange(len(vehicle)), shown_by(scene)
     who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
-    now, begin = scene.now[vehicle], np.full(len(vehicle), BEHIND_M)
-    x, y = rear_axle(now, scene.length[vehicle])
-    s_rear, offset, along = project(paths, row, x, y, begin)
-    offset = np.clip(offset, -MOST_ASIDE_M, MOST_ASIDE_M)
-    s, _, _ = project(paths, row, now.x, now.y, begin)
-    leaders = leaders_of(history, who, paths, row, s, offset)
+    now, across = scene.now[vehicle], _across(scene, paths, vehicle, row)
+    s, _, _ = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
+    leaders = leaders_of(history, who, paths, row, s, across[:, 0])
     speed, acceleration = shown.speed[vehicle], shown.acceleration[vehicle]
     free = np.full_like(speed, np.inf)
     opening = leaders.speed - speed
@@ -193,19 +190,28 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
         (_of_leader(leaders, near, shown.acceleration), -3.0, 3.0),
         (paths.speed_limit[row, int((BEHIND_M + 10.0) / DS_M)] - speed, -5.0, 10.0),
     )
-    before = scene.history[vehicle, -1 - HABIT_STEPS].heading
-    turn_rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
-    swerve, curvature = speed * np.sin(now.heading - along), bend_at(paths, row, s_rear)
-    turning = np.clip(speed * (turn_rate - speed * curvature), -MOST_SWERVE, MOST_SWERVE)
     scatter = np.log1p(np.minimum(shown.scatter[vehicle], MOST_SCATTER_MPS2))
     return Seen(
         leader=leaders.index,
         slack=slack,
         headway=(gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0),
-        across=np.column_stack([offset, np.clip(swerve, -MOST_SWERVE, MOST_SWERVE), turning]),
+        across=across,
         features=np.column_stack([np.ones_like(speed), *(np.clip(*values) for values in limits)]),
         unsure=np.column_stack([scatter, np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]),
     )
+
+
+def _across(scene: SeedScene, paths: SeedPaths, vehicle: IntArray, row: IntArray) -> FloatArray:
+    """(P, 3) motion of rear axles across their paths, as in `Seen`."""
+    now, speed = scene.now[vehicle], shown_by(scene).speed[vehicle]
+    x, y = rear_axle(now, scene.length[vehicle])
+    s, offset, along = foot_points(paths, row, x, y, np.full(len(row), BEHIND_M))
+    before = scene.history[vehicle, -1 - HABIT_STEPS].heading
+    turn_rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
+    swerve = speed * np.sin(now.heading - along)
+    turning = speed * (turn_rate - speed * bend_at(paths, row, s))
+    most = np.array([MOST_ASIDE_M, MOST_SWERVE, MOST_SWERVE])
+    return np.clip(np.column_stack([offset, swerve, turning]), -most, most)
 
 
 def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatArray:
@@ -223,7 +229,7 @@ def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     row = np.arange(len(vehicle))
     now = scene.now[vehicle]
-    s, offset, heading = project(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
+    s, offset, heading = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
     calm = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
     at = row * paths.samples + np.clip(s / DS_M, 0, paths.samples - 1).astype(np.int64)
     excess = np.maximum(now.speed - calm[at], 0.0)
