@@ -211,7 +211,8 @@ def _across(scene: SeedScene, paths: SeedPaths, vehicle: IntArray, row: IntArray
     swerve = speed * np.sin(now.heading - along)
     turning = speed * (turn_rate - speed * bend_at(paths, row, s))
     most = np.array([MOST_ASIDE_M, MOST_SWERVE, MOST_SWERVE])
-    return np.clip(np.column_stack([offset, swerve, turning]), -most, most)
+    across: FloatArray = np.clip(np.column_stack([offset, swerve, turning]), -most, most)
+    return across
 
 
 def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatArray:
