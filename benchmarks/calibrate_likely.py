@@ -1,6 +1,6 @@
 """Fits the population of likely_driver to recordings and writes ``behaviors/weights/likely_driver.json``.
 
-    python benchmarks/calibrate_likely.py [--data FOLDER] [-o FILE]
+    python benchmarks/calibrate_likely.py [--data FOLDER] [--without SET] [-o FILE]
 
 From the training part by time of TAF-BW and MONA, and from the NGSIM files that are not kept for tests
 (``benchmarks/driven.py`` and docs/validity.md name them). Every vehicle is put on the path that it took; what
@@ -486,8 +486,10 @@ def main() -> None:
     )
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", "../shared/data")))
     parser.add_argument("-o", "--out", type=Path, default=SHIPPED)
+    parser.add_argument("--without", choices=list(EVERY_S), help="data set to leave out")
     arguments = parser.parse_args()
-    sets = {name: list(recorded_parts(arguments.data, name, "train")) for name in EVERY_S}
+    names = [name for name in EVERY_S if name != arguments.without]
+    sets = {name: list(recorded_parts(arguments.data, name, "train")) for name in names}
     arguments.out.write_text(json.dumps(fit(sets), indent=1) + "\n", encoding="utf-8")
 
 
