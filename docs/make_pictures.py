@@ -250,8 +250,15 @@ def metrics() -> None:
         figure.savefig(IMAGES / "metrics.svg", metadata={"Date": None})
 
 
+def handover() -> None:
+    """One child in sumo-gui beside what was exported of it; needs a screen or Xvfb."""
+    import handover_picture
+
+    handover_picture.main()
+
+
 PICTURES: dict[str, Callable[[], None]] = {
-    made.__name__: made for made in (overview, scene_graph, attention, converter, metrics)
+    made.__name__: made for made in (overview, scene_graph, attention, converter, metrics, handover)
 }
 
 
