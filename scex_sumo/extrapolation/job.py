@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.errors import ScexError
@@ -50,6 +50,7 @@ class Job:
         assignment: (C, V) index into ``models``, for all children of the run.
         folder: the result folder.
         gui: show the run live in sumo-gui.
+        counted: (T, V) steps in which a vehicle counts in metrics; None: all.
     """
 
     scene: SeedScene
@@ -59,6 +60,7 @@ class Job:
     assignment: IntArray
     folder: Path
     gui: bool = False
+    counted: BoolArray | None = None
 
     @property
     def road(self) -> Road:
@@ -156,7 +158,9 @@ def run_batch(job: Job, sumo: SumoWorld | None, children: IntArray, *, on_step: 
     rollout = roll_out(
         world, job.road, job.scene, cast, steps=settings.steps, replan=settings.replan, on_step=on_step
     )
-    found = measure_outcome(job.scene, rollout, metrics=settings.measured, preset=settings.rule)
+    found = measure_outcome(
+        job.scene, rollout, metrics=settings.measured, preset=settings.rule, counted=job.counted
+    )
     values, hits = found.values, found.collisions
     ids = job.scene.track_ids
     return Part(

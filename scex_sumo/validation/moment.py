@@ -13,7 +13,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.net.convert import SumoNet
 from scex_sumo.errors import TrackError
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, run_batch
-from scex_sumo.extrapolation.measure import measure_recorded
+from scex_sumo.extrapolation.measure import measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.ranking.moments import Failure
@@ -62,6 +62,7 @@ def _forecast(task: MomentTask, road: Road, net: SumoNet) -> Forecast:
         raise TrackError(f"no vehicle is recorded for {steps} steps after it; take another moment")
     asked = dataclasses.replace(task.settings.run, preset="both", metrics=None, keep_plans=False)
     plain = RunSettings(models="constant_velocity", children=1, steps=steps, keep_plans=False)
+    # Who leaves the recording leaves the children at the same step: like is compared with like.
     children = _run(scene, net, asked, built(task.settings.models), len(task.children))
     straight = _run(scene, net, plain, ModelSet.of(plain), 1)
     first = _run(scene, net, dataclasses.replace(plain, steps=1), ModelSet.of(plain), 1)
@@ -95,7 +96,8 @@ class _Children:
 def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet, count: int) -> _Children:
     models.try_on(scene, seed=settings.seed)
     drawn = models.draw(scene.track_ids, children=count, seed=settings.seed, design=settings.design)
-    job = Job(scene, net, settings, models, drawn, net.path.parent)
+    counted = recorded_steps_of(scene, settings.steps)
+    job = Job(scene, net, settings, models, drawn, net.path.parent, counted=counted)
     batches = batches_of(range(count), batch_size(job), apart=job.apart)
     slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
     with SumoWorld(net, scene, slots=slots) as world:

@@ -119,13 +119,15 @@ class IdmParameters:
     max_deceleration: FloatArray | float
 
     @classmethod
-    def of(cls, profile: IdmProfile, *, time_headway: FloatArray) -> IdmParameters:
-        """Those of a profile, with time headways of the vehicles' own, (n,) in s."""
+    def of(
+        cls, profile: IdmProfile, *, time_headway: FloatArray, comfort_deceleration: FloatArray
+    ) -> IdmParameters:
+        """Those of a profile, with the vehicles' own time headways (n,), s, and decelerations (n,), m/s²."""
         return cls(
             time_headway=time_headway,
             minimum_gap=profile.minimum_gap,
             max_acceleration=profile.max_acceleration,
-            comfort_deceleration=profile.comfort_deceleration,
+            comfort_deceleration=comfort_deceleration,
             max_deceleration=profile.max_deceleration,
         )
 
