@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.compute as pc
 
 from scex_sumo.arrays import IntArray
 from scex_sumo.errors import ResultError, UsageError
@@ -14,18 +15,18 @@ from scex_sumo.files import write_atomic
 from scex_sumo.metrics.registry import side_of
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
-from scex_sumo.views.replay import write_view
+from scex_sumo.views.replay import ReadNet, write_view
 from scex_sumo.world.colors import model_colors
 from scex_sumo.world.gui_drawings import ChildView
 
 
 def write_critical(run: Run) -> list[Path]:
     """Files for plain sumo-gui: the most critical child by each metric that is defined in any."""
-    files = []
+    files, net = [], ReadNet.of(run.net.path)
     for column in run.columns:
         if column.endswith("_mean") or len(run.samples(column)) == 0:
             continue
-        child = write_worst(run, column)
+        child = write_worst(run, column, net)
         link = child.with_name(f"critical_{column}.sumocfg")
         write_atomic(link, child.read_bytes())
         files.append(link)
@@ -37,17 +38,23 @@ def write_child(run: Run, number: int) -> Path:
     return _write(run, [_child_view(run, number)])
 
 
-def write_worst(run: Run, column: str) -> Path:
-    """Files that show the child most critical by a metric, at its worst step; returns the one to open."""
+def write_worst(run: Run, column: str, net: ReadNet | None = None) -> Path:
+    """Files that show the child most critical by a metric, at its worst step; returns the one to open.
+
+    Args:
+        run: a finished run.
+        column: the metric.
+        net: the run's, where it has been read for other children.
+    """
     column = run.column(column)
     number = run.most_critical(column)
-    same = [row for row in run.worst.to_pylist() if (row["child"], row["metric"]) == (number, column)]
+    same = run.worst.filter((pc.field("child") == number) & (pc.field("metric") == column)).to_pylist()
     if not same:  # the mean of a child has no step of its own
-        return _write(run, [_child_view(run, number, title=f"most critical by {column}")])
+        return _write(run, [_child_view(run, number, title=f"most critical by {column}")], net)
     row = same[0]
     tracks = [track for track in (row["track_id"], row["other_id"]) if track is not None]
     step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
-    return _write(run, [_event_view(run, number, tracks, step, f"{column} {row['value']:.3g}")])
+    return _write(run, [_event_view(run, number, tracks, step, f"{column} {row['value']:.3g}")], net)
 
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
@@ -143,7 +150,7 @@ def _event_view(run: Run, number: int, tracks: Sequence[int], step: int, what: s
     )
 
 
-def _write(run: Run, views: Sequence[ChildView]) -> Path:
+def _write(run: Run, views: Sequence[ChildView], net: ReadNet | None = None) -> Path:
     names = sorted(set(run.assignments["model"].unique().to_pylist()))
     colors = dict(zip(names, model_colors(names), strict=True))
-    return write_view(run.net.path.parent, run.net, run.scene, views, colors)
+    return write_view(run.net.path.parent, run.net, run.scene, views, colors, again=net)
