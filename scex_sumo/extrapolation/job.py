@@ -34,7 +34,7 @@ from scex_sumo.world.sumo import TILE_SLOTS, SumoDriven, SumoWorld
 
 OnStep = Callable[[int], None]
 
-VEHICLES_AT_ONCE = 2400  # in a batch, over all its children
+VEHICLES_AT_ONCE = 6000  # in a batch, over all its children
 BATCHES_EACH = 2  # of each of several processes, at least: whoever starts later does less
 
 
