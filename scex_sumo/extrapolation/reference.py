@@ -53,6 +53,7 @@ def add_reference(
         models=mix,
         children=CHILDREN,
         keep_plans=False,
+        world="plain" if settings.get("world") == "plain" else "checked",
         **shared,
     )
 

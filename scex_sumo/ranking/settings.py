@@ -82,6 +82,7 @@ class RankSettings:
             seed=self.seed,
             thresholds=self.thresholds,
             keep_plans=False,
+            world="checked",
         )
         limits = {**thresholds_of(run.measured), **run.thresholds}
         settled = {

@@ -132,16 +132,9 @@ def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder) -> Non
             f"        <vehicle id={quoted(key)} type={quoted(kind)}"
             for key, kind in zip(group.ids, group.types, strict=True)
         ]
-        columns = (
-            vehicle,
-            when,
-            x[there] + dx,
-            y[there] + dy,
-            angle[there],
-            group.states.speed[there],
-            along,
-        )
-        for name, n, t, *numbers in zip(names, *(column.tolist() for column in columns), strict=True):
+        places = (x[there] + dx, y[there] + dy, angle[there], group.states.speed[there], along)
+        columns = [column.tolist() for column in (vehicle, when, *places)]
+        for name, n, t, *numbers in zip(names, *columns, strict=True):
             lane = name if group.tile is None else tile_id(group.tile, name)
             at_x, at_y, turned, speed, position = numbers
             rows[t].append(

@@ -159,7 +159,7 @@ class RunningBatch:
         return self._chosen[driven]
 
     def part_ways(self, poses: Sequence[FloatArray]) -> IntArray:
-        """Tell vehicles apart that are put to different places, (C, V) each; those new to SUMO (flat index)."""
+        """Tell vehicles apart that are put to different places, (C, V) each; who is new to SUMO (flat)."""
         new = self.stand_ins.part_ways([values.reshape(-1) for values in poses])
         if len(new):
             self._chosen.clear()
