@@ -29,7 +29,7 @@ from scipy.optimize import minimize
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, seed_paths
-from scex_sumo.behaviors.driving.projection import expected_way, project
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.models.idm import (
     CALIBRATED,
     CURVE_TIME_S,
@@ -128,11 +128,11 @@ def samples_of(scene: SeedScene) -> Samples | None:
         return None
     history, who = present(scene), Who(child=np.zeros_like(vehicle), vehicle=vehicle)
     now, future, seen = scene.now[vehicle], scene.future[vehicle], seen_of(scene, paths)
-    s, _, _ = project(paths, row, now.x, now.y, expected_way(history, who))
+    s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
     leaders = leaders_of(history, who, paths, row, s, seen.offset[row])
     gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, leaders.gap, leaders.speed)
     ways = [
-        project(paths, row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s
+        foot_points(paths, row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s
         for k in range(STEPS)
     ]
     at = np.clip((s / DS_M).astype(np.int64)[:, None] + np.arange(AHEAD), 0, paths.samples - 1)
@@ -142,7 +142,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
     curves = np.sqrt(np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope)
     later = future[:, STEPS - 1]
     x, y = rear_axle(later, scene.length[vehicle])
-    _, aside, _ = project(paths, row, x, y, s + ways[-1])
+    _, aside, _ = foot_points(paths, row, x, y, s + ways[-1])
     shown = shown_by(scene)
     return Samples(
         speed=shown.speed[vehicle],
@@ -177,10 +177,10 @@ def _leader_ways(
     if len(known):
         leader = scene.future[index[known]]
         first = scene.now[index[known]]
-        start = project(paths, row[known], first.x, first.y, s[known] + np.minimum(gap[known], 100.0))[0]
+        start = foot_points(paths, row[known], first.x, first.y, s[known] + np.minimum(gap[known], 100.0))[0]
         for k in range(STEPS):
             guess = start + speed[known] * time[k + 1]
-            there = project(paths, row[known], leader.x[:, k], leader.y[:, k], guess)[0]
+            there = foot_points(paths, row[known], leader.x[:, k], leader.y[:, k], guess)[0]
             gaps[known, k + 1] = gap[known] + there - start
         speeds[known, 1:] = leader.speed[:, :STEPS]
     return gaps, speeds
@@ -348,7 +348,7 @@ def choices_of(scenes: Iterable[SeedScene]) -> Iterator[tuple[FloatArray, FloatA
             rows = paths.first[v] + np.arange(paths.count[v])
             whole = np.full(len(rows), 1.0)
             way = 20.0 + 3.0 * scene.now.speed[v]
-            off = np.abs(project(paths, rows, later.x[j] * whole, later.y[j] * whole, way * whole)[1])
+            off = np.abs(foot_points(paths, rows, later.x[j] * whole, later.y[j] * whole, way * whole)[1])
             if off.min() > OFF_PATH_M or off.max() < off.min() + 1.5:
                 continue
             share = np.diff(paths.draw_edges[rows], prepend=0.0)

@@ -17,12 +17,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from scex_sumo.converters.fidelity.loading import sumo_binary
 from scex_sumo.converters.fidelity.report import check_net, drive_net
 from scex_sumo.converters.lanelet.origin import find_origin
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.errors import ScexError
+from scex_sumo.programs import program
 from scex_sumo.road import Road
 
 
@@ -56,7 +56,7 @@ def round_trip(net_path: Path, road: Road, folder: Path) -> dict[str, Any]:
     there = ["-s", str(net_path), "--opendrive-output", str(exported)]
     again = ["--opendrive-files", str(exported), "-o", str(back), "--opendrive.internal-shapes"]
     for options in (there, [*again, "--opendrive.curve-resolution", "0.5"]):
-        command = [sumo_binary("netconvert"), *keep, *options]
+        command = [program("netconvert"), *keep, *options]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             errors = [line for line in done.stderr.splitlines() if line.startswith("Error")]

@@ -30,14 +30,13 @@ from typing import Any
 import numpy as np
 import predictors_measures as measures
 from predictors_report import tables
-from scex_sumo.behaviors.learned.graph_image_predictor import GraphImagePredictor
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.guarded import Guarded
-from scex_sumo.behaviors.learned.models import GraphPredictor
+from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
 from scex_sumo.behaviors.registry import ModelSpec, build
-from scex_sumo.commands.train import train_command
+from scex_sumo.commands.of_datasets.train import train_command
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
 from scex_sumo.training.data.samples import learnable
 

@@ -11,7 +11,7 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths, seed_paths
-from scex_sumo.behaviors.driving.projection import project
+from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.learned.decoding import plan_along
 from scex_sumo.behaviors.learned.driver import LearnedDriver
 from scex_sumo.behaviors.learned.seen.surface import Surface, path_room, surface_of
@@ -187,7 +187,9 @@ def _on_map(scene: SeedScene, road: Road, states: States) -> BoolArray:
     for k in range(int(paths.count.max())):
         some = np.flatnonzero(paths.count > k)
         row = np.repeat((paths.first + k)[some], steps)
-        s, d, _ = project(paths, row, states.x[some].ravel(), states.y[some].ravel(), expected[some].ravel())
+        s, d, _ = foot_points(
+            paths, row, states.x[some].ravel(), states.y[some].ravel(), expected[some].ravel()
+        )
         s, d = s.reshape(len(some), steps), np.abs(d).reshape(len(some), steps)
         closer = d < nearest[some]
         inside = s + scene.length[some, None] / 2 < end[(paths.first + k)[some], None]

@@ -34,7 +34,7 @@ from scex_sumo.ranking.rank import rank
 from scex_sumo.ranking.ranking_run import RankingRun
 from scex_sumo.ranking.run_moment import MomentTask, run_moment
 from scex_sumo.ranking.settings import RankSettings
-from scex_sumo.ranking.tasks import cut
+from scex_sumo.ranking.tasks import moment_tasks
 from scex_sumo.ranking.workers import DaskWorkers, LocalWorkers, MomentWorkers
 
 DATASET = scex_sumo.example_path("roundabout").parent
@@ -141,7 +141,7 @@ def costs(args: argparse.Namespace) -> None:
     for ref, one in refs:
         seed_at(one, ref.time_s, case=ref.case or None)
     building = (time.process_time() - begin) / len(refs)
-    items = cut(
+    items = moment_tasks(
         [one.recording for one in loaded],
         listings,
         settings_of(args),

@@ -26,7 +26,7 @@ from scex_sumo.converters.net.convert import convert
 from scex_sumo.errors import MissingExtraError
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate_pairs
-from scex_sumo.reports.run_pictures import cumulative_panel, density_panel, futures_of, scene_panel
+from scex_sumo.reports.pictures.runs import cumulative_panel, density_panel, futures_of, scene_panel
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, States
 

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from scex_sumo.metrics.registry import metric as metric
     from scex_sumo.ranking.rank import Ranking as Ranking
     from scex_sumo.ranking.rank import rank as rank
-    from scex_sumo.reports.attention_picture import plot_attention as plot_attention
-    from scex_sumo.reports.scene_graph_picture import plot_scene_graph as plot_scene_graph
+    from scex_sumo.reports.pictures.attention import plot_attention as plot_attention
+    from scex_sumo.reports.pictures.scene_graph import plot_scene_graph as plot_scene_graph
     from scex_sumo.results.run import Run as Run
     from scex_sumo.results.run import open_run as open_run
     from scex_sumo.results.under_test import UnderTest as UnderTest
@@ -85,8 +85,8 @@ _HOMES = {
     "metric": "scex_sumo.metrics.registry",
     "open_run": "scex_sumo.results.run",
     "parse_models": "scex_sumo.behaviors.registry",
-    "plot_attention": "scex_sumo.reports.attention_picture",
-    "plot_scene_graph": "scex_sumo.reports.scene_graph_picture",
+    "plot_attention": "scex_sumo.reports.pictures.attention",
+    "plot_scene_graph": "scex_sumo.reports.pictures.scene_graph",
     "predictor": "scex_sumo.behaviors.predictors",
     "rank": "scex_sumo.ranking.rank",
     "read_map": "scex_sumo.converters.maps",

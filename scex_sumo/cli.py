@@ -11,23 +11,23 @@ from typing import Annotated
 
 import typer
 
-from scex_sumo.commands.compare import compare_command
 from scex_sumo.commands.convert import convert_command
-from scex_sumo.commands.encounters import encounters_command
-from scex_sumo.commands.explain import explain_command
-from scex_sumo.commands.export import export_command
 from scex_sumo.commands.inspect import inspect_command
 from scex_sumo.commands.metrics import metrics_command
 from scex_sumo.commands.models import models_command
-from scex_sumo.commands.plot import plot_command
-from scex_sumo.commands.rank import rank_command
-from scex_sumo.commands.report import report_command
+from scex_sumo.commands.of_datasets.rank import rank_command
+from scex_sumo.commands.of_datasets.train import train_command
+from scex_sumo.commands.of_datasets.validate import validate_command
+from scex_sumo.commands.of_results.compare import compare_command
+from scex_sumo.commands.of_results.encounters import encounters_command
+from scex_sumo.commands.of_results.explain import explain_command
+from scex_sumo.commands.of_results.export import export_command
+from scex_sumo.commands.of_results.plot import plot_command
+from scex_sumo.commands.of_results.report import report_command
+from scex_sumo.commands.of_results.view import view_command
 from scex_sumo.commands.run import run_command
 from scex_sumo.commands.sample_size import sample_size_command
-from scex_sumo.commands.train import train_command
-from scex_sumo.commands.validate import validate_command
-from scex_sumo.commands.view import view_command
-from scex_sumo.errors import ScexError, UsageError
+from scex_sumo.errors import ScexError, UsageError, one_line
 
 GARBAGE_AFTER = 100_000  # new objects; Python's own is 700
 
@@ -92,7 +92,7 @@ def main() -> None:
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except ScexError as error:
-        _fail(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
+        _fail(f"error: {one_line(error)}", 2 if isinstance(error, UsageError) else 1)
     except typer.Abort:
         _fail("interrupted", 130)
     except KeyboardInterrupt:
@@ -111,7 +111,7 @@ def main() -> None:
         shown = getattr(error, "format_message", None)
         if shown is None:
             raise
-        _fail(f"error: {shown()}", 2)
+        _fail(f"error: {one_line(shown())}", 2)
     if status:  # Typer turns Ctrl-C into a status
         _fail("interrupted", int(status))
 

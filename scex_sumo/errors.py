@@ -1,5 +1,7 @@
 """Errors that reach the user as one line: what, where, got, remedy."""
 
+import re
+
 
 class ScexError(Exception):
     """Any error that is the input's or the environment's fault; the command line prints it as one line."""
@@ -40,5 +42,8 @@ def reason_of(error: BaseException) -> str:
 
 
 def one_line(message: object) -> str:
-    """Message without line breaks."""
-    return " ".join(str(message).split()) or "no message"
+    """Message without line breaks; words longer than any name are cut short, paths are not."""
+    return (
+        " ".join(re.sub(r"([^/]{60})[^/]{200,}", r"\1…", word) for word in str(message).split())
+        or "no message"
+    )

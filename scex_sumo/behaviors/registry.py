@@ -26,7 +26,7 @@ from scex_sumo.behaviors.plug_in.single import SingleVehicle, SingleVehicleBehav
 from scex_sumo.behaviors.plug_in.usable import reason_in_model
 from scex_sumo.behaviors.plug_in.user_model import UserModel, user_model
 from scex_sumo.behaviors.profiles import DEFAULTS
-from scex_sumo.behaviors.spec import GUARD, LEARNED, converted, profile_of, shown, user_arguments
+from scex_sumo.behaviors.spec import GUARD, LEARNED, parameter_value, profile_of, shown, user_arguments
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.sumo_models import SUMO_MODELS, check_driver
@@ -224,7 +224,7 @@ def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:
     if GUARD not in spec.parameters or spec.name.startswith(f"{SUMO}:"):
         return spec, False
     own = {key: value for key, value in spec.parameters.items() if key != GUARD}
-    guard = converted(spec, GUARD, False, spec.parameters[GUARD])
+    guard = parameter_value(spec, GUARD, False, spec.parameters[GUARD])
     if not isinstance(guard, bool):
         raise UsageError(f"{spec.name}: {GUARD}={guard!r} is neither true nor false")
     return dataclasses.replace(spec, parameters=own), guard
@@ -233,7 +233,7 @@ def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:
 def _build(spec: ModelSpec) -> Behavior:
     """The model without its guard; the spec has been checked."""
     if spec.name.startswith(f"{SUMO}:"):
-        path = converted(spec, "path", "straight", spec.parameters.get("path", "straight"))
+        path = parameter_value(spec, "path", "straight", spec.parameters.get("path", "straight"))
         return SumoDriver(*_sumo(spec), path=path)
     if spec.name in _MODELS:
         return _MODELS[spec.name][0](profile_of(spec))

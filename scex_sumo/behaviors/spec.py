@@ -40,7 +40,7 @@ def profile_of(spec: ModelSpec) -> Any:
     defaults = DEFAULTS[spec.name]
     known = vars(defaults)
     known_parameter(spec, tuple(known))
-    values = {key: converted(spec, key, known[key], value) for key, value in spec.parameters.items()}
+    values = {key: parameter_value(spec, key, known[key], value) for key, value in spec.parameters.items()}
     try:
         return dataclasses.replace(defaults, **values)
     except UsageError as error:
@@ -54,7 +54,7 @@ def known_parameter(spec: ModelSpec, known: tuple[str, ...]) -> None:
             raise UsageError(f"{spec.name}: unknown parameter {key!r}; known: {', '.join((*known, GUARD))}")
 
 
-def converted(spec: ModelSpec, key: str, default: Any, value: Any) -> Any:
+def parameter_value(spec: ModelSpec, key: str, default: Any, value: Any) -> Any:
     """A value from the command line as the type of its default; other values stay as they are."""
     if not isinstance(value, str):
         return value
@@ -96,7 +96,7 @@ def user_arguments(spec: ModelSpec, model: UserModel) -> dict[str, Any]:
         raise UsageError(
             f"{spec.name}: parameter {missing[0]} has no default; give it as {missing[0]}=value{hint}"
         )
-    return {key: converted(spec, key, known[key], value) for key, value in spec.parameters.items()}
+    return {key: parameter_value(spec, key, known[key], value) for key, value in spec.parameters.items()}
 
 
 def shown(parameters: Mapping[str, Any]) -> tuple[str, ...]:

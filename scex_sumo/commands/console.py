@@ -7,13 +7,15 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from scex_sumo.errors import one_line
+
 Tick = Callable[[int, int], None]
 
 
 def warn(notes: Iterable[str]) -> None:
     """Print what the reader should know, one line each."""
     for note in notes:
-        print(f"note: {note}", file=sys.stderr)
+        print(f"note: {one_line(note)}", file=sys.stderr)
 
 
 @contextmanager

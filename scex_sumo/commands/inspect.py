@@ -46,7 +46,7 @@ def inspect_command(
         print("vehicles of a moment: add --time S, or --case ID")
         return
     scene = seed_at(loaded, _time_of(loaded, case) if time is None else time, case=case)
-    console.print(vehicles_table(scene))
+    console.print(_vehicles_table(scene))
     print(f"run it: scex-sumo run {map_path} --time {scene.time_s:g}")
 
 
@@ -90,7 +90,7 @@ def moments_table(moments: list[Moment]) -> Table:
     return table
 
 
-def vehicles_table(scene: SeedScene) -> Table:
+def _vehicles_table(scene: SeedScene) -> Table:
     """Who is where at a moment, and how fast."""
     from rich.table import Table
 

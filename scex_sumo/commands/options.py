@@ -38,6 +38,16 @@ Thresholds = Annotated[
     list[str] | None,
     typer.Option("--threshold", metavar="METRIC=VALUE", help="Where a metric becomes critical; repeatable."),
 ]
+Roots = Annotated[
+    list[Path],
+    typer.Argument(metavar="DATASET...", help="Folders of recordings, or single files.", show_default=False),
+]
+Every = Annotated[float, typer.Option(metavar="S", help="Least time between two seed scenes.")]
+MinVehicles = Annotated[int, typer.Option(help="Fewer moving vehicles make no seed scene.")]
+Cluster = Annotated[
+    str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
+]
+Cache = Annotated[bool, typer.Option(help="Keep the converted net for the next run on this map.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]
 Processes = Annotated[int, typer.Option(help="Processes.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")]

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from scex_sumo.commands.console import progress_bar, resumable, warn
+from scex_sumo.commands.of_results.view import view_command
 from scex_sumo.commands.options import (
+    Cache,
     Case,
     Fcd,
     MapPath,
@@ -28,7 +30,6 @@ from scex_sumo.commands.options import (
     parse_thresholds,
 )
 from scex_sumo.commands.seed import one_source, seed_scene
-from scex_sumo.commands.view import view_command
 from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
@@ -89,9 +90,10 @@ def run_command(
         bool, Option("--report/--no-report", "--plots/--no-plots", help="Write report.html.")
     ] = True,
     world: Annotated[
-        str, Option(metavar="sumo|plain", help="plain: arrays, where SUMO drives nobody; the same to 1e-9.")
+        str,
+        Option(metavar="sumo|plain|checked", help="plain: arrays, where SUMO drives nobody; or seen to do."),
     ] = "sumo",
-    cache: Annotated[bool, Option(help="Keep the converted net for the next run on this map.")] = True,
+    cache: Cache = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = True,
     overwrite: Overwrite = False,
     out: ResultPath = None,
@@ -100,7 +102,7 @@ def run_command(
     from scex_sumo.behaviors.registry import parse_models
     from scex_sumo.extrapolation.extrapolate import extrapolate, load_for
     from scex_sumo.extrapolation.reference import add_reference, drop_reference
-    from scex_sumo.extrapolation.workers import Workers
+    from scex_sumo.extrapolation.workers.pool import Workers
     from scex_sumo.statistics.bands import MOST_CHILDREN
 
     if until_band is not None and children is None:
@@ -158,7 +160,14 @@ def run_command(
         else:
             with progress_bar("reference") as tick, resumable("children", folder):
                 add_reference(
-                    result, scene, reference, workers=pool, progress=tick, command=command, **settings
+                    result,
+                    scene,
+                    reference,
+                    workers=pool,
+                    cache=cache,
+                    progress=tick,
+                    command=command,
+                    **settings,
                 )
     _tell(result, scene, folder, plots=plots)
     if gui:
@@ -169,7 +178,7 @@ def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
     """Print the summary, write the report, say where the result is."""
     from rich.console import Console
 
-    from scex_sumo.reports.run_table import print_summary
+    from scex_sumo.reports.tables.runs import print_summary
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
     print_summary(run, Console(width=None if sys.stdout.isatty() else 110))
@@ -177,7 +186,7 @@ def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
         _print_band(run.info["band"])
     tested = run.baseline is not None
     if tested:
-        from scex_sumo.reports.under_test_table import print_under_test
+        from scex_sumo.reports.tables.under_test import print_under_test
 
         print_under_test(run.under_test, Console(width=None if sys.stdout.isatty() else 110))
     print(f"result: {out}")
@@ -188,7 +197,7 @@ def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
         write_critical(run)
         print(f"report: {write_report(run, scene)}")
         if tested:
-            from scex_sumo.reports.under_test_picture import draw_under_test
+            from scex_sumo.reports.pictures.under_test import draw_under_test
 
             print(f"under test: {draw_under_test(run, run.folder / 'under_test')[-1]}")
     options = " ".join(f"--{name} {value}" for name, value in _worst_option(run).items())

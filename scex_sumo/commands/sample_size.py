@@ -110,7 +110,7 @@ def sample_size_command(
 
 def _draw(rows: list[dict[str, Any]], run: Run, sizes: tuple[int, ...], seed: int, folder: Path) -> None:
     """One sample of each size, and the errors of all."""
-    from scex_sumo.reports.statistics_pictures import draw_errors, draw_subsets
+    from scex_sumo.reports.pictures.statistics import draw_errors, draw_subsets
     from scex_sumo.studies.sample_size import subsets
 
     one = {n: subsets(run.children, n, 1, seed=seed)[0] for n in sizes if n <= run.children}

@@ -16,7 +16,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
 from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
-from scex_sumo.metrics.tq import WINDOW_S
+from scex_sumo.metrics.formulas.tq import WINDOW_S
 from scex_sumo.scene import States
 
 WINDOW_STEPS = 64

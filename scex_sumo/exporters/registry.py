@@ -18,7 +18,7 @@ Exporter: TypeAlias = Callable[[Request], list[Path]]
 
 EXPORTERS: Final[Mapping[str, str]] = {
     "interaction": "scex_sumo.exporters.tracks:write_interaction",
-    "fcd": "scex_sumo.exporters.tracks:write_fcd",
+    "fcd": "scex_sumo.exporters.tracks:write_fcd_files",
     "openscenario": "scex_sumo.exporters.openscenario:write_openscenario",
     "sumo": "scex_sumo.exporters.sumo_folder:write_sumo",
     "commonroad": "scex_sumo.exporters.commonroad:write_commonroad",

@@ -10,10 +10,10 @@ import numpy as np
 
 from scex_sumo.errors import MapError, UsageError
 from scex_sumo.geometry.rectangles import rectangle_distance
-from scex_sumo.metrics.registry import side_of
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
+from scex_sumo.views.children import most_critical
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +96,7 @@ class Request:
         return slice(1, 1 + LOGGED_HISTORY + int(self.run.info["steps"]))
 
 
-def most_critical(run: Run, column: str, count: int) -> tuple[int, ...]:
+def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:
     """The children with the most critical values of a metric, the worst first.
 
     Raises:
@@ -106,9 +106,8 @@ def most_critical(run: Run, column: str, count: int) -> tuple[int, ...]:
         column = run.column(column)
     except UsageError:
         raise UsageError(f"--critical {column}: unknown metric; known: {', '.join(run.columns)}") from None
-    values = np.asarray(run.metrics[column].to_numpy(zero_copy_only=False), dtype=np.float64)
-    order = np.argsort(values if side_of(column) == "left" else -values, kind="stable")
-    defined = order[~np.isnan(values[order])][:count]
+    order = most_critical(run, run.children, column)
+    defined = order[~np.isnan(run.values(column)[order])][:count]
     if not len(defined):
         raise UsageError(f"--critical {column}: defined in none of {run.children} children")
     return tuple(int(run.metrics["child"][int(i)].as_py()) for i in defined)

@@ -30,7 +30,7 @@ def write_interaction(request: Request) -> list[Path]:
     return [path]
 
 
-def write_fcd(request: Request) -> list[Path]:
+def write_fcd_files(request: Request) -> list[Path]:
     """Each child as SUMO's floating car data; several go into a folder."""
     if len(request.children) == 1:
         child = request.children[0]

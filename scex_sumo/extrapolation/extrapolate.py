@@ -22,7 +22,7 @@ from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.notes import handover_notes, outcome_notes, recorded_info
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.workers.pool import Workers
 from scex_sumo.extrapolation.writing import write_tables
 from scex_sumo.files import TemporaryFolder
 from scex_sumo.metrics.registry import thresholds_of
@@ -64,7 +64,7 @@ def extrapolate(
         overwrite: replace the result of another run in ``out``.
         workers: processes that share the children, or those that were started before; the result does not
             depend on it.
-        batch: children side by side in one world, None for about 2400 vehicles; the result does not depend
+        batch: children side by side in one world, None for about 6000 vehicles; the result does not depend
             on it.
         gui: show the run live in sumo-gui.
         cache: keep the converted net in ``~/.cache/scex-sumo`` for the next run on the same map.

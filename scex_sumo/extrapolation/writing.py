@@ -17,7 +17,7 @@ from scex_sumo.extrapolation.measure import Recorded
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.densities import DENSITIES, densities_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
-from scex_sumo.results.parts import Part, joined
+from scex_sumo.results.parts import Part, joined_parts
 from scex_sumo.results.under_test import UNDER_TEST
 from scex_sumo.scene import LOGGED_HISTORY
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -80,4 +80,4 @@ def _write_tracks(folder: ResultFolder, job: Job) -> Part:
                 add_plans(plans)
             first = part.states[:, :1].map(np.copy)
             left.append(dataclasses.replace(part, states=first, plan_x=None, plan_y=None))
-    return joined(left)
+    return joined_parts(left)

@@ -30,7 +30,7 @@ class Rectangles:
     half_width: FloatArray
 
 
-def seen_from(one: Rectangles, two: Rectangles) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def relative_pose(one: Rectangles, two: Rectangles) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Centre x, y and direction cos, sin of the second rectangles in the frames of the first."""
     dx, dy = two.x - one.x, two.y - one.y
     cos, sin = np.cos(one.heading), np.sin(one.heading)
@@ -44,7 +44,7 @@ def overlap_area(one: Rectangles, two: Rectangles) -> FloatArray:
     In the frame of the first one it is the sum over the second one's edges of the integral of y over x, with
     x and y clamped to the first one's sides: no case is special, edges on edges included.
     """
-    x, y, cos, sin = seen_from(one, two)
+    x, y, cos, sin = relative_pose(one, two)
     along_x, along_y = two.half_length * cos, two.half_length * sin
     across_x, across_y = -two.half_width * sin, two.half_width * cos
     signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
@@ -84,7 +84,7 @@ def axis_separations(one: Rectangles, two: Rectangles) -> FloatArray:
         the projections overlap. The rectangles are apart where one is above 0; the largest one is no more
         than their distance.
     """
-    x, y, cos, sin = seen_from(one, two)
+    x, y, cos, sin = relative_pose(one, two)
     c, s = np.abs(cos), np.abs(sin)
     gaps = np.empty((4, *np.shape(x)))
     gaps[0] = np.abs(x) - one.half_length - two.half_length * c - two.half_width * s

@@ -10,20 +10,20 @@ from typing import Any, Final, Literal, TypeVar
 
 from scex_sumo.errors import UsageError
 from scex_sumo.importing import import_object
-from scex_sumo.metrics.distance import distance
-from scex_sumo.metrics.drac import drac
-from scex_sumo.metrics.gap_time import gap_time
+from scex_sumo.metrics.formulas.distance import distance
+from scex_sumo.metrics.formulas.drac import drac
+from scex_sumo.metrics.formulas.gap_time import gap_time
+from scex_sumo.metrics.formulas.pet import pet
+from scex_sumo.metrics.formulas.pttc import pttc
+from scex_sumo.metrics.formulas.thw import thw
+from scex_sumo.metrics.formulas.tq import tq
+from scex_sumo.metrics.formulas.ttc import ttc
+from scex_sumo.metrics.formulas.wttc import wttc
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.outlines.gap import gap
 from scex_sumo.metrics.outlines.least import least_gap, least_wttc_path
 from scex_sumo.metrics.outlines.wttc_path import wttc_path
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
-from scex_sumo.metrics.pet import pet
-from scex_sumo.metrics.pttc import pttc
-from scex_sumo.metrics.thw import thw
-from scex_sumo.metrics.tq import tq
-from scex_sumo.metrics.ttc import ttc
-from scex_sumo.metrics.wttc import wttc
 
 F = TypeVar("F", bound=Callable[[Scenes], Samples])
 
@@ -63,7 +63,6 @@ METRICS: Final[Mapping[str, Metric]] = {each.name: each for each in (*_BY_HEADIN
 """Built-in metrics; the first six are the paper's, the others those of preset ``path``, in their order."""
 
 PAPER_METRICS: Final[tuple[str, ...]] = tuple(each.name for each in _BY_HEADING)
-PATH_METRICS: Final[tuple[str, ...]] = tuple(each.name for each in _ON_PATHS)
 SETS: Final[Mapping[str, tuple[Metric, ...]]] = {
     "paper": _BY_HEADING,
     "path": tuple(replace(each, preset="path") for each in _ON_PATHS),
@@ -255,7 +254,7 @@ def metric_of(column: str) -> Metric:
     return _metric(name)
 
 
-def most_critical(columns: Iterable[str]) -> list[str]:
+def critical_columns(columns: Iterable[str]) -> list[str]:
     """The columns of most critical values, without those of means."""
     return [column for column in columns if not column.endswith("_mean")]
 

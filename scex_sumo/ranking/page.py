@@ -21,11 +21,11 @@ from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.files import write_atomic
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.ranking.moments import MomentRef
-from scex_sumo.ranking.places import distinct, nearby
+from scex_sumo.ranking.places import distinct_moments, nearby
 from scex_sumo.ranking.ranking_run import RankingRun
 from scex_sumo.ranking.run_moment import MomentPart, MomentTask, unpack_road
 from scex_sumo.ranking.settings import written
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.tables.runs import counted
 from scex_sumo.scene import LOGGED_HISTORY
 
 HTML = "ranking.html"
@@ -44,7 +44,7 @@ class _Top:
     command: str
 
 
-def write_page(run: RankingRun, folder: Path, table: pa.Table) -> list[str]:
+def write_ranking_page(run: RankingRun, folder: Path, table: pa.Table) -> list[str]:
     """Draw the best distinct moments and write the page.
 
     Args:
@@ -58,7 +58,7 @@ def write_page(run: RankingRun, folder: Path, table: pa.Table) -> list[str]:
     settings = run.settings
     by_name = {ref.moment: ref for ref in run.refs}
     refs = [by_name[name] for name in table["seed"].to_pylist()[: len(by_name)]]
-    chosen = distinct(refs, range(len(refs)), settings.top)
+    chosen = distinct_moments(refs, range(len(refs)), settings.top)
     rerun = run.rerun([refs[i] for i in chosen], min(_DRAWN_CHILDREN, settings.first))
     pictures = {task.ref.moment: draw(task, part) for task, part in rerun}
     tops = [
@@ -87,12 +87,12 @@ def write_page(run: RankingRun, folder: Path, table: pa.Table) -> list[str]:
 
 def draw(task: MomentTask, part: MomentPart) -> bytes:
     """The picture of a moment whose children have run with all their tracks."""
-    from scex_sumo.reports.ranking_picture import futures_of, scene_png
+    from scex_sumo.reports.pictures.ranking import scene_png
 
     assert task.road is not None and part.tracks is not None
     shape = (len(part.children), len(part.track_ids), -1)
     x, y = (np.asarray(part.tracks[name]).reshape(shape)[:, :, LOGGED_HISTORY - 1 :] for name in ("x", "y"))
-    return scene_png(dataclasses.replace(task.scene, road=unpack_road(task.road)), futures_of(x, y))
+    return scene_png(dataclasses.replace(task.scene, road=unpack_road(task.road)), x, y)
 
 
 def _command(run: RankingRun, ref: MomentRef) -> str:

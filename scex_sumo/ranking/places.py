@@ -187,7 +187,7 @@ def undecided(
     if not known:
         return []
     places = standing(known, before, seed=seed)
-    shown = distinct(known, places.order(), top)
+    shown = distinct_moments(known, places.order(), top)
     last = max((int(places.rank[i]) for i in shown), default=0)
     return [
         ref
@@ -196,7 +196,7 @@ def undecided(
     ]
 
 
-def distinct(refs: Sequence[MomentRef], order: Sequence[int], top: int) -> list[int]:
+def distinct_moments(refs: Sequence[MomentRef], order: Sequence[int], top: int) -> list[int]:
     """The best moments that show different situations, as indices, best first.
 
     Of moments of one recording less than `NEARBY_S` apart only the best counts; cases are all different.

@@ -14,7 +14,7 @@ import pyarrow.compute as pc
 
 from scex_sumo.converters.datasets.recordings import find_recordings
 from scex_sumo.ranking.folder import RankFolder
-from scex_sumo.ranking.page import write_page
+from scex_sumo.ranking.page import write_ranking_page
 from scex_sumo.ranking.ranking_run import Progress, RankingRun
 from scex_sumo.ranking.settings import RankSettings
 from scex_sumo.ranking.table import ranking_table, write_ranking
@@ -60,7 +60,7 @@ def rank(
         command: the command line, for ``rank.json``.
         progress: called with (children done, children in all as far as known).
         settings: see `scex_sumo.ranking.settings.RankSettings`: every, children, first, models,
-            min_vehicles, steps, replan, seed, top, keep, thresholds.
+            min_vehicles, steps, replan, seed, top, keep, cache, thresholds.
 
     Returns:
         The ranking. It depends on neither ``workers`` nor ``cluster``, nor on interruptions.
@@ -80,7 +80,7 @@ def rank(
         run.run()
         table = ranking_table(run)
         write_ranking(folder.path, table)
-        shown = write_page(run, folder.path, table)
+        shown = write_ranking_page(run, folder.path, table)
         info = {
             "scex_sumo": __version__,
             "command": list(command) if command else None,

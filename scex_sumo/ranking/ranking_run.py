@@ -15,7 +15,7 @@ from scex_sumo.ranking.moments import Failure, Listing, MomentRef
 from scex_sumo.ranking.places import Tally, mean_score, round_ends, undecided
 from scex_sumo.ranking.run_moment import KEEP_MOST, MomentPart, MomentTask, score_of
 from scex_sumo.ranking.settings import RankSettings
-from scex_sumo.ranking.tasks import cut, read_ahead
+from scex_sumo.ranking.tasks import moment_tasks, read_ahead
 from scex_sumo.ranking.workers import MomentWorkers
 
 _AHEAD = 8  # seed scenes built before a worker asks for them
@@ -99,7 +99,7 @@ class RankingRun:
     def rerun(self, refs: Sequence[MomentRef], children: int) -> Iterator[tuple[MomentTask, MomentPart]]:
         """The first children of some moments once more, with all their tracks; nothing is written."""
         names = {ref.moment for ref in refs}
-        items = cut(
+        items = moment_tasks(
             self._readable(),
             self.listings,
             dataclasses.replace(self.settings, keep="all"),
@@ -117,7 +117,7 @@ class RankingRun:
     def _cut(
         self, recordings: Sequence[Recording], span: range, chosen: set[str] | None
     ) -> Iterator[Listing | Failure | MomentTask]:
-        return cut(
+        return moment_tasks(
             recordings,
             dict(self.listings),
             self.settings,

@@ -132,7 +132,7 @@ def worked(
         assert packed is not None, "no road"
         check_versions(task)
         with one_at_a_time:
-            return work(task, *road_and_net(packed))
+            return work(task, *road_and_net(packed, task.settings.cache))
     except Exception as error:  # whatever it is, the other moments go on
         return Failure.of(task.ref, reason_of(error))
 
@@ -148,10 +148,10 @@ def check_versions(task: MomentTask) -> None:
 
 
 @lru_cache(maxsize=8)
-def road_and_net(packed: bytes) -> tuple[Road, SumoNet]:
+def road_and_net(packed: bytes, cache: bool) -> tuple[Road, SumoNet]:
     """The road and its net, whose folder goes with it; made at the first moment of a map."""
     road, folder = unpack_road(packed), TemporaryFolder()
-    net = converted(road, Path(folder.name) / "map.net.xml")
+    net = converted(road, Path(folder.name) / "map.net.xml", keep=cache)
     weakref.finalize(net, folder.cleanup)
     return road, net
 

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import queue
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from typing import TypeVar
 
-from scex_sumo.converters.datasets.recordings import Recording, load_recording, recording_moments, seed_at
+from scex_sumo.converters.datasets.recordings import (
+    LoadedRecording,
+    Recording,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
+from scex_sumo.converters.moments.moments import Moment
 from scex_sumo.errors import reason_of
 from scex_sumo.ranking.moments import Failure, Listing, MomentRef, list_moments, unreadable
 from scex_sumo.ranking.run_moment import MomentTask, pack_road
@@ -19,7 +27,7 @@ T = TypeVar("T")
 _LOOK_S = 0.1  # how often a waiting thread looks whether it is still wanted
 
 
-def cut(
+def moment_tasks(
     recordings: Sequence[Recording],
     listings: Mapping[str, Listing],
     settings: RankSettings,
@@ -27,6 +35,7 @@ def cut(
     *,
     wanted: Callable[[Listing], Sequence[MomentRef]],
     spare: Callable[[MomentRef], int],
+    choose: Callable[[LoadedRecording], Sequence[Moment]] | None = None,
 ) -> Iterator[Listing | Failure | MomentTask]:
     """Tasks of all moments that are wanted; what is wrong with one stops none of the others.
 
@@ -37,6 +46,7 @@ def cut(
         children: numbers of the children to run.
         wanted: the moments of a recording that shall run.
         spare: how many more children of a moment may have their tracks kept.
+        choose: the moments of a recording that has no listing; None takes one every so often.
 
     Yields:
         The listing of each recording that had none, then its tasks; failures in their place.
@@ -50,7 +60,8 @@ def cut(
             loaded = load_recording(recording)
             road = pack_road(loaded.road)
             if listing is None:
-                moments = recording_moments(loaded, every_s=settings.every)
+                every = functools.partial(recording_moments, every_s=settings.every)
+                moments = (choose or every)(loaded)
                 listing = list_moments(recording, moments, min_vehicles=settings.min_vehicles)
                 yield listing
                 todo = wanted(listing)

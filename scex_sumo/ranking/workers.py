@@ -17,7 +17,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from scex_sumo.errors import MissingExtraError, ScexError, UsageError, one_line, reason_of
-from scex_sumo.extrapolation.workers import Workers, WorkersDied
+from scex_sumo.extrapolation.workers.pool import Workers, WorkersDied
 from scex_sumo.ranking.moments import Failure
 from scex_sumo.ranking.run_moment import MomentTask, run_moment
 from scex_sumo.version import __version__

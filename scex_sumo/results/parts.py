@@ -160,7 +160,7 @@ class Parts:
 _AXIS = {"tested": 1}  # the children's axis, where it is not the first
 
 
-def joined(parts: Sequence[Part]) -> Part:
+def joined_parts(parts: Sequence[Part]) -> Part:
     """Parts of consecutive children as one."""
 
     def one(arrays: Sequence[Any], axis: int = 0) -> Any:

@@ -65,7 +65,7 @@ class Run:
 
         ``curve`` is ``density`` or ``cumulative``.
         """
-        draw = importlib.import_module("scex_sumo.reports.run_figure").draw_figure
+        draw = importlib.import_module("scex_sumo.reports.pictures.figure").draw_figure
         return Path(draw(self, curve, Path(path), metric=metric))
 
     def to_pandas(self, table: str = "metrics") -> Any:

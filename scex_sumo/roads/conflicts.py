@@ -63,7 +63,7 @@ def _kin(lanes: Mapping[int, Lane], found: list[Conflict]) -> list[Conflict]:
         forks = {c.lanes for c in found if c.kind == "diverge"}
         merges = {c.lanes for c in found if c.kind == "merge"}
         for k, c in enumerate(found):
-            if c.kind != "cross" or intersect(*(lanes[i].centreline for i in c.lanes)):
+            if c.kind != "cross" or lines_cross(*(lanes[i].centreline for i in c.lanes)):
                 continue
             a, b = (lanes[i] for i in c.lanes)
             if max(c.spans[0][0], c.spans[1][0]) < 2 * STEP_M and _related(
@@ -82,7 +82,7 @@ def _related(a: tuple[int, ...], b: tuple[int, ...], pairs: set[tuple[int, int]]
     return any(i == j or (min(i, j), max(i, j)) in pairs for i in a for j in b)
 
 
-def intersect(a: FloatArray, b: FloatArray) -> bool:
+def lines_cross(a: FloatArray, b: FloatArray) -> bool:
     """Whether two polylines cross, common end points aside."""
     p, q = a[:-1, None], b[None, :-1]
     u, v = np.diff(a, axis=0)[:, None], np.diff(b, axis=0)[None]

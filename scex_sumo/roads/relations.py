@@ -12,7 +12,7 @@ from scex_sumo.geometry.crossings import intersect
 from scex_sumo.geometry.polylines import along, arc_lengths, length_of
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict, conflicts, opposed
-from scex_sumo.roads.conflicts import intersect as proper_crossing
+from scex_sumo.roads.conflicts import lines_cross as proper_crossing
 
 CONFLICT_M = 80.0  # how far ahead drivers look for the place where their ways meet
 CONFLICTS = 4  # places remembered per pair of lanes, the nearest first

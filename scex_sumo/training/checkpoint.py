@@ -12,7 +12,7 @@ import torch
 
 from scex_sumo.errors import ResultError
 from scex_sumo.files import write_atomic
-from scex_sumo.training.data.samples import Samples
+from scex_sumo.training.data.samples import TrainingSamples
 
 FILE = "checkpoint.pt"
 
@@ -46,7 +46,7 @@ class Checkpoint:
     rounds: int
 
 
-def write_checkpoint(folder: Path, checkpoint: Checkpoint, drifted: list[Samples]) -> None:
+def write_checkpoint(folder: Path, checkpoint: Checkpoint, drifted: list[TrainingSamples]) -> None:
     """Write a checkpoint, and the samples of rounds in closed loop that are not there yet."""
     folder.mkdir(parents=True, exist_ok=True)
     for number, samples in enumerate(drifted):
@@ -60,7 +60,9 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint, drifted: list[Samples
     write_atomic(folder / FILE, buffer.getvalue())
 
 
-def read_checkpoint(folder: Path, identity: dict[str, Any]) -> tuple[Checkpoint, list[Samples]] | None:
+def read_checkpoint(
+    folder: Path, identity: dict[str, Any]
+) -> tuple[Checkpoint, list[TrainingSamples]] | None:
     """The checkpoint of a folder and the samples of its rounds; None where there is none.
 
     Raises:
@@ -85,5 +87,5 @@ def read_checkpoint(folder: Path, identity: dict[str, Any]) -> tuple[Checkpoint,
     for number in range(checkpoint.rounds):
         with np.load(folder / f"round{number}.npz") as data:
             columns: dict[str, Any] = {name: data[name] for name in data.files}
-            drifted.append(Samples(**columns))
+            drifted.append(TrainingSamples(**columns))
     return checkpoint, drifted

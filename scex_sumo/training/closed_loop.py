@@ -18,7 +18,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from scex_sumo.training.data.dataset import SampleOptions, part_scenes
 from scex_sumo.training.data.perturb import Perturbation, perturbed
-from scex_sumo.training.data.samples import Samples, scene_samples
+from scex_sumo.training.data.samples import TrainingSamples, scene_samples
 from scex_sumo.world.plain import PlainWorld
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def closed_loop(
         sites: names of the sites by number.
     """
 
-    def drift(file: Path, number: int) -> Samples | None:
+    def drift(file: Path, number: int) -> TrainingSamples | None:
         rng = np.random.default_rng([options.seed, number, 1])
         scenes: list[tuple[SeedScene, Road, int]] = []
         for index, site in enumerate(sites):
@@ -71,7 +71,7 @@ def drifted_samples(
     model: Behavior,
     perturbation: Perturbation,
     rng: np.random.Generator,
-) -> Samples | None:
+) -> TrainingSamples | None:
     """Where a driver gets to by itself, with the way back to what the recorded ones did as its target.
 
     Args:
@@ -86,7 +86,7 @@ def drifted_samples(
             window = whole[:, :, step : step + HISTORY_STEPS + 1]
             samples = scene_samples(start, road, window, site=site, step=step)
             found += [samples] if samples is not None else []
-    return Samples.concatenate(found) if found else None
+    return TrainingSamples.concatenate(found) if found else None
 
 
 def drive_all(scene: SeedScene, road: Road, model: Behavior, *, steps: int) -> States:

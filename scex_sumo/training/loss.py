@@ -71,7 +71,7 @@ def displacement(speed: Tensor, acceleration: Tensor) -> Tensor:
     return torch.cumsum((before + v) * (STEP_S / 2), 2)
 
 
-def errors(ahead: Tensor, aside: Tensor, weights: LossWeights) -> Tensor:
+def trajectory_errors(ahead: Tensor, aside: Tensor, weights: LossWeights) -> Tensor:
     """(n, M) how far trajectories are off, m: rounded distance, its mean over the steps and its last value.
 
     Args:
@@ -89,7 +89,7 @@ def loss(modes: Modes, batch: Batch, weights: LossWeights) -> tuple[Tensor, dict
     share, total = batch.share, batch.share.sum().clamp(min=1e-6)
     way = displacement(batch.start[:, 0], modes.acceleration)
     aside = torch.zeros_like(way) if modes.offset is None else modes.offset - batch.d[:, None]
-    off = errors(way - batch.s[:, None], aside, weights)
+    off = trajectory_errors(way - batch.s[:, None], aside, weights)
     parts = {
         "expected": weights.expected * _mean(off[:, 0], share, total),
         "winner": weights.winner * _mean(_winner(off, weights), share, total),
@@ -99,7 +99,7 @@ def loss(modes: Modes, batch: Batch, weights: LossWeights) -> tuple[Tensor, dict
     }
     if modes.free is not None:
         gap = modes.free - batch.xy[:, None]
-        free = errors(gap[..., 0], gap[..., 1], weights)
+        free = trajectory_errors(gap[..., 0], gap[..., 1], weights)
         parts["free"] = weights.free * _mean(free[:, 0] + _winner(free, weights), share, total)
     whole = torch.stack(list(parts.values())).sum()
     return whole, {name: float(part.detach()) for name, part in parts.items()}

@@ -19,7 +19,7 @@ from scex_sumo.behaviors.learned.weights import KINDS
 from scex_sumo.errors import UsageError
 from scex_sumo.training.data.batches import Batch
 from scex_sumo.training.data.dataset import Dataset
-from scex_sumo.training.data.samples import Samples
+from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.loss import LossWeights
 
 Kind: TypeAlias = Literal["graph", "hybrid"]
@@ -132,7 +132,7 @@ def unlinked(batch: Batch, share: float) -> Batch:
     return replace(batch, scene=scene)
 
 
-def fit_scales(net: Net, samples: Samples) -> None:
+def fit_scales(net: Net, samples: TrainingSamples) -> None:
     """Means and spreads of all inputs."""
     net.scene.node_scale.fit(torch.as_tensor(samples.node))
     net.scene.history_scale.fit(torch.as_tensor(samples.history).flatten(1))

@@ -22,7 +22,7 @@ from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.data.dataset import Dataset
 from scex_sumo.training.data.images import Images
 from scex_sumo.training.data.mirror import mirrored
-from scex_sumo.training.data.samples import Samples
+from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.loss import loss
 from scex_sumo.training.options import (
     Net,
@@ -35,10 +35,10 @@ from scex_sumo.training.options import (
     unlinked,
     weight_groups,
 )
-from scex_sumo.training.validate import Score, validate
+from scex_sumo.training.validate import Score, score_network
 
 # Given a network's file, the samples of a round in closed loop.
-Drift: TypeAlias = Callable[[Path, int], Samples | None]
+Drift: TypeAlias = Callable[[Path, int], TrainingSamples | None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,7 +102,7 @@ class Trainer:
         self.images = Images.of_roads(dataset.roads, device) if options.kind == "hybrid" else None
         self.train = Batches(dataset.train, self.site_weight, device)
         self.validation = Batches(dataset.validation, self.site_weight, device)
-        self.drifted: list[Samples] = []
+        self.drifted: list[TrainingSamples] = []
         self.epoch, self.best_loss, self.best_epoch, self.seconds = 0, math.inf, 0, 0.0
         self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
 
@@ -118,7 +118,7 @@ class Trainer:
             self._round()
             parts = self._epoch(tick)
             self.epoch += 1
-            score = validate(self.predict_mean, self.validation, options.weights)
+            score = score_network(self.predict_mean, self.validation, options.weights)
             # Samples from closed loop make the task harder, not the validation: patience starts anew.
             better = score.loss < self.best_loss
             if better:
@@ -152,7 +152,7 @@ class Trainer:
         self.best_loss = math.inf  # what was best before has not learned to come back
 
     def _use_drifted(self) -> None:
-        whole = Samples.concatenate([self.dataset.train, *self.drifted])
+        whole = TrainingSamples.concatenate([self.dataset.train, *self.drifted])
         self.train = Batches(whole, self.site_weight, self.device)
 
     def _epoch(self, tick: Callable[[int, int], None] | None) -> dict[str, float]:

@@ -40,7 +40,7 @@ class Score:
 
 
 @torch.no_grad()
-def validate(predict: Predict, batches: Batches, weights: LossWeights) -> Score:
+def score_network(predict: Predict, batches: Batches, weights: LossWeights) -> Score:
     """Score a network on all samples of `batches`."""
     rows: list[Tensor] = []
     total = count = 0.0

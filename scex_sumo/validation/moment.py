@@ -24,7 +24,7 @@ from scex_sumo.road import Road
 from scex_sumo.roads.routes import off_road
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.validation.realism import realism, realism_score
-from scex_sumo.validation.vehicles import encounters_table, vehicles_table
+from scex_sumo.validation.vehicles import gap_forecasts, position_forecasts
 
 RECORDED, CONSTANT_VELOCITY, SEED_MOMENT = -1, -2, -3
 """Children of a moment that are none: what happened, constant velocity, the first step of that."""
@@ -36,8 +36,8 @@ class Forecast:
 
     Attributes:
         children: metric columns and ``collision`` of each child, and of `RECORDED` and the other two.
-        vehicles: see `vehicles_table`.
-        encounters: see `encounters_table`.
+        vehicles: see `position_forecasts`.
+        encounters: see `gap_forecasts`.
         realism: one row: its score and the likelihood of each feature.
     """
 
@@ -82,8 +82,8 @@ def _forecast(task: MomentTask, road: Road, net: SumoNet) -> Forecast:
     likelihood = realism(children.states, after, scene.length, scene.width, judged, road)
     return Forecast(
         children=_children_table(asked.columns, rows),
-        vehicles=vehicles_table(scene, children.states, straight.states, judged, rng),
-        encounters=encounters_table(scene, children.states, straight.states, after, judged, rng),
+        vehicles=position_forecasts(scene, children.states, straight.states, judged, rng),
+        encounters=gap_forecasts(scene, children.states, straight.states, after, judged, rng),
         realism=pa.table({"realism": [realism_score(likelihood)], **{k: [v] for k, v in likelihood.items()}}),
     )
 

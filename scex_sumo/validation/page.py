@@ -55,7 +55,7 @@ _POSITION_COLUMNS = (
 )
 
 
-def write_page(
+def write_validation_page(
     folder: Path, info: Mapping[str, Any], rows: Mapping[str, Sequence[Mapping[str, Any]]]
 ) -> None:
     """Write ``validation.html``.

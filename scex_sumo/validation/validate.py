@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
@@ -14,25 +13,25 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.converters.datasets.recordings import (
+    LoadedRecording,
     Recording,
     find_recordings,
-    load_recording,
     recording_moments,
-    seed_at,
 )
-from scex_sumo.errors import TrackError, UsageError, reason_of
+from scex_sumo.converters.moments.moments import Moment
+from scex_sumo.errors import TrackError, UsageError
 from scex_sumo.files import replacing
-from scex_sumo.ranking.moments import Failure, MomentRef, list_moments, unreadable
-from scex_sumo.ranking.run_moment import MomentTask, pack_road
+from scex_sumo.ranking.moments import Failure, Listing, MomentRef
+from scex_sumo.ranking.run_moment import MomentTask
 from scex_sumo.ranking.settings import RankSettings
-from scex_sumo.ranking.tasks import read_ahead
+from scex_sumo.ranking.tasks import moment_tasks, read_ahead
 from scex_sumo.ranking.workers import DaskWorkers, LocalWorkers, MomentWorkers
 from scex_sumo.results.provenance import versions
 from scex_sumo.scene import STEP_S
 from scex_sumo.training.data.split import PARTS, Split, split_moments
 from scex_sumo.validation.folder import ForecastFolder
 from scex_sumo.validation.moment import validate_moment
-from scex_sumo.validation.page import write_page
+from scex_sumo.validation.page import write_validation_page
 from scex_sumo.validation.scoring import (
     encounter_scores,
     event_scores,
@@ -139,7 +138,7 @@ def validate(
             "versions": versions(),
             "seconds": round(time.perf_counter() - started, 1),
         }
-        write_page(folder.path, info, rows)
+        write_validation_page(folder.path, info, rows)
         folder.finish(info)
     return Validation(folder=Path(out), info=info, tables=tables)
 
@@ -156,16 +155,29 @@ def _run(
     refs: list[MomentRef] = []
     done = 0
 
-    def tasks(items: Iterator[MomentRef | MomentTask | Failure]) -> Iterator[MomentTask]:
+    def tasks(items: Iterator[Listing | Failure | MomentTask]) -> Iterator[MomentTask]:
         for item in items:
             if isinstance(item, MomentTask):
                 yield item
             elif isinstance(item, Failure):
                 folder.fail(item)
             else:
-                refs.append(item)
+                refs.extend(item.moments)
 
-    items = read_ahead(_cut(recordings, settings, part, folder), _AHEAD)
+    def left(listing: Listing) -> list[MomentRef]:
+        failed = folder.failures()
+        return [ref for ref in listing.moments if not folder.has(ref) and ref.moment not in failed]
+
+    cut = moment_tasks(
+        recordings,
+        {},
+        settings,
+        range(settings.children),
+        wanted=left,
+        spare=lambda ref: 0,
+        choose=lambda loaded: _of_part(loaded, part, settings.every),
+    )
+    items = read_ahead(cut, _AHEAD)
     try:
         for task, found in workers.run(tasks(items)):
             if isinstance(found, Failure):
@@ -180,44 +192,12 @@ def _run(
     return refs
 
 
-def _cut(
-    recordings: Sequence[Recording], settings: RankSettings, part: str, folder: ForecastFolder
-) -> Iterator[MomentRef | MomentTask | Failure]:
-    """Every moment of a part, and its task where it has not run; failures in their place."""
-    for recording in recordings:
-        try:
-            loaded = load_recording(recording)
-            moments = recording_moments(loaded, every_s=STEP_S if part != ALL else settings.every)
-            if part != ALL:
-                of_part = split_moments(moments, Split())[part]  # type: ignore[index]
-                moments = []
-                for moment in of_part:
-                    if (
-                        not moments
-                        or moment.case
-                        or moment.time_s >= moments[-1].time_s + settings.every - 1e-6
-                    ):
-                        moments.append(moment)
-            listing = list_moments(recording, moments, min_vehicles=settings.min_vehicles)
-            road = pack_road(loaded.road)
-        except Exception as error:  # the other recordings go on
-            yield unreadable(recording, reason_of(error))
-            continue
-        failed = folder.failures()
-        for ref in listing.moments:
-            yield ref
-            if folder.has(ref) or ref.moment in failed:
-                continue
-            try:
-                scene = seed_at(loaded, ref.time_s, case=ref.case or None)
-            except Exception as error:
-                yield Failure.of(ref, reason_of(error))
-                continue
-            yield MomentTask(
-                ref=ref,
-                scene=dataclasses.replace(scene, road=None),
-                road=road,
-                children=range(settings.children),
-                spare=0,
-                settings=settings,
-            )
+def _of_part(loaded: LoadedRecording, part: str, every: float) -> Sequence[Moment]:
+    """The moments of a part of a recording, at least ``every`` seconds apart."""
+    if part == ALL:
+        return recording_moments(loaded, every_s=every)
+    moments: list[Moment] = []
+    for moment in split_moments(recording_moments(loaded, every_s=STEP_S), Split())[part]:  # type: ignore[index]
+        if not moments or moment.case or moment.time_s >= moments[-1].time_s + every - 1e-6:
+            moments.append(moment)
+    return moments

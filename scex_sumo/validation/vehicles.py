@@ -15,7 +15,7 @@ MOVING_MPS = 0.5
 ENCOUNTER_M = 10.0  # a pair that comes this near in some child is an encounter
 
 
-def vehicles_table(
+def position_forecasts(
     scene: SeedScene, children: States, straight: States, judged: BoolArray, rng: np.random.Generator
 ) -> pa.Table:
     """One row for each vehicle recorded to the end and each second.
@@ -65,7 +65,7 @@ def vehicles_table(
     return pa.Table.from_pylist(rows)
 
 
-def encounters_table(
+def gap_forecasts(
     scene: SeedScene,
     children: States,
     straight: States,

@@ -1,4 +1,7 @@
-"""One colour per behaviour model, the same in sumo-gui, plots and legends."""
+"""One colour per behaviour model, the same in sumo-gui, plots and pages; after Okabe and Ito.
+
+Apart for the colour-blind, on light and dark ground.
+"""
 
 from __future__ import annotations
 
@@ -7,30 +10,31 @@ from collections.abc import Sequence
 Rgb = tuple[int, int, int]
 
 _KNOWN: dict[str, Rgb] = {
-    "standard_driver": (54, 124, 196),
-    "risky_driver": (214, 64, 58),
-    "constant_velocity": (240, 180, 40),
-    "emergency_brake": (138, 43, 180),
-    "calibrated_driver": (46, 160, 90),
-    "replay": (245, 245, 245),
-    "graph_predictor": (20, 190, 200),
-    "graph_image_predictor": (232, 110, 180),
+    "standard_driver": (63, 143, 210),
+    "risky_driver": (213, 94, 0),
+    "constant_velocity": (230, 168, 23),
+    "emergency_brake": (166, 95, 160),
+    "calibrated_driver": (10, 163, 122),
+    "replay": (138, 145, 153),
+    "graph_predictor": (53, 185, 201),
+    "graph_image_predictor": (199, 124, 158),
 }
-_OTHERS: tuple[Rgb, ...] = ((150, 110, 70), (120, 200, 60), (90, 90, 220), (250, 130, 50), (130, 130, 130))
+_OTHERS: tuple[Rgb, ...] = ((91, 98, 194), (140, 109, 70), (127, 174, 46), (208, 86, 122), (111, 125, 140))
 
 
 def model_colors(names: Sequence[str]) -> tuple[Rgb, ...]:
-    """A colour for each model of a run, 0 to 255; models of one name with other parameters share it.
+    """A colour for each model of a run, 0 to 255; the first of a name has the name's, whatever it is given.
 
     Args:
         names: the models as the user wrote them, ``name[:parameter=value]...``.
     """
-    others: dict[str, Rgb] = {}
-    colors = []
+    colors: dict[str, Rgb] = {}
+    others = 0
     for name in names:
-        base = name.split(":", 1)[0] if not name.startswith("sumo:") else name
-        if base in _KNOWN:
-            colors.append(_KNOWN[base])
-        else:
-            colors.append(others.setdefault(base, _OTHERS[len(others) % len(_OTHERS)]))
-    return tuple(colors)
+        known = _KNOWN.get(name.split(":", 1)[0])
+        if name in colors:
+            continue
+        if known is None or known in colors.values():
+            known, others = _OTHERS[others % len(_OTHERS)], others + 1
+        colors[name] = known
+    return tuple(colors[name] for name in names)

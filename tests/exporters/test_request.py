@@ -7,17 +7,17 @@ import pytest
 
 from scex_sumo.errors import MapError, UsageError
 from scex_sumo.exporters.registry import exporter
-from scex_sumo.exporters.request import Request, closest_encounters, most_critical
+from scex_sumo.exporters.request import Request, closest_encounters, critical_children
 from scex_sumo.results.run import Run
 
 
 def test_the_most_critical_children_come_worst_first(run: Run) -> None:
-    children = most_critical(run, "wttc", 3)
+    children = critical_children(run, "wttc", 3)
     values = run.metrics["wttc"].to_numpy()
     assert children[0] == run.most_critical("wttc")
     assert list(values[list(children)]) == sorted(values)[:3]
     with pytest.raises(UsageError, match=r"unknown metric; known: distance"):
-        most_critical(run, "nonsense", 1)
+        critical_children(run, "nonsense", 1)
 
 
 def test_encounters_are_sorted_by_the_gap_of_the_two(run: Run) -> None:

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 
 from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.extrapolation.reference import CHILDREN, add_reference, drop_reference
-from scex_sumo.reports.run_table import summary_table
+from scex_sumo.reports.tables.runs import summary_table
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 

@@ -83,9 +83,9 @@ def test_a_run_that_is_over_before_its_workers_are_ready_ends_them_and_says_noth
     tmp_path: Path,
 ) -> None:
     code = (
-        "import scex_sumo, scex_sumo.extrapolation.workers\n"
+        "import scex_sumo, scex_sumo.extrapolation.workers.pool\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
-        "with scex_sumo.extrapolation.workers.Workers(2) as workers:\n"
+        "with scex_sumo.extrapolation.workers.pool.Workers(2) as workers:\n"
         "    workers.prepare(['this', 'time'])\n"
         "    for number in range(2):\n"
         "        run = scex_sumo.extrapolate(\n"
@@ -120,7 +120,7 @@ def test_an_error_in_a_worker_arrives_with_its_traceback(tmp_path: Path) -> None
     done = ran(tmp_path, f"FLAG.touch(); {limit}")
     assert done.returncode == 1
     assert "File too large" in done.stderr.strip().splitlines()[-1]
-    assert "scex_sumo.extrapolation.workers._Elsewhere" in done.stderr and "in save_part" in done.stderr
+    assert "scex_sumo.extrapolation.workers.pool._Elsewhere" in done.stderr and "in save_part" in done.stderr
     assert (tmp_path / "2" / "incomplete.json").exists()
 
 

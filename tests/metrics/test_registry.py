@@ -38,8 +38,8 @@ from scex_sumo.metrics.registry import (
     side_of,
     thresholds_of,
 )
-from scex_sumo.reports.run_pictures import draw_densities
-from scex_sumo.reports.run_table import summary_table
+from scex_sumo.reports.pictures.figure import draw_figure
+from scex_sumo.reports.tables.runs import summary_table
 from scex_sumo.results.run import open_run
 from tests.metrics.scenes import one_scene, random_run
 
@@ -155,7 +155,7 @@ def test_a_result_is_judged_and_drawn_where_the_metric_is_not_registered(
     assert run.p_critical("speed_gap").value == pytest.approx(2 / 3)
     assert run.most_critical("speed_gap") == 2
     assert [str(cell) for cell in summary_table(run).columns[0].cells] == ["difference of speeds [m/s]"]
-    svg, _ = draw_densities(run, tmp_path / "densities")
+    svg = draw_figure(run, "density", tmp_path / "densities.svg")
     assert "speed_gap: max" in svg.read_text() and "difference of speeds [m/s]" in svg.read_text()
     with pytest.raises(UsageError, match="known from a result only"):
         evaluate(vehicles(1.0, 2.0), None, metrics=[metric_of("speed_gap")])

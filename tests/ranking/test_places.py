@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from scex_sumo.ranking.moments import MomentRef
-from scex_sumo.ranking.places import Tally, beaten, distinct, mean_score, nearby, place, round_ends, undecided
+from scex_sumo.ranking.places import (
+    Tally,
+    beaten,
+    distinct_moments,
+    mean_score,
+    nearby,
+    place,
+    round_ends,
+    undecided,
+)
 from scex_sumo.statistics.intervals import DesignIntervals
 
 
@@ -170,5 +179,5 @@ def test_moments_of_the_same_seconds_are_one_situation() -> None:
 
 def test_the_page_shows_the_best_of_each_situation() -> None:
     refs = [ref(10.0), ref(11.0), ref(20.0), ref(9.0), ref(21.0)]
-    assert distinct(refs, [1, 0, 4, 2, 3], 5) == [1, 4]
-    assert distinct(refs, [1, 0, 4, 2, 3], 1) == [1]
+    assert distinct_moments(refs, [1, 0, 4, 2, 3], 5) == [1, 4]
+    assert distinct_moments(refs, [1, 0, 4, 2, 3], 1) == [1]

@@ -17,7 +17,7 @@ import scex_sumo
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.ranking.moments import Failure
-from scex_sumo.ranking.places import distinct
+from scex_sumo.ranking.places import distinct_moments
 from scex_sumo.ranking.ranking_run import RankingRun
 from scex_sumo.ranking.run_moment import MomentPart, MomentTask, choose_kept, score_of
 from scex_sumo.ranking.settings import RankSettings
@@ -209,4 +209,4 @@ def test_every_case_of_a_file_of_cases_is_a_seed(tmp_path: Path) -> None:
     assert {ref.time_s for ref in found.refs} == {1.0}
     assert len({ref.moment for ref in found.refs}) == 4
     assert found.failures == {}
-    assert len(distinct(found.refs, range(4), 4)) == 4
+    assert len(distinct_moments(found.refs, range(4), 4)) == 4

@@ -12,7 +12,7 @@ import pytest
 
 from scex_sumo.errors import ResultError
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
-from scex_sumo.results.parts import PARTS, Part, Parts, joined, save_part
+from scex_sumo.results.parts import PARTS, Part, Parts, joined_parts, save_part
 from scex_sumo.results.run import open_run
 from scex_sumo.scene import States
 from tests.seeds import straight_seed
@@ -62,7 +62,7 @@ def test_children_are_read_some_at_a_time_in_order_from_parts_that_interlock(tmp
     assert [piece.children.tolist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
     assert [piece.worst["child"].to_pylist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
     assert [piece.states.y[:, 2, 1].tolist() for piece in pieces] == [[1, 101, 201], [301, 401, 501], [601]]
-    whole = joined(pieces)
+    whole = joined_parts(pieces)
     assert whole.values[:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6]
     assert whole.tested is not None
     assert whole.tested[:, :, 0].tolist() == [[1] * 7, [0, 1, 2, 3, 4, 5, 6]]

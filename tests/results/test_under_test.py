@@ -14,8 +14,8 @@ from scex_sumo.commands.run import parse_under_test
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.reports.under_test_picture import draw_under_test
-from scex_sumo.reports.under_test_table import under_test_table
+from scex_sumo.reports.pictures.under_test import draw_under_test
+from scex_sumo.reports.tables.under_test import under_test_table
 from scex_sumo.results.run import Run
 from tests.metrics.scenes import random_run
 

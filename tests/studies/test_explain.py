@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from scex_sumo.commands.explain import explain_command
+from scex_sumo.commands.of_results.explain import explain_command
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.extrapolation.assignments import all_assignments
 from scex_sumo.metrics.registry import COLUMNS

@@ -11,7 +11,7 @@ pytest.importorskip("torch_geometric")
 
 from scex_sumo.behaviors.learned.networks.graph import Modes, PathBatch, SceneBatch  # noqa: E402
 from scex_sumo.training.data.batches import Batch  # noqa: E402
-from scex_sumo.training.loss import LossWeights, displacement, errors, loss  # noqa: E402
+from scex_sumo.training.loss import LossWeights, displacement, loss, trajectory_errors  # noqa: E402
 
 H = 30
 
@@ -63,7 +63,9 @@ def test_nothing_is_lost_on_the_recorded_track() -> None:
 
 
 def test_far_errors_count_by_their_distance() -> None:
-    off = errors(torch.full((1, 1, H), 3.0), torch.full((1, 1, H), 4.0), LossWeights(final=0.5, round_m=1e-6))
+    off = trajectory_errors(
+        torch.full((1, 1, H), 3.0), torch.full((1, 1, H), 4.0), LossWeights(final=0.5, round_m=1e-6)
+    )
     assert float(off) == pytest.approx(5.0 * 1.5, abs=1e-4)
 
 

@@ -14,7 +14,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("torch_geometric")
 
 from scex_sumo.behaviors.learned.weights import load_weights  # noqa: E402
-from scex_sumo.commands.train import train_command  # noqa: E402
+from scex_sumo.commands.of_datasets.train import train_command  # noqa: E402
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording  # noqa: E402
 from scex_sumo.errors import ResultError, TrackError, UsageError  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
@@ -56,7 +56,7 @@ def trained(
     small: Dataset, given: TrainOptions, folder: Path | None = None, stop: int | None = None
 ) -> tuple[Trainer, list[Progress]]:
     """A run, in closed loop with the first graphs as what it drifted to; interrupted after an epoch."""
-    part = dataset_module.Samples.concatenate([small.train])
+    part = dataset_module.TrainingSamples.concatenate([small.train])
     run = Trainer(small, given, device=CPU, drift=lambda file, number: part, folder=folder)
     run.resume()
     log: list[Progress] = []

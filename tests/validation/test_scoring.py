@@ -12,7 +12,7 @@ from scex_sumo.scene import States
 from scex_sumo.validation.events import EVENTS
 from scex_sumo.validation.folder import ForecastFolder
 from scex_sumo.validation.moment import CONSTANT_VELOCITY, RECORDED, SEED_MOMENT, Forecast
-from scex_sumo.validation.page import write_page
+from scex_sumo.validation.page import write_validation_page
 from scex_sumo.validation.realism import realism, realism_score
 from scex_sumo.validation.scoring import (
     encounter_scores,
@@ -90,7 +90,7 @@ def test_the_page_is_one_file_with_all_tables(tmp_path) -> None:  # type: ignore
     found = gathered(FOUND)
     rows = {"events": event_scores(found), "values": value_scores(found), "positions": position_scores(found)}
     info = {"models": ["likely"], "children": 4, "part": "all", "failed": {"m9": "no <vehicle>"}}
-    write_page(tmp_path, {**info, **summary(found, rows["events"])}, rows)
+    write_validation_page(tmp_path, {**info, **summary(found, rows["events"])}, rows)
     page = (tmp_path / "validation.html").read_text()
     assert "distance" in page and "no &lt;vehicle&gt;" in page and "http" not in page
     assert not encounter_scores(found)

@@ -21,7 +21,14 @@ import numpy as np
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import bend_at, clipped, expected_way, project, refine, sample
+from scex_sumo.behaviors.driving.projection import (
+    bend_at,
+    clipped,
+    expected_way,
+    foot_points,
+    refine,
+    sample_paths,
+)
 from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -107,7 +114,7 @@ def drive(
     now = history.now[who.child, who.vehicle]
     begin = now if start is None else start
     x, y = rear_axle(begin, length)
-    s, _, path_heading = project(paths, row, x, y, expected_way(history, who))
+    s, _, path_heading = foot_points(paths, row, x, y, expected_way(history, who))
     heading = path_heading + wrap(begin.heading - path_heading)
     v = np.maximum(begin.speed, 0.0)
     # How the wheels stand is known where the vehicle is now, not where it shall start later.
@@ -120,7 +127,7 @@ def drive(
         moved = np.where(
             following >= 0, (v + following) * (STEP_S / 2), v**2 / np.maximum(-2 * a, 1e-9)
         )  # fmt: skip
-        px, py, cos, sin, path_heading, _ = sample(paths, row, s)
+        px, py, cos, sin, path_heading, _ = sample_paths(paths, row, s)
         dx, dy = x - px, y - py
         s = s + (cos * dx + sin * dy)
         offset, lead = cos * dy - sin * dx, None

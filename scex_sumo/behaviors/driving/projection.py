@@ -17,7 +17,7 @@ def clipped(values: FloatArray, low: FloatArray | float, high: FloatArray | floa
     return result
 
 
-def sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
+def sample_paths(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
     """Path properties at arc lengths.
 
     Args:
@@ -35,7 +35,7 @@ def sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
 
 
 def bend_at(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
-    """(n,) curvature at arc lengths, 1/m, as in `sample`."""
+    """(n,) curvature at arc lengths, 1/m, as in `sample_paths`."""
     position = clipped(s * (1 / DS_M), 0.0, paths.samples - 1.0)
     index = position.astype(np.int64)
     at = row * paths.samples + index
@@ -52,14 +52,14 @@ def refine(
         (n,) arc length, (n,) signed distance (left positive), (n,) heading of the path there, unwrapped.
     """
     for _ in range(steps):
-        px, py, cos, sin, heading, curvature = sample(paths, row, s)
+        px, py, cos, sin, heading, curvature = sample_paths(paths, row, s)
         dx, dy = x - px, y - py
         ahead = cos * dx + sin * dy
         offset = cos * dy - sin * dx
         # Newton on the distance; the bound keeps it on this branch where the path bends around the point.
         step = ahead / np.maximum(1 - curvature * offset, 0.3)
         s = s + clipped(step, -COARSE * DS_M, COARSE * DS_M)
-    px, py, cos, sin, heading, _ = sample(paths, row, s)
+    px, py, cos, sin, heading, _ = sample_paths(paths, row, s)
     return s, cos * (y - py) - sin * (x - px), heading
 
 
@@ -73,7 +73,7 @@ def expected_way(history: SceneHistory, who: Who) -> FloatArray:
     return BEHIND_M + history.step * STEP_S * (first + now) / 2
 
 
-def project(
+def foot_points(
     paths: SeedPaths, row: IntArray, x: FloatArray, y: FloatArray, expected: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Foot points of points on their paths.

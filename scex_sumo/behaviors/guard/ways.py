@@ -10,7 +10,7 @@ from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, rear_axle
 from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.perception import Everyone, everyone
-from scex_sumo.behaviors.driving.projection import expected_way, project, sample
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
 from scex_sumo.behaviors.guard.profile import GuardProfile
 from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap
@@ -216,7 +216,9 @@ def _along_paths(
     # The drift dies out; who is beside its path stays there, as one that changes lanes or drives so.
     side = offset[:, None] + drift[:, None] * (DRIFT_S * (1 - fade))
     at = s[:, None] + (v * np.cos(error))[:, None] * t
-    px, py, cos, sin, direction, _ = sample(paths, np.repeat(row, len(t)), at.ravel()).reshape(6, *at.shape)
+    px, py, cos, sin, direction, _ = sample_paths(paths, np.repeat(row, len(t)), at.ravel()).reshape(
+        6, *at.shape
+    )
     heading = direction + error[:, None] * fade
     ahead = (REAR_AXLE_SHARE * length)[:, None]
     x, y = px - sin * side + ahead * np.cos(heading), py + cos * side + ahead * np.sin(heading)
@@ -235,10 +237,10 @@ def _nearest_path(
     """The path that each vehicle is on: the straightest one, unless another fits clearly better.
 
     Returns:
-        (n,) rows, and the foot points as of `project`.
+        (n,) rows, and the foot points as of `foot_points`.
     """
     row = straight.copy()
-    found = project(paths, row, x, y, way)
+    found = foot_points(paths, row, x, y, way)
     best = _misfit(found, heading)
     # Only who does not fit its straightest path can be on another one.
     doubt = np.flatnonzero((best > OTHER_PATH) & (paths.count[vehicle] > 1))
@@ -247,7 +249,7 @@ def _nearest_path(
     count = paths.count[vehicle[doubt]]
     i = np.repeat(doubt, count)
     candidate = np.repeat(paths.first[vehicle[doubt]] - (np.cumsum(count) - count), count) + np.arange(len(i))
-    others = project(paths, candidate, x[i], y[i], way[i])
+    others = foot_points(paths, candidate, x[i], y[i], way[i])
     misfit = _misfit(others, heading[i])
     order = np.lexsort((candidate, misfit, i))
     chosen = order[np.unique(i[order], return_index=True)[1]]

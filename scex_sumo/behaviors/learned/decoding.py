@@ -7,7 +7,7 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive
 from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.behaviors.driving.projection import expected_way, project
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.learned.seen.surface import path_room
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -43,7 +43,7 @@ def plan_along(
         (n, H).
     """
     own = history.now[who.child, who.vehicle]
-    s, present, _ = project(paths, row, own.x, own.y, expected_way(history, who))
+    s, present, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
     steps, way = acceleration.shape[1], way_of(own.speed, acceleration)
     if offset is None:
         wanted = present[:, None] * np.exp(-STEP_S / RETURN_S * np.arange(steps + 1))

@@ -97,8 +97,8 @@ def _build(file: Path, kind: str, content: dict[str, Any]) -> GraphPredictorNet 
         if unknown:
             raise ValueError(f"unknown number {min(unknown)}")
         for name, number in content["architecture"].items():
-            if type(number) not in (int, bool) or not 0 <= number <= LARGEST_NUMBER:
-                raise ValueError(f"{name} is {str(number)[:20]}, a number up to {LARGEST_NUMBER} expected")
+            if type(number) is not bool and (type(number) is not int or not 1 <= number <= LARGEST_NUMBER):
+                raise ValueError(f"{name} is {str(number)[:20]}, 1 to {LARGEST_NUMBER} expected")
         net = KINDS[kind](Architecture(**content["architecture"]))
         net.load_state_dict(content["state"])
     except (RuntimeError, TypeError, ValueError, KeyError, AttributeError, ArithmeticError) as error:

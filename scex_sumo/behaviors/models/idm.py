@@ -13,7 +13,7 @@ from scex_sumo.behaviors.driving.distinct import handed_out, own_motion
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import expected_way, project
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.derived import derived
 from scex_sumo.road import Road
@@ -186,7 +186,7 @@ class IdmDriver:
         """Plan 3 s along given paths: (n,) rows of `paths`."""
         profile = self.profile
         own = history.now[who.child, who.vehicle]
-        s_centre, _, _ = project(paths, row, own.x, own.y, expected_way(history, who))
+        s_centre, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
         leaders = find_leaders(
             history,
             who,

@@ -18,7 +18,7 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import expected_way, project
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.models.idm import (
     CALIBRATED,
     CURVE_TIME_S,
@@ -104,7 +104,7 @@ class LikelyDriver:
         paths, row = self._paths(history, road, who)
         drivers = self._drivers(history, road, who, paths, row)
         own = history.now[who.child, who.vehicle]
-        s, _, _ = project(paths, row, own.x, own.y, expected_way(history, who))
+        s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
         aside = _aside(history, drivers)
         leaders = leaders_of(history, who, paths, row, s, aside[:, 0])
         waits = self._waits(history, who, leaders)

@@ -10,7 +10,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
 from scex_sumo.behaviors.driving.motion import curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import project
+from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.models.idm import (
     CALIBRATED,
     CURVE_TIME_S,
@@ -84,7 +84,7 @@ def asked_acceleration(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Shown:
+class LastSecond:
     """What the last second of each vehicle shows, (V,).
 
     Attributes:
@@ -101,7 +101,7 @@ class Shown:
 
 
 @derived
-def shown_by(scene: SeedScene) -> Shown:
+def shown_by(scene: SeedScene) -> LastSecond:
     """What the last second of a seed scene shows of its vehicles."""
     speed = scene.history.speed
     time = STEP_S * (np.arange(speed.shape[1]) - (speed.shape[1] - 1) / 2)
@@ -111,7 +111,7 @@ def shown_by(scene: SeedScene) -> Shown:
     calm = 1 / (1 + (scatter / CALM_MPS2) ** 2)
     now = np.maximum(speed[:, -1], 0.0)
     line = speed.mean(axis=1) + slope * time[-1]
-    return Shown(
+    return LastSecond(
         speed=now, acceleration=calm * (calm * late + (1 - calm) * slope), scatter=scatter, lag=line - now
     )
 
@@ -143,8 +143,8 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
     who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
     now, begin = scene.now[vehicle], np.full(len(vehicle), BEHIND_M)
     x, y = rear_axle(now, scene.length[vehicle])
-    offset = np.clip(project(paths, row, x, y, begin)[1], -MOST_ASIDE_M, MOST_ASIDE_M)
-    s, _, _ = project(paths, row, now.x, now.y, begin)
+    offset = np.clip(foot_points(paths, row, x, y, begin)[1], -MOST_ASIDE_M, MOST_ASIDE_M)
+    s, _, _ = foot_points(paths, row, now.x, now.y, begin)
     leaders = leaders_of(history, who, paths, row, s, offset)
     speed, acceleration = shown.speed[vehicle], shown.acceleration[vehicle]
     free = np.full_like(speed, np.inf)
@@ -184,7 +184,7 @@ def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     row = np.arange(len(vehicle))
     now = scene.now[vehicle]
-    s, offset, heading = project(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
+    s, offset, heading = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
     calm = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
     at = row * paths.samples + np.clip(s / DS_M, 0, paths.samples - 1).astype(np.int64)
     excess = np.maximum(now.speed - calm[at], 0.0)

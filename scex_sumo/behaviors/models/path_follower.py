@@ -7,7 +7,7 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import expected_way, project
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -44,7 +44,7 @@ def _nearest_path(
     way = expected_way(history, who)
 
     def distance(row: IntArray) -> tuple[FloatArray, BoolArray]:
-        _, beside, heading = project(paths, row, own.x, own.y, way)
+        _, beside, heading = foot_points(paths, row, own.x, own.y, way)
         across = np.abs(wrap(own.heading - heading))
         return np.abs(beside) + TURN_WEIGHT_M * across, (np.abs(beside) > OFF_PATH_M) | (
             across > AGAINST_PATH_RAD

@@ -92,7 +92,7 @@ def predictor_inputs(
     scene = history.scene
     own = history.states[who.child, who.vehicle]
     now = own[:, -1]
-    kinds = np.array([kind_of(word) for word in scene.types], dtype=np.int64)
+    kinds = np.array([vehicle_kind(word) for word in scene.types], dtype=np.int64)
     made: dict[str, NDArray[Any]] = {
         "history": seen_from(now, own),
         "size": np.stack([scene.length, scene.width], axis=-1)[who.vehicle],
@@ -105,7 +105,7 @@ def predictor_inputs(
     return {name: made[name] for name in names}
 
 
-def kind_of(word: str) -> int:
+def vehicle_kind(word: str) -> int:
     """Index into `KINDS` of a recorded type, e.g. ``truck_bus``."""
     return next((kind for part, kind in _WORDS if part in word.lower()), KINDS.index("other"))
 
@@ -128,7 +128,7 @@ def _others(
         present = np.concatenate([present, there], axis=1)
         more = np.stack([scene.obstacles.length, scene.obstacles.width], axis=-1)
         size = np.concatenate([size, more])
-        kinds = np.concatenate([kinds, [kind_of(word) for word in scene.obstacles.types]])
+        kinds = np.concatenate([kinds, [vehicle_kind(word) for word in scene.obstacles.types]])
     x, y = states.x[:, :, -1], states.y[:, :, -1]
     distance = np.hypot(x[who.child] - now.x[:, None], y[who.child] - now.y[:, None])
     distance[~present[who.child]] = np.inf

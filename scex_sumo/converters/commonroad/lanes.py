@@ -15,7 +15,7 @@ from scex_sumo.converters.commonroad.rules import (
     CARS,
     LINES,
     Sign,
-    kind_of,
+    kind_by_types,
     lane_tags,
     may_cross,
     priority_regulations,
@@ -44,7 +44,7 @@ def lanes_of(file: CommonRoadFile, lanelets: Lanelets, signs: Signs) -> dict[int
             continue
         if bounds_cross(left, right):
             file.note("bounds cross each other or themselves, the lane's shape may be off", i)
-        kind = kind_of(lanelet.types, lanelet.one_way | lanelet.both_ways)
+        kind = kind_by_types(lanelet.types, lanelet.one_way | lanelet.both_ways)
         tags = lane_tags(lanelet.types)
         speed = _speed(file, i, lanelet, signs)
         if speed is not None:

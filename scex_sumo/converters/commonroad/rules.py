@@ -68,7 +68,7 @@ class Sign:
     values: tuple[str, ...] = ()
 
 
-def kind_of(types: frozenset[str], users: frozenset[str]) -> str:
+def kind_by_types(types: frozenset[str], users: frozenset[str]) -> str:
     """Kind of a lane: ``vehicle``, ``bus``, ``bicycle``, ``pedestrian`` or ``other``.
 
     Args:

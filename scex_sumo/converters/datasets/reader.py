@@ -17,7 +17,7 @@ from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.commonroad.tracks import read_commonroad_tracks, repair_commonroad
 from scex_sumo.converters.datasets.levelx import read_levelx
 from scex_sumo.converters.formats import all_there, is_commonroad, is_fcd, is_levelx, map_name
-from scex_sumo.converters.moments.sample import resample
+from scex_sumo.converters.moments.sample import resample_tracks
 from scex_sumo.converters.moments.scene import Clean
 from scex_sumo.converters.sumo.fcd import read_fcd
 from scex_sumo.converters.tracks.reader import read_tracks
@@ -85,7 +85,7 @@ def _repaired(paths: Sequence[Path], *, repair: bool = True) -> tuple[TrackTable
 def _at_ten_hertz(table: TrackTable) -> TrackTable:
     if not other_rate(table.step_s):
         return table
-    vehicles, others = resample(table.vehicles), resample(table.others)
+    vehicles, others = resample_tracks(table.vehicles), resample_tracks(table.others)
     return replace(table, vehicles=vehicles, others=others, step_s=STEP_S, recorded_step_s=table.step_s)
 
 

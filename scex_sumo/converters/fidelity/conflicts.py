@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.converters.fidelity.matching import headings, sample, turn
+from scex_sumo.converters.fidelity.matching import angle_between, sample_headings, sample_line
 from scex_sumo.road import Lane
 
 NEAR_M = 1.5  # centrelines this near: two cars (1.8 m wide) cannot pass there side by side
@@ -26,7 +26,7 @@ OVERLAP_M2 = 2.0  # shared area below which lanelets touch
 
 
 @dataclass(frozen=True, kw_only=True)
-class Conflict:
+class JudgedConflict:
     """Two lanelets that cannot be driven at once.
 
     Attributes:
@@ -60,7 +60,7 @@ class _Trace:
         )
 
 
-def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[Conflict, ...]:
+def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[JudgedConflict, ...]:
     """Classify every pair of lanelets that come within a car's width of each other.
 
     Pairs that follow one another, lie beside each other as neighbours, or only leave the same fork are no
@@ -69,7 +69,7 @@ def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[Conflict, ...]:
     """
     lines = {i: shapely.LineString(lane.centreline) for i, lane in lanes.items()}
     traces = [
-        _Trace(lane=lanes[i], points=sample(lanes[i].centreline, LOOK_M), line=line)
+        _Trace(lane=lanes[i], points=sample_line(lanes[i].centreline, LOOK_M), line=line)
         for i, line in lines.items()
         if line.length > 0.0
     ]
@@ -91,7 +91,7 @@ def _beside(one: Lane, other: Lane) -> bool:
     return other.lane_id in mine or one.lane_id in theirs
 
 
-def _classify(lanes: Mapping[int, Lane], one: _Trace, other: _Trace) -> Conflict | None:
+def _classify(lanes: Mapping[int, Lane], one: _Trace, other: _Trace) -> JudgedConflict | None:
     off = one.near(other.line)
     runs = [(_kind_of_run(lanes, one, other, start, end), start, end) for start, end in _runs(off <= NEAR_M)]
     kind = next((k for k in ("cross", "merge", "overlap") if any(k == run[0] for run in runs)), None)
@@ -100,14 +100,14 @@ def _classify(lanes: Mapping[int, Lane], one: _Trace, other: _Trace) -> Conflict
     start, end = next((start, end) for found, start, end in runs if found == kind)
     at = start + int(np.argmin(off[start : end + 1]))
     partner = int(np.argmin(np.hypot(*(other.points - one.points[at]).T)))
-    turned = float(turn(headings(one.points)[at], headings(other.points)[partner]))
+    turned = float(angle_between(sample_headings(one.points)[at], sample_headings(other.points)[partner]))
     if abs(turned) > BACK_TO_BACK_RAD and (kind == "overlap" or not one.line.crosses(other.line)):
         return None  # no right of way helps where two lanelets run against each other
     if kind != "merge" and other.lane.lane_id not in one.lane.conflicts:
         return None  # a bridge: the reader has seen heights, which are no longer there
     if kind == "overlap" and one.area().intersection(other.area()).area < OVERLAP_M2:
         return None
-    return Conflict(first=one.lane.lane_id, second=other.lane.lane_id, kind=kind, turn_rad=turned)
+    return JudgedConflict(first=one.lane.lane_id, second=other.lane.lane_id, kind=kind, turn_rad=turned)
 
 
 def _runs(near: BoolArray) -> list[tuple[int, int]]:
@@ -165,7 +165,7 @@ def _share(a: Lane, b: Lane, *, end: bool) -> bool:
     tips = [lane.centreline[-2:] if end else lane.centreline[:2] for lane in (a, b)]
     apart = float(np.hypot(*(tips[0] - tips[1])[-1 if end else 0]))
     ways = [np.arctan2(*(tip[1] - tip[0])[::-1]) for tip in tips]
-    together = apart <= JOINT_M and abs(float(turn(*ways))) < BACK_TO_BACK_RAD
+    together = apart <= JOINT_M and abs(float(angle_between(*ways))) < BACK_TO_BACK_RAD
     return together or bool(set(_next(a, end=end)) & set(_next(b, end=end)))
 
 

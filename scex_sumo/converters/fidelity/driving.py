@@ -14,11 +14,11 @@ import numpy as np
 import shapely
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.fidelity.loading import sumo_binary
 from scex_sumo.converters.fidelity.net import JudgedNet, read_net
 from scex_sumo.errors import SimulationError
 from scex_sumo.files import TemporaryFolder
 from scex_sumo.geometry.loose_ends import begin_inside
+from scex_sumo.programs import program
 
 LENGTH_M = 4.7
 WIDTH_M = 1.8
@@ -218,7 +218,7 @@ def _simulate(net_path: Path, demand: Path, folder: Path, seed: int, end_s: floa
         "--statistic-output": folder / "statistics.xml",
         "--xml-validation": "never",
     }
-    command = [sumo_binary(), "--no-step-log", *(str(part) for pair in options.items() for part in pair)]
+    command = [program("sumo"), "--no-step-log", *(str(part) for pair in options.items() for part in pair)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
     except subprocess.TimeoutExpired:

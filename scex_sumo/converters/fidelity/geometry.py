@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.fidelity.matching import COVERED, Matching, sample
+from scex_sumo.converters.fidelity.matching import COVERED, Matching, sample_line
 from scex_sumo.converters.fidelity.net import JudgedLane, JudgedNet
 
 PRESENT_M = (
@@ -71,7 +71,7 @@ def judge_geometry(matching: Matching) -> dict[str, Any]:
 
 def _distances(points: FloatArray, lanes: list[JudgedLane]) -> FloatArray:
     union = shapely.MultiLineString([lane.shape for lane in lanes])
-    return np.asarray(shapely.distance(shapely.points(sample(points)), union), dtype=np.float64)
+    return np.asarray(shapely.distance(shapely.points(sample_line(points)), union), dtype=np.float64)
 
 
 def _back(matching: Matching) -> tuple[dict[str, FloatArray], dict[str, float]]:
@@ -81,7 +81,7 @@ def _back(matching: Matching) -> tuple[dict[str, FloatArray], dict[str, float]]:
         lanelets = [matching.road.lanes[i] for i in matching.lanelets(name)]
         if name not in matching.net.car_lanes or not any(lane.kind == "vehicle" for lane in lanelets):
             continue
-        points = shapely.points(sample(matching.net.lanes[name].shape))
+        points = shapely.points(sample_line(matching.net.lanes[name].shape))
         off = np.full(len(points), np.inf)
         beside = np.zeros(len(points), dtype=np.bool_)
         for lane in lanelets:
@@ -109,7 +109,7 @@ def _widths(matching: Matching, present: Lanes) -> tuple[FloatArray, FloatArray]
     errors, floors = [], []
     for lane_id, lanes in present.items():
         lane = matching.road.lanes[lane_id]
-        points = shapely.points(sample(lane.centreline))
+        points = shapely.points(sample_line(lane.centreline))
         left, right = (
             shapely.distance(points, shapely.LineString(b)) for b in (lane.left_bound, lane.right_bound)
         )

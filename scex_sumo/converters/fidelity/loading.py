@@ -10,7 +10,6 @@ import contextlib
 import io
 import os
 import subprocess
-import sys
 import warnings
 from collections import Counter
 from pathlib import Path
@@ -21,9 +20,16 @@ import numpy as np
 import shapely
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.fidelity.matching import AHEAD_RAD, Matching, headings, sample, turn
+from scex_sumo.converters.fidelity.matching import (
+    AHEAD_RAD,
+    Matching,
+    angle_between,
+    sample_headings,
+    sample_line,
+)
 from scex_sumo.converters.fidelity.net import JudgedNet
 from scex_sumo.errors import SimulationError
+from scex_sumo.programs import program
 from scex_sumo.road import Road
 
 PROBE_STEP_M = 2.0
@@ -33,20 +39,6 @@ SAME_PLACE_M = 0.05  # branches of a fork lie on each other at first; either is 
 LOAD_LIMIT_S = 60.0
 RETRY_S = 0.05  # a small net takes SUMO a tenth of a second to load
 RETRIES = int(LOAD_LIMIT_S / RETRY_S)
-
-
-def sumo_binary(name: str = "sumo") -> str:
-    """Path of a program of the eclipse-sumo wheel, whatever is on the user's PATH.
-
-    Raises:
-        SimulationError: the wheel is not installed.
-    """
-    import sumo
-
-    program = Path(sumo.SUMO_HOME) / "bin" / (f"{name}.exe" if sys.platform == "win32" else name)
-    if not program.is_file():
-        raise SimulationError(f"{program}: SUMO's program {name} is missing; reinstall eclipse-sumo")
-    return str(program)
 
 
 def judge_loading(matching: Matching) -> dict[str, Any]:
@@ -75,13 +67,13 @@ def judge_loading(matching: Matching) -> dict[str, Any]:
     }
 
 
-def _run(program: str, *arguments: str) -> tuple[str, ...]:
+def _run(name: str, *arguments: str) -> tuple[str, ...]:
     """What a program of SUMO writes to its error stream."""
-    command = [sumo_binary(program), *arguments]
+    command = [program(name), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LOAD_LIMIT_S, check=False)
     lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
     if done.returncode != 0 and not any(line.startswith("Error") for line in lines):
-        lines.append(f"Error: {program} ended with status {done.returncode}")
+        lines.append(f"Error: {name} ended with status {done.returncode}")
     return tuple(lines)
 
 
@@ -121,7 +113,7 @@ def _ask_sumo(net: JudgedNet, points: FloatArray, directions: FloatArray) -> lis
     edge = next((lane.edge_id for lane in net.car_lanes.values() if not lane.internal), None)
     if edge is None:
         return [""] * len(points)
-    command = [sumo_binary(), "-n", str(net.path), "--no-step-log", "--no-warnings", "--step-length", "0.1"]
+    command = [program("sumo"), "-n", str(net.path), "--no-step-log", "--no-warnings", "--step-length", "0.1"]
     port = sumolib.miscutils.getFreeSocketPort()
     command += ["--collision.action", "none", "--remote-port", str(port)]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
@@ -163,6 +155,6 @@ def _mapped(matching: Matching, owner: int, found: str, point: FloatArray, direc
         return False
     if lanes[found].line.distance(place) > SAME_PLACE_M:
         return False
-    line = sample(lanes[found].shape, 0.2)
-    heading = headings(line)[int(np.argmin(np.hypot(*(line - point).T)))]
-    return bool(abs(turn(direction, heading)) < AHEAD_RAD)
+    line = sample_line(lanes[found].shape, 0.2)
+    heading = sample_headings(line)[int(np.argmin(np.hypot(*(line - point).T)))]
+    return bool(abs(angle_between(direction, heading)) < AHEAD_RAD)

@@ -65,7 +65,7 @@ class Matching:
         return {stretch.lane_id for stretch in self.by_sumo_lane.get(sumo_lane, ())}
 
 
-def sample(points: FloatArray, step_m: float = SAMPLE_M) -> FloatArray:
+def sample_line(points: FloatArray, step_m: float = SAMPLE_M) -> FloatArray:
     """(N, 2) points along a polyline, at most ``step_m`` apart, both ends included."""
     line = shapely.LineString(points)
     at = np.linspace(0.0, line.length, max(int(np.ceil(line.length / step_m)), 1) + 1)
@@ -73,20 +73,20 @@ def sample(points: FloatArray, step_m: float = SAMPLE_M) -> FloatArray:
     return along
 
 
-def headings(points: FloatArray) -> FloatArray:
+def sample_headings(points: FloatArray) -> FloatArray:
     """(N,) rad, central differences along sampled points."""
     step = np.gradient(points, axis=0) if len(points) > 1 else np.zeros_like(points)
     angles: FloatArray = np.arctan2(step[:, 1], step[:, 0])
     return angles
 
 
-def turn(heading_rad: FloatArray | float, other_rad: FloatArray | float) -> FloatArray:
+def angle_between(heading_rad: FloatArray | float, other_rad: FloatArray | float) -> FloatArray:
     """Angle from a heading to another, in [-pi, pi]."""
     angle: FloatArray = np.angle(np.exp(1j * (np.asarray(other_rad) - heading_rad)))
     return angle
 
 
-def match(net: JudgedNet, road: Road, lanes: LaneNames | None) -> Matching:
+def match_lanelets(net: JudgedNet, road: Road, lanes: LaneNames | None) -> Matching:
     """Find the SUMO lanes of every lanelet.
 
     Args:
@@ -125,8 +125,8 @@ def _stretch(lane: Lane, sumo_lane: str, line: shapely.LineString) -> Stretch:
 
 def _by_geometry(net: JudgedNet, road: Road) -> list[tuple[int, str]]:
     names = [name for name, lane in net.lanes.items() if lane.line.length >= CONNECTOR_M]
-    points = [sample(net.lanes[name].shape) for name in names]
-    directions = [headings(p) for p in points]
+    points = [sample_line(net.lanes[name].shape) for name in names]
+    directions = [sample_headings(p) for p in points]
     boxes = shapely.STRtree([shapely.LineString(p) for p in points])
     found: list[tuple[int, str]] = []
     for lane_id, lane in road.lanes.items():
@@ -155,7 +155,7 @@ def _follows(lane: Lane, points: FloatArray, directions: FloatArray, radius: flo
     off = shapely.distance(shapely.points(points[beside]), line)
     ahead = shapely.get_coordinates(shapely.line_interpolate_point(line, at[beside] + 0.1))
     behind = shapely.get_coordinates(shapely.line_interpolate_point(line, np.maximum(at[beside] - 0.1, 0.0)))
-    same_way = np.abs(turn(directions[beside], np.arctan2(*(ahead - behind).T[::-1]))) < AHEAD_RAD
+    same_way = np.abs(angle_between(directions[beside], np.arctan2(*(ahead - behind).T[::-1]))) < AHEAD_RAD
     if np.mean((off <= radius) & same_way) < COVERED or off.max() > 2 * radius:
         return False
     # The end of a long lane may brush past the lanelet's first half metre: too little to stand for it.
@@ -167,5 +167,5 @@ def _covered(lane: Lane, lanes: list[FloatArray], radius: float) -> bool:
     if not lanes:
         return False
     lines = shapely.union_all([shapely.LineString(points) for points in lanes])
-    near = shapely.distance(shapely.points(sample(lane.centreline)), lines) <= radius
+    near = shapely.distance(shapely.points(sample_line(lane.centreline)), lines) <= radius
     return bool(np.mean(near) >= COVERED)

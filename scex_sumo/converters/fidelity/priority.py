@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.converters.fidelity.conflicts import Conflict, find_conflicts
+from scex_sumo.converters.fidelity.conflicts import JudgedConflict, find_conflicts
 from scex_sumo.converters.fidelity.links import Links
-from scex_sumo.converters.fidelity.matching import Matching, turn
+from scex_sumo.converters.fidelity.matching import Matching, angle_between
 from scex_sumo.converters.fidelity.net import JudgedLink, JudgedNet
 
 Pair = tuple[int, int]
@@ -65,7 +65,9 @@ def _lit(net: JudgedNet, link: JudgedLink) -> bool:
     return any(link.signal_index < len(state) for state in net.phases.get(link.signal, ()))
 
 
-def _missing_foes(links: Links, conflicts: Iterable[Conflict]) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
+def _missing_foes(
+    links: Links, conflicts: Iterable[JudgedConflict]
+) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
     """Lanelet pairs of which SUMO lets two cars drive at once, and of these the pairs in no one junction."""
     missing, apart = [], []
     for conflict in conflicts:
@@ -80,7 +82,7 @@ def _missing_foes(links: Links, conflicts: Iterable[Conflict]) -> tuple[tuple[Pa
     return tuple(missing), tuple(apart)
 
 
-def _regulated(links: Links, conflicts: Iterable[Conflict]) -> tuple[int, tuple[Pair, ...]]:
+def _regulated(links: Links, conflicts: Iterable[JudgedConflict]) -> tuple[int, tuple[Pair, ...]]:
     """Lanelet pairs of the rules that meet, and those where SUMO does not make the yielding one wait."""
     meeting = {pair for c in conflicts for pair in ((c.first, c.second), (c.second, c.first))}
     rules = (rule for rule in links.matching.road.regulations if rule.kind != "all_way_stop")
@@ -109,7 +111,7 @@ def _regulated(links: Links, conflicts: Iterable[Conflict]) -> tuple[int, tuple[
     return count, tuple(wrong)
 
 
-def _from_the_right(links: Links, conflicts: Iterable[Conflict]) -> tuple[int, tuple[Pair, ...]]:
+def _from_the_right(links: Links, conflicts: Iterable[JudgedConflict]) -> tuple[int, tuple[Pair, ...]]:
     """Crossings at about a right angle that no rule names: who comes from the right goes first."""
     rules = links.matching.road.regulations
     ruled = {i for rule in rules for i in (*rule.lanes, *rule.yielding, *rule.priority)}
@@ -135,7 +137,7 @@ def _opposed(links: Links, one: JudgedLink, other: JudgedLink) -> bool:
     """Whether two links enter the junction against each other, so that the left-turner yields instead."""
     ends = [links.net.lanes[link.from_lane].shape for link in (one, other)]
     ways = [np.arctan2(*(shape[-1] - shape[-2])[::-1]) for shape in ends]
-    return not RIGHT_RAD[0] <= abs(turn(*ways)) <= RIGHT_RAD[1]
+    return not RIGHT_RAD[0] <= abs(angle_between(*ways)) <= RIGHT_RAD[1]
 
 
 def _mutual(links: Links) -> Iterator[tuple[JudgedLink, JudgedLink]]:

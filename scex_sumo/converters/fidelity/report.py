@@ -14,7 +14,7 @@ from typing import Any, Final
 from scex_sumo.converters.fidelity.driving import DrivingReport, drive_net
 from scex_sumo.converters.fidelity.geometry import judge_geometry
 from scex_sumo.converters.fidelity.loading import judge_loading
-from scex_sumo.converters.fidelity.matching import LaneNames, match
+from scex_sumo.converters.fidelity.matching import LaneNames, match_lanelets
 from scex_sumo.converters.fidelity.net import read_net
 from scex_sumo.converters.fidelity.priority import judge_priority
 from scex_sumo.converters.fidelity.topology import judge_topology
@@ -112,7 +112,7 @@ def check_net(net_path: Path, road: Road, lanes: LaneNames | None = None) -> Fid
         InputError: the file is no SUMO net.
         SimulationError: SUMO is not installed, or broke off.
     """
-    matching = match(read_net(net_path, road.georeference), road, lanes)
+    matching = match_lanelets(read_net(net_path, road.georeference), road, lanes)
     figures: dict[str, Any] = {"net": net_path.name, "map": road.name, "lane_table": lanes is not None}
     for judge in (judge_geometry, judge_topology, judge_priority, judge_loading):
         figures |= judge(matching)

@@ -27,7 +27,7 @@ _Element = TypeVar("_Element")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Node:
+class MapPoint:
     """A point of the map: latitude and longitude in degrees, elevation in m."""
 
     lat: float
@@ -77,7 +77,7 @@ class MapFile:
     """
 
     path: Path
-    nodes: dict[int, Node] = field(default_factory=dict)
+    nodes: dict[int, MapPoint] = field(default_factory=dict)
     ways: dict[int, Way] = field(default_factory=dict)
     relations: dict[int, Relation] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -109,7 +109,7 @@ def read_map_file(path: str | Path) -> MapFile:
         MapError: the file is missing, is no file, is not XML, or is not an OSM file.
     """
     path = Path(path)
-    nodes: dict[int, Node] = {}
+    nodes: dict[int, MapPoint] = {}
     ways: dict[int, Way] = {}
     relations: dict[int, Relation] = {}
     unreadable: list[str] = []
@@ -202,7 +202,7 @@ def _tags(element: ElementTree.Element) -> Tags:
     return {tag.get("k", ""): tag.get("v", "") for tag in element.findall("tag")}
 
 
-def _node(element: ElementTree.Element) -> Node:
+def _node(element: ElementTree.Element) -> MapPoint:
     place = {key: float(element.get(key, "")) for key in _EARTH}
     if not all(abs(place[key]) <= limit for key, limit in _EARTH.items()):  # nan fails too
         raise ValueError("no place on Earth")
@@ -210,7 +210,7 @@ def _node(element: ElementTree.Element) -> Node:
         ele = float(next((tag.get("v", "") for tag in element.findall("tag") if tag.get("k") == "ele"), "0"))
     except ValueError:
         ele = 0.0
-    return Node(**place, ele=ele if math.isfinite(ele) else 0.0)
+    return MapPoint(**place, ele=ele if math.isfinite(ele) else 0.0)
 
 
 def _way_nodes(element: ElementTree.Element) -> tuple[int, ...]:

@@ -51,11 +51,11 @@ def georeference(origin: tuple[float, float]) -> Georeference | None:
     lat, lon = origin
     corner = _projector(origin, use_offset=False).forward(GPSPoint(lat, lon, 0.0))
     south = " +south" if lat < 0 else ""
-    projection = f"+proj=utm +zone={_zone(lat, lon)}{south} +datum=WGS84 +units=m +no_defs"
+    projection = f"+proj=utm +zone={utm_zone(lat, lon)}{south} +datum=WGS84 +units=m +no_defs"
     return Georeference(projection=projection, east_m=corner.x, north_m=corner.y)
 
 
-def _zone(lat: float, lon: float) -> int:
+def utm_zone(lat: float, lon: float) -> int:
     """UTM zone of a place; zones are 6 degrees wide but in the south-west of Norway and on Svalbard."""
     lon = (lon + 180.0) % 360.0 - 180.0
     if 56.0 <= lat < 64.0 and 3.0 <= lon < 12.0:

@@ -21,7 +21,7 @@ from scex_sumo.converters.lanelet.repair import Place, distance_m, middle, repai
 from scex_sumo.converters.lanelet.stops import attach
 from scex_sumo.converters.lanelet.subtypes import as_roads, unknown_subtypes
 from scex_sumo.converters.lanelet.tags import COUNTRIES, lane_speed_mps, map_country, says_limit
-from scex_sumo.errors import MapError
+from scex_sumo.errors import MapError, one_line
 from scex_sumo.files import TemporaryFolder
 from scex_sumo.geometry.polylines import bounds_cross
 from scex_sumo.road import Lane, Loss, Road
@@ -193,7 +193,7 @@ def _complaints(errors: Iterable[str]) -> list[str]:
         if match:
             sentence = re.sub(r"-?\d+", "N", match[2]).strip().rstrip(".!")
             found.setdefault(sentence, set()).add(int(match[1]))
-    return [f"Lanelet2: {sentence}: {list_ids(ids)}" for sentence, ids in found.items()]
+    return [f"Lanelet2: {one_line(sentence)}: {list_ids(ids)}" for sentence, ids in found.items()]
 
 
 def _lines(lanelet_map: Map) -> Points:

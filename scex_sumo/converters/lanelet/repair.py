@@ -112,7 +112,7 @@ def _lanelets(map_file: MapFile, done: _Repair) -> tuple[dict[int, Relation], di
         bounds = []
         for side in SIDES:
             pieces = [ref for ref in lanelet.refs(side, "way") if ref in map_file.ways]
-            nodes = join([map_file.ways[ref].nodes for ref in pieces])
+            nodes = chain([map_file.ways[ref].nodes for ref in pieces])
             if nodes is None or not _is_line(nodes, map_file):
                 done.note(
                     "lanelets left out, their bounds are missing, in pieces or shorter than two points", [i]
@@ -150,7 +150,7 @@ def _is_line(nodes: tuple[int, ...], map_file: MapFile) -> bool:
     return len({(map_file.nodes[n].lat, map_file.nodes[n].lon) for n in nodes}) > 1
 
 
-def join(parts: list[tuple[int, ...]]) -> tuple[int, ...] | None:
+def chain(parts: list[tuple[int, ...]]) -> tuple[int, ...] | None:
     """Join node sequences, in any order and direction, end to end into one; None where they do not chain."""
     rest = [part for part in parts if part]
     if not rest:

@@ -34,7 +34,7 @@ class Sampled:
     interpolated: int
 
 
-def sample(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sampled:
+def sample_tracks(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sampled:
     """Sample everyone who is there at a moment, sorted as the rows are.
 
     Samples within a rounded millisecond of a step are taken as they are; between samples positions follow
@@ -66,8 +66,8 @@ def sample(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sampled:
     )
 
 
-def resample(rows: TrackRows) -> TrackRows:
-    """The same tracks at every full 0.1 s of the recording's clock, sampled as `sample` does.
+def resample_tracks(rows: TrackRows) -> TrackRows:
+    """The same tracks at every full 0.1 s of the recording's clock, sampled as `sample_tracks` does.
 
     Pieces that lie between two of these times are left out.
     """

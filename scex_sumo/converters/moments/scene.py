@@ -13,7 +13,7 @@ from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.formats import map_name
 from scex_sumo.converters.moments.moments import CASE_FRAME, STAMP_MS, busiest, moments
-from scex_sumo.converters.moments.sample import Sampled, sample
+from scex_sumo.converters.moments.sample import Sampled, sample_tracks
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, number_of
 from scex_sumo.errors import TrackError
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene
@@ -155,7 +155,9 @@ def choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> floa
     with_vehicle = rows.stamps_ms
     wanted = 1000.0 * time_s
     nearest = float(with_vehicle[np.argmin(np.abs(with_vehicle - wanted))])
-    if abs(nearest - wanted) > 1000.0 * STEP_S and not len(sample(rows, wanted, np.array([wanted])).track):
+    if abs(nearest - wanted) > 1000.0 * STEP_S and not len(
+        sample_tracks(rows, wanted, np.array([wanted])).track
+    ):
         raise TrackError(
             f"{where}: no vehicle at {time_s:g} s; the nearest moment with one is {nearest / 1000:.1f} s"
         )
@@ -174,7 +176,7 @@ def _build(
     steps_ms = 1000.0 * STEP_S * np.arange(-HISTORY_STEPS, FUTURE_STEPS + 1)
     grid_ms: FloatArray = (moment_ms + steps_ms).astype(np.float64)
     rows = table.vehicles
-    cars = sample(rows, moment_ms, grid_ms)
+    cars = sample_tracks(rows, moment_ms, grid_ms)
     steps = cars.recorded[:, :HISTORY_STEPS].sum(axis=1).astype(np.int64)
     keep = steps >= min_history
     if not keep.any():
@@ -207,7 +209,7 @@ def _build(
 
 
 def _obstacles(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Obstacles | None:
-    found = sample(rows, moment_ms, grid_ms)
+    found = sample_tracks(rows, moment_ms, grid_ms)
     if not len(found.track):
         return None
     present = found.recorded.copy()

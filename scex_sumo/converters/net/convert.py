@@ -17,9 +17,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from scex_sumo.converters.net.elements import NetLayout
-from scex_sumo.converters.net.existing import copy_net
 from scex_sumo.converters.net.extras import extras_text
-from scex_sumo.converters.net.lane_table import LaneTable, lane_table
+from scex_sumo.converters.net.lane_table import LaneTable, lane_table, read_ends
 from scex_sumo.converters.net.lights import Programme, fixed_programmes
 from scex_sumo.converters.net.pieces.borders import add_entries
 from scex_sumo.converters.net.pieces.rows import build_rows
@@ -28,7 +27,9 @@ from scex_sumo.converters.net.plan import plan_net
 from scex_sumo.converters.net.signals import recorded_programme
 from scex_sumo.converters.net.sumo_net import SumoNet, net_file
 from scex_sumo.converters.net.text import net_text
+from scex_sumo.converters.sumo.net import lane_names, unpacked
 from scex_sumo.errors import MapError
+from scex_sumo.files import write_atomic
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import Loss, Road
 from scex_sumo.roads.conflicts import conflicts
@@ -81,7 +82,7 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
 
 def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
     """The net that a road was read from, its lane table and drawing beside it."""
-    table, extras = copy_net(source, net_path), net_file(net_path, ".add.xml")
+    table, extras = _copy_net(source, net_path), net_file(net_path, ".add.xml")
     table.write(net_file(net_path, ".lanes.csv"))
     extras.write_text(extras_text(road), encoding="utf-8")
     return SumoNet(path=net_path, extras=extras, lanes=table)
@@ -120,3 +121,9 @@ def _together(recorded: Programme | None, fixed: list[Programme]) -> list[Progra
         return fixed
     taken = {c.internal.name for c in recorded.connections}
     return [recorded, *(p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))]
+
+
+def _copy_net(source: Path, net_path: Path) -> LaneTable:
+    """Copy a net, unpacked; the table of its lanes, which are numbered as those of its road."""
+    write_atomic(net_path, unpacked(source))
+    return LaneTable(((k + 1, name) for k, name in enumerate(lane_names(source))), read_ends(net_path))

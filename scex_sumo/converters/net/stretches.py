@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.elements import Connection, NetLane, Node
 from scex_sumo.geometry.polylines import project_near, samples
-from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, intersect, opposed
+from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, lines_cross, opposed
 
 # SUMO takes a stretch for real only if it begins or ends strictly within the lane.
 INSET_M = 0.5
@@ -32,7 +32,7 @@ def stretches(node: Node) -> Iterator[tuple[Connection, Connection, tuple[float,
             other = _close(b.internal, a.internal, *sampled[b.internal.name]) if span is not None else None
             if span is None or other is None:
                 continue
-            crossing = intersect(a.internal.shape, b.internal.shape)
+            crossing = lines_cross(a.internal.shape, b.internal.shape)
             if not crossing or opposed(a.internal.shape, b.internal.shape, span, other):
                 yield a, b, span
 

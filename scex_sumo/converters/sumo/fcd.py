@@ -6,7 +6,6 @@ angles counter-clockwise from +x.
 
 from __future__ import annotations
 
-import gzip
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.converters.formats import open_binary
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
 from scex_sumo.geometry.polylines import wrap
@@ -98,7 +98,7 @@ def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
     """Names, types and columns of every row of an XML file."""
     names, kinds, rows = [], [], []
     try:
-        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+        with open_binary(path) as file:
             for time, element in _elements(file):
                 names.append(element.get("id", ""))
                 kinds.append("pedestrian" if element.tag == "person" else element.get("type", ""))

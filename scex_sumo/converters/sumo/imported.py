@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from scex_sumo.converters.formats import OPENDRIVE, map_name
-from scex_sumo.converters.sumo.net import open_text, read_sumo_road
+from scex_sumo.converters.sumo.net import read_sumo_road, unpacked
 from scex_sumo.errors import MapError
 from scex_sumo.programs import environment, program
 from scex_sumo.road import Road
@@ -59,7 +59,7 @@ def read_imported_road(path: str | Path) -> Road:
     """
     path = Path(path)
     drive = str(path).lower().endswith(OPENDRIVE)
-    content = open_text(path)
+    content = unpacked(path)
     options = _OPENDRIVE if drive else _OPEN_STREET_MAP
     key = hashlib.sha256(repr((__version__, sorted(options.items()))).encode() + content).hexdigest()[:16]
     folder = Path(tempfile.gettempdir()) / f"scex-sumo-nets-{os.getuid()}" / key

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +12,8 @@ from xml.sax import SAXException
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.formats import map_name
-from scex_sumo.converters.sumo.rules import regulations
+from scex_sumo.converters.formats import map_name, open_binary
+from scex_sumo.converters.sumo.rules import junction_rules
 from scex_sumo.errors import MapError
 from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.road import Area, Lane, Marking, Road
@@ -57,7 +56,7 @@ def read_sumo_road(path: str | Path) -> Road:
     return Road(
         name=map_name(path),
         lanes=overlapping(lanes, {i: _line(lane, heights=True) for i, lane in sumo_lanes.items()}),
-        regulations=regulations(net, numbers),
+        regulations=junction_rules(net, numbers),
         markings=tuple(_markings(lanes)),
         areas=_areas(net),
         net=path,
@@ -74,17 +73,18 @@ def lane_names(path: Path) -> list[str]:
     ]
 
 
-def open_text(path: Path) -> bytes:
+def unpacked(path: Path) -> bytes:
     """Content of a net or another file of SUMO's, gzipped or not."""
     try:
-        return gzip.decompress(path.read_bytes()) if path.suffix == ".gz" else path.read_bytes()
+        with open_binary(path) as file:
+            return file.read()
     except (OSError, EOFError) as error:
         raise MapError(f"{path}: cannot be read: {error}; check the path of the net") from None
 
 
 def _root(path: Path) -> ElementTree.Element:
     try:
-        root = ElementTree.fromstring(open_text(path))
+        root = ElementTree.fromstring(unpacked(path))
     except ElementTree.ParseError as error:
         raise MapError(f"{path}: no XML ({error}); build the net again with netconvert") from None
     if root.tag != "net":

@@ -10,7 +10,7 @@ from scex_sumo.road import Regulation
 _STOPS = {"allway_stop": "all_way_stop", "priority_stop": "stop"}
 
 
-def regulations(net: Any, numbers: Mapping[str, int]) -> tuple[Regulation, ...]:
+def junction_rules(net: Any, numbers: Mapping[str, int]) -> tuple[Regulation, ...]:
     """What the junctions' requests and lights say.
 
     Args:

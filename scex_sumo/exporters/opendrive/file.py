@@ -8,8 +8,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.lanelet.projection import to_local
-from scex_sumo.exporters.opendrive.network import Link, Piece, connections, road_network
+from scex_sumo.converters.lanelet.projection import to_local, utm_zone
+from scex_sumo.exporters.opendrive.network import Piece, RoadLink, connections, road_network
 from scex_sumo.exporters.opendrive.reference import Curve
 from scex_sumo.exporters.opendrive.ribbons import Section
 from scex_sumo.exporters.opendrive.signals import Signal, place_signals
@@ -19,7 +19,6 @@ from scex_sumo.version import __version__
 LANE_CODE = "scex_sumo_lane"  # user data of a lane: its id in the map
 _TYPES = {"vehicle": "driving", "bus": "bus", "bicycle": "biking", "pedestrian": "sidewalk"}
 _MARK_M = 0.12
-_MIDDLE_EAST = 500_000.0  # UTM's false easting
 
 
 def opendrive_text(road: Road) -> str:
@@ -52,13 +51,13 @@ def _header(road: Road) -> ET.Element:
         vendor=f"scex-sumo {__version__}",
     )
     if road.origin != (0.0, 0.0):
-        ET.SubElement(header, "geoReference").text = georeference(road.origin)
+        ET.SubElement(header, "geoReference").text = projection_text(road.origin)
     return header
 
 
-def georeference(origin: tuple[float, float]) -> str:
+def projection_text(origin: tuple[float, float]) -> str:
     """PROJ's description of coordinates that count from an origin in its UTM zone."""
-    meridian = 6.0 * np.floor(origin[1] / 6.0) + 3.0
+    meridian = 6.0 * utm_zone(*origin) - 183.0
     x, y = to_local(np.array([origin]), (0.0, meridian))[0]
     return (
         f"+proj=tmerc +lat_0=0 +lon_0={meridian:g} +k=0.9996 +x_0={-x:.4f} +y_0={-y:.4f} "
@@ -147,7 +146,7 @@ def _lane(section: Section, n: int, lane: Lane, before: Sequence[int], after: Se
     return element
 
 
-def _linked(link: Link | None, lane: int) -> list[int]:
+def _linked(link: RoadLink | None, lane: int) -> list[int]:
     return [] if link is None else [other for own, other in link.lanes if own == lane]
 
 

@@ -23,7 +23,7 @@ HEAD_M = 20.0  # longest connecting road that is only part of a chain
 
 
 @dataclass(frozen=True, kw_only=True)
-class Link:
+class RoadLink:
     """What a road leads to, or comes from.
 
     Attributes:
@@ -51,8 +51,8 @@ class Piece:
 
     number: int
     ribbon: Ribbon
-    before: Link | None = None
-    after: Link | None = None
+    before: RoadLink | None = None
+    after: RoadLink | None = None
     junction: int | None = None
 
 
@@ -151,9 +151,9 @@ class _Network:
                 _join(before, after, pairs)
                 self._connect(connecting, junction)
                 if connecting is after:
-                    before.after = Link(junction=junction)
+                    before.after = RoadLink(junction=junction)
                 else:
-                    after.before = Link(junction=junction)
+                    after.before = RoadLink(junction=junction)
 
     def _connect(self, piece: Piece, junction: int) -> None:
         """Make a road part of a junction; one that is part of two makes them one."""
@@ -173,10 +173,10 @@ class _Network:
         pairs = tuple((-k - 1, -k - 1) for k in range(len(chain[0])))
         for head in parts.heads.values():
             _join(head, parts.rest, pairs)
-            parts.rest.before = Link(junction=numbers[id(self._entry[chain])])
+            parts.rest.before = RoadLink(junction=numbers[id(self._entry[chain])])
         if parts.tail is not None:
             _join(parts.rest, parts.tail, pairs)
-            parts.rest.after = Link(junction=numbers[id(self._exit[chain])])
+            parts.rest.after = RoadLink(junction=numbers[id(self._exit[chain])])
 
     def _settle_junctions(self) -> None:
         """Give joined junctions one number."""
@@ -206,8 +206,8 @@ def _lane_numbers(group: Group) -> dict[int, int]:
 
 
 def _join(before: Piece, after: Piece, pairs: tuple[tuple[int, int], ...]) -> None:
-    before.after = Link(road=after.number, lanes=pairs)
-    after.before = Link(road=before.number, lanes=tuple((b, a) for a, b in pairs))
+    before.after = RoadLink(road=after.number, lanes=pairs)
+    after.before = RoadLink(road=before.number, lanes=tuple((b, a) for a, b in pairs))
 
 
 def connections(pieces: Sequence[Piece]) -> Iterator[tuple[int, Piece, Piece]]:

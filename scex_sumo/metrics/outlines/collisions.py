@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.geometry.overlap import axis_separations, seen_from
+from scex_sumo.geometry.overlap import axis_separations, relative_pose
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.outlines.motion import Moves, near_moves
@@ -243,7 +243,7 @@ def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
     axis = np.argmax(gaps >= gaps.max(axis=0) - 1e-6, axis=0)
     towards = []
     for own, other in ((one, two), (two, one)):
-        x, y, cos, sin = seen_from(own, other)
+        x, y, cos, sin = relative_pose(own, other)
         towards.append((x, y, cos, sin))
     sides = []
     for index in (0, 1):

@@ -26,20 +26,9 @@ from scex_sumo.reports.page.tracks import HEADING_RAD, POSITION_M, unique_tracks
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH
+from scex_sumo.world.colors import model_colors
 
 _AROUND_M = 60.0
-_COLORS = {
-    "standard_driver": "#3f8fd2",
-    "risky_driver": "#d55e00",
-    "constant_velocity": "#e6a817",
-    "emergency_brake": "#a65fa0",
-    "calibrated_driver": "#0aa37a",
-    "graph_predictor": "#35b9c9",
-    "graph_image_predictor": "#c77c9e",
-    "replay": "#8a9199",
-}
-_OTHER_COLORS = ("#5b62c2", "#8c6d46", "#7fae2e", "#d0567a", "#6f7d8c")
-"""Of models; after Okabe and Ito, apart for the colour-blind, on light and dark ground."""
 
 
 def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -96,7 +85,7 @@ def _words(
         "track_ids": track_ids,
         "types": list(scene.types),
         "models": models,
-        "colors": model_colors(models),
+        "colors": ["#{:02x}{:02x}{:02x}".format(*color) for color in model_colors(models)],
         "metrics": metrics,
         "bandwidth": BANDWIDTH,
         "units": {"position": POSITION_M, "heading": HEADING_RAD, "road": UNIT_M},
@@ -106,13 +95,6 @@ def _words(
         "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
         "likely_collisions": likely_collisions(run),
     }
-
-
-def model_colors(models: list[str]) -> list[str]:
-    """A colour for each model; models of one name with other parameters have others."""
-    known = [_COLORS.get(model) for model in models]
-    others = iter(_OTHER_COLORS * len(models))
-    return [color or next(others) for color in known]
 
 
 def _assignment(run: Run, vehicles: int) -> tuple[IntArray, list[str]]:

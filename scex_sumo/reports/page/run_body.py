@@ -8,7 +8,7 @@ from typing import Any
 
 from scex_sumo.reports.page.html import Html, element, joined
 from scex_sumo.reports.page.shell import asset
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.tables.runs import counted
 
 _WORST = 3
 _SECONDS_A_STEP = 0.1

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.learned.networks.graph import PathBatch, SceneBatch
-from scex_sumo.training.data.samples import Samples
+from scex_sumo.training.data.samples import TrainingSamples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,7 +27,7 @@ class Batch:
         pose: (n, 3) of the vehicle in the map's coordinates: x, y, heading.
         s: (n, H) m.
         d: (n, H) m.
-        start: (n, 4) see `Samples`.
+        start: (n, 4) see `TrainingSamples`.
         xy: (n, H, 2) m.
     """
 
@@ -50,7 +50,7 @@ class Batches:
         site_weight: (S,) weight of each site's graphs in the loss.
     """
 
-    def __init__(self, samples: Samples, site_weight: FloatArray, device: torch.device) -> None:
+    def __init__(self, samples: TrainingSamples, site_weight: FloatArray, device: torch.device) -> None:
         self.samples, self.device = samples, device
         self.node_start = _starts(samples.nodes)
         self.edge_start = _starts(samples.edges)

@@ -24,7 +24,7 @@ from scex_sumo.errors import TrackError
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.training.data.perturb import Perturbation, perturbed
-from scex_sumo.training.data.samples import Samples, learnable, scene_samples
+from scex_sumo.training.data.samples import TrainingSamples, learnable, scene_samples
 from scex_sumo.training.data.sources import sources_digest
 from scex_sumo.training.data.split import Part, Split, split_moments
 
@@ -68,8 +68,8 @@ class Dataset:
     sites: tuple[str, ...]
     kinds: tuple[str, ...]
     roads: tuple[Road, ...]
-    train: Samples
-    validation: Samples
+    train: TrainingSamples
+    validation: TrainingSamples
     digest: str
 
 
@@ -93,7 +93,7 @@ def make_dataset(
     sites = tuple(sorted({recording.site for recording in recordings}))
     kinds: dict[str, str] = {}
     roads: dict[str, Road] = {}
-    parts: dict[Part, list[Samples]] = {"train": [], "validation": []}
+    parts: dict[Part, list[TrainingSamples]] = {"train": [], "validation": []}
     digest = hashlib.sha256()
     for done, recording in enumerate(recordings):
         if tick is not None:
@@ -122,8 +122,8 @@ def make_dataset(
         sites=sites,
         kinds=tuple(kinds[site] for site in sites),
         roads=tuple(roads[site] for site in sites),
-        train=Samples.concatenate(parts["train"]),
-        validation=Samples.concatenate(parts["validation"]),
+        train=TrainingSamples.concatenate(parts["train"]),
+        validation=TrainingSamples.concatenate(parts["validation"]),
         digest=digest.hexdigest(),
     )
 
@@ -169,7 +169,7 @@ def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
                 )
 
 
-def _make(loaded: LoadedRecording, road: Road, options: SampleOptions, part: Part) -> Samples | None:
+def _make(loaded: LoadedRecording, road: Road, options: SampleOptions, part: Part) -> TrainingSamples | None:
     """Samples of one part, perturbed copies of training scenes included; None where there are none."""
     rng = np.random.default_rng([options.seed, zlib.crc32(loaded.recording.name.encode())])
     copies = options.copies if part == "train" else 0
@@ -178,7 +178,7 @@ def _make(loaded: LoadedRecording, road: Road, options: SampleOptions, part: Par
         put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(copies)]
         samples = scene_samples(scene, road, States.stack([scene.history, *put_off], 0))
         found += [samples] if samples is not None else []
-    return Samples.concatenate(found) if found else None
+    return TrainingSamples.concatenate(found) if found else None
 
 
 def default_cache() -> Path:
@@ -195,17 +195,17 @@ def _key(recording: Recording, options: SampleOptions) -> str:
     return digest.hexdigest()
 
 
-def _read(file: Path) -> Samples | None:
+def _read(file: Path) -> TrainingSamples | None:
     """Samples from the cache; None where the part has none, or the file is broken (then made anew)."""
     try:
         with np.load(file) as data:
             columns: dict[str, Any] = {name: data[name] for name in data.files}
-            return Samples(**columns) if columns else None
+            return TrainingSamples(**columns) if columns else None
     except (OSError, ValueError, TypeError, BadZipFile):
         return None
 
 
-def _write(file: Path, samples: Samples | None) -> None:
+def _write(file: Path, samples: TrainingSamples | None) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     temporary = file.with_name(f".{os.getpid()}-{file.name}")  # trainings share the cache
     with temporary.open("wb") as stream:

@@ -10,7 +10,7 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
-from scex_sumo.behaviors.driving.projection import sample
+from scex_sumo.behaviors.driving.projection import sample_paths
 from scex_sumo.behaviors.learned.seen.inputs import path_inputs
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.extrapolation.rollout import history_at
@@ -26,7 +26,7 @@ MOST_SLOPE = 0.3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Samples:
+class TrainingSamples:
     """G scene graphs one after the other; N nodes, E edges, P pairs of a vehicle and a candidate path.
 
     Attributes:
@@ -70,7 +70,7 @@ class Samples:
         return len(self.nodes)
 
     @classmethod
-    def concatenate(cls, parts: Sequence[Samples]) -> Samples:
+    def concatenate(cls, parts: Sequence[TrainingSamples]) -> TrainingSamples:
         """All graphs of several sets of samples; the sets must be of one kind."""
         joined = {}
         for f in fields(cls):
@@ -81,7 +81,7 @@ class Samples:
 
 def scene_samples(
     scene: SeedScene, road: Road, states: States, *, site: int = 0, step: int = 0
-) -> Samples | None:
+) -> TrainingSamples | None:
     """Samples of a scene, one graph for each child.
 
     What vehicles should do is what the recorded ones did from the same time on; a vehicle that is not where
@@ -119,7 +119,7 @@ def scene_samples(
     now = history.now
     graph_of_edge = graph.edge_index[1] // count
     order = np.argsort(graph_of_edge, kind="stable")
-    return Samples(
+    return TrainingSamples(
         site=np.full(children, site),
         nodes=np.full(children, count),
         edges=np.bincount(graph_of_edge, minlength=children),
@@ -171,7 +171,7 @@ def _goals(
     way = BEHIND_M + history.step * STEP_S * history.scene.now.speed[who.vehicle]
     s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, start_way=way)
     s_now, d_now, _, _ = along_paths(paths, row, present, present[:, None], start_way=way)
-    heading = sample(paths, row, s_now)[4]
+    heading = sample_paths(paths, row, s_now)[4]
     aside, ahead = d_now - d_then, s_now - s_then
     lean = np.tan(np.clip(wrap(present.heading - recorded.heading), -MOST_SLOPE, MOST_SLOPE))
     catching = _catch_up(ahead, present.speed - recorded.speed, future.x.shape[1])
@@ -199,4 +199,4 @@ def _catch_up(ahead: FloatArray, faster: FloatArray, steps: int) -> FloatArray:
 def _sampled(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
     """(6, n, H) path properties at (n, H) arc lengths."""
     n, steps = s.shape
-    return sample(paths, np.repeat(row, steps), s.ravel()).reshape(6, n, steps)
+    return sample_paths(paths, np.repeat(row, steps), s.ravel()).reshape(6, n, steps)

@@ -7,7 +7,7 @@ import pytest
 
 from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
 from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
-from scex_sumo.behaviors.driving.projection import project
+from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.road import Road
 from scex_sumo.scene import Obstacles, States, Who
 from tests.behaviors import roads
@@ -29,7 +29,7 @@ def leaders(
     who = Who(child=np.array([0]), vehicle=np.array([0]))
     paths = seed_paths(scene, roads.straight() if where is None else where)
     row = paths.choose(0, who.vehicle, np.zeros(1))
-    s, _, _ = project(paths, row, np.array([own[0]]), np.array([own[1]]), np.array([BEHIND_M]))
+    s, _, _ = foot_points(paths, row, np.array([own[0]]), np.array([own[1]]), np.array([BEHIND_M]))
     return find_leaders(history, who, paths, row, s, clearance=clearance, radius=radius)
 
 
@@ -116,7 +116,7 @@ def test_a_vehicle_on_another_branch_of_a_fork_leads_only_who_goes_there() -> No
     history, who = roads.present(scene), Who(child=np.zeros(3, dtype=int), vehicle=np.zeros(3, dtype=int))
     paths = seed_paths(scene, roads.fork())
     row = np.array([0, 1, 2])
-    s, _, _ = project(paths, row, np.full(3, 40.0), np.zeros(3), np.full(3, BEHIND_M))
+    s, _, _ = foot_points(paths, row, np.full(3, 40.0), np.zeros(3), np.full(3, BEHIND_M))
     found = find_leaders(history, who, paths, row, s, clearance=5.0, radius=100.0)
     assert found.index.tolist() == [1, -1, -1]
 

@@ -7,7 +7,7 @@ import pytest
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, planned_lanes, seed_paths
-from scex_sumo.behaviors.driving.projection import project, sample
+from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.errors import UsageError
 from scex_sumo.geometry.polylines import arc_lengths, nearest
 from tests.behaviors import roads
@@ -82,13 +82,13 @@ def test_headings_and_curvature_belong_to_the_positions() -> None:
 
 def test_paths_go_straight_on_past_the_end_of_the_road() -> None:
     paths = seed_paths(roads.scene_of((30.0, 0.0, 0.0, 8.0)), roads.straight(50.0))
-    far = sample(paths, np.array([0]), np.array([BEHIND_M + 1000.0]))[:, 0]
+    far = sample_paths(paths, np.array([0]), np.array([BEHIND_M + 1000.0]))[:, 0]
     assert far == pytest.approx([1030.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
 def test_a_projection_gives_arc_length_offset_and_heading() -> None:
     paths = seed_paths(roads.scene_of((30.0, 0.0, 0.0, 8.0)), roads.straight())
-    s, offset, heading = project(
+    s, offset, heading = foot_points(
         paths, np.array([0, 0]), np.array([31.3, 60.2]), np.array([0.7, -4.0]), np.full(2, BEHIND_M)
     )
     assert s == pytest.approx(BEHIND_M + np.array([1.3, 30.2]))
@@ -102,7 +102,7 @@ def test_projection_onto_a_curve_is_radial() -> None:
     )
     angle = np.array([0.5, 1.0])
     x, y = 47.0 * np.sin(angle), 50 - 47.0 * np.cos(angle)
-    s, offset, heading = project(paths, np.array([0, 0]), x, y, np.full(2, BEHIND_M))
+    s, offset, heading = foot_points(paths, np.array([0, 0]), x, y, np.full(2, BEHIND_M))
     # The arc is drawn inwards by sigma²/(2R) = 2 cm and is a polyline of 0.5 m.
     assert s - BEHIND_M == pytest.approx(50 * angle, abs=0.05)
     assert offset == pytest.approx([3.0, 3.0], abs=0.03)
@@ -179,7 +179,7 @@ def test_a_place_that_a_path_passes_twice_belongs_to_the_expected_lap() -> None:
     )
     paths = seed_paths(roads.scene_of((0.0, 0.0, 0.0, 8.0)), ring)
     x, y = np.full(2, 12 * np.sin(1.0)), np.full(2, 12 - 12 * np.cos(1.0))
-    s, _, heading = project(paths, np.array([0, 0]), x, y, BEHIND_M + np.array([20.0, 70.0]))
+    s, _, heading = foot_points(paths, np.array([0, 0]), x, y, BEHIND_M + np.array([20.0, 70.0]))
     lap = 2 * np.pi * (12.0 - 0.09)
     assert s - BEHIND_M == pytest.approx([12.0, 12.0 + lap], abs=0.3)
     assert heading[1] - heading[0] == pytest.approx(2 * np.pi, abs=0.02)

@@ -105,6 +105,12 @@ def test_weights_of_another_architecture_are_refused(file: Path) -> None:
     assert "weights of another architecture" in refused("graph_predictor", file)
 
 
+def test_a_width_of_zero_is_refused_before_a_network_is_built(file: Path) -> None:
+    content = torch.load(file, weights_only=True)
+    altered(file, architecture={**content["architecture"], "hidden": 0})
+    assert "hidden is 0, 1 to 1024 expected" in refused("graph_predictor", file)
+
+
 def test_weights_for_other_inputs_are_refused(file: Path) -> None:
     content = torch.load(file, weights_only=True)
     altered(file, columns={**content["columns"], "path": ["speed"]})

@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.plug_in.inputs import ARRAYS, Surroundings, kind_of, lane_pieces, predictor_inputs
+from scex_sumo.behaviors.plug_in.inputs import (
+    ARRAYS,
+    Surroundings,
+    lane_pieces,
+    predictor_inputs,
+    vehicle_kind,
+)
 from scex_sumo.errors import UsageError
 from scex_sumo.scene import Obstacles, States
 from tests.behaviors import roads
@@ -107,7 +113,7 @@ def test_a_map_without_lanes_gives_none() -> None:
     [("car", 0), ("truck_bus", 1), ("Motorcycle", 2), ("bicycle", 3), ("pedestrian/bicycle", 4), ("tram", 5)],
 )
 def test_recorded_types_are_numbered(word: str, kind: int) -> None:
-    assert kind_of(word) == kind
+    assert vehicle_kind(word) == kind
 
 
 @pytest.mark.parametrize("how", [{"neighbours": 0}, {"radius": -1.0}, {"points": 1}, {"spacing": 0.0}])

@@ -231,3 +231,10 @@ def test_a_missing_file_and_a_folder_are_clear_errors(tmp_path: Path) -> None:
         read_road(tmp_path / "absent.osm")
     with pytest.raises(MapError, match=r"is a folder; name the \.osm file"):
         read_road(tmp_path)
+
+
+def test_a_word_of_ten_thousand_letters_is_not_repeated(tmp_path: Path) -> None:
+    element = rule(90, "a" * 10_000, [("refers", 1)])
+    road = read_road(written(tmp_path, draw_map([straight(1, 0, 50, rules=[90])], relations=[element])))
+    assert any("a" * 60 + "…" in note for note in road.notes)
+    assert all(len(note) < 300 for note in road.notes)

@@ -10,8 +10,8 @@ import numpy as np
 
 from scex_sumo.converters.lanelet.file import (
     MapFile,
+    MapPoint,
     Member,
-    Node,
     Relation,
     Way,
     read_map_file,
@@ -63,7 +63,7 @@ def torn(map_file: MapFile, lanelet: int, shift_deg: float = 1e-6) -> MapFile:
         own = []
         for n, node in enumerate(ways[member.ref].nodes):
             new = FIRST_ID + 1000 * (k + 1) + n
-            nodes[new] = Node(lat=nodes[node].lat + shift_deg, lon=nodes[node].lon)
+            nodes[new] = MapPoint(lat=nodes[node].lat + shift_deg, lon=nodes[node].lon)
             own.append(new)
         ways[FIRST_ID + k] = Way(nodes=tuple(own), tags=ways[member.ref].tags)
         members.append(Member(kind="way", ref=FIRST_ID + k, role=member.role))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.evaluation.encounters import in_words
-from scex_sumo.reports.page.contents import model_colors, report_contents
+from scex_sumo.reports.page.contents import report_contents
 from scex_sumo.reports.page.packing import second_sums, unpack
 from scex_sumo.reports.page.report import report_html, write_report
 from scex_sumo.reports.page.road_lines import SURFACE
@@ -115,11 +115,6 @@ def test_the_same_result_gives_the_same_bytes(run: Run) -> None:
 
 def test_the_file_is_small(run: Run) -> None:
     assert (run.folder / "report.html").stat().st_size < 200_000
-
-
-def test_models_have_colours_of_their_own() -> None:
-    colors = model_colors(["standard_driver", "mine", "standard_driver:politeness=0", "replay"])
-    assert len(set(colors)) == 4
 
 
 def test_likely_children_that_collide_are_counted(run: Run, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.training.closed_loop import drive_all
 from scex_sumo.training.data.perturb import moved
-from scex_sumo.training.data.samples import Samples, learnable, scene_samples
+from scex_sumo.training.data.samples import TrainingSamples, learnable, scene_samples
 from scex_sumo.world.plain import PlainWorld
 from tests.behaviors import roads
 
@@ -31,7 +31,7 @@ def going_straight(y: float = 0.5, speed: float = 10.0) -> SeedScene:
     return with_future(scene, 50.0 + speed * TIMES, np.full(50, y), np.zeros(50))
 
 
-def samples_of(scene: SeedScene, where: Road, states: States | None = None, step: int = 0) -> Samples:
+def samples_of(scene: SeedScene, where: Road, states: States | None = None, step: int = 0) -> TrainingSamples:
     found = scene_samples(scene, where, scene.history.repeat(1) if states is None else states, step=step)
     assert found is not None
     return found
@@ -122,7 +122,7 @@ def test_a_padded_past_is_not_learned_from() -> None:
 
 def test_graphs_can_be_laid_one_behind_the_other() -> None:
     one = samples_of(going_straight(), roads.straight())
-    both = Samples.concatenate([one, one])
+    both = TrainingSamples.concatenate([one, one])
     assert len(both) == 2
     assert both.edge_index.shape == (2, 0)
     np.testing.assert_array_equal(both.s[0], both.s[1])

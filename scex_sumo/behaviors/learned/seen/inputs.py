@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import expected_way, project, sample
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
 from scex_sumo.behaviors.learned.seen.surface import path_room
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -73,13 +73,13 @@ def path_inputs(
         radius: perception radius for leaders, m.
     """
     own = history.now[who.child, who.vehicle]
-    s, offset, path_heading = project(paths, row, own.x, own.y, expected_way(history, who))
+    s, offset, path_heading = foot_points(paths, row, own.x, own.y, expected_way(history, who))
     room = path_room(paths, road)
     left, right = room.at(row, s)
     half = history.scene.width[who.vehicle] / 2
     sides = np.maximum(np.column_stack([left, right]) - half[:, None], 0.0)
     acceleration, yaw_rate = rates(history, who)
-    here = sample(paths, row, s)
+    here = sample_paths(paths, row, s)
     error = wrap(own.heading - path_heading)
     motion = np.column_stack(
         [
@@ -120,7 +120,7 @@ def _road_ahead(
     n, k = len(row), len(AHEAD_M)
     rows = np.repeat(row, k)
     at = (s[:, None] + np.array(AHEAD_M)).ravel()
-    px, py, _, _, heading, curvature = sample(paths, rows, at).reshape(6, n, k)
+    px, py, _, _, heading, curvature = sample_paths(paths, rows, at).reshape(6, n, k)
     index = np.clip(at * (1 / DS_M), 0, paths.samples - 1).astype(np.int64)
     limit = paths.speed_limit.ravel()[rows * paths.samples + index].reshape(n, k)
     cos, sin = np.cos(own.heading)[:, None], np.sin(own.heading)[:, None]

@@ -1,0 +1,109 @@
+"""``scex-sumo compare``: how far seed scenes are apart, which belong together, and what sets them apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, Option
+
+from scex_sumo.commands.console import warn
+from scex_sumo.commands.metrics import write_table
+from scex_sumo.errors import ResultError, UsageError
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
+    from scex_sumo.statistics.grouping import Grouping
+    from scex_sumo.studies.compare import Comparison
+
+
+def compare_command(
+    folders: Annotated[
+        list[Path], Argument(metavar="OUT...", help="Result folders, at least two.", show_default=False)
+    ],
+    nearest: Annotated[
+        Path | None, Option(metavar="OUT", help="List the others by their distance to this one.")
+    ] = None,
+    distance: Annotated[str, Option(metavar="w1|jsd", help="What is measured.")] = "w1",
+    groups: Annotated[
+        int | None, Option(metavar="N", help="Number of groups; else where they are clearest.")
+    ] = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="FOLDER", help="Write tables and pictures here.")
+    ] = None,
+) -> None:
+    """Compare seed scenes by the densities of their metrics: distances, groups, nearest neighbours."""
+    from scex_sumo.reports.tables.comparison import comparison_lines
+    from scex_sumo.results.info import as_written
+    from scex_sumo.results.run import open_run
+    from scex_sumo.statistics.grouping import group_runs
+    from scex_sumo.studies.compare import KINDS, comparable, compare
+
+    if distance not in KINDS:
+        raise UsageError(f"--distance: unknown distance {distance!r}; known: {', '.join(KINDS)}")
+    wanted = _folders(folders, nearest)
+    if len(wanted) < 2:
+        raise UsageError(f"compare: needs at least two result folders, got {len(wanted)}")
+    if out is not None and any((out / name).exists() for name in ("run.json", "incomplete.json")):
+        raise UsageError(f"-o {out}: is the result folder of a run; give a folder of its own")
+    # By name, so that the same folders in another order give the same bytes.
+    labels, wanted = map(list, zip(*sorted(zip(short_names(wanted), wanted, strict=True)), strict=True))
+    with as_written(*wanted):
+        runs = [open_run(folder) for folder in wanted]
+        warn([*comparable(runs, labels), *_copies(runs, labels)])
+        comparison = compare(runs, labels=labels, distance=distance)
+    grouping = group_runs(comparison.total, labels, groups=groups)
+    centre = None if nearest is None else [p.resolve() for p in wanted].index(nearest.resolve())
+    print("\n".join(comparison_lines(runs, comparison, grouping, centre)))
+    if out is not None:
+        _write(runs, comparison, grouping, out)
+
+
+def _folders(folders: Sequence[Path], nearest: Path | None) -> list[Path]:
+    """The folders to compare, that of ``--nearest`` among them.
+
+    Raises:
+        UsageError: one is named twice.
+    """
+    seen: dict[Path, Path] = {}
+    for folder in folders:
+        known = seen.setdefault(folder.resolve(), folder)
+        if known is not folder:
+            raise UsageError(f"compare: {folder} is named twice (first as {known}); name every run once")
+    if nearest is not None:
+        seen.setdefault(nearest.resolve(), nearest)
+    return list(seen.values())
+
+
+def short_names(folders: Sequence[Path]) -> list[str]:
+    """The last parts of paths, as many as tell them apart."""
+    parts = [folder.resolve().parts for folder in folders]
+    for depth in range(1, max((len(p) for p in parts), default=1) + 1):
+        names = ["/".join(p[-depth:]) for p in parts]
+        if len(set(names)) == len(names):
+            return names
+    return [str(folder) for folder in folders]
+
+
+def _copies(runs: Sequence[Run], labels: Sequence[str]) -> Iterable[str]:
+    first: dict[str, str] = {}
+    for label, run in zip(labels, runs, strict=True):
+        known = first.setdefault(str(run.info.get("identity", label)), label)
+        if known != label:
+            yield f"{label} holds the same run as {known}"
+
+
+def _write(runs: Sequence[Run], comparison: Comparison, grouping: Grouping, out: Path) -> None:
+    from scex_sumo.reports.pictures.comparison import draw_compared_densities, draw_dendrogram
+    from scex_sumo.reports.tables.comparison import distances_table
+
+    table = distances_table(comparison).replace_schema_metadata({"distance": comparison.kind})
+    for name in ("distances.parquet", "distances.csv"):
+        write_table(table, out / name)
+    try:
+        draw_dendrogram(comparison, grouping, out / "dendrogram")
+        draw_compared_densities(runs, comparison, grouping, out / "densities")
+    except OSError as error:
+        raise ResultError(f"{out}: cannot write: {error.strerror or error}") from None
+    print(f"written: {out}/distances.parquet, distances.csv, dendrogram.svg/png, densities.svg/png")

@@ -1,0 +1,166 @@
+"""``scex-sumo explain``: which vehicles' models make a run's values vary, and what makes them critical."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Option
+
+from scex_sumo.commands.metrics import write_table
+from scex_sumo.commands.options import Result
+from scex_sumo.errors import UsageError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from scex_sumo.results.run import Run
+    from scex_sumo.statistics.effects import Effect
+    from scex_sumo.studies.explain import Explanation
+
+_SHOWN_PAIRS = 6
+
+
+def explain_command(
+    folder: Result,
+    metric: Annotated[
+        str | None, Option(metavar="METRIC", help="Print this one, with all its worst children.")
+    ] = None,
+    encounter: Annotated[
+        str | None, Option(metavar="A,B", help="Print whose models make these two collide.")
+    ] = None,
+    worst: Annotated[int, Option(metavar="N", help="How many of the worst children are named.")] = 5,
+    plots: Annotated[bool, Option(help="Draw the shares.")] = True,
+) -> None:
+    """Say which vehicles' drivers make a scene critical, and how."""
+    from rich.console import Console
+
+    from scex_sumo.metrics.registry import COLLISION, COLUMNS, column_named
+    from scex_sumo.results.info import as_written
+    from scex_sumo.results.run import open_run
+    from scex_sumo.studies.explain import (
+        asked,
+        assignment_of,
+        condition_rows,
+        effect_rows,
+        explain,
+        worst_rows,
+    )
+
+    if worst < 1:
+        raise UsageError(f"--worst: got {worst}, needs at least 1")
+    with as_written(folder):
+        run = open_run(folder)
+        if encounter is not None:
+            asked(run, encounter)
+        elif metric is not None:
+            metric = column_named(metric, [*run.outcomes, *run.columns])
+        metric = encounter or metric
+        levels, names = assignment_of(run)
+        ids = run.info["seed_scene"]["track_ids"]
+        questions = [*run.outcomes, *run.columns, *([encounter] if encounter else [])]
+        found = [explain(run, question, worst=worst) for question in questions]
+        worst_of = {e.metric: worst_rows(run, e, levels, names) for e in found}
+    _write(folder / "explain_effects.parquet", [r for e in found for r in effect_rows(e, ids)])
+    _write(folder / "explain_conditions.parquet", [r for e in found for r in condition_rows(e, ids, names)])
+    _write(folder / "explain_worst.parquet", [r for rows in worst_of.values() for r in rows])
+    wanted = [COLLISION, *COLUMNS[::2], *run.thresholds] if metric is None else [metric]
+    shown = [e for e in found if e.metric in wanted]
+    scene = run.info["seed_scene"]["name"]
+    print(f"{scene}: share of the variance over {run.children} children that comes from who drives")
+    Console(width=None if sys.stdout.isatty() else 140).print(_effects_table(run, shown))
+    for explanation in shown:
+        _print_conditions(explanation, ids, names, worst_of[explanation.metric], every=metric is not None)
+    if plots:
+        from scex_sumo.reports.pictures.statistics import draw_effects
+
+        draw_effects([e for e in found if e.metric in run.columns], run, folder / "explain")
+    print(f"result: {folder / 'explain_effects.parquet'}, explain_conditions, explain_worst")
+
+
+def _write(path: Path, rows: list[dict[str, Any]]) -> None:
+    import pyarrow as pa
+
+    if rows:
+        write_table(pa.Table.from_pylist(rows), path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _effects_table(run: Run, shown: Sequence[Explanation]) -> Table:
+    from rich.table import Table
+
+    ids = run.info["seed_scene"]["track_ids"]
+    table = Table(
+        caption="with: only together; rest: more together, random routes",
+        caption_justify="left",
+    )
+    table.add_column("vehicle", no_wrap=True)
+    for explanation in shown:
+        table.add_column(explanation.metric, justify="right", no_wrap=True)
+    share = [{(e.kind, e.vehicle, e.other): e for e in x.effects} for x in shown]
+    mains = {k for s in share for k in s if k[0] == "main"}
+    pairs = {k for s in share for k in s if k[0] == "pair"}
+    biggest = sorted(pairs, key=lambda k: -max(s[k].share for s in share if k in s))[:_SHOWN_PAIRS]
+    for key in sorted(mains):
+        table.add_row(str(ids[key[1]]), *(_percent(s.get(key)) for s in share))
+    table.add_section()
+    for key in biggest:
+        table.add_row(f"{ids[key[1]]} with {ids[key[2]]}", *(_percent(s.get(key)) for s in share))
+    table.add_row(
+        "other pairs",
+        *(_sum([e for k, e in s.items() if k[0] == "pair" and k not in biggest]) for s in share),
+    )
+    table.add_row("rest", *(_percent(s.get(("rest", -1, -1))) for s in share))
+    return table
+
+
+def _percent(effect: Effect | None) -> str:
+    return "–" if effect is None else f"{max(effect.share, 0.0):.1%}"
+
+
+def _sum(effects: Sequence[Effect]) -> str:
+    return f"{max(sum(e.share for e in effects), 0.0):.1%}" if effects else "–"
+
+
+def _question(explanation: Explanation) -> str:
+    """What is explained, in words."""
+    from scex_sumo.metrics.registry import COLLISION, side_of
+    from scex_sumo.studies.explain import pair_of
+
+    if explanation.metric == COLLISION:
+        return "collision"
+    if pair := pair_of(explanation.metric):
+        return f"collision of {pair[0]} and {pair[1]}"
+    sign = "<=" if side_of(explanation.metric) == "left" else ">="
+    kind = "critical" if explanation.given else "worst tenth"
+    return f"{explanation.metric} {kind} ({sign} {explanation.threshold:.3g})"
+
+
+def _print_conditions(
+    explanation: Explanation,
+    ids: Sequence[int],
+    names: Sequence[str],
+    worst: Sequence[dict[str, Any]],
+    *,
+    every: bool,
+) -> None:
+    """What must happen for this scene to become dangerous, in sentences."""
+    if explanation.defined == 0:
+        print(f"{explanation.metric}: defined in no child")
+        return
+    print(f"{_question(explanation)}: {explanation.p_critical:.1%} of {explanation.defined} children")
+    for c in explanation.rules:
+        who = " and ".join(f"{ids[v]}={names[m]}" for v, m in zip(c.vehicles, c.models, strict=True))
+        print(
+            f"  {c.share:.0%} with {who} (95 %: {c.low:.0%} – {c.high:.0%}, "
+            f"{c.critical} of {c.children}; {c.covered:.0%} of the critical ones)"
+        )
+    for row in worst if every else worst[:1]:
+        between = ""
+        if row["track_id"] is not None:
+            other = "" if row["other_id"] is None else f" with {row['other_id']}"
+            between = f", {row['track_id']}{other} after {row['after_s']:.1f} s"
+        print(f"  child {row['child']}: {row['value']:.3g}{between}: {row['assignment']}")

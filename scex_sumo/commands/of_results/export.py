@@ -1,0 +1,80 @@
+"""``scex-sumo export``: child scenarios in other tools' formats."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Option
+
+from scex_sumo.commands.options import Result
+from scex_sumo.errors import ScexError, UsageError
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
+
+
+def export_command(
+    folder: Result,
+    child: Annotated[int | None, Option(metavar="N", help="This child scenario.")] = None,
+    critical: Annotated[
+        str | None, Option(metavar="METRIC", help="The children most critical by this metric.")
+    ] = None,
+    encounter: Annotated[
+        str | None, Option(metavar="A,B", help="The children in which these two vehicles come closest.")
+    ] = None,
+    every: Annotated[bool, Option("--all", help="All children.")] = False,
+    top: Annotated[int, Option(metavar="K", help="How many, of --critical or --encounter.")] = 1,
+    to: Annotated[
+        str, Option(metavar="FORMAT", help="interaction, fcd, openscenario, commonroad, sumo.")
+    ] = "interaction",
+    ego: Annotated[
+        int | None, Option(metavar="TRACK", help="Whose task it is to plan, in a format with planning tasks.")
+    ] = None,
+    map_path: Annotated[
+        Path | None, Option("--map", metavar="MAP", help="The run's map; else where it was.")
+    ] = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="PATH", help="File or folder to write.")
+    ] = None,
+) -> None:
+    """Write child scenarios in another tool's format."""
+    from scex_sumo.exporters.registry import exporter
+    from scex_sumo.exporters.request import Request
+    from scex_sumo.results.run import open_run
+
+    write = exporter(to)
+    if sum((child is not None, critical is not None, encounter is not None, every)) != 1:
+        raise UsageError("export: give one of --child N, --critical METRIC, --encounter A,B and --all")
+    if top < 1:
+        raise UsageError(f"--top {top}: needs at least 1")
+    run = open_run(folder)
+    children = _children(run, child, critical, encounter, top)
+    request = Request(run=run, children=children, out=out, ego=ego, map_path=map_path)
+    request.ego_index()
+    try:
+        files = write(request)
+    except OSError as error:
+        raise ScexError(f"{error.filename or out or '.'}: cannot write: {error.strerror or error}") from None
+    for file in files:
+        print(file)
+
+
+def _children(
+    run: Run, child: int | None, critical: str | None, encounter: str | None, top: int
+) -> tuple[int, ...]:
+    """The children that the options name."""
+    from scex_sumo.exporters.request import closest_encounters, critical_children
+
+    if child is not None:
+        run.states(child)  # says when there is no such child
+        return (child,)
+    if critical is not None:
+        return critical_children(run, critical, top)
+    if encounter is None:
+        return tuple(range(run.children))
+    try:
+        first, second = (int(part) for part in encounter.split(","))
+    except ValueError:
+        raise UsageError(f"--encounter {encounter}: needs two track ids, e.g. --encounter 17,23") from None
+    return closest_encounters(run, first, second, top)

@@ -1,0 +1,66 @@
+"""What the terminal says of vehicles under test: with their models and without, side by side."""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from scex_sumo.metrics.registry import critical_columns, metric_of
+from scex_sumo.reports.tables.runs import counted, print_table
+from scex_sumo.results.under_test import UnderTest
+from scex_sumo.statistics.density import Interval
+from scex_sumo.statistics.paired import holm
+
+
+def print_under_test(tested: UnderTest, console: Console) -> None:
+    """Print the comparison, and what its columns mean."""
+    print_table(under_test_table(tested), console, breaks=(" better",))
+    console.print(
+        Text(
+            "only pairs that involve a vehicle under test; baseline: the same children, driven as drawn\n"
+            "worse : better: children that are more and less critical than in the baseline\n"
+            "p: of no difference; signed-rank test of values, McNemar's of shares, corrected after Holm"
+        ),
+        soft_wrap=True,
+    )
+
+
+def under_test_table(tested: UnderTest) -> Table:
+    """Per metric: medians, critical shares, children that are worse and better, and how sure that is."""
+    children = counted(tested.metrics.num_rows, "child scenario")
+    table = Table(title=f"under test, {tested.label}: {children}", title_justify="left")
+    table.add_column("metric")
+    for name in ("median", "baseline", "worse : better", "p", "P(critical)", "baseline", "p"):
+        table.add_column(name, justify="right", no_wrap=True)
+    found = [tested.difference(column) for column in critical_columns(tested.columns)]
+    values = holm([one.p_value for one in found])
+    shares = holm([one.critical_p_value for one in found])
+    for one, p_value, p_share in zip(found, values, shares, strict=True):
+        table.add_row(
+            Text(metric_of(one.column).titled()),
+            _number(one.under_test),
+            _number(one.baseline),
+            f"{one.worse} : {one.better}" if one.children else "–",
+            _chance(p_value),
+            _share(one.p_critical),
+            _share(one.baseline_p_critical),
+            _chance(p_share),
+        )
+    return table
+
+
+def _number(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.2f}"
+
+
+def _share(share: Interval | None) -> str:
+    return "–" if share is None else f"{share.value:.1%}"
+
+
+def _chance(p_value: float) -> str:
+    if math.isnan(p_value):
+        return "–"
+    return "< 0.001" if p_value < 0.001 else f"{p_value:.3f}"
