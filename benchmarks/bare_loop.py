@@ -138,7 +138,7 @@ def bare_loop(net: Path, poses: Poses, way: str = "in one tile") -> dict[str, fl
 
 
 def straight_states(road: Road, children: int, vehicles: int, steps: int) -> States:
-    """(C, T + 1, V) vehicles that follow centrelines at 8 m/s, straight on at their ends; all children alike."""
+    """(C, T + 1, V) vehicles that follow centrelines at 8 m/s, then straight on; all children alike."""
     lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: -len(lane.centreline))
     states = States.empty((children, steps + 1, vehicles))
     for v in range(vehicles):

@@ -15,6 +15,8 @@ IntArray: TypeAlias = NDArray[np.int64]
 
 BoolArray: TypeAlias = NDArray[np.bool_]
 
+_FACTOR = np.uint64(0x9E3779B97F4A7C15)
+
 
 def distinct(rows: FloatArray) -> tuple[IntArray, IntArray]:
     """Which rows are equal to the bit.
@@ -25,7 +27,11 @@ def distinct(rows: FloatArray) -> tuple[IntArray, IntArray]:
     Returns:
         (k,) the first row of each kind, ascending, and (n,) the kind of each row.
     """
-    whole = np.ascontiguousarray(rows)
-    number: dict[bytes, int] = {}
-    kind = np.array([number.setdefault(row.tobytes(), len(number)) for row in whole], dtype=np.int64)
-    return np.unique(kind, return_index=True)[1], kind
+    bits = np.ascontiguousarray(rows).view(np.uint64)
+    sums = bits @ np.cumprod(np.full(bits.shape[1], _FACTOR))
+    _, first, kind = np.unique(sums, return_index=True, return_inverse=True)
+    if not np.array_equal(bits, bits[first[kind]]):  # different rows of one sum
+        _, first, kind = np.unique(bits, axis=0, return_index=True, return_inverse=True)
+    number = np.empty(len(first), dtype=np.int64)
+    number[np.argsort(first)] = np.arange(len(first))
+    return np.sort(first), number[kind.reshape(-1)]
