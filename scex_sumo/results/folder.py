@@ -37,6 +37,7 @@ class ResultFolder:
 
     def _claim(self, overwrite: bool) -> None:
         try:
+            str(self.path).encode()  # SUMO and Arrow write to no other paths
             self.path.mkdir(parents=True, exist_ok=True)
             lock(self.path)
             found = self._found_identity()
@@ -57,6 +58,8 @@ class ResultFolder:
             (self.path / "sumo").mkdir(exist_ok=True)
             write_atomic(self.path / _PENDING, _json({"identity": self.identity}).encode())
             (self.path / "run.json").unlink(missing_ok=True)
+        except UnicodeEncodeError:
+            raise ResultError(f"{self.path}: this path is not UTF-8; give another folder with -o") from None
         except OSError as error:
             unlock(self.path)
             raise ResultError(f"{self.path}: cannot write the result: {error.strerror or error}") from None

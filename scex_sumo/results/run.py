@@ -166,7 +166,9 @@ class Run:
         if without["child"] != tested["child"]:
             raise ResultError(f"{self.baseline.folder}: has not the children of {self.folder}; run again")
         vehicles = {int(track): model for track, model in known.items()}
-        return UnderTest(vehicles, tested, without, self.thresholds | {COLLISION: 1.0}, self.intervals)
+        limits, plain = self.thresholds | {COLLISION: 1.0}, self.baseline.intervals
+        folded = bool(self.info.get("reflect", True))
+        return UnderTest(vehicles, tested, without, limits, self.intervals, without=plain, reflect=folded)
 
     @cached_property
     def scene(self) -> SeedScene:
