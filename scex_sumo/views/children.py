@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.compute as pc
 
 from scex_sumo.arrays import IntArray
 from scex_sumo.errors import ResultError, UsageError
@@ -14,18 +15,18 @@ from scex_sumo.files import write_atomic
 from scex_sumo.metrics.registry import metric_of, side_of
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
-from scex_sumo.views.replay import write_view
+from scex_sumo.views.replay import ReadNet, write_view
 from scex_sumo.world.colors import Rgb, model_colors
 from scex_sumo.world.gui_drawings import ChildView
 
 
 def write_critical(run: Run) -> list[Path]:
     """Files for plain sumo-gui: the most critical child by each metric that is defined in any."""
-    files = []
+    files, net = [], ReadNet.of(run.net.path)
     for column in run.columns:
         if column.endswith("_mean") or len(run.samples(column)) == 0:
             continue
-        child = write_worst(run, column)
+        child = write_worst(run, column, net)
         link = child.with_name(f"critical_{column}.sumocfg")
         write_atomic(link, child.read_bytes())
         files.append(link)
@@ -61,8 +62,8 @@ def event_of(
 
 def _worst_row(run: Run, number: int, column: str) -> dict[str, Any]:
     """Where an extremum of a child comes from; empty for a mean, which has no step of its own."""
-    rows: list[dict[str, Any]] = run.worst.to_pylist()
-    return next((row for row in rows if (row["child"], row["metric"]) == (number, column)), {})
+    rows = run.worst.filter((pc.field("child") == number) & (pc.field("metric") == column)).to_pylist()
+    return rows[0] if rows else {}
 
 
 def _tracks(row: dict[str, Any]) -> list[int]:
@@ -73,16 +74,22 @@ def _named(tracks: Sequence[int]) -> str:
     return " and ".join(str(track) for track in tracks)
 
 
-def write_worst(run: Run, column: str) -> Path:
-    """Files that show the child most critical by a metric, at its worst step; returns the one to open."""
+def write_worst(run: Run, column: str, net: ReadNet | None = None) -> Path:
+    """Files that show the child most critical by a metric, at its worst step; returns the one to open.
+
+    Args:
+        run: a finished run.
+        column: the metric.
+        net: the run's, where it has been read for other children.
+    """
     column = run.column(column)
     number = run.most_critical(column)
     row = _worst_row(run, number, column)
     if not row:
-        return _write(run, [_child_view(run, number, title=_value(run, number, column))])
+        return _write(run, [_child_view(run, number, title=_value(run, number, column))], net)
     tracks = _tracks(row)
     step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
-    return _write(run, [_event_view(run, number, tracks, step, _written(column, row["value"]))])
+    return _write(run, [_event_view(run, number, tracks, step, _written(column, row["value"]))], net)
 
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
@@ -190,5 +197,5 @@ def colors_of(run: Run) -> dict[str, Rgb]:
     return dict(zip(names, model_colors(names), strict=True))
 
 
-def _write(run: Run, views: Sequence[ChildView]) -> Path:
-    return write_view(run.net.path.parent, run.net, run.scene, views, colors_of(run))
+def _write(run: Run, views: Sequence[ChildView], net: ReadNet | None = None) -> Path:
+    return write_view(run.net.path.parent, run.net, run.scene, views, colors_of(run), again=net)

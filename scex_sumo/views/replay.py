@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,6 +43,26 @@ _GRID_MARGIN_M, _GRID_AROUND_M = 15.0, 25.0
 _WINDOW = "1400,900"
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReadNet:
+    """What views need of a net.
+
+    Attributes:
+        lanes: to be found.
+        template: its extent.
+        written: names of the views whose tracks have been written; those of a child are always the same.
+    """
+
+    lanes: LaneFinder
+    template: TileTemplate
+    written: set[str] = field(default_factory=set)
+
+    @classmethod
+    def of(cls, path: Path) -> ReadNet:
+        """Read a net."""
+        return cls(lanes=LaneFinder(path), template=TileTemplate(path))
+
+
 def write_view(
     folder: Path,
     net: SumoNet,
@@ -50,6 +71,7 @@ def write_view(
     colors: Mapping[str, Rgb],
     *,
     snapshots: tuple[tuple[float, str], ...] = (),
+    again: ReadNet | None = None,
 ) -> Path:
     """Write what sumo-gui needs to show one child, or several side by side in reading order.
 
@@ -58,6 +80,7 @@ def write_view(
         children: with the same number of steps.
         colors: RGB of each behaviour model, 0 to 255.
         snapshots: times in s and names of pictures that sumo-gui writes then.
+        again: the net of views of one child each, read and used for several.
 
     Returns:
         The file to open: ``child_NUMBER.sumocfg``, or ``grid_N.sumocfg`` of N children.
@@ -66,7 +89,8 @@ def write_view(
     name = f"grid_{len(children)}" if grid else f"child_{children[0].number:04d}"
     folder.mkdir(parents=True, exist_ok=True)
     source = _cropped(folder / name, net, children) if grid else (net.path, net.extras)
-    lanes, template = LaneFinder(source[0]), TileTemplate(source[0])
+    read = again or ReadNet.of(source[0])
+    template = read.template
     layout = template.window_layout(len(children), margin_m=_GRID_MARGIN_M)
     net_file, additional = net.path, [net.extras] if net.extras is not None else []
     if grid:
@@ -76,7 +100,9 @@ def write_view(
         for slot, child in enumerate(children)
     ]
     groups = [group for s in shown for group in _groups(scene, s)]
-    write_fcd(folder / f"{name}.fcd.xml", groups, lanes)
+    if name not in read.written:
+        write_fcd(folder / f"{name}.fcd.xml", groups, read.lanes)
+        read.written.add(name)
     entries = legend_entries(scene, [model for child in children for model in child.models], colors)
     frame = frame_of(template.bounds, [s.offset for s in shown], entries)
     if not grid:

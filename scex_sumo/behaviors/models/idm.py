@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import FloatArray, IntArray, distinct
 from scex_sumo.behaviors.base import Sight
-from scex_sumo.behaviors.driving.distinct import distinct, handed_out, own_motion
+from scex_sumo.behaviors.driving.distinct import handed_out, own_motion
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
