@@ -16,6 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.errors import ResultError
 from scex_sumo.files import quoted
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.frame import to_sumo
@@ -23,6 +24,7 @@ from scex_sumo.world.tiles import tile_id
 
 # A lane that points the wrong way is as bad as one that is this much farther away, m per rad.
 _WRONG_WAY_M_PER_RAD = 3.0
+_FARTHEST_M = 1e8
 _NEAR_M = 8.0
 
 
@@ -53,7 +55,7 @@ class LaneFinder:
     """The lanes of a SUMO net, to be found by position and heading."""
 
     def __init__(self, net_path: Path) -> None:
-        """Read the net's lanes."""
+        """Read the net's lanes; a `ResultError` where one's shape is no place."""
         names, lines, inside = [], [], []
         for edge in ElementTree.parse(net_path).getroot().iter("edge"):
             function = edge.get("function", "normal")
@@ -61,6 +63,8 @@ class LaneFinder:
                 continue
             for lane in edge.iter("lane"):
                 points = np.array([p.split(",")[:2] for p in lane.get("shape", "").split()], dtype=float)
+                if not (np.abs(points) < _FARTHEST_M).all():
+                    raise ResultError(f"{net_path}: lane {lane.get('id')} leaves the Earth; run again")
                 names.append(lane.get("id", ""))
                 lines.append(shapely.linestrings(points))
                 inside.append(function == "internal")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.errors import TrackError
 
 JERK_DENSITY = 0.25
 """Power spectral density of a road user's jerk, m²/s⁵: what a smoother may keep.
@@ -61,8 +62,11 @@ def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: f
 
     Returns:
         (N, 2) m.
+
+    Raises:
+        TrackError: samples are too close in time for double precision.
     """
-    from scipy.linalg import solveh_banded
+    from scipy.linalg import LinAlgError, solveh_banded
 
     if len(points) < 4 or noise_m <= 0.0:
         return points.copy()
@@ -72,7 +76,13 @@ def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: f
     for _ in range(3):
         system = bands.copy()
         system[0] += weight
-        smoothed = solveh_banded(system, points * weight[:, None], lower=True)
+        try:
+            smoothed = solveh_banded(system, points * weight[:, None], lower=True)
+        except LinAlgError:
+            least = np.diff(time_s)[np.diff(segment) == 0].min()
+            raise TrackError(
+                f"samples of a track {least:.2g} s apart: too close to smooth; leave the copies out"
+            ) from None
         residual = np.hypot(*(points - smoothed).T)
         weight = np.minimum(1.0, _HUBER * noise_m / np.maximum(residual, 1e-12))
     return np.asarray(smoothed)

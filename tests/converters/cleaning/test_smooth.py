@@ -7,6 +7,7 @@ import pytest
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.cleaning.smooth import JERK_DENSITY, derivative, position_noise, smooth
+from scex_sumo.errors import TrackError
 
 UNEVEN = np.cumsum(np.random.default_rng(1).uniform(0.05, 0.2, 40))
 
@@ -93,3 +94,10 @@ def test_it_is_the_kalman_smoother_of_constant_acceleration() -> None:
     # Ours has the integral of the jerk as a sum: they differ by far less than the noise that remains.
     assert np.abs(ours - theirs).max() < 0.015
     assert np.std(theirs - clean) > 0.02
+
+
+def test_samples_too_close_in_time_to_smooth_are_an_error() -> None:
+    time_s = np.cumsum(np.where(np.arange(300) % 2, 1e-7, 0.1))
+    points = np.stack((10.0 * time_s, np.zeros(300)), axis=1)
+    with pytest.raises(TrackError, match="samples of a track 1e-07 s apart: too close to smooth"):
+        smooth(points, time_s, np.zeros(300, dtype=np.int64), 10.0)
