@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.geometry.overlap import axis_separations, relative_pose
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.geometry.rectangles import axis_separations, relative_pose
 from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.outlines.motion import Moves, near_moves
 
