@@ -19,7 +19,6 @@ from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 
-
 MOVING_MPS = 2.0  # slower samples tell nothing about lanes
 EVERY_M = 1.0  # one sample for so much driven path
 MOST_SAMPLES = 2000  # more are thinned out evenly

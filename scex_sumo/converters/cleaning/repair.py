@@ -14,7 +14,6 @@ from scex_sumo.converters.cleaning.plausible import drop_implausible
 from scex_sumo.converters.cleaning.smooth import derivative, position_noise, smooth
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 
-
 # A step this long is a jump, if it is also so much longer than the track's usual step there.
 JUMP_M, JUMP_EXCESS_M = 3.0, 1.5
 SHORTEST_PIECE = 5  # samples that a piece between jumps needs to be kept
