@@ -14,6 +14,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,7 @@ def measure(map_path: Path, folder: Path, *, vehicles: int, opendrive: bool) -> 
     report = check_net(net.path, road, net.lanes)
     checking = time.perf_counter() - started
     if vehicles:
-        report = report.with_driving(drive_net(net.path, vehicles=vehicles))
+        report = replace(report, driving=drive_net(net.path, vehicles=vehicles))
     figures = report.to_dict()
     figures |= {"read_s": min(reading), "convert_s": min(writing), "check_s": checking}
     figures["problems"] = report.problems()

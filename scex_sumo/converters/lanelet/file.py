@@ -21,6 +21,7 @@ from scex_sumo.errors import MapError
 from scex_sumo.files import quoted
 
 Tags = Mapping[str, str]
+NAMED = 5  # ids named in one message; the rest are counted
 _ID = re.compile(r"-?[0-9]{1,18}")  # what fits Lanelet2's 64 bit ids
 _EARTH = {"lat": 90.0, "lon": 180.0}
 _Element = TypeVar("_Element")
@@ -88,12 +89,38 @@ class MapFile:
         return dict(sorted(found.items()))
 
 
-def list_ids(ids: Iterable[int | str], limit: int = 5) -> str:
+def list_ids(ids: Iterable[int | str]) -> str:
     """Write ids for a message: the first few, then how many more there are."""
     ordered = sorted(set(ids), key=lambda i: (isinstance(i, str), i))
-    shown = ", ".join(str(i) for i in ordered[:limit])
-    rest = len(ordered) - limit
+    shown = ", ".join(str(i) for i in ordered[:NAMED])
+    rest = len(ordered) - NAMED
     return f"{shown} and {rest} more" if rest > 0 else shown
+
+
+def parse_xml(path: Path, kind: str, ending: str) -> ElementTree.Element:
+    """Root of a map's XML, which may be packed.
+
+    Args:
+        path: the file.
+        kind: of map that is wanted, in words.
+        ending: of the names of such files.
+
+    Raises:
+        MapError: the file is missing, is no file, or is not XML.
+    """
+    if path.is_dir():
+        raise MapError(f"{path}: is a folder; name the {ending} file in it")
+    if not path.is_file():
+        raise MapError(f"{path}: no such map; name a {kind} {ending} file")
+    try:
+        with open_binary(path) as file:
+            return ElementTree.parse(file).getroot()
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise MapError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
+    except ElementTree.ParseError as error:
+        raise MapError(f"{path}: not XML ({error}); name a {kind} {ending} file") from None
+    except (OSError, ValueError, LookupError) as error:
+        raise MapError(f"{path}: cannot be read ({error}); name a {kind} {ending} file") from None
 
 
 def read_map_file(path: str | Path) -> MapFile:
@@ -114,7 +141,9 @@ def read_map_file(path: str | Path) -> MapFile:
     relations: dict[int, Relation] = {}
     unreadable: list[str] = []
     twice: list[str] = []
-    root = _parse(path)
+    root = parse_xml(path, "Lanelet2", ".osm")
+    if root.tag != "osm":
+        raise MapError(f"{path}: no Lanelet2 map: its root is <{root.tag}>, not <osm>; name an .osm file")
     for element in root:
         if element.get("action") == "delete":
             continue
@@ -165,25 +194,6 @@ def write_map_file(map_file: MapFile, path: Path) -> None:
 
 def _tag_lines(tags: Tags) -> list[str]:
     return [f"<tag k={quoted(key)} v={quoted(value)}/>" for key, value in tags.items()]
-
-
-def _parse(path: Path) -> ElementTree.Element:
-    if path.is_dir():
-        raise MapError(f"{path}: is a folder; name the .osm file in it")
-    if not path.is_file():
-        raise MapError(f"{path}: no such map; name a Lanelet2 .osm file")
-    try:
-        with open_binary(path) as file:
-            root = ElementTree.parse(file).getroot()
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise MapError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
-    except ElementTree.ParseError as error:
-        raise MapError(f"{path}: not XML ({error}); name a Lanelet2 .osm file") from None
-    except (OSError, ValueError, LookupError) as error:
-        raise MapError(f"{path}: cannot be read ({error}); name a Lanelet2 .osm file") from None
-    if root.tag != "osm":
-        raise MapError(f"{path}: no Lanelet2 map: its root is <{root.tag}>, not <osm>; name an .osm file")
-    return root
 
 
 def _put(elements: dict[int, _Element], element_id: int, element: _Element) -> bool:
