@@ -12,7 +12,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from scex_sumo.converters.formats import number
-from scex_sumo.converters.lanelet.file import list_ids, parse_xml
+from scex_sumo.converters.lanelet.file import Findings, parse_xml
 from scex_sumo.errors import MapError
 
 SUFFIXES = (".xml", ".xml.gz")
@@ -26,28 +26,22 @@ _ROOTS = {
 
 
 @dataclass(kw_only=True, eq=False)
-class CommonRoadFile:
+class CommonRoadFile(Findings):
     """The contents of one CommonRoad file.
 
     Attributes:
         path: where it was read.
         root: its XML.
-        found: what was mended or left out, by sentence; the ids follow it in the note.
         remarks: further notes, as they are.
     """
 
     path: Path
     root: ElementTree.Element
-    found: dict[str, set[int | str]] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
 
-    def note(self, sentence: str, element_id: int | str) -> None:
-        """Remember what was found about one element."""
-        self.found.setdefault(sentence, set()).add(element_id)
-
     def notes(self) -> tuple[str, ...]:
-        """One short sentence for each thing found, naming ids."""
-        return (*(f"{sentence}: {list_ids(ids)}" for sentence, ids in self.found.items()), *self.remarks)
+        """One short sentence for each thing found, naming ids, and the remarks."""
+        return (*super().notes(), *self.remarks)
 
     def elements(self, tag: str) -> dict[int, ElementTree.Element]:
         """Elements of a tag right below the root by id, ascending; the first of those with one id."""

@@ -123,6 +123,22 @@ def parse_xml(path: Path, kind: str, ending: str) -> ElementTree.Element:
         raise MapError(f"{path}: cannot be read ({error}); name a {kind} {ending} file") from None
 
 
+@dataclass(kw_only=True, eq=False)
+class Findings:
+    """What was found in a map: ids of elements by sentence, which they follow in a note."""
+
+    found: dict[str, set[int | str]] = field(default_factory=dict)
+
+    def note(self, sentence: str, *ids: int | str) -> None:
+        """Remember what was found about some elements, if any."""
+        if ids:
+            self.found.setdefault(sentence, set()).update(ids)
+
+    def notes(self) -> tuple[str, ...]:
+        """One short sentence for each thing found, naming ids."""
+        return tuple(f"{sentence}: {list_ids(ids)}" for sentence, ids in self.found.items())
+
+
 def read_map_file(path: str | Path) -> MapFile:
     """Read a map file's elements; what is marked as deleted is left out, as Lanelet2 does.
 
@@ -139,8 +155,7 @@ def read_map_file(path: str | Path) -> MapFile:
     nodes: dict[int, MapPoint] = {}
     ways: dict[int, Way] = {}
     relations: dict[int, Relation] = {}
-    unreadable: list[str] = []
-    twice: list[str] = []
+    findings = Findings()
     root = parse_xml(path, "Lanelet2", ".osm")
     if root.tag != "osm":
         raise MapError(f"{path}: no Lanelet2 map: its root is <{root.tag}>, not <osm>; name an .osm file")
@@ -159,20 +174,15 @@ def read_map_file(path: str | Path) -> MapFile:
             else:
                 continue
         except ValueError:
-            unreadable.append(name)
+            findings.note("left out, no usable id or coordinates", name)
             continue
         if not new:
-            twice.append(name)
+            findings.note("ids used twice, the first element kept", name)
     if not nodes and any(element.get("x") for element in root.iter("node")):
         raise MapError(
             f"{path}: its nodes have x, y instead of lat, lon; name the .osm file it was made from"
         )
-    notes = []
-    if unreadable:
-        notes.append(f"left out, no usable id or coordinates: {list_ids(unreadable)}")
-    if twice:
-        notes.append(f"ids used twice, the first element kept: {list_ids(twice)}")
-    return MapFile(path=path, nodes=nodes, ways=ways, relations=relations, notes=tuple(notes))
+    return MapFile(path=path, nodes=nodes, ways=ways, relations=relations, notes=findings.notes())
 
 
 def write_map_file(map_file: MapFile, path: Path) -> None:
