@@ -1,15 +1,19 @@
 """What a converted map is worth: all fidelity figures and the seconds to convert, map by map.
 
     python benchmarks/converter.py MAP.osm... [--vehicles 120] [--opendrive] [--json]
+    python benchmarks/converter.py MAP.osm --tiles 4    # a large map: 4 x 4 copies of this one
 
 ``--json`` prints every figure with the ids behind it; ``--opendrive`` judges, besides, what is left of the
-geometry after netconvert has taken the net to OpenDRIVE and back.
+geometry after netconvert has taken the net to OpenDRIVE and back. ``--tiles`` gives the processor time of a
+conversion, the best of three, and what its dearest functions take of it.
 """
 
 from __future__ import annotations
 
 import argparse
+import cProfile
 import json
+import pstats
 import subprocess
 import tempfile
 import time
@@ -18,13 +22,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from scex_sumo.converters.fidelity.report import check_net, drive_net
 from scex_sumo.converters.lanelet.origin import find_origin
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.errors import ScexError
 from scex_sumo.programs import program
-from scex_sumo.road import Road
+from scex_sumo.road import Lane, Regulation, Road
 
 
 def measure(map_path: Path, folder: Path, *, vehicles: int, opendrive: bool) -> dict[str, Any]:
@@ -63,6 +69,50 @@ def round_trip(net_path: Path, road: Road, folder: Path) -> dict[str, Any]:
             errors = [line for line in done.stderr.splitlines() if line.startswith("Error")]
             return {"failed": errors[0] if errors else f"status {done.returncode}"}
     return check_net(back, road).to_dict()
+
+
+def tiled(road: Road, tiles: int) -> Road:
+    """A large map: copies of a road in a square, without links between them."""
+    step = np.ptp(np.vstack([lane.left_bound for lane in road.lanes.values()]), axis=0) + 50.0
+    ids = max(map(abs, road.lanes)) + 1
+    lanes: dict[int, Lane] = {}
+    rules: list[Regulation] = []
+    for k in range(tiles**2):
+        away, own = step * divmod(k, tiles), {i: ids * (2 * k + 1) + i for i in road.lanes}
+        for i, lane in road.lanes.items():
+            lines = {name: getattr(lane, name) + away for name in ("centreline", "left_bound", "right_bound")}
+            sides = ("left", "right", "adjacent_left", "adjacent_right")
+            beside = {name: own.get(getattr(lane, name)) for name in sides}
+            links = ("successors", "predecessors", "conflicts")
+            others = {name: tuple(own[j] for j in getattr(lane, name)) for name in links}
+            lanes[own[i]] = replace(lane, lane_id=own[i], **lines, **beside, **others)
+        for rule in road.regulations:
+            named = ("lanes", "yielding", "priority")
+            moved = {name: tuple(own[j] for j in getattr(rule, name)) for name in named}
+            rules.append(replace(rule, element_id=rule.element_id + ids * k, **moved))
+    return replace(road, lanes=lanes, regulations=tuple(rules), markings=(), areas=())
+
+
+def large_map(path: Path, tiles: int, folder: Path) -> str:
+    """Processor time of the conversion of a tiled map, and its dearest functions."""
+    road = tiled(read_road(path, origin=find_origin(path, origin=None, own_corner=True)), tiles)
+    seconds = []
+    for _ in range(3):
+        started = time.process_time()
+        convert(road, folder / "large.net.xml")
+        seconds.append(time.process_time() - started)
+    profile = cProfile.Profile()
+    profile.runcall(convert, road, folder / "large.net.xml")
+    stats = pstats.Stats(profile).stats  # type: ignore[attr-defined]
+    whole = max(cumulative for _, _, _, cumulative, _ in stats.values())
+    shares = {
+        f"{Path(file).stem}.{name}": cumulative / whole
+        for (file, _, name), (_, _, _, cumulative, _) in stats.items()
+        if "scex_sumo" in file and cumulative < 0.95 * whole
+    }
+    dearest = sorted(shares.items(), key=lambda item: -item[1])[:8]
+    parts = ", ".join(f"{name} {share:.0%}" for name, share in dearest)
+    return f"{path.stem} {tiles} x {tiles}: {len(road.lanes)} lanelets, {min(seconds):.2f} s; {parts}"
 
 
 def rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
@@ -136,9 +186,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--vehicles", type=int, default=120, help="SUMO's own vehicles to drive; 0 for none")
     parser.add_argument("--opendrive", action="store_true", help="judge an OpenDRIVE round trip too")
     parser.add_argument("--json", action="store_true", help="every figure with its ids")
+    parser.add_argument("--tiles", type=int, help="time only: N x N copies of each map as one")
     given = parser.parse_args(arguments)
     found = {}
     with tempfile.TemporaryDirectory() as folder:
+        if given.tiles:
+            for path in given.maps:
+                print(large_map(path, given.tiles, Path(folder)))
+            return
         for path in given.maps:
             try:
                 found[path.stem] = measure(

@@ -13,50 +13,68 @@ from pathlib import Path
 import numpy as np
 
 import scex_sumo
-from scex_sumo.arrays import FloatArray
+from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.errors import ScexError
+from scex_sumo.evaluation.encounters import answers_of
+from scex_sumo.evaluation.plans import read_plans
 from scex_sumo.metrics.base import SceneTracks
+from scex_sumo.metrics.outlines.encounters import Encounters, find_encounters
+from scex_sumo.results.design import is_critical
 from scex_sumo.scenarios.reduction import choose_vehicles, reduced
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 
 VEHICLES = 5
 LEVELS = len(DEFAULT_MODELS.split(","))
 EXAMPLES = ("roundabout", "motorway_merge", "urban_intersection")
+SETS = ("chosen", "fresh")
+"""Scenes that the estimator was chosen on, and others that nothing was chosen on."""
+
+_PAIRS = ("collision", "critical")
+_Named = Iterator[tuple[str, SeedScene]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Truth:
-    """All assignments of one scene.
+    """All assignments of one scene, ordered as all assignments are.
 
     Attributes:
         name: of the scene.
         columns: names of the metrics.
-        values: (N, M), NaN where undefined, ordered as all assignments are.
-        tracks: what the vehicles did.
+        values: (N, M), NaN where undefined.
+        questions: names of what is yes or no in a child; those of a pair of vehicles once for each pair.
+        answers: (N, Q) the answers.
     """
 
     name: str
     columns: tuple[str, ...]
     values: FloatArray
-    tracks: SceneTracks
+    questions: tuple[str, ...]
+    answers: BoolArray
 
 
-def scenes() -> Iterator[tuple[str, SeedScene]]:
-    """Seed scenes of five vehicles: drawn traffic on the examples, recorded traffic where it is."""
+def scenes(which: str) -> _Named:
+    """Seed scenes of five vehicles: drawn traffic on the examples, recorded traffic where it is.
+
+    Args:
+        which: of the sets. The fresh ones are other draws, more of them with more traffic, and other
+            recordings and moments.
+    """
     root = Path(os.environ.get("SCEX_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
-    for drawn, seen in zip_longest(_drawn(), _recorded(root)):
+    fresh = which == "fresh"
+    for drawn, seen in zip_longest(_drawn(fresh), _fresh(root) if fresh else _recorded(root)):
         yield from (entry for entry in (drawn, seen) if entry is not None)
 
 
-def _drawn() -> Iterator[tuple[str, SeedScene]]:
-    for seed in range(6):
+def _drawn(fresh: bool) -> _Named:
+    for seed in range(100, 104) if fresh else range(6):
         for name in EXAMPLES:
-            whole = scex_sumo.synthetic_seed(scex_sumo.example_path(name), vehicles=8 + seed, seed=seed)
+            count = 12 + 2 * (seed - 100) if fresh else 8 + seed
+            whole = scex_sumo.synthetic_seed(scex_sumo.example_path(name), vehicles=count, seed=seed)
             yield f"{name}_{seed}", reduced(whole, choose_vehicles(whole, VEHICLES))
 
 
-def _recorded(root: Path) -> Iterator[tuple[str, SeedScene]]:
+def _recorded(root: Path) -> _Named:
     folders = [f for f in (root / "taf_bw", root / "mona", root / "ngsim") if f.is_dir()]
     for folder in folders:
         found = scex_sumo.find_recordings([folder])
@@ -64,68 +82,109 @@ def _recorded(root: Path) -> Iterator[tuple[str, SeedScene]]:
             loaded = scex_sumo.load_recording(recording)
             times = [m.time_s for m in scex_sumo.recording_moments(loaded, every_s=5.0)]
             for time_s in islice(times[2 :: max(len(times) // 3, 1)], 2):
-                try:
-                    whole = scex_sumo.seed_at(loaded, time_s)
-                    scene = reduced(whole, choose_vehicles(whole, VEHICLES))
-                except ScexError:  # too few vehicles at this moment
-                    continue
-                yield f"{folder.name}_{number}_{time_s:g}", scene
+                if (scene := _seed(loaded, time_s)) is not None:
+                    yield f"{folder.name}_{number}_{time_s:g}", scene
 
 
-def truths(cache: Path, wanted: int) -> list[Truth]:
+def _fresh(root: Path) -> _Named:
+    """Recordings that `_recorded` leaves out, and of those longer than 100 s other moments."""
+    for name in ("ngsim", "taf_bw", "mona"):
+        found = scex_sumo.find_recordings([root / name]) if (root / name).is_dir() else []
+        used = {recording.name for recording in found[:: max(len(found) // 4, 1)]}
+        for recording in found:
+            loaded = scex_sumo.load_recording(recording)
+            times = [m.time_s for m in scex_sumo.recording_moments(loaded, every_s=1.0)]
+            shares = (0.15, 0.55, 0.8) if len(times) > 100 else (0.5,) if recording.name not in used else ()
+            for share in shares:
+                if (scene := _seed(loaded, times[int(share * len(times))])) is not None:
+                    yield f"{recording.name}_{times[int(share * len(times))]:g}", scene
+
+
+def _seed(loaded: scex_sumo.LoadedRecording, time_s: float) -> SeedScene | None:
+    try:
+        whole = scex_sumo.seed_at(loaded, time_s)
+        return reduced(whole, choose_vehicles(whole, VEHICLES))
+    except ScexError:  # too few vehicles at this moment
+        return None
+
+
+def truths(cache: Path, which: str, wanted: int) -> list[Truth]:
     """Truths from the cache, or run now."""
-    cache.mkdir(parents=True, exist_ok=True)
-    kept = _kept(cache)
-    if len(kept) < wanted:
-        for name, scene in scenes():
-            file = cache / f"{name}.npz"
-            if not file.exists():
-                _run(scene, file)
-            kept = _kept(cache)
-            if len(kept) >= wanted:
-                break
-    return [_read(file) for file in kept[:wanted]]
-
-
-def _kept(cache: Path) -> list[Path]:
-    return sorted(file for file in cache.glob("*.npz") if not file.stem.endswith(".part"))
+    folder = cache / which
+    folder.mkdir(parents=True, exist_ok=True)
+    found: list[Truth] = []
+    for name, scene in islice(scenes(which), 2 * wanted):
+        file = folder / f"{name}.npz"
+        if not file.exists():
+            _run(scene, file)
+        if file.exists():
+            found.append(_read(file))
+        if len(found) == wanted:
+            break
+    return found
 
 
 def _run(scene: SeedScene, file: Path) -> None:
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         try:
+            # The plain world gives what SUMO gives, faster.
             run = scex_sumo.extrapolate(
-                scene, models=DEFAULT_MODELS, children="all", metrics=["paper"], out=Path(folder) / "out"
+                scene, models=DEFAULT_MODELS, children="all", world="plain", out=Path(folder) / "out"
             )
         except ScexError as error:
             print(f"{file.stem}: left out: {error}", flush=True)
             return
-        values = np.stack([run.metrics[c].to_numpy(zero_copy_only=False) for c in run.columns], axis=1)
-        shape = (run.children, VEHICLES, LOGGED_HISTORY + int(run.info["steps"]))
-        x, y, vx, vy, heading = (
-            np.asarray(run.tracks[name]).reshape(shape).swapaxes(1, 2)
-            for name in ("x", "y", "vx", "vy", "psi_rad")
-        )
-        np.savez(
-            file.with_suffix(".part.npz"),
-            values=values,
-            columns=np.array(run.columns),
-            states=np.stack([x, y, heading, np.hypot(vx, vy)]),
-            size=np.stack([scene.length, scene.width]),
-        )
-    file.with_suffix(".part.npz").rename(file)
+        values = np.stack([run.values(column) for column in run.columns], axis=1)
+        critical = {c: is_critical(run.values(c), c, limit) for c, limit in run.thresholds.items()}
+        scenes_ = {"collision": np.asarray(run.metrics["collision"]) > 0, **critical}
+        pairs = _by_pair(_encounters(run, scene), len(values))
+        questions = (*scenes_, *(name for name, _ in pairs))
+        answers = np.stack([*scenes_.values(), *(answer for _, answer in pairs)], axis=1)
+        part = file.with_suffix(".part.npz")
+        np.savez(part, values=values, columns=run.columns, questions=questions, answers=answers)
+    part.rename(file)
     print(f"{file.stem}: {len(values)} runs in {time.perf_counter() - started:.0f} s", flush=True)
+
+
+def _encounters(run: scex_sumo.Run, scene: SeedScene) -> Encounters:
+    """Encounters of every child, from the tracks and plans that the run kept."""
+    shape = (run.children, scene.vehicles, LOGGED_HISTORY + int(run.info["steps"]))
+    x, y, vx, vy, heading = (
+        np.asarray(run.tracks[name]).reshape(shape).swapaxes(1, 2)
+        for name in ("x", "y", "vx", "vy", "psi_rad")
+    )
+    tracks = SceneTracks(
+        states=States(x=x, y=y, heading=heading, speed=np.hypot(vx, vy)),
+        length=scene.length,
+        width=scene.width,
+        first=LOGGED_HISTORY,
+    )
+    plans = read_plans(run.folder)
+    assert plans is not None
+    there = np.ones(shape[:2], dtype=bool)
+    ids = np.broadcast_to(plans.track_ids, shape[:2])
+    return find_encounters(tracks, plans.paths(plans.children.astype(str), ids, there, tracks.steps))
+
+
+def _by_pair(found: Encounters, children: int) -> list[tuple[str, BoolArray]]:
+    """(N,) of each pair whether it collides, and whether its encounter is critical, in each child."""
+    answers, out = answers_of(found), []
+    key = found.first * VEHICLES + found.second
+    for pair in np.unique(key):
+        for name in _PAIRS:
+            full = np.zeros(children, dtype=bool)
+            full[found.child[(key == pair) & answers[name]]] = True
+            out.append((f"pair {name}", full))
+    return out
 
 
 def _read(file: Path) -> Truth:
     with np.load(file) as data:
-        x, y, heading, speed = data["states"]
-        tracks = SceneTracks(
-            states=States(x=x, y=y, heading=heading, speed=speed),
-            length=data["size"][0],
-            width=data["size"][1],
-            first=LOGGED_HISTORY,
+        return Truth(
+            name=file.stem,
+            columns=tuple(str(c) for c in data["columns"]),
+            values=data["values"],
+            questions=tuple(str(q) for q in data["questions"]),
+            answers=data["answers"],
         )
-        columns = tuple(str(c) for c in data["columns"])
-        return Truth(name=file.stem, columns=columns, values=data["values"], tracks=tracks)

@@ -1,25 +1,25 @@
 """How often the 95 % intervals and bands hold, and how wide they are, against all assignments.
 
-Run: python benchmarks/intervals.py CACHE [--scenes N] [--repetitions N]
+Run: python benchmarks/intervals.py CACHE [--set chosen|fresh] [--scenes N] [--repetitions N]
 
 Every scene has five vehicles, each driven by one of four models: all 1024 assignments are run once and kept
-in CACHE (about 2 s a scene). Then designs are drawn again and again: P(critical) of the four thresholds,
-P(collision) and the bands of the twelve columns against the truth. Shares whose truth is 0 or 1 are left out,
-and columns that fewer than a fifth of the children define, or that have fewer than three values.
+in CACHE (about 5 s a scene). Then designs are drawn again and again: P(critical) of all thresholds,
+P(collision), of every pair of vehicles P(collision) and P(critical), and the bands of all columns, against
+the truth. Shares whose truth is 0 or 1 are left out, and columns that fewer than a fifth of the children
+define, or that have fewer than three values.
 """
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.interval_truths import LEVELS, VEHICLES, Truth, truths
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.metrics.outlines.collisions import find_collisions
-from scex_sumo.metrics.registry import PAPER_METRICS, THRESHOLDS, side_of
+from benchmarks.interval_truths import LEVELS, SETS, VEHICLES, Truth, truths
+from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.statistics.density import dkw_half_width, wilson
 from scex_sumo.statistics.designs import DESIGNS
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -27,122 +27,137 @@ from scex_sumo.statistics.intervals import DesignIntervals
 SIZES = (117, 385)
 SHAPE = (LEVELS,) * VEHICLES
 _NORMAL = 1.96
+_HEADINGS = ("design", "children", "question", "cases", "holds", "lowest 5 %", "worst")
+_HEADINGS += ("width", "true spread", "ratio", "ordinary")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Found:
-    """Intervals of one question: share of repetitions that hold, width, true spread, ordinary width."""
+    """Intervals of cases, each a question of a scene: what is found in R repetitions.
 
-    holds: float
-    width: float
-    spread: float
-    ordinary: float
+    Attributes:
+        names: (M,) the questions.
+        holds: (M,) share of the repetitions in which the interval holds the truth.
+        width: (M,) mean of its width, of a band its half-width.
+        spread: (M,) true width: 2 · 1.96 root mean squared errors, of bands the 95th percentile of KS.
+        ordinary: (M,) mean width of the interval of independent draws.
+    """
 
-
-def questions(truth: Truth) -> tuple[list[str], BoolArray]:
-    """Names and (N, Q) answers: critical by each threshold, and collision."""
-    names, answers = ["collision"], [find_collisions(truth.tracks).any_of(len(truth.values))]
-    for name in (name for name in PAPER_METRICS if name in THRESHOLDS):
-        threshold = THRESHOLDS[name]
-        column = truth.values[:, truth.columns.index(name)]
-        with np.errstate(invalid="ignore"):  # undefined is not critical
-            hit = column <= threshold if side_of(name) == "left" else column >= threshold
-        names.append(name)
-        answers.append(hit & ~np.isnan(column))
-    return names, np.stack(answers, axis=1)
+    names: Sequence[str]
+    holds: FloatArray
+    width: FloatArray
+    spread: FloatArray
+    ordinary: FloatArray
 
 
-def shares(found: list[Truth], draws: list[IntArray], made: list[DesignIntervals]) -> dict[str, list[Found]]:
-    """By question, one entry per scene."""
-    table: dict[str, list[Found]] = {}
-    for truth in found:
-        names, answers = questions(truth)
-        real = answers.mean(axis=0)
-        known = [d.all_shares(answers[rows]) for d, rows in zip(made, draws, strict=True)]
-        for index, name in enumerate(names):
-            if not 0 < real[index] < 1:
-                continue
-            mine = [intervals[index] for intervals in known]
-            holds = [i.low - 1e-12 <= real[index] <= i.high + 1e-12 for i in mine]
-            ordinary = [wilson(round(i.value * i.count), i.count) for i in mine]
-            error = np.sqrt(np.mean([(i.value - real[index]) ** 2 for i in mine]))
-            table.setdefault(name, []).append(
-                Found(
-                    holds=float(np.mean(holds)),
-                    width=float(np.mean([i.high - i.low for i in mine])),
-                    spread=float(2 * _NORMAL * error),
-                    ordinary=float(np.mean([i.high - i.low for i in ordinary])),
-                )
-            )
-    return table
+def shares(found: Sequence[Truth], draws: Sequence[IntArray], made: Sequence[DesignIntervals]) -> Found:
+    """Intervals of all shares that are neither 0 nor 1."""
+    answers = np.concatenate([truth.answers for truth in found], axis=1)
+    names = np.array([name for truth in found for name in truth.questions])
+    real = answers.mean(axis=0)
+    open_ = (real > 0) & (real < 1)
+    answers, names, real = answers[:, open_], names[open_], real[open_]
+    known = [mine.all_shares(answers[rows]) for mine, rows in zip(made, draws, strict=True)]
+    value, low, high = (
+        np.array([[getattr(share, end) for share in row] for row in known])
+        for end in ("value", "low", "high")
+    )
+    ordinary = [[wilson(round(p.value * p.count), p.count) for p in row] for row in known]
+    return Found(
+        names=names.tolist(),
+        holds=((low - 1e-12 <= real) & (real <= high + 1e-12)).mean(axis=0),
+        width=(high - low).mean(axis=0),
+        spread=2 * _NORMAL * np.sqrt(np.mean((value - real) ** 2, axis=0)),
+        ordinary=np.mean([[p.high - p.low for p in row] for row in ordinary], axis=0),
+    )
 
 
-def bands(found: list[Truth], draws: list[IntArray], made: list[DesignIntervals]) -> list[Found]:
-    """One entry per scene and column; width and spread are half-widths and the 95th percentile of KS."""
-    table = []
-    for truth in found:
-        for values in truth.values.T:
-            known = np.sort(values[~np.isnan(values)])
-            if len(known) < 0.2 * len(values) or len(np.unique(known)) < 3:
-                continue
-            apart, half, ordinary = [], [], []
-            for intervals, rows in zip(made, draws, strict=True):
-                mine = values[rows]
-                apart.append(_distance(known, np.sort(mine[~np.isnan(mine)])))
-                half.append(intervals.half_width(mine))
-                ordinary.append(dkw_half_width(int((~np.isnan(mine)).sum())))
-            table.append(
-                Found(
-                    holds=float(np.mean(np.array(apart) <= half)),
-                    width=float(np.mean(half)),
-                    spread=float(np.quantile(apart, 0.95)),
-                    ordinary=float(np.mean(ordinary)),
-                )
-            )
-    return table
+def given_models(found: Sequence[Truth], draws: Sequence[IntArray], made: Sequence[DesignIntervals]) -> Found:
+    """Intervals of P(collision) given one vehicle's model, for each vehicle and model."""
+    levels = np.stack(np.unravel_index(np.arange(LEVELS**VEHICLES), SHAPE), axis=1)
+    parts = []
+    for vehicle, level in np.ndindex(VEHICLES, LEVELS):
+        inside = levels[:, vehicle] == level
+        number = np.cumsum(inside) - 1
+        less = [
+            replace(t, answers=t.answers[inside][:, [0]], questions=("collision, given a model",))
+            for t in found
+        ]
+        rows = [draw[inside[draw]] for draw in draws]
+        mine = [
+            every.among(vehicle, int(np.argmax(inside[draw])))
+            for every, draw in zip(made, draws, strict=True)
+        ]
+        parts.append(shares(less, [number[kept] for kept in rows], mine))
+    return Found(
+        names=[name for part in parts for name in part.names],
+        **{
+            end: np.concatenate([getattr(part, end) for part in parts])
+            for end in ("holds", "width", "spread", "ordinary")
+        },
+    )
+
+
+def bands(found: Sequence[Truth], draws: Sequence[IntArray], made: Sequence[DesignIntervals]) -> Found:
+    """Bands of all columns that enough children define."""
+    values = np.concatenate([truth.values for truth in found], axis=1)
+    kept = [v for v in values.T if np.mean(~np.isnan(v)) >= 0.2 and len(np.unique(v[~np.isnan(v)])) >= 3]
+    half = np.array([mine.half_widths(np.stack(kept)[:, r].T) for mine, r in zip(made, draws, strict=True)])
+    apart = np.array([[_distance(v, v[rows]) for v in kept] for rows in draws])
+    ordinary = np.array([[dkw_half_width(int((~np.isnan(v[r])).sum())) for v in kept] for r in draws])
+    return Found(
+        names=["bands"] * len(kept),
+        holds=(apart <= half).mean(axis=0),
+        width=half.mean(axis=0),
+        spread=np.quantile(apart, 0.95, axis=0),
+        ordinary=ordinary.mean(axis=0),
+    )
 
 
 def _distance(one: FloatArray, two: FloatArray) -> float:
-    """Kolmogorov-Smirnov distance of sorted samples."""
-    at = np.unique(one)
-    ranks = [np.searchsorted(values, at, side="right") / len(values) for values in (one, two)]
+    """Kolmogorov-Smirnov distance of samples, without those that are undefined."""
+    one, two = (np.sort(values[~np.isnan(values)]) for values in (one, two))
+    ranks = [np.searchsorted(values, one, side="right") / max(len(values), 1) for values in (one, two)]
     return float(np.abs(ranks[0] - ranks[1]).max())
 
 
-def line(design: str, size: int, name: str, found: list[Found]) -> str:
-    """A row of the table."""
+def line(head: str, name: str, found: Found, those: Sequence[int]) -> str:
+    """A row of the table: means over some cases."""
     holds, width, spread, ordinary = (
-        float(np.mean([getattr(f, part) for f in found])) for part in ("holds", "width", "spread", "ordinary")
+        np.asarray(part)[those] for part in (found.holds, found.width, found.spread, found.ordinary)
     )
-    worst = min(f.holds for f in found)
-    return (
-        f"| {design} | {size} | {name} | {len(found)} | {holds:.1%} | {worst:.0%} | {width:.3f} "
-        f"| {spread:.3f} | {width / spread:.2f} | {ordinary:.3f} |"
-    )
+    often = f"{holds.mean():.1%} | {np.quantile(holds, 0.05):.0%} | {holds.min():.0%}"
+    wide = f"{width.mean():.3f} | {spread.mean():.3f} | {width.mean() / spread.mean():.2f}"
+    return f"| {head} | {name} | {len(those)} | {often} | {wide} | {ordinary.mean():.3f} |"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("cache", type=Path)
-    parser.add_argument("--scenes", type=int, default=24)
-    parser.add_argument("--repetitions", type=int, default=40)
+    parser.add_argument("--set", choices=SETS, default="fresh")
+    parser.add_argument("--scenes", type=int, default=36)
+    parser.add_argument("--repetitions", type=int, default=200)
     given = parser.parse_args()
-    found = truths(given.cache, given.scenes)
+    found = truths(given.cache, given.set, given.scenes)
     print(f"{len(found)} scenes: {', '.join(truth.name for truth in found)}")
-    print("| design | children | question | cases | holds | worst | width | true spread | ratio | ordinary |")
-    print("|---|---|---|---|---|---|---|---|---|---|")
+    print("| " + " | ".join(_HEADINGS) + " |\n" + "|---" * len(_HEADINGS) + "|")
     even = [np.full(LEVELS, 1 / LEVELS)] * VEHICLES
     for design in ("balanced", "random"):
         for size in SIZES:
+            head = f"{design} | {size}"
             seeds = range(given.repetitions)
             levels = [DESIGNS[design](even, size, np.random.default_rng([9, seed])) for seed in seeds]
             draws = [np.ravel_multi_index(tuple(rows.T), SHAPE).astype(np.int64) for rows in levels]
             made = [DesignIntervals(rows, design=design, shares=even) for rows in levels]
-            by_name = shares(found, draws, made)
-            for name, entries in by_name.items():
-                print(line(design, size, f"P({name})", entries), flush=True)
-            print(line(design, size, "all P", [e for entries in by_name.values() for e in entries]))
-            print(line(design, size, "bands", bands(found, draws, made)), flush=True)
+            asked = shares(found, draws, made)
+            for name in dict.fromkeys(asked.names):
+                those = [i for i, other in enumerate(asked.names) if other == name]
+                print(line(head, f"P({name})", asked, those), flush=True)
+            print(line(head, "all P", asked, range(len(asked.names))))
+            given_one = given_models(found, draws, made)
+            print(line(head, f"P({given_one.names[0]})", given_one, range(len(given_one.names))), flush=True)
+            widths = bands(found, draws, made)
+            print(line(head, "bands", widths, range(len(widths.names))), flush=True)
 
 
 if __name__ == "__main__":

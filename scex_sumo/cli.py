@@ -118,7 +118,7 @@ def main() -> None:
 
 def _is_out_of_memory(error: Exception) -> bool:
     """Whether memory ran out, in Python or in a library that says so only in words."""
-    words = ("bad_alloc", "not enough memory", "Cannot allocate memory")
+    words = ("bad_alloc", "not enough memory", "Cannot allocate memory", "failed to map segment")
     return isinstance(error, MemoryError) or any(word in str(error) for word in words)
 
 

@@ -212,7 +212,10 @@ def in_words(row: Mapping[str, Any]) -> str:
     elif row["gap_p05"] is None:
         return head + "never within 10 m in 95 % of the children"
     else:
-        return head + f"as near as {row['gap_p05']:.1f} m in 5 % of the children"
+        usual = "more than 10" if row["gap_p50"] is None else f"{row['gap_p50']:.1f}"
+        return (
+            head + f"{row['gap_p05']:.1f} m apart or less in 5 % of the children, {usual} m in half of them"
+        )
     if not row["models"]:
         return head + text
     most = row["models"][0]
@@ -223,4 +226,5 @@ def in_words(row: Mapping[str, Any]) -> str:
 
 def _percent(row: Mapping[str, Any], name: str) -> str:
     low, high = 100 * row[f"{name}_low"], 100 * row[f"{name}_high"]
-    return f"{100 * row[name]:.0f} % [{low:.0f}–{high:.0f}]"
+    interval = "" if low == high else f" [{low:.0f}–{high:.0f}]"
+    return f"{100 * row[name]:.0f} %{interval}"

@@ -43,7 +43,9 @@ def length_of(points: FloatArray) -> float:
 def along(line: FloatArray, s: FloatArray | float) -> FloatArray:
     """Points (..., 2) of a polyline at arc lengths, clamped to its ends."""
     arc = arc_lengths(line)
-    return np.stack([np.interp(s, arc, line[:, 0]), np.interp(s, arc, line[:, 1])], axis=-1)
+    points: FloatArray = np.empty((*np.shape(s), 2))
+    points[..., 0], points[..., 1] = np.interp(s, arc, line[:, 0]), np.interp(s, arc, line[:, 1])
+    return points
 
 
 def samples(line: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:

@@ -41,6 +41,7 @@ class ClaimedFolder:
         self.path = path
         self.identity = hashlib.sha256(as_json(configuration).encode()).hexdigest()
         try:
+            str(path).encode()  # SUMO and Arrow write to no other paths
             path.mkdir(parents=True, exist_ok=True)
             lock(path)
             found = self._found_identity()
@@ -52,6 +53,8 @@ class ClaimedFolder:
             self._prepare()
             write_atomic(path / PENDING, as_json({"identity": self.identity}).encode())
             (path / self.info).unlink(missing_ok=True)
+        except UnicodeEncodeError:
+            raise ResultError(f"{path}: this path is not UTF-8; give another folder with -o") from None
         except OSError as error:
             unlock(path)
             raise ResultError(f"{path}: cannot write the {self.what}: {error.strerror or error}") from None

@@ -107,9 +107,7 @@ class Run:
 
     @cached_property
     def worst(self) -> pa.Table:
-        """Where each extremum came from: child, metric, timestamp_ms, track_id, other_id, value, and whether
-        the two had collided by then, after_collision.
-        """
+        """Where each extremum came from: child, metric, time, the two tracks, value, ``after_collision``."""
         return self.table("worst.parquet", columns=("child", "metric", "timestamp_ms", "track_id", "value"))
 
     @cached_property
@@ -166,7 +164,9 @@ class Run:
         if without["child"] != tested["child"]:
             raise ResultError(f"{self.baseline.folder}: has not the children of {self.folder}; run again")
         vehicles = {int(track): model for track, model in known.items()}
-        return UnderTest(vehicles, tested, without, self.thresholds | {COLLISION: 1.0}, self.intervals)
+        limits, plain = self.thresholds | {COLLISION: 1.0}, self.baseline.intervals
+        folded = bool(self.info.get("reflect", True))
+        return UnderTest(vehicles, tested, without, limits, self.intervals, without=plain, reflect=folded)
 
     @cached_property
     def scene(self) -> SeedScene:
@@ -188,8 +188,7 @@ class Run:
         """
         if not 0 <= child < self.children:
             raise UsageError(f"no child {child} in {self.folder}; it has 0 to {self.children - 1}")
-        vehicles = len(self.info["seed_scene"]["track_ids"])
-        frames = LOGGED_HISTORY + int(self.info["steps"])
+        vehicles, frames = len(self.info["seed_scene"]["track_ids"]), LOGGED_HISTORY + int(self.info["steps"])
         rows = self.tracks.slice(child * vehicles * frames, vehicles * frames)
         return states_of(rows, vehicles, frames)
 

@@ -16,8 +16,9 @@ import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.metrics.registry import column_named, side_of
+from scex_sumo.results.densities import metric_density
 from scex_sumo.results.design import is_critical
-from scex_sumo.statistics.density import Density, Interval, density
+from scex_sumo.statistics.density import Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.statistics.paired import mcnemar, signed_rank, signs
 
@@ -80,6 +81,9 @@ class UnderTest:
         baseline: pa.Table,
         thresholds: Mapping[str, float],
         intervals: DesignIntervals,
+        *,
+        without: DesignIntervals | None = None,
+        reflect: bool = True,
     ) -> None:
         """Put two tables of the same children side by side.
 
@@ -89,9 +93,12 @@ class UnderTest:
             baseline: of the same children without.
             thresholds: by metric column.
             intervals: of shares of the children.
+            without: of those of the baseline, where others are drawn; None for the same.
+            reflect: as of `metric_density`.
         """
         self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
-        self.thresholds, self.intervals = thresholds, intervals
+        self.thresholds, self.reflect = thresholds, reflect
+        self.intervals = {"under_test": intervals, "baseline": without or intervals}
         self.columns = [name for name in metrics.column_names if name != "child"]
 
     @property
@@ -113,7 +120,10 @@ class UnderTest:
 
     def density(self, column: str, driven: Driven = "under_test", *, bandwidth: float = 0.1) -> Density:
         """Kernel density and cumulative density of a metric with its 95 % band."""
-        return density(self.samples(column, driven), bandwidth=bandwidth)
+        values, defined = self.values(column, driven)
+        known = np.where(defined, values, np.nan)
+        width = self.intervals[driven].half_width(known)
+        return metric_density(known, width, reflect=self.reflect, bandwidth=bandwidth)
 
     def p_critical(self, column: str, driven: Driven = "under_test") -> Interval | None:
         """Share of all children that are critical with its 95 % interval; None without a threshold."""
@@ -122,7 +132,7 @@ class UnderTest:
         if limit is None:
             return None
         values, defined = self.values(column, driven)
-        return self.intervals.share(defined & is_critical(values, column, limit))
+        return self.intervals[driven].share(defined & is_critical(values, column, limit))
 
     def difference(self, column: str) -> Difference:
         """Compare the children one by one."""

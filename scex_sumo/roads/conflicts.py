@@ -159,7 +159,6 @@ def _kind(a: Lane, b: Lane, span_a: tuple[float, float], span_b: tuple[float, fl
 
 def opposed(a: FloatArray, b: FloatArray, span_a: tuple[float, float], span_b: tuple[float, float]) -> bool:
     """Whether two polylines run against each other (by more than 120 degrees) along a stretch of each."""
-    da = along(a, span_a[1]) - along(a, span_a[0])
-    db = along(b, span_b[1]) - along(b, span_b[0])
+    da, db = (np.diff(along(line, np.array(span)), axis=0)[0] for line, span in ((a, span_a), (b, span_b)))
     size = math.hypot(*da) * math.hypot(*db)
     return size > 0 and float(da @ db) / size < -0.5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Final, Literal
@@ -9,7 +10,8 @@ from typing import Final, Literal
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.statistics.density import wilson
+from scex_sumo.statistics.density import CONFIDENCE, wilson
+from scex_sumo.statistics.intervals import DesignIntervals
 
 SPARE_CHILDREN: Final = 10
 """Children that a fit needs beyond its parameters; with fewer, nothing is said."""
@@ -49,7 +51,7 @@ class Condition:
         children: how many children are so.
         critical: how many of them are critical.
         share: critical share.
-        low: lower limit of its 95 % interval (Wilson).
+        low: lower limit of its 95 % interval.
         high: upper limit.
         covered: share of all critical children that are so.
     """
@@ -189,12 +191,22 @@ def _complete(levels: IntArray, known: BoolArray) -> bool:
     return bool(known.all()) and len(levels) == combinations_ == len(np.unique(levels, axis=0))
 
 
-def conditions(levels: IntArray, critical: BoolArray, *, least: int = 5) -> list[Condition]:
+def conditions(
+    levels: IntArray,
+    critical: BoolArray,
+    *,
+    pairs: Collection[tuple[int, int]] | None = None,
+    intervals: DesignIntervals | None = None,
+    least: int = 5,
+) -> list[Condition]:
     """Critical share under every model of one vehicle and of two, the surest ones first.
 
     Args:
         levels: (C, V) model of each vehicle in each child.
         critical: (C,) whether the child is critical.
+        pairs: two vehicles whose models are looked at together, the lower index first; None for any two.
+        intervals: of the children: those with one model of a vehicle are a design of the others. Without,
+            and for two vehicles, where few children are left, Wilson's.
         least: conditions that hold in fewer children are left out.
 
     Returns:
@@ -203,7 +215,8 @@ def conditions(levels: IntArray, critical: BoolArray, *, least: int = 5) -> list
     total = int(critical.sum())
     found = []
     free = [v for v in range(levels.shape[1]) if len(np.unique(levels[:, v])) > 1]
-    for group in [*((v,) for v in free), *combinations(free, 2)]:
+    twos = [two for two in combinations(free, 2) if pairs is None or two in pairs]
+    for group in [*((v,) for v in free), *twos]:
         kinds, which = np.unique(levels[:, group], axis=0, return_inverse=True)
         counts = np.bincount(which.reshape(-1), minlength=len(kinds))
         hits = np.bincount(which.reshape(-1), critical, minlength=len(kinds))
@@ -211,6 +224,9 @@ def conditions(levels: IntArray, critical: BoolArray, *, least: int = 5) -> list
             if count < least:
                 continue
             interval = wilson(int(hit), count)
+            if intervals is not None and len(group) == 1:
+                mine = levels[:, group[0]] == models[0]
+                interval = intervals.among(group[0], int(np.argmax(mine))).share(critical[mine])
             found.append(
                 Condition(
                     vehicles=group,
@@ -226,33 +242,56 @@ def conditions(levels: IntArray, critical: BoolArray, *, least: int = 5) -> list
     return sorted(found, key=lambda c: (-c.low, len(c.vehicles), c.vehicles, c.models))
 
 
-def covering(levels: IntArray, critical: BoolArray, most: int) -> list[Condition]:
+def beyond_chance(found: Sequence[Condition], share: float) -> list[Condition]:
+    """Conditions that are critical more often than chance alone would make any of so many.
+
+    Args:
+        found: all that were looked at.
+        share: critical share of all children.
+    """
+    from scipy.special import bdtrc
+
+    limit = (1 - CONFIDENCE) / max(len(found), 1)
+    return [c for c in found if c.critical and bdtrc(c.critical - 1, c.children, share) < limit]
+
+
+def covering(
+    levels: IntArray,
+    critical: BoolArray,
+    most: int,
+    *,
+    pairs: Collection[tuple[int, int]] | None = None,
+    intervals: DesignIntervals | None = None,
+) -> list[Condition]:
     """A few conditions that together account for much of what is critical.
 
     One after the other, the condition is taken under which most children are critical beyond the overall
-    share, counted with the lower limit of the interval, among those children to which none taken so far
-    applies.
+    share, counted with the lower limit of Wilson's interval, among those children to which none taken so far
+    applies; only those count that are beyond chance.
 
     Args:
         levels: (C, V) model of each vehicle in each child.
         critical: (C,) whether the child is critical.
+        most: how many.
+        pairs: as of `conditions`.
+        intervals: as of `conditions`.
 
     Returns:
         Conditions with their numbers over all children.
 
     Source: sequential covering, Clark, Niblett 1989.
     """
-    whole = conditions(levels, critical)
     overall = float(critical.mean()) if len(critical) else 0.0
+    whole = conditions(levels, critical, pairs=pairs, intervals=intervals)
+    by_name = {(c.vehicles, c.models): c for c in whole}
     left = np.ones(len(critical), dtype=bool)
     taken: list[Condition] = []
     while len(taken) < most:
-        rules = conditions(levels[left], critical[left])
+        rules = beyond_chance(conditions(levels[left], critical[left], pairs=pairs), overall)
         gains = [(c.low - overall) * c.children for c in rules]
         if not gains or max(gains) <= 0:
             break
         best = rules[int(np.argmax(gains))]
-        same = (best.vehicles, best.models)
-        taken.append(next(c for c in whole if (c.vehicles, c.models) == same))
+        taken.append(by_name[best.vehicles, best.models])
         left &= ~(levels[:, best.vehicles] == best.models).all(axis=1)
     return taken

@@ -51,6 +51,7 @@ class DesignIntervals:
     Attributes:
         count: number of children.
         balanced: False for independent draws, where the ordinary intervals are given.
+        whole: True where all assignments are there, each once: then nothing is uncertain.
     """
 
     def __init__(
@@ -65,23 +66,41 @@ class DesignIntervals:
 
         Args:
             levels: (C, V) model of each vehicle in each child, whole numbers from 0.
-            design: how the assignments were drawn; ``random`` gets the ordinary intervals.
+            design: how the assignments were drawn; ``random`` gets the ordinary intervals, ``all`` are all
+                assignments.
             shares: per vehicle, how often each level is meant to come; by default all levels that come,
                 equally often.
             confidence: of the intervals.
         """
         self.count = len(levels)
+        self._levels, self._design, self._shares = np.asarray(levels, dtype=np.int64), design, shares
         self._confidence = confidence
-        factors = _factors(np.asarray(levels, dtype=np.int64), shares)
-        self.balanced = design != "random" and bool(factors) and self.count >= FEWEST_CHILDREN
+        self._parts: dict[tuple[int, int], DesignIntervals] = {}
+        factors = _factors(self._levels, shares)
+        self.whole = design == "all"
+        self.balanced = design not in ("random", "all") and bool(factors) and self.count >= FEWEST_CHILDREN
         self._blocks: list[_Block] = []
         if self.balanced:
             starts = range(0, self.count, _BLOCK_ROWS)
             parts = [slice(start, start + _BLOCK_ROWS) for start in starts]
             self._blocks = [_Block([(level[p], share) for level, share in factors], p) for p in parts]
 
+    def among(self, vehicle: int, child: int) -> DesignIntervals:
+        """Those of the children in which a vehicle has the model that it has in one of them."""
+        key = (vehicle, int(self._levels[child, vehicle]))
+        if key not in self._parts:
+            shares, levels = self._shares, self._levels[self._levels[:, vehicle] == key[1]]
+            if shares is not None:
+                shares = [np.ones(1) if v == vehicle else share for v, share in enumerate(shares)]
+            self._parts[key] = DesignIntervals(
+                levels, design=self._design, shares=shares, confidence=self._confidence
+            )
+        return self._parts[key]
+
     def variance(self, values: FloatArray) -> FloatArray:
         """(M,) variance of the means of values (C, M) over the children, as the design leaves it."""
+        if self.whole:
+            return np.zeros(values.shape[1])
         if not self.balanced:
             return np.asarray(values.var(axis=0) / max(self.count, 1))
         forms = sum(block.forms(values[block.rows]) for block in self._blocks)
@@ -123,7 +142,7 @@ class DesignIntervals:
         """(M,) independent children that would be as sure of shares (C, M); no fewer than there are."""
         share = critical.mean(axis=0)
         spread = share * (1 - share)
-        number = np.full(spread.shape, float(self.count))
+        number = np.full(spread.shape, np.inf if self.whole else float(self.count))
         if not self.balanced:
             return number
         some = np.flatnonzero(spread > 0)
@@ -150,6 +169,8 @@ class DesignIntervals:
         counts = known.sum(axis=0)
         widths = np.array([min(dkw_half_width(n, self._confidence), 1.0) if n else 1.0 for n in counts])
         some = np.flatnonzero(counts)
+        if self.whole:
+            widths[some] = 0.0
         if not self.balanced or some.size == 0:
             return widths
         linear = [_linearised(values[:, m], known[:, m]) for m in some]

@@ -12,7 +12,8 @@ from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import UsageError
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.run import Run
-from scex_sumo.statistics.effects import Condition, Effect, conditions, covering, effects
+from scex_sumo.statistics.density import Interval
+from scex_sumo.statistics.effects import Condition, Effect, beyond_chance, conditions, covering, effects
 
 WORST_SHARE: Final = 0.1
 """The most critical tenth stands in for the critical children of a metric without threshold."""
@@ -28,8 +29,8 @@ class Explanation:
         effects: see `effects`; empty where nothing can be said.
         threshold: of criticality; the limit of the most critical tenth where the metric has none.
         given: whether the threshold is the run's.
-        p_critical: critical share of the children in which the metric is defined.
-        conditions: those that make it surely more critical than it is overall, see `conditions`.
+        p_critical: critical share of all children, with its interval.
+        conditions: those that make it surely more critical than it is overall, see `beyond_chance`.
         rules: a few of them that account for much of what is critical, see `covering`.
         worst: most critical children, the worst first.
     """
@@ -39,7 +40,7 @@ class Explanation:
     effects: list[Effect]
     threshold: float
     given: bool
-    p_critical: float
+    p_critical: Interval
     conditions: list[Condition]
     rules: list[Condition]
     worst: list[int]
@@ -72,8 +73,10 @@ def explain(run: Run, metric: str, *, worst: int = 5) -> Explanation:
     elif known.any():
         limit = float(sign * np.quantile(sign * values[known], WORST_SHARE, method="lower"))
     critical = known & (sign * values <= sign * limit)
-    share = float(critical[known].mean()) if known.any() else float("nan")
-    surer = [c for c in conditions(levels[known], critical[known]) if c.low > share] if known.any() else []
+    intervals = run.intervals
+    share = intervals.share(critical)
+    pairs = meeting(run)
+    every = conditions(levels, critical, pairs=pairs, intervals=intervals)
     order = np.lexsort((np.arange(len(values)), np.where(known, sign * values, np.inf)))
     return Explanation(
         metric=metric,
@@ -82,10 +85,18 @@ def explain(run: Run, metric: str, *, worst: int = 5) -> Explanation:
         threshold=limit,
         given=given,
         p_critical=share,
-        conditions=surer,
-        rules=covering(levels[known], critical[known], RULES),
+        conditions=beyond_chance(every, share.value),
+        rules=covering(levels, critical, RULES, pairs=pairs, intervals=intervals),
         worst=[int(c) for c in order[: min(worst, int(known.sum()))]],
     )
+
+
+def meeting(run: Run) -> set[tuple[int, int]]:
+    """Pairs of vehicles that meet in some child, as indices: others make nothing critical together."""
+    place = {track: index for index, track in enumerate(run.info["seed_scene"]["track_ids"])}
+    rows = zip(run.encounters["track_id"].to_pylist(), run.encounters["other_id"].to_pylist(), strict=True)
+    pairs = (sorted((place[one], place[two])) for one, two in rows)
+    return {(one, two) for one, two in pairs}
 
 
 def pair_of(metric: str) -> tuple[int, int] | None:

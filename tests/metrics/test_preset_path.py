@@ -248,6 +248,13 @@ def test_pet_is_the_time_between_leaving_and_coming(preset: str, reach: float) -
     assert rows.step.max() == 20 and rows.value.size == 2 * 21
 
 
+def test_on_the_path_pet_leaves_out_who_weaves_across_the_leader_in_its_lane() -> None:
+    """One follows the other in its lane; their tracks cross at 20 degrees."""
+    tracks = straight((-20, 0, 0, 10), (0, -1, math.radians(20), 10))
+    assert evaluate_pairs(tracks, None, preset="path", metrics=("pet",))["pet"].value.size == 0
+    assert evaluate_pairs(tracks, None, preset="paper", metrics=("pet",))["pet"].value.size > 0
+
+
 def test_pet_follows_the_speed_that_was_really_driven() -> None:
     """The second one waits 3 s at its start: gap time does not know, PET does."""
     tracks = straight((-20.3, 0, 0, 10), (0, -10.05, math.pi / 2, 5))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from pathlib import Path
 
 import numpy as np
@@ -202,3 +203,8 @@ def test_tables_survive_the_disk(tmp_path: Path) -> None:
     table = tracks_table(straight_seed(), part_of([0]))
     folder.write_table("tracks.parquet", table)
     assert pq.read_table(tmp_path / "out" / "tracks.parquet").equals(table)
+
+
+def test_a_folder_whose_path_is_not_utf8_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(ResultError, match="not UTF-8; give another folder with -o"):
+        ResultFolder(tmp_path / os.fsdecode(b"k\xff"), {})

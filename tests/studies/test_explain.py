@@ -12,6 +12,7 @@ import pytest
 
 from scex_sumo.commands.of_results.explain import explain_command
 from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.evaluation.encounters import SCHEMA
 from scex_sumo.extrapolation.assignments import all_assignments
 from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.results.run import open_run
@@ -45,7 +46,10 @@ def folder(tmp_path: Path) -> Path:
         "seed_scene": {"name": "made", "vehicles": 3, "track_ids": [7, 8, 11]},
         "models": [{"model": m, "weight": 1.0} for m in MODELS],
         "thresholds": {"distance": 5.0, "ttc": 0.667},
+        "design": "all",
     }
+    met = [{"track_id": one, "other_id": other} for one, other in ((11, 7), (7, 8), (8, 11))]
+    pq.write_table(pa.Table.from_pylist(met, schema=SCHEMA), tmp_path / "encounters.parquet")
     (tmp_path / "run.json").write_text(json.dumps(info))
     return tmp_path
 
@@ -54,7 +58,7 @@ def test_what_must_happen_is_said_as_it_is(folder: Path) -> None:
     found = explain(open_run(folder), "distance", worst=2)
     levels, names = assignment_of(open_run(folder))
     assert names == list(MODELS)
-    assert found.p_critical == 3 / 27
+    assert found.p_critical.value == 3 / 27
     assert found.worst == [2, 5]  # the first: 7 brakes, 11 races, and 8 brakes, then cruises
     assert levels[2].tolist() == [0, 0, 2]
 

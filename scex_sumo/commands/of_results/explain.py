@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from scex_sumo.studies.explain import Explanation
 
 _SHOWN_PAIRS = 6
+_SHOWN_DRIVERS = 12  # of more vehicles, those of the two concerned
 
 
 def explain_command(
@@ -70,9 +71,14 @@ def explain_command(
     shown = [e for e in found if e.metric in wanted]
     scene = run.info["seed_scene"]["name"]
     print(f"{scene}: share of the variance over {run.children} children that comes from who drives")
-    Console(width=None if sys.stdout.isatty() else 140).print(_effects_table(run, shown))
+    if any(explanation.effects for explanation in shown):
+        Console(width=None if sys.stdout.isatty() else 140).print(_effects_table(run, shown))
+    else:
+        print("too few children, or values that do not vary: no shares; run with more --children")
     for explanation in shown:
-        _print_conditions(explanation, ids, names, worst_of[explanation.metric], every=metric is not None)
+        _print_conditions(
+            run, explanation, ids, names, worst_of[explanation.metric], every=metric is not None
+        )
     if plots:
         from scex_sumo.reports.pictures.statistics import draw_effects
 
@@ -140,6 +146,7 @@ def _question(explanation: Explanation) -> str:
 
 
 def _print_conditions(
+    run: Run,
     explanation: Explanation,
     ids: Sequence[int],
     names: Sequence[str],
@@ -151,16 +158,23 @@ def _print_conditions(
     if explanation.defined == 0:
         print(f"{explanation.metric}: defined in no child")
         return
-    print(f"{_question(explanation)}: {explanation.p_critical:.1%} of {explanation.defined} children")
+    p = explanation.p_critical
+    sure = "" if p.low == p.high else f" (95 %: {p.low:.1%} – {p.high:.1%})"
+    print(f"{_question(explanation)}: {p.value:.1%} of {p.count} children{sure}")
     for c in explanation.rules:
         who = " and ".join(f"{ids[v]}={names[m]}" for v, m in zip(c.vehicles, c.models, strict=True))
-        print(
-            f"  {c.share:.0%} with {who} (95 %: {c.low:.0%} – {c.high:.0%}, "
-            f"{c.critical} of {c.children}; {c.covered:.0%} of the critical ones)"
-        )
+        sure = "" if c.low == c.high else f"95 %: {c.low:.0%} – {c.high:.0%}, "
+        counted = f"{c.critical} of {c.children}; {c.covered:.0%} of the critical ones"
+        print(f"  {c.share:.0%} with {who} ({sure}{counted})")
     for row in worst if every else worst[:1]:
-        between = ""
+        value = [f"{row['value']:.3g}"] if explanation.metric in run.columns else []
         if row["track_id"] is not None:
             other = "" if row["other_id"] is None else f" with {row['other_id']}"
-            between = f", {row['track_id']}{other} after {row['after_s']:.1f} s"
-        print(f"  child {row['child']}: {row['value']:.3g}{between}: {row['assignment']}")
+            value.append(f"{row['track_id']}{other} after {row['after_s']:.1f} s")
+        if explanation.metric not in run.columns and not row["value"]:
+            continue  # nobody collides
+        drivers = row["assignment"].split()
+        if len(drivers) > _SHOWN_DRIVERS:
+            both = (f"{row['track_id']}=", f"{row['other_id']}=")
+            drivers = [name for name in drivers if name.startswith(both)]
+        print(f"  child {row['child']}: {', '.join(value)}: {' '.join(drivers)}")

@@ -12,6 +12,7 @@ from scex_sumo.converters.fidelity.conflicts import NEAR_M
 from scex_sumo.converters.fidelity.matching import Matching
 from scex_sumo.converters.fidelity.net import JudgedLink
 
+JOINT_M = 0.25  # a link this short without foes is none to meet on
 AHEAD_LINKS = 4  # an approach may lie this many plain links before its intersection
 
 
@@ -57,6 +58,15 @@ class Links:
             for other in self._met(second_id, first_id)
             if one.from_lane != other.from_lane and self.are_near(one, other)
         ]
+
+    def foes_before(self, first_id: int, second_id: int) -> bool:
+        """Whether links of two lanelets are foes though they do not meet: one leaves the map before that.
+
+        The last metres of a lanelet that ends within another are an edge: cars must be able to leave there.
+        """
+        leaving = any(not self.matching.road.lanes[i].successors for i in (first_id, second_id))
+        pairs = ((one, other) for one in self.of(first_id) for other in self.of(second_id))
+        return leaving and any(self.are_foes(*pair) for pair in pairs)
 
     def are_near(self, one: JudgedLink, other: JudgedLink) -> bool:
         """Whether two links come as near to each other as a conflict does."""
@@ -107,7 +117,16 @@ class Links:
     def _met(self, lane_id: int, other_id: int) -> list[JudgedLink]:
         """Links of a lanelet that come as near to another lanelet as a conflict does."""
         other = shapely.LineString(self.matching.road.lanes[other_id].centreline)
-        return [link for link in self.of(lane_id) if self._line(link).distance(other) <= NEAR_M]
+        return [
+            link
+            for link in self.of(lane_id)
+            if not self._is_joint(link) and self._line(link).distance(other) <= NEAR_M
+        ]
+
+    def _is_joint(self, link: JudgedLink) -> bool:
+        """Whether a link merely joins two edges: who is there is on the road."""
+        foes = link.row >= 0 and self.net.junctions[link.junction].foes[link.row].any()
+        return not foes and self._line(link).length < JOINT_M
 
     def _line(self, link: JudgedLink) -> shapely.MultiLineString:
         if link not in self._lines:

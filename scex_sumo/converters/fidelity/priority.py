@@ -16,6 +16,7 @@ Pair = tuple[int, int]
 
 ZIPPER = "Z"  # SUMO's state for links that take turns: both answer the other, and neither waits for ever
 GREENS = "GgoOsu"  # signal states in which a car may go, if need be after looking
+END_M = 2.0  # of a lane, for its direction
 RIGHT_RAD = (np.deg2rad(45.0), np.deg2rad(135.0))  # who crosses from the right, whatever the angle exactly
 
 
@@ -73,7 +74,7 @@ def _missing_foes(
     for conflict in conflicts:
         pair = (conflict.first, conflict.second)
         pairs = links.meetings(*pair)
-        if not pairs and links.one_source(*pair):
+        if not pairs and (links.one_source(*pair) or links.foes_before(*pair)):
             continue
         if not pairs or not all(links.are_foes(a, b) for a, b in pairs):
             missing.append(pair)
@@ -106,6 +107,14 @@ def _regulated(links: Links, conflicts: Iterable[JudgedConflict]) -> tuple[int, 
         count += bool(met)
         # A lanelet in several pieces meets different lanelets with different ones of them.
         near = [pair for pair in met if links.are_near(*pair)]
+        near = near or [
+            pair
+            for one, other in met
+            for a in links.lanelets(one) | {yielding}
+            for b in links.lanelets(other) | {priority}
+            if (a, b) in meeting
+            for pair in links.meetings(a, b)
+        ]
         if not all(links.waits(one, other) for one, other in near or met):
             wrong.append((yielding, priority))
     return count, tuple(wrong)
@@ -135,8 +144,10 @@ def _from_the_right(links: Links, conflicts: Iterable[JudgedConflict]) -> tuple[
 
 def _opposed(links: Links, one: JudgedLink, other: JudgedLink) -> bool:
     """Whether two links enter the junction against each other, so that the left-turner yields instead."""
-    ends = [links.net.lanes[link.from_lane].shape for link in (one, other)]
-    ways = [np.arctan2(*(shape[-1] - shape[-2])[::-1]) for shape in ends]
+    ends = [links.net.lanes[link.from_lane].line for link in (one, other)]
+    # Over some length: the last segment of a lane that was cut may be no longer than a careless click.
+    tips = [(np.array(line.interpolate(-END_M).xy), np.array(line.coords[-1])) for line in ends]
+    ways = [np.arctan2(*(tip - before[:, 0])[::-1]) for before, tip in tips]
     return not RIGHT_RAD[0] <= abs(angle_between(*ways)) <= RIGHT_RAD[1]
 
 

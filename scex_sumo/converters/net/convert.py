@@ -27,6 +27,9 @@ from scex_sumo.converters.net.plan import plan_net
 from scex_sumo.converters.net.signals import recorded_programme
 from scex_sumo.converters.net.sumo_net import SumoNet, net_file
 from scex_sumo.converters.net.text import net_text
+from scex_sumo.converters.net.walking.footways import crossed_zones, footways
+from scex_sumo.converters.net.walking.lit import with_crossings
+from scex_sumo.converters.net.walking.walks import plan_walks
 from scex_sumo.converters.sumo.net import lane_names, unpacked
 from scex_sumo.errors import MapError
 from scex_sumo.files import write_atomic
@@ -61,13 +64,18 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
         raise MapError(f"{road.name}: lanelets without length: {', '.join(map(str, points[:5]))}; drop them")
     lanes = add_entries(lanes, road.lanes)
     found = conflicts(lanes)
-    topology, lost = cut_lanes(lanes, found)
+    ways = footways(road.lanes, lanes)
+    topology, lost = cut_lanes(lanes, found, crossed_zones(ways))
     layout = plan_net(topology, road.regulations, found)
     recorded, notes = (None, []) if signals is None else recorded_programme(layout, road.origin, signals)
     fixed = fixed_programmes(layout, lanes, road.regulations, found)
+    walks = plan_walks(ways, topology, layout)
+    lights, unlit = with_crossings(_together(recorded, fixed), recorded, walks, layout)
+    if unlit:
+        notes.append(f"crosswalks that the recorded lights never leave free: {', '.join(map(str, unlit))}")
     layout = layout.beside(_side_lanes(road))
-    net_path.write_text(net_text(layout, _together(recorded, fixed), road.georeference), encoding="utf-8")
-    table = lane_table(layout.places(), layout.ends(), road.lanes)
+    net_path.write_text(net_text(layout, lights, road.georeference, walks), encoding="utf-8")
+    table = lane_table([*layout.places(), *walks.places()], layout.ends(), road.lanes)
     table.write(net_file(net_path, ".lanes.csv"))
     extras = net_file(net_path, ".add.xml")
     extras.write_text(extras_text(road), encoding="utf-8")
@@ -89,7 +97,7 @@ def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
 
 
 def _side_lanes(road: Road) -> NetLayout:
-    """Lanes for buses and bicycles alone; where people walk is drawn, not driven."""
+    """Lanes for buses and bicycles alone; people walk beside them."""
     own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}
     ends = {i: (lane.centreline[0], lane.centreline[-1]) for i, lane in own.items()}
     following = {

@@ -131,4 +131,6 @@ class NetLayout:
 def shape_text(line: FloatArray) -> str:
     """A polyline as SUMO writes it: ``x,y x,y``."""
     # Adding 0.0 turns a rounded -0.0 into 0.0.
-    return " ".join(f"{x:.{DECIMALS}f},{y:.{DECIMALS}f}" for x, y in np.round(line, DECIMALS) + 0.0)
+    return " ".join(
+        f"{x:.{DECIMALS}f},{y:.{DECIMALS}f}" for x, y in (np.round(line, DECIMALS) + 0.0).tolist()
+    )

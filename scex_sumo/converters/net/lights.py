@@ -7,11 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from scex_sumo.converters.net.elements import Connection, NetLayout
-from scex_sumo.geometry.polylines import length_of, turn
+from scex_sumo.geometry.polylines import length_of, project, turn
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
 
 GREEN_S, YELLOW_S, ALL_RED_S = 25, 3, 2
+AT_LINE_M = 2.0  # how far stop lines reach into crosswalks, as drawn
+BEFORE_END_M = 30.0  # from a crosswalk to the end of a lane whose light holds people's traffic, too
 AHEAD_M = 60.0  # how far beyond a light its traffic is looked at for conflicts with that of other lights
 ONCOMING = math.radians(135.0)
 
@@ -25,12 +27,14 @@ class Programme:
         connections: the controlled connections; their places are the link indices.
         phases: (seconds, state), one character of state per connection.
         programme: SUMO's programID.
+        crossings: edges of the crossings that it controls; their places follow those of the connections.
     """
 
     name: str
     connections: tuple[Connection, ...]
     phases: tuple[tuple[float, str], ...]
     programme: str = "0"
+    crossings: tuple[str, ...] = ()
 
 
 def fixed_programmes(
@@ -48,7 +52,7 @@ def fixed_programmes(
     """
     elements = [rule for rule in rules if rule.kind == "traffic_light"]
     clashing = {pair for c in found if c.kind != "diverge" for pair in (c.lanes, c.lanes[::-1])}
-    groups = [(rule, controlled(layout, rule, clashing)) for rule in elements]
+    groups = [(rule, controlled(layout, rule, clashing, lanes)) for rule in elements]
     groups = [(rule, links) for rule, links in groups if links]
     ahead = [_ahead(lanes, rule.lanes) for rule, _ in groups]
     against = [
@@ -65,10 +69,13 @@ def fixed_programmes(
     return programmes
 
 
-def controlled(layout: NetLayout, rule: Regulation, clashing: set[tuple[int, int]]) -> list[Connection]:
+def controlled(
+    layout: NetLayout, rule: Regulation, clashing: set[tuple[int, int]], lanes: Mapping[int, Lane]
+) -> list[Connection]:
     """Links that a light controls: those that leave its lanes, or enter those in conflict.
 
-    Maps differ in whether the approach or the lanelet across the intersection refers to the light.
+    Maps differ in whether the approach or the lanelet across the intersection refers to the light. Crosswalks
+    behind its stop line, or shortly before the end of its lanes, are controlled, too.
     """
     crossing = {lane for lane, _ in clashing}
     found = []
@@ -77,11 +84,20 @@ def controlled(layout: NetLayout, rule: Regulation, clashing: set[tuple[int, int
         for lane in rule.lanes:
             # A lane that begins at the map's border is entered where its first edge ends.
             enters = lane in others or (first == lane and c.enters)
-            leaves = first == lane and bool(others)
+            leaves = first == lane and (bool(others) or _held(lanes[lane], rule, c.starts[-1][1]))
             if enters if lane in crossing else leaves:
                 found.append(c)
                 break
     return found
+
+
+def _held(lane: Lane, rule: Regulation, start: float) -> bool:
+    """Whether a light holds who drives over a crosswalk that begins at an arc length of a lane, m."""
+    stops = [project(line, lane.centreline) for line in rule.stop_lines]
+    held = [float(s[gap < lane.width_m].mean()) for s, gap in stops if (gap < lane.width_m).any()]
+    if held:
+        return max(held) < start + AT_LINE_M
+    return length_of(lane.centreline) - start < BEFORE_END_M
 
 
 def _ahead(lanes: Mapping[int, Lane], ids: Iterable[int]) -> set[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+import shapely
 from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.arrays import FloatArray
@@ -27,7 +28,7 @@ def lane_area(lane: Lane, span: tuple[float, float]) -> Polygon:
 
 def union_outline(areas: Sequence[Polygon]) -> FloatArray:
     """(P, 2) outline of areas together; the convex hull of those that do not touch, nothing of lines."""
-    union = unary_union([area.buffer(0.01) for area in areas])
+    union = unary_union(shapely.buffer(areas, 0.01, quad_segs=16))
     hull = union if union.geom_type == "Polygon" else union.convex_hull
     if hull.geom_type != "Polygon":
         return np.empty((0, 2))

@@ -65,6 +65,8 @@ class _Plan:
         self._topology = topology
         self._lanes = topology.lanes
         self._ring = ring_lanes(topology.lanes)
+        self._widths: dict[Piece, float] = {}
+        self._shapes: dict[Piece, FloatArray] = {}
 
     def edges(self) -> Iterator[Edge]:
         """Edges of all road pieces, row by row."""
@@ -165,7 +167,10 @@ class _Plan:
         return start + joint * first, end - joint * last
 
     def _road_shape(self, piece: Piece) -> FloatArray:
-        return cut(self._lanes[self._topology.lane_id(piece)].centreline, *self._trims(piece))
+        if piece not in self._shapes:
+            line = self._lanes[self._topology.lane_id(piece)].centreline
+            self._shapes[piece] = cut(line, *self._trims(piece))
+        return self._shapes[piece]
 
     def _inner_shape(self, path: Path) -> FloatArray:
         """The end of the road before, the junction pieces, the beginning of the road after."""
@@ -183,15 +188,19 @@ class _Plan:
 
     def _width(self, pieces: Sequence[Piece]) -> float:
         """Mean distance of the bounds along pieces, weighted by length, m."""
-        widths, sizes = [], []
-        for piece in pieces:
+        widths = [self._piece_width(piece) for piece in pieces]
+        spans = [self._topology.rows[row].span(k, at) for row, k, at in pieces]
+        sizes = [max(end - start, 1e-3) for start, end in spans]
+        return max(float(np.average(widths, weights=sizes)), 0.5)
+
+    def _piece_width(self, piece: Piece) -> float:
+        """Mean distance of the bounds along a piece, m; many ways through a junction share one."""
+        if piece not in self._widths:
             row = self._topology.rows[piece[0]]
             lane = self._lanes[row.lanes[piece[2]]]
-            start, end = row.span(piece[1], piece[2])
-            line = cut(lane.centreline, start, end)
-            widths.append(width_along(lane.left_bound, lane.right_bound, line))
-            sizes.append(max(end - start, 1e-3))
-        return max(float(np.average(widths, weights=sizes)), 0.5)
+            line = cut(lane.centreline, *row.span(piece[1], piece[2]))
+            self._widths[piece] = width_along(lane.left_bound, lane.right_bound, line)
+        return self._widths[piece]
 
     def _link(self, path: Path, shape: FloatArray) -> Link:
         start = self._road_shape(path.start)

@@ -12,9 +12,17 @@ from scex_sumo.converters.net.elements import DECIMALS, Connection, Edge, NetLan
 from scex_sumo.converters.net.lights import Programme
 from scex_sumo.converters.net.pieces.rules import bits, direction
 from scex_sumo.converters.net.stretches import stretches
+from scex_sumo.converters.net.walking.text import (
+    crossing_edges,
+    junctions_on_foot,
+    sidewalk_edges,
+    ways_on_foot,
+)
+from scex_sumo.converters.net.walking.walks import NO_WALKS, Walks
 from scex_sumo.road import Georeference
 
-Lights: TypeAlias = Mapping[str, tuple[str, int]]  # internal lane: its traffic light and link index there
+# Internal lane, or edge of a crossing: its traffic light and link index there.
+Lights: TypeAlias = Mapping[str, tuple[str, int]]
 
 HEADER = '<?xml version="1.0" encoding="UTF-8"?>'
 ROOT = '<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1.00">'
@@ -23,17 +31,27 @@ NOBODY = "custom2"
 
 
 def net_text(
-    layout: NetLayout, programmes: Sequence[Programme] = (), place: Georeference | None = None
+    layout: NetLayout,
+    programmes: Sequence[Programme] = (),
+    place: Georeference | None = None,
+    walks: Walks = NO_WALKS,
 ) -> str:
     """The whole file; its place on Earth lets SUMO's tools show it on a map."""
     lights = {c.internal.name: (p.name, k) for p in programmes for k, c in enumerate(p.connections)}
-    return "\n".join([HEADER, "", ROOT, *_body(layout, programmes, lights, place), "</net>", ""])
+    lights |= {n: (p.name, len(p.connections) + k) for p in programmes for k, n in enumerate(p.crossings)}
+    root = ROOT.replace(" limit", ' walkingareas="true" limit') if walks.areas else ROOT
+    return "\n".join([HEADER, "", root, *_body(layout, programmes, lights, place, walks), "</net>", ""])
 
 
 def _body(
-    layout: NetLayout, programmes: Sequence[Programme], lights: Lights, place: Georeference | None
+    layout: NetLayout,
+    programmes: Sequence[Programme],
+    lights: Lights,
+    place: Georeference | None,
+    walks: Walks,
 ) -> Iterator[str]:
-    points = np.vstack([lane.shape for edge in layout.edges for lane in edge.lanes])
+    lanes = [lane for edge in layout.edges for lane in edge.lanes]
+    points = np.vstack([lane.shape for lane in (*lanes, *(walk.lane for walk in walks.sidewalks))])
     yield _location(np.concatenate([points.min(axis=0), points.max(axis=0)]), place)
     nodes = sorted(layout.nodes, key=lambda node: node.name)
     told: dict[str, list[str]] = {}
@@ -43,8 +61,10 @@ def _body(
     for node in nodes:
         for connection in node.connections:
             yield from _internal(connection.internal)
+    yield from crossing_edges(walks)
     for edge in layout.edges:
         yield from _edge(edge)
+    yield from sidewalk_edges(walks)
     for programme in programmes:
         name = f'id="{programme.name}" type="static" programID="{programme.programme}"'
         yield f'    <tlLogic {name} offset="0">'
@@ -52,13 +72,15 @@ def _body(
             yield f'        <phase duration="{seconds:g}" state="{state}"/>'
         yield "    </tlLogic>"
     for node in nodes:
-        yield from _junction(node, lights)
+        yield from _junction(node, lights, walks)
+    yield from junctions_on_foot(walks)
     for node in nodes:
         for connection in node.connections:
             yield from _connection(connection, lights, told.get(connection.internal.name, ()))
     for node in nodes:
         for connection in node.connections:
             yield _exit(connection)
+    yield from ways_on_foot(walks, lights)
 
 
 def _location(corners: FloatArray, place: Georeference | None) -> str:
@@ -106,25 +128,34 @@ def _edge(edge: Edge) -> Iterator[str]:
     yield "    </edge>"
 
 
-def _junction(node: Node, lights: Lights) -> Iterator[str]:
+def _junction(node: Node, lights: Lights, walks: Walks) -> Iterator[str]:
     x, y = node.shape.mean(axis=0)
-    links = [connection.link for connection in node.connections]
-    inner = " ".join(connection.internal.name for connection in node.connections)
+    links, crossings = [connection.link for connection in node.connections], walks.at(node.name)
+    incoming = [*node.incoming, *walks.incoming(node.name)]
+    inner = [c.internal.name for c in node.connections] + [crossing.lane.name for crossing in crossings]
     head = (
         f'    <junction id="{node.name}" type="{_type(node, lights)}"'
-        f' x="{x:.{DECIMALS}f}" y="{y:.{DECIMALS}f}" incLanes="{" ".join(node.incoming)}"'
-        f' intLanes="{inner}" shape="{shape_text(node.shape)}"'
+        f' x="{x:.{DECIMALS}f}" y="{y:.{DECIMALS}f}" incLanes="{" ".join(incoming)}"'
+        f' intLanes="{" ".join(inner)}" shape="{shape_text(node.shape)}"'
     )
     if not links:
         yield f"{head}/>"
         return
     yield f'{head} customShape="1">'
+    size = len(inner)
     for index, link in enumerate(links):
-        yield (
-            f'        <request index="{index}" response="{bits(link.response, len(links))}"'
-            f' foes="{bits(link.foes, len(links))}" cont="0"/>'
-        )
+        walked = {len(links) + k: c.marked for k, c in enumerate(crossings) if index in c.crossed}
+        first = {k for k, marked in walked.items() if marked}
+        yield _request(index, link.response | first, link.foes | walked.keys(), size)
+    for k, crossing in enumerate(crossings):
+        crossed = set(crossing.crossed)
+        yield _request(len(links) + k, set() if crossing.marked else crossed, crossed, size)
     yield "    </junction>"
+
+
+def _request(index: int, response: set[int], foes: set[int], size: int) -> str:
+    told = f'response="{bits(response, size)}" foes="{bits(foes, size)}"'
+    return f'        <request index="{index}" {told} cont="0"/>'
 
 
 def _type(node: Node, lights: Lights) -> str:

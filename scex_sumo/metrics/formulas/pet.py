@@ -36,15 +36,20 @@ def pet(scenes: Scenes) -> Samples:
     """PET of all ordered pairs whose driven tracks cross ahead of both, s.
 
     It looks at the tracks that were driven, in child scenarios too, from each step on. Preset ``paper`` takes
-    the centres' times at the crossing point, preset ``path`` bumpers and the conflict area. Undefined without
-    a crossing, after one of them has passed it, and where the recording ends before the first one has left
-    it.
+    the centres' times at the crossing point, preset ``path`` bumpers and the conflict area, and leaves out
+    tracks that cross below the following angle: whoever follows in a lane weaves across the leader's track.
+    Undefined without a crossing, after one of them has passed it, and where the recording ends before the
+    first one has left it.
     """
     size = len(scenes.ordered_pairs[0]) * int(np.prod(scenes.shape))
     if size == 0:
         return scenes.scattered(np.empty(0, dtype=np.int64), np.empty(0))
     paths = scenes.once(_driven_paths)
-    crossing = first_on_own_path(paths.crossings, size)
+    crossings = paths.crossings
+    if scenes.preset.conflict_area:
+        least = np.sin(min(scenes.parameters.following_angle, np.pi / 2))
+        crossings = crossings.take(np.flatnonzero(crossings.sine >= least))
+    crossing = first_on_own_path(crossings, size)
     own_reach = other_reach = np.zeros(crossing.where.size)
     if scenes.preset.conflict_area:
         own_reach, other_reach = area_reach(scenes, crossing)

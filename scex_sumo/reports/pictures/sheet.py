@@ -48,7 +48,9 @@ def metric_panels(
     figure: Figure, columns: Sequence[str], *, wide: int = 4, labelled: bool = True, shared: bool = False
 ) -> list[tuple[Axes, str]]:
     """A panel for each metric column with its title and, where labelled, its unit; ``wide`` side by side."""
-    grid = figure.subplots(-(-len(columns) // wide), wide, sharex=shared, sharey=shared, squeeze=False)
+    grid = figure.subplots(
+        max(-(-len(columns) // wide), 1), wide, sharex=shared, sharey=shared, squeeze=False
+    )
     for axes in grid.flat[len(columns) :]:
         axes.set_axis_off()
     panels = list(zip(grid.flat, columns, strict=False))

@@ -14,30 +14,30 @@ from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import density, dkw_half_width
 from scex_sumo.studies.explain import Explanation
 
+_WIDE = 4  # panels side by side
 _SUBSETS = ("#1f4e79", "#2e8b57", "#d98c21", "#c0392b", "#7d3c98")
 _DESIGNS = ("#1f4e79", "#c0392b", "#2e8b57", "#d98c21", "#7d3c98", "#555555")
 
 
 def draw_subsets(run: Run, subsets: Mapping[int, IntArray], stem: Path) -> list[Path]:
-    """Density of every metric over all children, and over one subset of each size, as SVG and PNG.
+    """Density of every metric that is defined, over all children and one subset of each size, SVG and PNG.
 
     Args:
         subsets: children of one subset by size.
         stem: path without ending.
     """
-    with sheet.sheet(11.5, 7.2) as figure:
-        for axes, column in sheet.metric_panels(figure, run.columns):
-            values = np.asarray(run.metrics[column].to_numpy(zero_copy_only=False), dtype=np.float64)
+    columns = [column for column in run.columns if np.isfinite(run.samples(column)).any()]
+    with sheet.sheet(11.5, 1.0 + 1.5 * -(-len(columns) // _WIDE)) as figure:
+        for axes, column in sheet.metric_panels(figure, columns, wide=_WIDE):
+            values = run.values(column)
             known = values[np.isfinite(values)]
-            if len(known) == 0:
-                sheet.empty(axes)
-                continue
-            curve = density(known)
+            folded = bool(known.min() >= 0)
+            curve = density(known, reflect=folded)
             axes.fill_between(curve.x, curve.pdf, color="#bbbbbb", linewidth=0)
             for children, color in zip(subsets.values(), _SUBSETS, strict=False):
                 some = values[children][np.isfinite(values[children])]
                 if len(some):
-                    axes.plot(curve.x, density(some, x=curve.x).pdf, color=color, linewidth=1)
+                    axes.plot(curve.x, density(some, x=curve.x, reflect=folded).pdf, color=color, linewidth=1)
             low, quarter, middle, three, high = np.quantile(known, [0.001, 0.25, 0.5, 0.75, 0.999])
             high = min(high, middle + 6 * (three - quarter) + 1)  # a few far values would hide the rest
             axes.set_xlim(low - 0.4, high + 0.4)
@@ -82,21 +82,20 @@ def draw_errors(rows: Sequence[Mapping[str, Any]], run: Run, stem: Path) -> list
 
 
 def draw_effects(found: Sequence[Explanation], run: Run, stem: Path) -> list[Path]:
-    """Main effects (diagonal) and pairs (beside it) of all vehicles, one panel per metric, as SVG and PNG.
+    """Main effects (diagonal) and pairs (beside it) of all vehicles, as SVG and PNG.
+
+    One panel per metric of which there is something to explain.
 
     Args:
         found: of `scex_sumo.studies.explain.explain`, one per metric column.
         stem: path without ending.
     """
     ids = [str(t) for t in run.info["seed_scene"]["track_ids"]]
-    with sheet.sheet(11.5, 8.8) as figure:
+    found = [explanation for explanation in found if explanation.effects]
+    with sheet.sheet(11.5, 1.0 + 2.1 * max(-(-len(found) // _WIDE), 1)) as figure:
         image = None
-        panels = sheet.metric_panels(figure, [one.metric for one in found], labelled=False)
+        panels = sheet.metric_panels(figure, [one.metric for one in found], wide=_WIDE, labelled=False)
         for (axes, _), explanation in zip(panels, found, strict=True):
-            if not explanation.effects:
-                sheet.empty(axes, "nothing to explain")
-                axes.set_xticks([])
-                continue
             share = _shares(explanation, len(ids))
             image = axes.imshow(100 * share, cmap="Blues", vmin=0, vmax=50)
             for row, column in zip(*np.nonzero(share >= 0.01), strict=True):
@@ -109,7 +108,7 @@ def draw_effects(found: Sequence[Explanation], run: Run, stem: Path) -> list[Pat
             sheet.note(axes, 0.95, f"rest {100 * max(rest, 0):.0f} %")
         if image is not None:
             label = "share of the variance [%]: alone (diagonal), in pairs (below)"
-            figure.colorbar(image, ax=[axes for axes, _ in panels], shrink=0.5, label=label)
+            figure.colorbar(image, ax=figure.axes, shrink=0.5, label=label)
         sheet.headline(figure, sheet.run_name(run))
         return sheet.save(figure, stem)
 

@@ -35,6 +35,11 @@ def comparison_lines(
     yield f"{count} runs, distance {comparison.kind}: mean over {len(comparison.metrics)} metrics, {unit}"
     noise = float(np.nanmedian(comparison.noise)) if not np.isnan(comparison.noise).all() else float("nan")
     yield f"by chance alone, two runs of one seed scene differ by about {noise:.2f}"
+    told = [(label, run.p_collision) for label, run in zip(names, runs, strict=True) if run.outcomes]
+    if 0 < len(told) <= MOST_IN_MATRIX:
+        yield "P(collision), 95 % interval:"
+        wide = max(len(label) for label in names)
+        yield from (f"  {label:<{wide}} {p.value:6.1%}  {p.low:.1%} – {p.high:.1%}" for label, p in told)
     yield ""
     yield from _matrix(comparison, grouping)
     if count > 2:

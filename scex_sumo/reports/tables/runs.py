@@ -61,7 +61,7 @@ def summary_table(run: Run) -> Table:
         title=f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, "
         f"{counted(run.children, 'child scenario')}",
         title_justify="left",
-        caption="worst value of each child; critical of all children, with the design's 95 % interval",
+        caption=f"worst value of each child; critical of all children, {_interval_of(run)}",
         caption_justify="left",
     )
     table.add_column("metric")
@@ -96,6 +96,13 @@ def summary_table(run: Run) -> Table:
     return table
 
 
+def _interval_of(run: Run) -> str:
+    """What the interval of a share is."""
+    if run.intervals.whole:
+        return "which are all assignments: nothing is uncertain but the routes drawn"
+    return "with the design's 95 % interval"
+
+
 def _beside(likely: Run | None, cell: str) -> tuple[str, ...]:
     """A cell of the column of what is likely, where a run has that."""
     return () if likely is None else (cell,)
@@ -110,7 +117,8 @@ def _critical(run: Run, column: str, threshold: float | None, likely: Run | None
 
 
 def _shares(share: Interval) -> tuple[str, str]:
-    return f"{share.value:.1%}", f"{share.low:.1%} – {share.high:.1%}"
+    known = share.low == share.high
+    return f"{share.value:.1%}", "–" if known else f"{share.low:.1%} – {share.high:.1%}"
 
 
 def _recorded_overlaps(run: Run) -> str:

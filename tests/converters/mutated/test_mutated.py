@@ -122,6 +122,19 @@ def test_a_map_that_lost_some_of_its_lanelets_is_converted_faithfully(seed: int,
     assert judged(read(without(whole, gone), tmp_path), tmp_path).problems() == []
 
 
+@pytest.mark.parametrize(
+    ("name", "seed", "parts"), [("roundabout", 3, 1), (CROSSING, 8, 3), (CROSSING, 20, 3)]
+)
+def test_lanelets_that_end_within_others_are_judged_by_the_links_that_meet(
+    name: str, seed: int, parts: int, tmp_path: Path
+) -> None:
+    whole = example(name)
+    gone = np.random.default_rng(seed).choice(sorted(whole.of_type("lanelet")), 9, replace=False).tolist()
+    a_road = cut_road(read(without(whole, gone), tmp_path), parts)
+    net = convert(a_road, tmp_path / "mutated.net.xml")
+    assert check_net(net.path, a_road, net.lanes).problems() == []
+
+
 @pytest.mark.parametrize("parts", [2, 3])
 @pytest.mark.parametrize("name", [CROSSING, "roundabout", "motorway_merge"])
 def test_roads_cut_into_the_junction_keep_every_conflict(name: str, parts: int, tmp_path: Path) -> None:

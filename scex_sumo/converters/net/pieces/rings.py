@@ -22,12 +22,28 @@ def ring_lanes(lanes: Mapping[int, Lane]) -> frozenset[int]:
     """
     sizes = {i: length_of(lane.centreline) for i, lane in lanes.items()}
     found: set[int] = set()
-    for i in sorted(lanes):
+    for i in sorted(_on_cycles(lanes)):
         if i not in found:
             cycle = _shortest_cycle(lanes, sizes, i)
             if cycle and _roundness(lanes, cycle) >= ROUND:
                 found.update(cycle)
     return frozenset(found)
+
+
+def _on_cycles(lanes: Mapping[int, Lane]) -> set[int]:
+    """Lanes that may lie on a cycle: what is left when lanes that nothing follows are taken away in turn."""
+    before: dict[int, list[int]] = {}
+    left = {i: sum(j in lanes for j in lane.successors) for i, lane in lanes.items()}
+    for i, lane in lanes.items():
+        for j in lane.successors:
+            before.setdefault(j, []).append(i)
+    ends = [i for i, following in left.items() if not following]
+    for i in ends:
+        for j in before.get(i, ()):
+            left[j] -= 1
+            if not left[j]:
+                ends.append(j)
+    return lanes.keys() - ends
 
 
 def _shortest_cycle(lanes: Mapping[int, Lane], sizes: Mapping[int, float], start: int) -> list[int]:

@@ -22,6 +22,19 @@ STUB_M = 2.0  # longest road piece cut off a junction piece where a lane begins 
 SNAP_M = 0.3  # road pieces shorter than this are left to the junction piece beside them
 
 
+@dataclass(frozen=True, kw_only=True)
+class Zone:
+    """Stretches of lanes that lie in one junction, whatever is in the way there.
+
+    Attributes:
+        lanes: ids.
+        spans: arc length (start, end) on each of the lanes, m.
+    """
+
+    lanes: tuple[int, ...]
+    spans: tuple[tuple[float, float], ...]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Row:
     """Lanes side by side.
@@ -117,7 +130,7 @@ def _reaches(left_of: Mapping[int, int], start: int, goal: int) -> bool:
     return False
 
 
-def lay_zones(rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Conflict]) -> list[Row]:
+def lay_zones(rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Conflict | Zone]) -> list[Row]:
     """The rows cut at the conflicts; lanes that begin or end inside one keep a stub of road."""
     spans: dict[int, list[tuple[float, float]]] = {}
     for conflict in found:

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TypeAlias
 
 from scex_sumo.converters.net.pieces.gaps import Chains, fill_gaps, open_knots, split_loops
-from scex_sumo.converters.net.pieces.rows import Piece, Row, build_rows, lay_zones
+from scex_sumo.converters.net.pieces.rows import STUB_M, Piece, Row, Zone, build_rows, lay_zones
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
 
@@ -44,7 +44,9 @@ class Topology:
         where: (row, lane within the row) of each lane id.
     """
 
-    def __init__(self, rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Conflict]) -> None:
+    def __init__(
+        self, rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Conflict | Zone]
+    ) -> None:
         self.rows = rows
         self.lanes = lanes
         self._chains = Chains(rows, lanes)
@@ -90,7 +92,7 @@ class Topology:
         a, b = sorted((self.node(*a), self.node(*b)))
         self._parent[b] = a
 
-    def _join_cuts(self, found: Sequence[Conflict]) -> None:
+    def _join_cuts(self, found: Sequence[Conflict | Zone]) -> None:
         for r, row in enumerate(self.rows):
             for k, inside in enumerate(row.inside):
                 if inside:
@@ -127,7 +129,9 @@ class Topology:
                     stack.append((*way, piece))
 
 
-def cut_lanes(lanes: Mapping[int, Lane], found: Sequence[Conflict]) -> tuple[Topology, list[tuple[int, int]]]:
+def cut_lanes(
+    lanes: Mapping[int, Lane], found: Sequence[Conflict], walked: Sequence[Zone] = ()
+) -> tuple[Topology, list[tuple[int, int]]]:
     """Lanes as rows, cut where their conflicts and SUMO's rules for junctions want it.
 
     Every step makes new rows; which junction a cut belongs to is found anew where a step asks for it.
@@ -135,6 +139,7 @@ def cut_lanes(lanes: Mapping[int, Lane], found: Sequence[Conflict]) -> tuple[Top
     Args:
         lanes: by id.
         found: their conflicts.
+        walked: where people walk across.
 
     Returns:
         The graph, and the permitted lane changes (from, to) that it cannot hold.
@@ -146,7 +151,16 @@ def cut_lanes(lanes: Mapping[int, Lane], found: Sequence[Conflict]) -> tuple[Top
     lost += [change for change in inside if change not in lost]
     lanes = {i: replace(x, left=None, right=None) if i in closed else x for i, x in lanes.items()}
     rows, _ = build_rows(lanes)
-    rows = open_knots(lay_zones(rows, lanes, found), lanes)
-    rows = fill_gaps(rows, lanes, Topology(rows, lanes, found).node)
-    rows = split_loops(rows, Topology(rows, lanes, found).node)
-    return Topology(rows, lanes, found), lost
+    zones: list[Conflict | Zone] = [*found, *walked]
+    rows = [_with_road_to_change_on(row) for row in lay_zones(rows, lanes, zones)]
+    rows = open_knots(rows, lanes)
+    rows = fill_gaps(rows, lanes, Topology(rows, lanes, zones).node)
+    rows = split_loops(rows, Topology(rows, lanes, zones).node)
+    return Topology(rows, lanes, zones), lost
+
+
+def _with_road_to_change_on(row: Row) -> Row:
+    """A row of several lanes that lies under a crosswalk whole, with a stub of road before it."""
+    if len(row.lanes) == 1 or not all(row.inside):
+        return row
+    return row.with_road(0, min(STUB_M / row.size(0), 1 / 3) * row.cuts[1])

@@ -1,0 +1,200 @@
+"""Footways: the crosswalks and walkways of a map, cut at the places where they meet or leave the road."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+import shapely
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.converters.net.pieces.rows import Zone
+from scex_sumo.geometry.polylines import along, cut, length_of, nearest
+from scex_sumo.road import Lane
+
+MEET_M = 0.5  # between the ends of two footways, or from the end of one to the side of another
+END_M = 2.0  # who comes in this close to a footway's end comes in there
+KERB_M = 1.0  # between the edge of a lane and where people wait
+ISLAND_M = 4.0  # between lanes that are crossed at one go
+ALONG = 3.0  # a lane that runs over more than so many widths of a walkway runs along it
+SHORTEST_M = 0.5  # of a footway, and of what a vehicle lane has in common with a crosswalk
+
+_Station = tuple[int, float]  # lanelet, arc length on it in m
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Footway:
+    """A crosswalk, or a stretch of a walkway, on the road or beside it, between two places.
+
+    Attributes:
+        name: ``w`` and the lanelet, with a number where there are several.
+        lanelet: that it lies on, or None where it was added.
+        shape: (P, 2) m.
+        width: m.
+        places: where it begins and ends.
+        marked: whether it is a crosswalk: people go first there.
+        crossed: vehicle lanes under it, with the arc lengths between which they are, m.
+    """
+
+    name: str
+    lanelet: int | None
+    shape: FloatArray
+    width: float
+    places: tuple[int, int]
+    marked: bool = False
+    crossed: tuple[tuple[int, tuple[float, float]], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Crossed:
+    """A vehicle lane under a footway: where it is there, and the stretch of the footway on it, m."""
+
+    lane: int
+    span: tuple[float, float]
+    walked: tuple[float, float]
+
+
+@dataclass(kw_only=True, eq=False)
+class _Meetings:
+    """Stations at which lanelets meet, united to places."""
+
+    parent: dict[_Station, _Station] = field(default_factory=dict)
+
+    def root(self, station: _Station) -> _Station:
+        while (above := self.parent.setdefault(station, station)) != station:
+            station = above
+        return station
+
+    def unite(self, one: _Station, other: _Station) -> None:
+        first, second = sorted((self.root(one), self.root(other)))
+        self.parent[second] = first
+
+
+def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Footway]:
+    """Crosswalks and walkways, cut where others come in from the side and where they leave the road.
+
+    Args:
+        lanes: all of the map.
+        driven: those for vehicles, as the net has them.
+    """
+    walked = {i: x for i, x in lanes.items() if x.kind == "pedestrian" and _long(x)}
+    crossed = {i: list(_crossed(x, driven)) for i, x in walked.items()}
+    meetings = _Meetings()
+    for i, lane in walked.items():
+        for s in (0.0, length_of(lane.centreline), *_kerbs(lane, crossed[i])):
+            meetings.root((i, s))
+        for s in (0.0, length_of(lane.centreline)):
+            for j, other in walked.items():
+                if i != j and (at := _meets(lane, s, other, whole=_marked(other))) is not None:
+                    meetings.unite((i, s), (j, at))
+    places = {root: k for k, root in enumerate(sorted({meetings.root(s) for s in list(meetings.parent)}))}
+    found = []
+    for i, lane in walked.items():
+        stations = sorted(s for j, s in meetings.parent if j == i)
+        for k, (start, end) in enumerate(pairwise(stations)):
+            ends = (places[meetings.root((i, start))], places[meetings.root((i, end))])
+            under = [c for c in crossed[i] if start <= sum(c.walked) / 2 <= end]
+            way = Footway(
+                name=f"w{i}" if len(stations) == 2 else f"w{i}#{k}",
+                lanelet=i,
+                shape=cut(lane.centreline, start, end),
+                width=lane.width_m,
+                places=ends,
+                marked=_marked(lane),
+                crossed=tuple((c.lane, c.span) for c in under),
+            )
+            found += [way] if ends[0] != ends[1] else []
+    return found
+
+
+def crossed_zones(ways: list[Footway]) -> list[Zone]:
+    """What lies under crosswalks that meet, in one junction each."""
+    groups: list[tuple[set[int], list[Footway]]] = []
+    for way in ways:
+        if way.crossed:
+            joined = [group for group in groups if group[0] & set(way.places)]
+            groups = [group for group in groups if group not in joined]
+            places = {*way.places}.union(*(places for places, _ in joined))
+            groups.append((places, [*(other for _, others in joined for other in others), way]))
+    spans = [[lane for way in members for lane in way.crossed] for _, members in groups]
+    return [Zone(lanes=tuple(i for i, _ in group), spans=tuple(s for _, s in group)) for group in spans]
+
+
+def _long(lane: Lane) -> bool:
+    return length_of(lane.centreline) >= SHORTEST_M
+
+
+def _meets(lane: Lane, s: float, other: Lane, *, whole: bool) -> float | None:
+    """Where on another footway a footway's beginning or end comes in, m, or None where it does not.
+
+    Args:
+        lane: the footway.
+        s: 0, or its length.
+        other: the other one.
+        whole: whether the other can be entered at its ends alone.
+    """
+    at = -1 if s else 0
+    length = length_of(other.centreline)
+    side = shapely.LineString([lane.left_bound[at], lane.right_bound[at]])
+    for there, station in ((0, 0.0), (-1, length)):
+        if side.distance(shapely.LineString([other.left_bound[there], other.right_bound[there]])) < MEET_M:
+            return station
+    tip = lane.centreline[at]
+    if _area(other).distance(shapely.Point(tip)) > MEET_M:
+        return None
+    station = float(nearest(other.centreline, *tip))
+    if station < END_M or station > length - END_M:
+        return 0.0 if station < length / 2 else length
+    return None if whole else round(station)  # those who come in close together come in at one place
+
+
+def _marked(lane: Lane) -> bool:
+    return lane.subtype == "crosswalk"
+
+
+def _crossed(footway: Lane, driven: Mapping[int, Lane]) -> Iterator[_Crossed]:
+    """Vehicle lanes that run across a footway."""
+    area, middle = _area(footway), shapely.LineString(footway.centreline)
+    low, high = np.reshape(area.bounds, (2, 2))
+    for i, lane in driven.items():
+        if (lane.centreline.max(axis=0) < low).any() or (lane.centreline.min(axis=0) > high).any():
+            continue
+        line = shapely.LineString(lane.centreline)
+        if not area.intersects(line):
+            continue
+        for part in shapely.get_parts(area.intersection(line)):
+            across = part.length < ALONG * footway.width_m and part.intersects(middle)
+            if part.length < SHORTEST_M or not (_marked(footway) or across):
+                continue
+            ends = sorted(float(line.project(shapely.Point(part.coords[k]))) for k in (0, -1))
+            s, half = float(middle.project(shapely.shortest_line(part, middle).centroid)), lane.width_m / 2
+            yield _Crossed(lane=i, span=(ends[0], ends[1]), walked=(s - half, s + half))
+
+
+def _kerbs(footway: Lane, crossed: Sequence[_Crossed]) -> Iterator[float]:
+    """Where a walkway comes to the road and leaves it; a crosswalk is a crossing as a whole."""
+    length = length_of(footway.centreline)
+    spans = sorted(c.walked for c in crossed) if not _marked(footway) else []
+    merged: list[tuple[float, float]] = []
+    for low, high in spans:
+        if merged and low < merged[-1][1] + ISLAND_M:
+            merged[-1] = (merged[-1][0], max(high, merged[-1][1]))
+        else:
+            merged.append((low, high))
+    for low, high in merged:
+        yield from (s for s in (low - KERB_M, high + KERB_M) if END_M < s < length - END_M)
+
+
+def _area(lane: Lane) -> shapely.Polygon:
+    return shapely.Polygon(np.vstack([lane.left_bound, lane.right_bound[::-1]])).buffer(0.0)
+
+
+def corners(shape: FloatArray, width: float, *, end: bool) -> FloatArray:
+    """(2, 2) left and right corner of a footway's end, m."""
+    length = length_of(shape)
+    a, b = along(shape, np.array([length - min(0.5, length), length] if end else [0.0, min(0.5, length)]))
+    across = np.array([a[1] - b[1], b[0] - a[0]]) / max(float(np.hypot(*(b - a))), 1e-9) * width / 2
+    tip = shape[-1 if end else 0]
+    return np.array([tip + across, tip - across])
