@@ -23,11 +23,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from compare_pictures import draw_compared_densities, draw_dendrogram
 from compare_report import Seeds, adjusted_rand_index, report
 
 import scex_sumo as scex
 from scex_sumo.errors import SimulationError
-from scex_sumo.reports.pictures.comparison import draw_compared_densities, draw_dendrogram
 from scex_sumo.scenarios.reduction import choose_vehicles, reduced
 from scex_sumo.scene import LOGGED_HISTORY
 from scex_sumo.statistics.grouping import group_runs

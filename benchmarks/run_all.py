@@ -64,12 +64,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--map", type=Path, help="a map to measure besides the project's own roundabout")
     parser.add_argument("--full", action="store_true", help="more repetitions, 10 000 children")
-    parser.add_argument("--only", choices=("one_seed", "scaling", "peers"))
+    parser.add_argument("--only", choices=("one_seed", "scaling", "peers", "report"))
     parser.add_argument("--peers", type=Path, help="folder of the peers' virtual environments")
     options = parser.parse_args()
     maps = [[str(options.map)]] if options.map else []
     repeat = "9" if options.full else "5"
-    put("machine", machine())
+    if options.only is None:
+        put("machine", machine())
     if options.only in (None, "one_seed"):
         parts = []
         for chosen in [*maps, []]:
@@ -83,6 +84,8 @@ def main() -> None:
             "scaling",
             measured("scaling.py", *(maps[0] if maps else []), *(["--full"] if options.full else [])),
         )
+    if options.only in (None, "report"):
+        put("report", measured("report.py"))
     if options.only in (None, "peers"):
         put("peers", measured("peers.py", *(["--folder", str(options.peers)] if options.peers else [])))
 

@@ -1,7 +1,7 @@
 """Pictures of the docs, drawn anew from the code: ``make docs-pictures``, or with names for some of them.
 
 Run: ``python docs/make_pictures.py [NAME...]``, about half a minute for all; what needs an extra that is not
-there is skipped. Pictures of studies are written by the commands that their pages name.
+there is skipped. Pictures of studies are photographs of the pages that the commands named there write.
 """
 
 from __future__ import annotations
@@ -250,8 +250,15 @@ def metrics() -> None:
         figure.savefig(IMAGES / "metrics.svg", metadata={"Date": None})
 
 
+def handover() -> None:
+    """One child in sumo-gui beside what was exported of it; needs a screen or Xvfb."""
+    import handover_picture
+
+    handover_picture.main()
+
+
 PICTURES: dict[str, Callable[[], None]] = {
-    made.__name__: made for made in (overview, scene_graph, attention, converter, metrics)
+    made.__name__: made for made in (overview, scene_graph, attention, converter, metrics, handover)
 }
 
 

@@ -25,6 +25,9 @@ Fcd = Annotated[
     Path | None,
     typer.Option(metavar="FCD", help="Tracks of a SUMO simulation (fcd-output .xml, .xml.gz, .parquet)."),
 ]
+State = Annotated[
+    Path | None, typer.Option(metavar="STATE", help="Saved state of a SUMO simulation (.xml, .xml.gz).")
+]
 Case = Annotated[str | None, typer.Option(metavar="ID", help="Case of a file with case_id.")]
 Time = Annotated[float | None, typer.Option(metavar="S", help="Moment in seconds of the recording.")]
 Synthetic = Annotated[

@@ -22,6 +22,7 @@ from scex_sumo.commands.options import (
     Processes,
     ResultPath,
     Seed,
+    State,
     Synthetic,
     Thresholds,
     Time,
@@ -43,6 +44,7 @@ def run_command(
     map_path: MapPath,
     tracks: Tracks = None,
     fcd: Fcd = None,
+    state: State = None,
     case: Case = None,
     time: Time = None,
     synthetic: Synthetic = None,
@@ -129,7 +131,7 @@ def run_command(
     with Workers(processes) as pool:  # copies of this process, before it reads anything
         scene = seed_scene(
             map_path,
-            tracks=one_source(tracks, fcd),
+            tracks=one_source(tracks, fcd, state),
             case=case,
             time=time,
             synthetic=synthetic,
@@ -187,10 +189,6 @@ def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
 
         write_critical(run)
         print(f"report: {write_report(run, scene)}")
-        if tested:
-            from scex_sumo.reports.pictures.under_test import draw_under_test
-
-            print(f"under test: {draw_under_test(run, run.folder / 'under_test')[-1]}")
     options = " ".join(f"--{name} {value}" for name, value in _worst_option(run).items())
     print(f"look:   scex-sumo view {shlex.quote(str(out))} {options}")
 

@@ -54,7 +54,9 @@ def sample_size_command(
     preset: Annotated[str, Option(metavar="paper|path|both", help="Which metrics are evaluated.")] = "both",
     seed: Seed = 0,
     workers: Processes = 1,
-    plots: Annotated[bool, Option(help="Draw the densities and errors.")] = True,
+    plots: Annotated[
+        bool, Option("--report/--no-report", "--plots/--no-plots", help="Write sample_size.html.")
+    ] = True,
     overwrite: Overwrite = False,
     out: ResultPath = None,
 ) -> None:
@@ -63,7 +65,7 @@ def sample_size_command(
     from rich.console import Console
 
     from scex_sumo.scenarios.reduction import choose_vehicles, reduced
-    from scex_sumo.studies.sample_size import MODELS, study, truth
+    from scex_sumo.studies.sample_size import MODELS, study, subsets, truth
 
     wanted = _sizes(sizes)
     if not 1 <= draws <= MOST_DRAWS:
@@ -99,23 +101,16 @@ def sample_size_command(
     for name in ("sample_size.parquet", "sample_size.csv"):
         write_table(table, folder / name)
     Console(width=None if sys.stdout.isatty() else 110).print(_table(rows, run, draws))
-    if plots:
-        _draw(rows, run, wanted, seed, folder)
     print(
         f"all {run.children} assignments: {simulated - started:.0f} s; "
         f"samples: {clock.perf_counter() - simulated:.0f} s"
     )
     print(f"result: {folder / 'sample_size.csv'}")
+    if plots:
+        from scex_sumo.reports.study_pages.sample_size import HTML, write_sample_size
 
-
-def _draw(rows: list[dict[str, Any]], run: Run, sizes: tuple[int, ...], seed: int, folder: Path) -> None:
-    """One sample of each size, and the errors of all."""
-    from scex_sumo.reports.pictures.statistics import draw_errors, draw_subsets
-    from scex_sumo.studies.sample_size import subsets
-
-    one = {n: subsets(run.children, n, 1, seed=seed)[0] for n in sizes if n <= run.children}
-    draw_subsets(run, one, folder / "sample_size")
-    draw_errors(rows, run, folder / "sample_size_error")
+        one = {n: subsets(run.children, n, 1, seed=seed)[0] for n in wanted if n <= run.children}
+        print(f"report: {write_sample_size(run, rows, one, folder / HTML)}")
 
 
 def _sizes(text: str) -> tuple[int, ...]:

@@ -56,15 +56,17 @@ def seed_scene(
     return scene
 
 
-def one_source(tracks: Path | None, fcd: Path | None) -> Path | None:
-    """The tracks, given as ``--tracks`` or as ``--fcd``.
+def one_source(tracks: Path | None, fcd: Path | None, state: Path | None) -> Path | None:
+    """The tracks, given as ``--tracks``, ``--fcd`` or ``--state``.
 
     Raises:
-        UsageError: given as both.
+        UsageError: given as several.
     """
-    if tracks is not None and fcd is not None:
-        raise UsageError("--tracks and --fcd exclude one another; give one of them")
-    return tracks if fcd is None else fcd
+    given = {"--tracks": tracks, "--fcd": fcd, "--state": state}
+    named = [name for name, path in given.items() if path is not None]
+    if len(named) > 1:
+        raise UsageError(f"{' and '.join(named)} exclude one another; give one of them")
+    return given[named[0]] if named else None
 
 
 def _warn_off_road(scene: SeedScene, off: list[int]) -> None:

@@ -19,6 +19,7 @@ NET = (".net.xml", ".net.xml.gz")
 FCD = (".fcd.xml", ".fcd.xml.gz", ".parquet")
 HIGHD = "_recordingMeta.csv"
 _TRACKS = "_tracks.csv"
+_BEGINNING = 2**16  # bytes; SUMO writes its configuration first
 
 
 def open_binary(path: Path) -> BinaryIO:
@@ -54,7 +55,8 @@ def unpacked_name(path: str | Path) -> str:
 
 def is_commonroad(map_path: str | Path) -> bool:
     """Whether a map is a CommonRoad scenario, by its name, and by its beginning where it is SUMO's."""
-    return str(map_path).lower().endswith(COMMONROAD) and not (is_net(map_path) or is_fcd(map_path))
+    other = is_net(map_path) or is_fcd(map_path) or is_state(map_path)
+    return str(map_path).lower().endswith(COMMONROAD) and not other
 
 
 def is_net(map_path: str | Path) -> bool:
@@ -68,11 +70,17 @@ def is_fcd(path: str | Path) -> bool:
     return name.endswith(FCD) or (name.endswith(COMMONROAD) and b"<fcd-export" in _beginning(Path(path)))
 
 
+def is_state(path: str | Path) -> bool:
+    """Whether a file is a saved state of a SUMO simulation, by its beginning."""
+    xml = str(path).lower().endswith(COMMONROAD) and not is_net(path)
+    return xml and b"<snapshot" in _beginning(Path(path))
+
+
 def _beginning(path: Path) -> bytes:
     """The first bytes of a file, unpacked; none where it cannot be read."""
     try:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-            return file.read(4096)
+            return file.read(_BEGINNING)
     except (OSError, EOFError):
         return b""
 

@@ -12,7 +12,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.exporters.commonroad_road import lanelet_numbers, road_elements
+from scex_sumo.converters.tracks.kinds import road_user
+from scex_sumo.exporters.commonroad_road import road_elements
 from scex_sumo.exporters.request import Request
 from scex_sumo.exporters.xml_text import add, number_text
 from scex_sumo.files import write_atomic
@@ -20,7 +21,7 @@ from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
 GOAL_M = (8.0, 4.0)  # length and width of the goal about the place where the child has the ego at its end
 GOAL_STEPS = 5  # it counts from so many steps before the end on
-_WORDS = ("pedestrian", "bicycle", "motorcycle", "truck", "bus", "taxi")
+_TYPES = {"van": "car", "tram": "train"}  # CommonRoad's words, where they are others than ours
 
 
 def write_commonroad(request: Request) -> list[Path]:
@@ -33,11 +34,11 @@ def write_commonroad(request: Request) -> list[Path]:
     for child in request.children:
         name = _benchmark(request.road.name, child)
         root = _root(name, request.file_stem(child))
-        road, used = road_elements(request.road)
+        road, used = road_elements(request.road, request.scene.track_ids.tolist())
         root.extend(road)
         root.extend(_obstacles(request, child, ego, used))
         if ego is not None:
-            root.append(_task(request, child, ego))
+            root.append(_task(request, child, ego, max(used) + 1_000_000))
         ET.indent(root)
         file = request.folder / f"{name}.xml"
         write_atomic(file, ET.tostring(root, encoding="utf-8", xml_declaration=True))
@@ -91,7 +92,7 @@ def _obstacles(request: Request, child: int, ego: int | None, used: set[int]) ->
 
 def _obstacle(number: int, kind: str, size: Sequence[float], states: States, first: int) -> ET.Element:
     element = ET.Element("dynamicObstacle", id=str(number))
-    add(element, "type", next((word for word in _WORDS if word in kind), "car"))
+    add(element, "type", _TYPES.get(road_user(kind), road_user(kind)))
     box = add(add(element, "shape"), "rectangle")
     add(box, "length", number_text(size[0]))
     add(box, "width", number_text(size[1]))
@@ -113,12 +114,12 @@ def _state(element: ET.Element, row: FloatArray, step: int) -> None:
         add(add(element, tag), "exact", str(value) if tag == "time" else number_text(value))
 
 
-def _task(request: Request, child: int, ego: int) -> ET.Element:
+def _task(request: Request, child: int, ego: int, number: int) -> ET.Element:
     """From the ego's seed state to where the child has it at the end, in the same time."""
     states = request.run.states(child)[ego]
     steps = states.shape[0] - LOGGED_HISTORY
     now, end = states[LOGGED_HISTORY - 1], states[-1]
-    task = ET.Element("planningProblem", id=str(max(lanelet_numbers(request.road).values()) + 1_000_000))
+    task = ET.Element("planningProblem", id=str(number))
     start = add(task, "initialState")
     _state(start, np.array([now.x, now.y, now.heading, now.speed]), 0)
     for tag in ("yawRate", "slipAngle"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from xml.etree import ElementTree as ET
 
@@ -32,15 +32,21 @@ class _Signals:
             self.of_lane.setdefault(i, []).append((tag, number))
 
 
-def lanelet_numbers(road: Road) -> dict[int, int]:
-    """Ids of the lanelets by lane: the map's own where all are positive, else from 1 on."""
+def lanelet_numbers(road: Road, taken: Collection[int] = ()) -> dict[int, int]:
+    """Ids of the lanelets by lane: the map's own where all are positive, else from beyond those taken on."""
     own = [i for i, lane in road.lanes.items() if lane.reverse_of is None]
-    return {i: i for i in own} if all(i > 0 for i in own) else {i: k + 1 for k, i in enumerate(own)}
+    first = max([0, *taken]) + 1
+    return {i: i for i in own} if all(i > 0 for i in own) else {i: first + k for k, i in enumerate(own)}
 
 
-def road_elements(road: Road) -> tuple[list[ET.Element], set[int]]:
-    """The lanelets, signs and lights of a road, and all ids that they take."""
-    numbers = lanelet_numbers(road)
+def road_elements(road: Road, taken: Collection[int] = ()) -> tuple[list[ET.Element], set[int]]:
+    """The lanelets, signs and lights of a road, and all ids that they take.
+
+    Args:
+        road: the road.
+        taken: ids of obstacles, which lanelets that need a new one leave to them.
+    """
+    numbers = lanelet_numbers(road, taken)
     signals = _signals(road, numbers)
     both_ways = {lane.reverse_of for lane in road.lanes.values()} - {None}
     lanelets = [_lanelet(road.lanes[i], numbers, signals, both=i in both_ways) for i in numbers]

@@ -15,6 +15,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.converters.tracks.kinds import road_user
 from scex_sumo.errors import MissingExtraError
 from scex_sumo.exporters.opendrive.file import opendrive_text
 from scex_sumo.exporters.request import Request
@@ -172,7 +173,7 @@ def _participants(request: Request, child: int) -> Iterator[_Participant]:
 
 
 def _walks(kind: str) -> bool:
-    return "pedestrian" in kind
+    return road_user(kind) == "pedestrian"
 
 
 def _entity(xosc: Any, participant: _Participant) -> Any:
@@ -183,7 +184,7 @@ def _entity(xosc: Any, participant: _Participant) -> Any:
         box = xosc.BoundingBox(width, length, height, 0.0, 0.0, height / 2)
         entity = xosc.Pedestrian(kind, mass, xosc.PedestrianCategory.pedestrian, box)
     else:
-        category, height, mass = next((_KINDS[word] for word in _KINDS if word in kind), _KINDS["car"])
+        category, height, mass = _KINDS[road_user(kind)]
         box = xosc.BoundingBox(width, length, height, ahead, 0.0, height / 2)
         wheel = round(min(0.65, 0.3 * height), 3)
         front, rear = (

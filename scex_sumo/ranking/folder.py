@@ -23,6 +23,8 @@ from scex_sumo.results.claimed import ClaimedFolder, as_json
 
 INFO = "rank.json"
 _CHILDREN, _TRACKS, _SEEDS, _FAILED = "children", "tracks", "seeds", "failed"
+REPORTS = "moments"
+"""Folder of the reports of the moments that are shown."""
 _PART = re.compile(r"children-(\d+)-(\d+)\.parquet")
 _OURS = ("ranking.parquet", "ranking.csv", "ranking.html")
 
@@ -40,7 +42,7 @@ class RankFolder(ClaimedFolder):
     def _clear(self) -> None:
         for name in _OURS:
             (self.path / name).unlink(missing_ok=True)
-        for name in (_CHILDREN, _TRACKS, _SEEDS, _FAILED):
+        for name in (_CHILDREN, _TRACKS, _SEEDS, _FAILED, REPORTS):
             shutil.rmtree(self.path / name, ignore_errors=True)
 
     def _prepare(self) -> None:

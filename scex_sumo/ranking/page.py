@@ -1,16 +1,10 @@
-"""Page of a ranking: the moments most worth testing, with pictures, in one file."""
+"""Page of a ranking: the moments most worth testing, each with a report of its own, and the table of all."""
 
 from __future__ import annotations
 
-import base64
-import dataclasses
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -18,84 +12,84 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.files import write_atomic
-from scex_sumo.metrics.registry import metric_of
+from scex_sumo.extrapolation.workers.pool import Workers
+from scex_sumo.metrics.registry import COLLISION, metric_of
+from scex_sumo.ranking.folder import REPORTS
+from scex_sumo.ranking.moment_report import MomentReport, write_moment_report
 from scex_sumo.ranking.moments import MomentRef
 from scex_sumo.ranking.places import distinct_moments, nearby
 from scex_sumo.ranking.ranking_run import RankingRun
-from scex_sumo.ranking.run_moment import MomentPart, MomentTask, unpack_road
 from scex_sumo.ranking.settings import written
+from scex_sumo.reports.page.density_plot import metric_title
+from scex_sumo.reports.page.html import Html, element
+from scex_sumo.reports.page.run.body import percent
+from scex_sumo.reports.page.study import Table, card, place, table, write_study
+from scex_sumo.reports.page.svg import Plane
 from scex_sumo.reports.tables.runs import counted
-from scex_sumo.scene import LOGGED_HISTORY
 
 HTML = "ranking.html"
-_DRAWN_CHILDREN = 32
-_ROWS = 200
+_ROWS = 1000
 _REASONS = 20
+_HOW = (
+    "A seed scene is one moment of recorded traffic; its child scenarios are what could come of it with "
+    "other drivers. Moments are ranked by how often and how hard vehicles collide in the children, and by "
+    "how many encounters are critical."
+)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Top:
-    """A moment on the page: its row of the table, its picture, and the moments beside it."""
-
-    row: Mapping[str, Any]
-    picture: bytes | None
-    beside: int
-    command: str
-
-
-def write_ranking_page(run: RankingRun, folder: Path, table: pa.Table) -> list[str]:
-    """Draw the best distinct moments and write the page.
+def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, workers: int = 1) -> list[str]:
+    """Report the best distinct moments and write the page.
 
     Args:
-        run: the ranking; runs the children that are drawn.
+        run: the ranking.
         folder: where to write.
-        table: the moments, the best first, then what failed.
+        ranking: the moments, the best first, then what failed.
+        workers: processes of this machine that run the moments shown.
 
     Returns:
         The moments on the page, best first.
     """
-    settings = run.settings
     by_name = {ref.moment: ref for ref in run.refs}
-    refs = [by_name[name] for name in table["seed"].to_pylist()[: len(by_name)]]
-    chosen = distinct_moments(refs, range(len(refs)), settings.top)
-    rerun = run.rerun([refs[i] for i in chosen], min(_DRAWN_CHILDREN, settings.first))
-    pictures = {task.ref.moment: draw(task, part) for task, part in rerun}
-    tops = [
-        _Top(
-            row=table.slice(i, 1).to_pylist()[0],
-            picture=pictures.get(refs[i].moment),
-            beside=sum(nearby(refs[i], other) for other in refs) - 1,
-            command=_command(run, refs[i]),
-        )
-        for i in chosen
-    ]
-    limits = settings.thresholds
-    content = Template(files("scex_sumo.ranking").joinpath("page.html").read_text("utf-8")).substitute(
-        title="Moments worth testing",
-        summary=_summary(run, table),
-        cards="\n".join(_card(top, limits) for top in tops),
-        strips=_strips(table, [top.row for top in tops]),
-        head=_head(limits),
-        rows="\n".join(_row(row, limits) for row in table.slice(0, _ROWS).to_pylist()),
-        more=_more(len(refs)),
-        failures=_failures(table),
+    refs = [by_name[name] for name in ranking["seed"].to_pylist()[: len(by_name)]]
+    chosen = distinct_moments(refs, range(len(refs)), run.settings.top)
+    rows = {refs[i].moment: ranking.slice(i, 1).to_pylist()[0] for i in chosen}
+    with Workers(workers) as pool:
+        reports = _write_reports(run, [refs[i] for i in chosen], folder, pool)
+    limits = run.settings.thresholds
+    cards = []
+    for i in chosen:
+        beside = sum(nearby(refs[i], other) for other in refs) - 1
+        known = rows[refs[i].moment], reports.get(refs[i].moment), beside, shlex.join(_command(run, refs[i]))
+        cards.append(_moment(*known, limits))
+    strips = _strips(ranking, [rows[refs[i].moment] for i in chosen])
+    parts = [element("div.moments", *cards), *([card("When", *strips)] if strips else [])]
+    parts += [card("All seed scenes", _more(len(refs)), place("all-moments")), *_failures(ranking)]
+    shown = _table(ranking.slice(0, min(_ROWS, len(refs))).to_pylist(), limits)
+    write_study(
+        folder / HTML,
+        "Moments worth testing",
+        _summary(run, ranking),
+        element("p.soft", _HOW),
+        *parts,
+        tables={"all-moments": shown},
     )
-    write_atomic(folder / HTML, content.encode())
     return [refs[i].moment for i in chosen]
 
 
-def draw(task: MomentTask, part: MomentPart) -> bytes:
-    """The picture of a moment whose children have run with all their tracks."""
-    from scex_sumo.reports.pictures.ranking import scene_png
+def _write_reports(
+    run: RankingRun, refs: Sequence[MomentRef], folder: Path, workers: Workers
+) -> dict[str, MomentReport]:
+    """Reports of moments by their names, of those whose children can be run."""
+    found = {}
+    for task in run.tasks(refs):
+        path = folder / REPORTS / f"{task.ref.moment}.html"
+        report = write_moment_report(task, _command(run, task.ref), path, workers)
+        if report is not None:
+            found[task.ref.moment] = report
+    return found
 
-    assert task.road is not None and part.tracks is not None
-    shape = (len(part.children), len(part.track_ids), -1)
-    x, y = (np.asarray(part.tracks[name]).reshape(shape)[:, :, LOGGED_HISTORY - 1 :] for name in ("x", "y"))
-    return scene_png(dataclasses.replace(task.scene, road=unpack_road(task.road)), x, y)
 
-
-def _command(run: RankingRun, ref: MomentRef) -> str:
+def _command(run: RankingRun, ref: MomentRef) -> list[str]:
     """The command that looks at a moment more closely."""
     recording = next(r for r in run.recordings if r.name == ref.recording)
     paths, models = recording.track_paths, run.settings.models
@@ -104,12 +98,12 @@ def _command(run: RankingRun, ref: MomentRef) -> str:
     words += ["--case", ref.case] if ref.case else []
     words += ["--time", f"{ref.time_s:g}", "--seed", str(run.settings.seed)]
     words += ["--models", ",".join(models)] if models != written(DEFAULT_MODELS) else []
-    return shlex.join([*words, "-o", f"out/{ref.moment}"])
+    return [*words, "-o", f"out/{ref.moment}"]
 
 
-def _summary(run: RankingRun, table: pa.Table) -> str:
+def _summary(run: RankingRun, ranking: pa.Table) -> str:
     ran = sum(tally.children for tallies in run.tallies.values() for tally in tallies)
-    failed = len(table) - len(run.refs)
+    failed = len(ranking) - len(run.refs)
     return (
         f"{counted(len(run.refs), 'seed scene')} of {counted(len(run.recordings), 'recording')} at "
         f"{counted(len({ref.location for ref in run.refs}), 'site')}, {counted(ran, 'child scenario')}"
@@ -118,111 +112,132 @@ def _summary(run: RankingRun, table: pa.Table) -> str:
     )
 
 
-def _card(top: _Top, thresholds: Mapping[str, float]) -> str:
-    row = top.row
-    picture = ""
-    if top.picture is not None:
-        data = base64.b64encode(top.picture).decode()
-        picture = f'<img alt="{escape(row["seed"])}" src="data:image/png;base64,{data}">'
-    where = f"case {escape(row['case'])}, " if row["case"] else ""
-    beside = f" {counted(top.beside, 'more moment')} within 3 s." if top.beside else ""
-    bars = "".join(_bar(row, column, limit) for column, limit in thresholds.items())
-    return f"""<article class="card" id="{escape(row["seed"])}">
-<figure>{picture}</figure>
-<div><h3><b>{row["rank"]}</b> {escape(row["seed"])}</h3>
-<p>{escape(row["location"])}, {where}{row["time_s"]:g} s, {counted(row["vehicles"], "vehicle")}.
-Rank {row["rank"]}, 95 % interval {row["rank_low"]} to {row["rank_high"]}, after
-{counted(row["children"], "child scenario")}.{beside}</p>
-<table class="bars">{bars}</table>
-<details><summary>look closer</summary><code>{escape(top.command)}</code></details></div>
-</article>"""
-
-
-def _bar(row: Mapping[str, Any], column: str, limit: float) -> str:
-    """The share of critical children as a bar with its interval."""
-    metric = metric_of(column)
-    sign = "≤" if metric.side == "left" else "≥"
-    unit = f" {metric.column_unit}" if metric.column_unit else ""
-    mean = ", mean" if column.endswith("_mean") else ""
-    label = f"{metric.words}{mean} {sign} {limit:.3g}{unit}"
-    median = row[f"median_{column}"]
-    if median is None:
-        return f'<tr><td>{label}</td><td class="track"></td><td>defined in no child</td></tr>'
-    value, low, high = (row[f"p_{column}{end}"] for end in ("", "_low", "_high"))
-    bar = (
-        f'<i style="width:{100 * value:.1f}%"></i>'
-        f'<u style="left:{100 * low:.1f}%;width:{100 * (high - low):.1f}%"></u>'
-    )
-    return (
-        f'<tr><td>{label}</td><td class="track">{bar}</td><td>{value:.0%}</td>'
-        f"<td>median {median:.2f}{unit}</td></tr>"
+def _moment(
+    row: Mapping[str, Any],
+    report: MomentReport | None,
+    beside: int,
+    command: str,
+    limits: Mapping[str, float],
+) -> Html:
+    """A moment: its picture, what happens there, and how to look closer."""
+    name = row["seed"]
+    title = element("h2", element("b", str(row["rank"])), f" {name}")
+    where = f", case {row['case']}" if row["case"] else ""
+    about = (
+        f"{row['location']}{where}, {row['time_s']:g} s, {counted(row['vehicles'], 'vehicle')}. Place "
+        f"{row['rank_low']} to {row['rank_high']} (95 %) after {counted(row['children'], 'child scenario')}."
+    ) + (f" {counted(beside, 'more moment')} within 3 s." if beside else "")
+    link = []
+    if report is not None:
+        link = [element("p", element("a", "Open its report", href=f"{REPORTS}/{report.path.name}"))]
+    shares = [_share("collision", row, f"p_{COLLISION}")]
+    shares += [_share(_critical(column, limit), row, f"p_{column}") for column, limit in limits.items()]
+    return element(
+        "article.card",
+        title,
+        element("p.soft", about),
+        *([report.picture] if report is not None else []),
+        element("p", _worst(row)),
+        *link,
+        *shares,
+        element("details", element("summary", "Run it"), element("code", command)),
+        id=name,
     )
 
 
-def _head(thresholds: Mapping[str, float]) -> str:
-    names = ["rank", "interval", "score", "seed", "location", "time [s]", "vehicles", "children"]
-    names += [f"P({metric_of(c).words}{' mean' if c.endswith('_mean') else ''})" for c in thresholds]
-    return "".join(f"<th>{escape(name)}</th>" for name in names)
+def _critical(column: str, limit: float) -> str:
+    sign = "≤" if metric_of(column).side == "left" else "≥"
+    return f"{metric_title(column)} {sign} {limit:.3g}"
 
 
-def _row(row: Mapping[str, Any], thresholds: Mapping[str, float]) -> str:
-    if row["rank"] is None:
-        return ""
-    shares = [row[f"p_{column}"] for column in thresholds]
-    cells = [
-        (row["rank"], str(row["rank"])),
-        (row["rank_low"], f"{row['rank_low']}–{row['rank_high']}"),
-        (row["score"], f"{row['score']:.3f}"),
-        (row["seed"], row["seed"]),
-        (row["location"], row["location"]),
-        (row["time_s"], f"{row['time_s']:.1f}"),
-        (row["vehicles"], str(row["vehicles"])),
-        (row["children"], str(row["children"])),
-        *((-1 if share is None else share, "–" if share is None else f"{share:.0%}") for share in shares),
+def _share(words: str, row: Mapping[str, Any], name: str) -> Html:
+    """A share of the children with its interval, as a bar."""
+    value, low, high = (row[f"{name}{end}"] for end in ("", "_low", "_high"))
+    plane = Plane(x=(0.0, 1.0), width=200, height=10)
+    drawn = [plane.box((0.0, value), (0.2, 0.8), "drawn"), plane.box((0.0, value), (0.2, 0.8), "drawn")]
+    drawn.append(plane.line(np.array([low, high]), np.full(2, 0.5), "recorded"))
+    bar = element("svg", *drawn, viewBox="0 0 200 10", preserveAspectRatio="none", height="10")
+    title = f"{words}: {percent(value)}, 95 %: {percent(low)} – {percent(high)}"
+    return element("div.share", element("span", words), bar, element("b", percent(value)), title=title)
+
+
+def _worst(row: Mapping[str, Any]) -> str:
+    if row["worst_track_id"] is None:
+        return "Nobody comes near anybody critically."
+    pair = f"{row['worst_track_id']} and {row['worst_other_id']}"
+    if row["worst_p_collision"] > 0:
+        return f"{pair} collide in {percent(row['worst_p_collision'])} of the children."
+    return f"{pair} meet critically in {percent(row['worst_p_critical'])} of the children."
+
+
+def _table(rows: Sequence[Mapping[str, Any]], limits: Mapping[str, float]) -> Table:
+    heads = [("place", "text", ""), ("95 %", "text", "Place, with 95 % certainty"), ("moment", "words", "")]
+    heads += [("site", "words", ""), ("time", "seconds", "In the recording"), ("vehicles", "text", "")]
+    heads += [("children", "text", "That have been run"), ("P(collision)", "percent", "")]
+    heads += [("encounters", "real", "Critical ones of a child, on average"), ("worst pair", "text", "")]
+    heads += [(f"P({metric_of(c).words})", "percent", _critical(c, limit)) for c, limit in limits.items()]
+    return table(heads, [_cells(row, limits) for row in rows])
+
+
+def _cells(row: Mapping[str, Any], limits: Mapping[str, float]) -> list[Any]:
+    pair = None if row["worst_track_id"] is None else f"{row['worst_track_id']}, {row['worst_other_id']}"
+    return [
+        row["rank"],
+        f"{row['rank_low']} – {row['rank_high']}",
+        row["seed"],
+        row["location"],
+        row["time_s"],
+        row["vehicles"],
+        row["children"],
+        row["p_collision"],
+        row["encounters"],
+        pair,
+        *(row[f"p_{column}"] for column in limits),
     ]
-    return "<tr>" + "".join(f'<td data-v="{escape(str(v))}">{escape(t)}</td>' for v, t in cells) + "</tr>"
 
 
 def _more(seeds: int) -> str:
     rest = f"The first {_ROWS} of {seeds}; all" if seeds > _ROWS else "All"
-    return f"{rest} with the medians of the 12 metrics and the intervals: ranking.csv, ranking.parquet."
+    return (
+        f"{rest} with medians and intervals are in ranking.csv and ranking.parquet. A click on a head sorts."
+    )
 
 
-def _strips(table: pa.Table, tops: Sequence[Mapping[str, Any]]) -> str:
+def _strips(ranking: pa.Table, tops: Sequence[Mapping[str, Any]]) -> list[Html]:
     """Score over time of the recordings that the top moments come from."""
     names = list(dict.fromkeys(row["recording"] for row in tops if not row["case"]))
     strips = []
     for name in names:
-        rows = table.filter(pc.equal(table["recording"], name)).select(["time_s", "score"])
-        rows = rows.drop_null()
-        times = np.asarray(rows["time_s"])
-        first, last = float(times.min()), float(times.max())
-        span = max(last - first, 1e-9)
-        dots = []
-        for when, score in zip(times, np.asarray(rows["score"]), strict=True):
-            marked = any(row["recording"] == name and row["time_s"] == when for row in tops)
-            shape = 'r="5" class="top"' if marked else 'r="2"'
-            dots.append(
-                f'<circle cx="{8 + 984 * (when - first) / span:.1f}" cy="{62 - 54 * score:.1f}" {shape}/>'
-            )
-        strips.append(
-            f'<div class="strip"><span>{escape(name)}</span><svg viewBox="0 0 1000 70">'
-            f'<path d="M8 62H992M8 8H992"/>{"".join(sorted(dots, key=len))}</svg>'
-            f"<span>{first:g} to {last:g} s</span></div>"
+        rows = ranking.filter(pc.equal(ranking["recording"], name)).select(["time_s", "score"]).drop_null()
+        times, scores = (np.asarray(rows[column]) for column in ("time_s", "score"))
+        last = max(float(times.max()), float(times.min()) + 1.0)
+        plane = Plane(
+            x=(float(times.min()), last), y=(0.0, max(float(scores.max()), 0.1)), width=1000, height=60
         )
-    return "\n".join(strips)
+        marked = {row["time_s"] for row in tops if row["recording"] == name}
+        dots = [
+            plane.dot(
+                when,
+                score,
+                "critical" if when in marked else "soft",
+                title=f"{when:g} s: {score:.2f}",
+                radius=5.0 if when in marked else 2.5,
+            )
+            for when, score in zip(times.tolist(), scores.tolist(), strict=True)
+        ]
+        title = f"{name}: score over time in s; large: the moments above"
+        strips.append(plane.figure(title, *dots))
+    return strips
 
 
-def _failures(table: pa.Table) -> str:
-    failed = table.filter(pc.is_valid(table["failure"])).select(["seed", "failure"]).to_pylist()
-    if not failed:
-        return ""
+def _failures(ranking: pa.Table) -> list[Html]:
+    failed = ranking.filter(pc.is_valid(ranking["failure"])).select(["seed", "failure"]).to_pylist()
     by_reason: dict[str, list[str]] = {}
     for row in failed:
         by_reason.setdefault(row["failure"], []).append(row["seed"])
     most = sorted(by_reason.items(), key=lambda item: -len(item[1]))[:_REASONS]
-    items = ""
-    for reason, seeds in most:
-        examples = ", ".join(seeds[:3]) + (", ..." if seeds[3:] else "")
-        items += f"<li>{escape(reason)} ({len(seeds)}: {escape(examples)})</li>"
-    return f"<h2>Failed</h2><ul>{items}</ul>"
+    items = [
+        element("li", f"{reason} ({len(seeds)}: {', '.join(seeds[:3])}{', ...' if seeds[3:] else ''})")
+        for reason, seeds in most
+    ]
+    return [card("Failed", element("ul", *items))] if items else []

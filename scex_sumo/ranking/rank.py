@@ -80,7 +80,7 @@ def rank(
         run.run()
         table = ranking_table(run)
         write_ranking(folder.path, table)
-        shown = write_ranking_page(run, folder.path, table)
+        shown = write_ranking_page(run, folder.path, table, workers=workers if cluster is None else 1)
         info = {
             "scex_sumo": __version__,
             "command": list(command) if command else None,

@@ -13,7 +13,7 @@ from scex_sumo.converters.datasets.recordings import Recording
 from scex_sumo.ranking.folder import RankFolder, pairs_of
 from scex_sumo.ranking.moments import Failure, Listing, MomentRef
 from scex_sumo.ranking.places import Tally, mean_score, round_ends, undecided
-from scex_sumo.ranking.run_moment import KEEP_MOST, MomentPart, MomentTask, score_of
+from scex_sumo.ranking.run_moment import KEEP_MOST, MomentTask, score_of
 from scex_sumo.ranking.settings import RankSettings
 from scex_sumo.ranking.tasks import moment_tasks, read_ahead
 from scex_sumo.ranking.workers import MomentWorkers
@@ -96,20 +96,19 @@ class RankingRun:
             finally:
                 items.close()  # ends the thread, wherever the workers have stopped
 
-    def rerun(self, refs: Sequence[MomentRef], children: int) -> Iterator[tuple[MomentTask, MomentPart]]:
-        """The first children of some moments once more, with all their tracks; nothing is written."""
+    def tasks(self, refs: Sequence[MomentRef]) -> Iterator[MomentTask]:
+        """Some moments with all children that they have been given, as tasks that may be run once more."""
         names = {ref.moment for ref in refs}
         items = moment_tasks(
             self._readable(),
             self.listings,
-            dataclasses.replace(self.settings, keep="all"),
-            range(children),
+            self.settings,
+            range(self.settings.children),
             wanted=lambda listing: [ref for ref in listing.moments if ref.moment in names],
-            spare=lambda ref: children,
+            spare=lambda ref: 0,
         )
-        for task, found in self._workers.run(item for item in items if isinstance(item, MomentTask)):
-            if isinstance(found, MomentPart):
-                yield task, found
+        for task in (item for item in items if isinstance(item, MomentTask)):
+            yield dataclasses.replace(task, children=range(self.tallies[task.ref.moment][-1].children))
 
     def _readable(self) -> list[Recording]:
         return [recording for recording in self.recordings if recording.name in self.listings]

@@ -1,57 +1,68 @@
-"""Page of a validation: one self-contained file with the scores, the reliability diagrams and the ranks."""
+"""Page of a validation: the scores, the reliability diagrams and the ranks, in the shell of the reports."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from html import escape
 from pathlib import Path
 from typing import Any
 
-from scex_sumo.files import write_atomic
+import numpy as np
+
+from scex_sumo.metrics.registry import known_metrics
+from scex_sumo.reports.page.density_plot import metric_title
+from scex_sumo.reports.page.html import Html, element
+from scex_sumo.reports.page.study import Table, card, place, plots, table, write_study
+from scex_sumo.reports.page.svg import Plane
+from scex_sumo.reports.tables.runs import counted
 
 HTML = "validation.html"
-_STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}
-table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .7em;text-align:right}
-td,th{border-bottom:1px solid #ddd}
-td:first-child,th:first-child{text-align:left}figure{display:inline-block;margin:.5em}figcaption{font-size:85%}
-p.note{color:#555}"""
-_EVENT_COLUMNS = (
-    ("event", "event"),
-    ("happened", "happened"),
-    ("forecast", "forecast"),
-    ("brier", "Brier"),
-    ("brier_low", "2.5 %"),
-    ("brier_high", "97.5 %"),
-    ("reliability", "reliability"),
-    ("resolution", "resolution"),
-    ("uncertainty", "uncertainty"),
-    ("skill_base_rate", "skill, base rate"),
-    ("skill_seed_moment", "seed moment"),
-    ("skill_constant_velocity", "const. velocity"),
-    ("calibration_error", "ECE"),
-    ("roc_area", "ROC area"),
-    ("precision_area", "PR area"),
+_EVENT_HEADS = (
+    ("event", "event", "text", ""),
+    ("happened", "happened", "percent", "Share of the moments in which it was recorded"),
+    ("forecast", "forecast", "percent", "Mean probability that the children gave it"),
+    ("brier", "Brier", "real", "Mean squared error of the probabilities; 0 is perfect"),
+    ("brier_low", "2.5 %", "real", "95 % interval of the Brier score, recordings drawn with replacement"),
+    ("brier_high", "97.5 %", "real", "95 % interval of the Brier score, recordings drawn with replacement"),
+    (
+        "reliability",
+        "reliability",
+        "real",
+        "Part of the score: how far from what forecasts promise; 0 is best",
+    ),
+    (
+        "resolution",
+        "resolution",
+        "real",
+        "Part of the score: how well moments are told apart; more is better",
+    ),
+    ("uncertainty", "uncertainty", "real", "Part of the score that no forecast can change"),
+    ("skill_base_rate", "better than the base rate", "real", "1: perfect, 0: no better, below: worse"),
+    ("skill_seed_moment", "than the moment itself", "real", "Forecast: what is so now stays so"),
+    ("skill_constant_velocity", "than constant velocity", "real", "Forecast: all go on as they do"),
+    ("calibration_error", "calibration error", "real", "Mean distance of the dots below from the line"),
+    ("roc_area", "ROC area", "real", "How often an event got more than what was none; 0.5 is chance"),
+    ("precision_area", "PR area", "real", "Area under precision over recall"),
 )
-_VALUE_COLUMNS = (
-    ("column", "value"),
-    ("count", "cases"),
-    ("crps", "CRPS"),
-    ("crps_skill", "skill, const. velocity"),
-    ("coverage", "within 5-95 %"),
-    ("coverage_low", "2.5 %"),
-    ("coverage_high", "97.5 %"),
+_VALUE_HEADS = (
+    ("column", "value", "text", ""),
+    ("count", "cases", "text", ""),
+    ("crps", "CRPS", "real", "Distance of the children's distribution from what was recorded, in its unit"),
+    ("crps_skill", "better than constant velocity", "real", "1: perfect, 0: no better, below: worse"),
+    ("coverage", "within 5 – 95 %", "percent", "Recorded values within the children's; 90 % is right"),
+    ("coverage_low", "from", "percent", "95 % interval of that share"),
+    ("coverage_high", "to", "percent", "95 % interval of that share"),
 )
-_POSITION_COLUMNS = (
-    ("second", "after s"),
-    ("moving", "moving"),
-    ("vehicles", "vehicles"),
-    ("error_of_mean_m", "of the mean, m"),
-    ("mean_error_m", "mean, m"),
-    ("least_error_m", "least, m"),
-    ("constant_velocity_error_m", "const. velocity, m"),
-    ("along_coverage", "within 5-95 %, along"),
-    ("across_coverage", "across"),
+_POSITION_HEADS = (
+    ("second", "after [s]", "text", ""),
+    ("moving", "moving", "text", "Whether only vehicles that move count"),
+    ("vehicles", "vehicles", "text", ""),
+    ("error_of_mean_m", "of the mean", "metres", "Distance of the children's mean from the recorded place"),
+    ("mean_error_m", "mean", "metres", "Mean distance of a child from the recorded place"),
+    ("least_error_m", "least", "metres", "Distance of the nearest child"),
+    ("constant_velocity_error_m", "constant velocity", "metres", "Distance where all go on as they do"),
+    ("along_coverage", "along, within 5 – 95 %", "percent", "Recorded places within the children's"),
+    ("across_coverage", "across", "percent", "The same across the way"),
 )
 
 
@@ -67,81 +78,108 @@ def write_validation_page(
     """
     events, values = rows["events"], rows["values"]
     usual = [row for row in events if 0.0 < row["happened"] < 1.0]
-    parts = [
-        f"<h1>Validation of {escape(', '.join(info['models']))}</h1>",
-        f"<p>{info['seeds']} seed scenes of {info['recordings']} recordings, {info['children']} children "
-        f"each, part of the recordings: {escape(info['part'])}. Mean Brier score over the paper's thresholds "
-        f"<b>{info['mean_brier']:.3f}</b> (base rate {info['mean_brier_base_rate']:.3f}); P(collision) "
-        f"{info['p_collision']:.2%}, overlaps in the recordings {info['recorded_overlaps']:.2%}; realism "
-        f"{_shown(info['realism'])}.</p>",
-        '<p class="note">Realism is after that of the Waymo Sim Agents Challenge, of 3 s and '
-        "without lights: compare mixes with it, not with that leaderboard. Intervals: recordings drawn with "
-        "replacement.</p>",
-        "<h2>Events</h2>",
-        _table(_EVENT_COLUMNS, events),
-        "<h2>Reliability</h2>",
-        '<p class="note">Where a forecast of 30 % came true 30 % of the time, the dot is on the line; its '
-        "area is the number of seed scenes.</p>",
-        *(_diagram(row) for row in usual),
-        "<h2>Values</h2>",
-        _table(_VALUE_COLUMNS, values),
-        '<p class="note">Ranks of the recorded value among the children: flat where the children are like '
-        "it, high at both ends where they spread too little.</p>",
-        *(_ranks(row["column"], row["ranks"]) for row in values),
-        "<h2>Positions</h2>",
-        _table(_POSITION_COLUMNS, rows["positions"]),
+    found = [
+        _summary(info),
+        card("Events", "How probable the children called what then happened, or not.", place("events")),
+        card(
+            "Do probabilities hold?",
+            "Where a forecast of 30 % came true 30 % of the time, the dot is on the line; its area is the "
+            "number of seed scenes.",
+            plots(*(_diagram(row) for row in usual)) if usual else "No event both happened and did not.",
+        ),
+        card("Values", place("values")),
+        card(
+            "Is the spread right?",
+            "Ranks of the recorded value among the children: flat (the line) where the children are like "
+            "it, high at both ends where they spread too little, high at one where they are off.",
+            plots(*(_ranks(_named(row["column"]), row["ranks"]) for row in values)),
+        ),
+        card(
+            "Positions", "How far the children are from where the vehicles really went.", place("positions")
+        ),
         *_failures(info["failed"]),
     ]
-    head = f"<!doctype html><meta charset=utf-8><title>Validation</title><style>{_STYLE}</style>"
-    write_atomic(folder / HTML, (head + "\n".join(parts)).encode())
+    tables = {
+        name: _table(heads, rows[name])
+        for name, heads in (
+            ("events", _EVENT_HEADS),
+            ("values", _VALUE_HEADS),
+            ("positions", _POSITION_HEADS),
+        )
+    }
+    about = (
+        f"{counted(info['seeds'], 'seed scene')} of {counted(info['recordings'], 'recording')}, "
+        f"{info['children']} children each, part of the recordings: {info['part']}"
+    )
+    title = f"Validation of {', '.join(info['models'])}"
+    write_study(folder / HTML, title, about, *found, tables=tables)
 
 
-def _shown(value: Any) -> str:
+def _summary(info: Mapping[str, Any]) -> Html:
+    lines = (
+        f"Mean Brier score over the paper's thresholds {info['mean_brier']:.3f}; always saying the base rate "
+        f"gives {info['mean_brier_base_rate']:.3f}.",
+        f"P(collision) {info['p_collision']:.2%}; in the recordings {info['recorded_overlaps']:.2%} overlap.",
+        f"Realism {_shown(info['realism'])}, after that of the Waymo Sim Agents Challenge, of 3 s and "
+        "without lights: to compare mixes with each other, not with that leaderboard.",
+    )
+    return card("In short", *(element("p", line) for line in lines))
+
+
+def _shown(value: float | None) -> str:
+    return "–" if value is None or math.isnan(value) else f"{value:.3f}"
+
+
+def _table(heads: Sequence[tuple[str, str, str, str]], rows: Sequence[Mapping[str, Any]]) -> Table:
+    return table([head[1:] for head in heads], [[_cell(row, head[0]) for head in heads] for row in rows])
+
+
+def _named(column: str) -> str:
+    """A metric column as it is printed; other values have names already."""
+    return metric_title(column) if column.removesuffix("_mean") in known_metrics() else column
+
+
+def _cell(row: Mapping[str, Any], key: str) -> Any:
+    value = row[key]
+    if key == "column":
+        return _named(value)
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, float):
-        return "–" if math.isnan(value) else f"{value:.3f}"
-    return "–" if value is None else escape(str(value))
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
-def _table(columns: Sequence[tuple[str, str]], rows: Sequence[Mapping[str, Any]]) -> str:
-    head = "".join(f"<th>{escape(label)}" for _, label in columns)
-    body = "".join("<tr>" + "".join(f"<td>{_shown(row[key])}" for key, _ in columns) for row in rows)
-    return f"<table><tr>{head}{body}</table>"
-
-
-def _diagram(row: Mapping[str, Any]) -> str:
-    """Reliability diagram of an event, as SVG."""
+def _diagram(row: Mapping[str, Any]) -> Html:
+    """Reliability diagram of an event."""
     total = sum(row["diagram_count"])
-    dots = "".join(
-        f'<circle cx="{10 + 160 * p:.1f}" cy="{170 - 160 * o:.1f}" r="{3 + 14 * math.sqrt(n / total):.1f}" '
-        'fill="#1f77b4" fill-opacity=".6"/>'
-        for p, o, n in zip(
-            row["diagram_forecast"], row["diagram_observed"], row["diagram_count"], strict=True
+    plane = Plane(x=(0.0, 1.0), width=180, height=180)
+    whole = np.array([0.0, 1.0])
+    kinds = zip(row["diagram_forecast"], row["diagram_observed"], row["diagram_count"], strict=True)
+    dots = [
+        plane.dot(
+            p,
+            o,
+            "drawn",
+            radius=3 + 14 * math.sqrt(n / total),
+            title=f"{p:.0%} forecast, {o:.0%} came true, {n} scenes",
         )
-    )
-    frame = '<rect x="10" y="10" width="160" height="160" fill="none" stroke="#999"/>'
-    line = '<line x1="10" y1="170" x2="170" y2="10" stroke="#999" stroke-dasharray="4"/>'
-    svg = f'<svg width="180" height="180" role="img" aria-label="reliability">{frame}{line}{dots}</svg>'
-    return f"<figure>{svg}<figcaption>{escape(row['event'])}</figcaption></figure>"
+        for p, o, n in kinds
+    ]
+    parts = [plane.line(whole, whole, "soft", dashed=True), *dots]
+    marks = [(share, f"{share:.0%}") for share in (0.0, 0.5, 1.0)]
+    return plane.figure(row["event"], *parts, marks=marks)
 
 
-def _ranks(name: str, counts: Sequence[int]) -> str:
-    """Rank histogram, as SVG; the line is what equal ranks would give."""
-    most, total = max(*counts, 1), sum(counts)
-    bars = "".join(
-        f'<rect x="{5 + 14 * k}" y="{65 - 60 * n / most:.1f}" width="12" height="{60 * n / most:.1f}" '
-        'fill="#1f77b4"/>'
-        for k, n in enumerate(counts)
-    )
-    level = 65 - 60 * total / len(counts) / most
-    line = f'<line x1="5" x2="145" y1="{level:.1f}" y2="{level:.1f}" stroke="#d62728"/>'
-    svg = f'<svg width="150" height="70">{bars}{line}</svg>'
-    return f"<figure>{svg}<figcaption>{escape(name)}</figcaption></figure>"
+def _ranks(name: str, counts: Sequence[int]) -> Html:
+    """Rank histogram; the line is what equal ranks would give."""
+    plane = Plane(x=(0.0, float(len(counts))), y=(0.0, 1.1 * max(*counts, 1)), width=180, height=70)
+    bars = [plane.box((k + 0.06, k + 0.94), (0.0, n), "drawn") for k, n in enumerate(counts)]
+    level = sum(counts) / len(counts)
+    line = plane.line(np.array(plane.x), np.full(2, level), "critical")
+    return plane.figure(name, *bars, line, marks=[(0.5, "low"), (len(counts) - 0.5, "high")])
 
 
-def _failures(failed: Mapping[str, str]) -> list[str]:
+def _failures(failed: Mapping[str, str]) -> list[Html]:
     if not failed:
         return []
-    items = "".join(f"<li>{escape(name)}: {escape(reason)}" for name, reason in list(failed.items())[:50])
-    return [f"<h2>{len(failed)} moments that could not be judged</h2><ul>{items}</ul>"]
+    items = [element("li", f"{name}: {reason}") for name, reason in list(failed.items())[:50]]
+    return [card(f"{len(failed)} moments that could not be judged", element("ul", *items))]

@@ -6,27 +6,20 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+from scex_sumo.converters.tracks.kinds import road_user
 from scex_sumo.files import quoted
 from scex_sumo.scene import SeedScene
 from scex_sumo.sumo_models import RANDOM_MODELS, RANDOM_PARAMETERS, check_driver
 from scex_sumo.world.gui_drawings import OTHER_RGB
 
-_GUI_SHAPES = (
-    ("pedestrian/bicycle", "bicycle"),
-    ("pedestrian", "pedestrian"),
-    ("bicycle", "bicycle"),
-    ("motorcycle", "motorcycle"),
-    ("bus", "bus"),
-    ("truck", "truck"),
-    ("van", "delivery"),
-    ("car", "passenger"),
-)
+_GUI_SHAPES = {"van": "delivery", "car": "passenger", "tram": "rail/railcar"}
 _CLASSES = {"truck": "truck", "bus": "bus", "motorcycle": "motorcycle"}
 
 
 def gui_shape(kind: str) -> str:
     """SUMO's name of the shape that a recorded type looks like; a passenger car where it is not known."""
-    return next((shape for word, shape in _GUI_SHAPES if word in kind), "passenger")
+    user = road_user(kind)
+    return _GUI_SHAPES.get(user, user)
 
 
 def given_type(

@@ -65,7 +65,7 @@ def test_it_prints_distances_groups_and_what_sets_apart(folders: list[Path]) -> 
     assert any(metric in pairs[1] for metric in scex_sumo.open_run(folders[0]).columns)
 
 
-def test_tables_and_pictures_are_written(folders: list[Path], tmp_path: Path) -> None:
+def test_tables_and_a_page_are_written(folders: list[Path], tmp_path: Path) -> None:
     done = scex("compare", *folders, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     table = pq.read_table(tmp_path / "out" / "distances.parquet")
@@ -75,15 +75,16 @@ def test_tables_and_pictures_are_written(folders: list[Path], tmp_path: Path) ->
     assert pyarrow.csv.read_csv(tmp_path / "out" / "distances.csv").num_rows == table.num_rows
     whole = np.asarray(table["distance"]).reshape(1 + columns, PAIRS)
     np.testing.assert_allclose(whole[0], whole[1:].mean(axis=0), rtol=1e-12)
-    for name in ("dendrogram", "densities"):
-        assert (tmp_path / "out" / f"{name}.svg").read_text().rstrip().endswith("</svg>")
-        assert (tmp_path / "out" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    page = (tmp_path / "out" / "compare.html").read_text()
+    worst = [name for name in scex_sumo.open_run(folders[0]).columns if not name.endswith("_mean")]
+    assert page.count("<figure>") == len(worst)
+    assert page.count('class="cell"') == 9
 
 
 def test_the_order_of_the_folders_does_not_change_a_byte(folders: list[Path], tmp_path: Path) -> None:
     for number, order in enumerate((folders, folders[::-1])):
         assert scex("compare", *order, "-o", tmp_path / str(number)).returncode == 0
-    for name in ("distances.parquet", "dendrogram.svg", "densities.svg"):
+    for name in ("distances.parquet", "distances.csv", "compare.html"):
         assert (tmp_path / "0" / name).read_bytes() == (tmp_path / "1" / name).read_bytes(), name
 
 

@@ -65,7 +65,7 @@ def test_a_run_tells_the_vehicle_under_test_apart(folder: Path) -> None:
     printed = (folder / "printed.txt").read_text()
     assert "under test, vehicle 3: drivers:Straight: 6 child scenarios" in printed
     assert "worse : better" in printed
-    assert "under_test.png" in printed and (folder / "out" / "under_test.svg").is_file()
+    assert "Under test, vehicle 3: drivers:Straight" in (folder / "out" / "report.html").read_text()
     # One vehicle, 6 children of 6 plans; 3 of these children lose the last 3.
     line = (
         "drivers:Straight: 9 of 36 plans replaced by the path-following driver's, in 3 children; "

@@ -146,15 +146,15 @@ def test_ctrl_c_leaves_one_line_and_what_has_finished(dataset: Path, tmp_path: P
 class _Page(HTMLParser):
     def __init__(self) -> None:
         super().__init__()
-        self.pictures: list[str] = []
+        self.pictures = 0
+        self.links: list[str] = []
         self.loaded: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.pictures += tag == "svg" and ("class", "scene") in attrs
         for name, value in attrs:
-            if name in ("src", "href"):
-                (self.pictures if (value or "").startswith("data:image/png") else self.loaded).append(
-                    value or ""
-                )
+            if name in ("src", "href") and value != "data:,":
+                (self.links if tag == "a" else self.loaded).append(value or "")
 
 
 def test_the_page_shows_the_top_and_loads_nothing(result: Path) -> None:
@@ -162,8 +162,11 @@ def test_the_page_shows_the_top_and_loads_nothing(result: Path) -> None:
     page = _Page()
     page.feed(text)
     assert page.loaded == []
-    assert len(page.pictures) == 2
-    assert len(set(page.pictures)) == 2
+    assert page.pictures == 2
+    assert len(page.links) == len(set(page.links)) == 2
+    for link in page.links:
+        report = (result / link).read_text()
+        assert "Content-Security-Policy" in report and str(result) not in report
     for seed in json.loads((result / "rank.json").read_text())["shown"]:
         assert f'id="{seed}"' in text
     assert "Failed" in text

@@ -14,7 +14,7 @@ from scex_sumo.commands.run import parse_under_test
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.reports.pictures.under_test import draw_under_test
+from scex_sumo.reports.page.run.under_test import under_test_card, under_test_rows
 from scex_sumo.reports.tables.under_test import under_test_table
 from scex_sumo.results.run import Run
 from tests.metrics.scenes import random_run
@@ -124,17 +124,20 @@ def test_a_metric_without_values_or_threshold_is_left_open(run: Run) -> None:
         run.under_test.samples("speed")
 
 
-def test_table_and_picture_show_every_metric(run: Run, tmp_path: Path) -> None:
+def test_table_and_report_show_every_metric(run: Run) -> None:
     table = under_test_table(run.under_test)
     assert table.title == "under test, vehicle 17: mypkg:MyDriver: 5 child scenarios"
     assert table.row_count == 1 + 6
     assert list(table.columns[3].cells) == ["1 : 0", "2 : 1", "–", "–", "–", "–", "2 : 0"]
     assert list(table.columns[5].cells)[:2] == ["20.0%", "40.0%"]
-    svg, png = draw_under_test(run, tmp_path / "under_test")
-    assert png.stat().st_size > 0
-    text = svg.read_text()
-    assert "vehicle 17: mypkg:MyDriver" in text and text.count("P = 40.0%") == 3
-    assert text.count("defined in no child") == 4
+    text, shown = under_test_card(run), under_test_rows(run)
+    assert "vehicle 17: mypkg:MyDriver" in text
+    assert text.count("<figure>") == 6 and text.count("defined in no child") == 4
+    assert shown is not None
+    cells = [row["cells"] for row in shown["rows"]]
+    assert [row[3] for row in cells] == ["1 : 0", "2 : 1", None, None, None, None, "2 : 0"]
+    assert [row[5] for row in cells][:2] == [0.2, 0.4]
+    assert [share for row in cells for share in row[5:7]].count(0.4) == 3
 
 
 def test_a_run_without_vehicles_under_test_or_baseline_says_so(run: Run) -> None:

@@ -25,6 +25,8 @@ from scex_sumo.scene import STEP_S, SceneHistory, States
 NAME = "process"
 START_S = 30.0  # how long a program may take to get ready
 STARTS = 5  # of one program in one worker; whoever needs more is given up
+_PIPE = 1 << 16  # bytes that a pipe holds
+_LONGEST = 1 << 22  # bytes of an answer; a plan takes 3000
 _KEYS = ("x", "y", "heading", "speed")
 
 
@@ -79,7 +81,7 @@ class _Program:
     """A running program and the lines to and from it."""
 
     def __init__(self, command: str, setup: str) -> None:
-        self._command, self._read = command, b""
+        self._command = command
         try:
             self._process = subprocess.Popen(
                 shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
@@ -88,7 +90,9 @@ class _Program:
             raise ScexError(f"{command}: cannot be started: {error.strerror or error}") from None
         assert self._process.stdin is not None and self._process.stdout is not None
         self._in, self._out = self._process.stdin, self._process.stdout
-        self._selector = selectors.DefaultSelector()
+        os.set_blocking(self._in.fileno(), False)  # one that does not read must not stop the run
+        self._ready, self._selector = selectors.DefaultSelector(), selectors.DefaultSelector()
+        self._ready.register(self._in, selectors.EVENT_WRITE)
         self._selector.register(self._out, selectors.EVENT_READ)
         try:
             self.ask(setup, START_S)
@@ -98,21 +102,29 @@ class _Program:
 
     def ask(self, line: str, deadline_s: float) -> Any:
         """Send a line and read one."""
+        until = time.monotonic() + deadline_s
+        late = ScexError(f"{self._command}: no answer within {deadline_s:g} s")
+        left = memoryview(f"{line}\n".encode())
         try:
-            left = memoryview(f"{line}\n".encode())
             while left:
-                left = left[self._in.write(left) :]
+                if not _wait(self._ready, until):
+                    raise late
+                left = left[os.write(self._in.fileno(), left) :]
         except OSError:
             raise ScexError(f"{self._command}: has ended{self._status()}") from None
-        until = time.monotonic() + deadline_s
-        while b"\n" not in self._read:
-            if not self._selector.select(max(0.0, until - time.monotonic())):
-                raise ScexError(f"{self._command}: no answer within {deadline_s:g} s")
-            part = os.read(self._out.fileno(), 1 << 16)
+        read = b""
+        while b"\n" not in read[-_PIPE:]:
+            if not _wait(self._selector, until):
+                raise late
+            part = os.read(self._out.fileno(), _PIPE)
             if not part:
                 raise ScexError(f"{self._command}: has ended{self._status()}")
-            self._read += part
-        answer, _, self._read = self._read.partition(b"\n")
+            read += part
+            if len(read) > _LONGEST:
+                raise ScexError(f"{self._command}: answered no line within {_LONGEST} bytes")
+        answer, _, more = read.partition(b"\n")
+        if more:
+            raise ScexError(f"{self._command}: answered with more than one line: {more[:60]!r}")
         try:
             return json.loads(answer)
         except ValueError:
@@ -126,6 +138,7 @@ class _Program:
 
     def end(self) -> None:
         """Stop the program."""
+        self._ready.close()
         self._selector.close()
         self._process.kill()
         self._process.wait()
@@ -136,6 +149,12 @@ class _Program:
         """Stop the program: a worker that is done leaves none behind."""
         if hasattr(self, "_selector") and not self._out.closed:
             self.end()
+
+
+def _wait(selector: selectors.BaseSelector, until: float) -> bool:
+    """Wait for a pipe; False where the time is over, also for who keeps it busy."""
+    left = until - time.monotonic()
+    return left > 0 and bool(selector.select(left))
 
 
 def _setup(road: Road) -> str:

@@ -30,7 +30,7 @@ def compare_command(
         int | None, Option(metavar="N", help="Number of groups; else where they are clearest.")
     ] = None,
     out: Annotated[
-        Path | None, Option("-o", "--out", metavar="FOLDER", help="Write tables and pictures here.")
+        Path | None, Option("-o", "--out", metavar="FOLDER", help="Write tables and a page to look at here.")
     ] = None,
 ) -> None:
     """Compare seed scenes by the densities of their metrics: distances, groups, nearest neighbours."""
@@ -95,15 +95,15 @@ def _copies(runs: Sequence[Run], labels: Sequence[str]) -> Iterable[str]:
 
 
 def _write(runs: Sequence[Run], comparison: Comparison, grouping: Grouping, out: Path) -> None:
-    from scex_sumo.reports.pictures.comparison import draw_compared_densities, draw_dendrogram
+    from scex_sumo.reports.study_pages.compare import HTML, write_comparison
     from scex_sumo.reports.tables.comparison import distances_table
 
     table = distances_table(comparison).replace_schema_metadata({"distance": comparison.kind})
     for name in ("distances.parquet", "distances.csv"):
         write_table(table, out / name)
     try:
-        draw_dendrogram(comparison, grouping, out / "dendrogram")
-        draw_compared_densities(runs, comparison, grouping, out / "densities")
+        page = write_comparison(runs, comparison, grouping, out / HTML)
     except OSError as error:
         raise ResultError(f"{out}: cannot write: {error.strerror or error}") from None
-    print(f"written: {out}/distances.parquet, distances.csv, dendrogram.svg/png, densities.svg/png")
+    print(f"result: {out}/distances.parquet, distances.csv")
+    print(f"report: {page}")

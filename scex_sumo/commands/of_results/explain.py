@@ -33,7 +33,9 @@ def explain_command(
         str | None, Option(metavar="A,B", help="Print whose models make these two collide.")
     ] = None,
     worst: Annotated[int, Option(metavar="N", help="How many of the worst children are named.")] = 5,
-    plots: Annotated[bool, Option(help="Draw the shares.")] = True,
+    plots: Annotated[
+        bool, Option("--report/--no-report", "--plots/--no-plots", help="Write explain.html.")
+    ] = True,
 ) -> None:
     """Say which vehicles' drivers make a scene critical, and how."""
     from rich.console import Console
@@ -79,11 +81,11 @@ def explain_command(
         _print_conditions(
             run, explanation, ids, names, worst_of[explanation.metric], every=metric is not None
         )
-    if plots:
-        from scex_sumo.reports.pictures.statistics import draw_effects
-
-        draw_effects([e for e in found if e.metric in run.columns], run, folder / "explain")
     print(f"result: {folder / 'explain_effects.parquet'}, explain_conditions, explain_worst")
+    if plots:
+        from scex_sumo.reports.study_pages.explain import write_explanations
+
+        print(f"report: {write_explanations(run, found, names, worst_of)}")
 
 
 def _write(path: Path, rows: list[dict[str, Any]]) -> None:

@@ -16,10 +16,11 @@ from scex_sumo.converters.cleaning.align import Evidence, align_tracks, evidence
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.commonroad.tracks import read_commonroad_tracks, repair_commonroad
 from scex_sumo.converters.datasets.levelx import read_levelx
-from scex_sumo.converters.formats import all_there, is_commonroad, is_fcd, is_levelx, map_name
+from scex_sumo.converters.formats import all_there, is_commonroad, is_fcd, is_levelx, is_state, map_name
 from scex_sumo.converters.moments.sample import resample_tracks
 from scex_sumo.converters.moments.scene import Clean
 from scex_sumo.converters.sumo.fcd import read_fcd
+from scex_sumo.converters.sumo.state import read_state
 from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.converters.tracks.rows import ROW_COLUMNS, TrackRows, TrackTable, other_rate, segments_of
 from scex_sumo.errors import ScexError, TrackError
@@ -29,11 +30,12 @@ from scex_sumo.scene import STEP_S
 _CHUNK = re.compile(r"(?P<scene>.+)_(?P<first>\d+)_T-(?P<last>\d+)")
 
 
-def read_recorded(paths: Sequence[Path]) -> tuple[TrackTable, tuple[str, ...]]:
+def read_recorded(paths: Sequence[Path], net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
     """Read a recording as it is; nothing is repaired.
 
     Args:
         paths: one file, or consecutive chunks of one recording in order of time.
+        net: the SUMO net of a saved state.
 
     Returns:
         The recording, and one phrase for what had to be left out, if anything.
@@ -45,6 +47,8 @@ def read_recorded(paths: Sequence[Path]) -> tuple[TrackTable, tuple[str, ...]]:
         return _stitch([read_commonroad_tracks(path) for path in paths])
     if is_fcd(paths[0]):
         return read_fcd(paths[0])
+    if is_state(paths[0]):
+        return read_state(paths[0], net)
     if is_commonroad(paths[0]):
         return read_commonroad_tracks(paths[0])
     table = read_levelx(paths[0]) if is_levelx(paths[0]) else read_tracks(paths[0])
@@ -65,15 +69,17 @@ def read_clean(paths: Sequence[Path], road: Road | None, *, repair: bool = True,
     Raises:
         TrackError: it cannot be read, or a track is in two places at once.
     """
-    table, findings = _repaired(paths, repair=repair)
+    table, findings = _repaired(paths, repair=repair, net=None if road is None else road.net)
     if align and road is not None:
         table, moved = align_tracks(table, road, siblings=_siblings(paths))
         findings = (*findings, moved) if moved else findings
     return Clean(table=table, findings=findings, repair=repair)
 
 
-def _repaired(paths: Sequence[Path], *, repair: bool = True) -> tuple[TrackTable, tuple[str, ...]]:
-    table, findings = read_recorded(paths)
+def _repaired(
+    paths: Sequence[Path], *, repair: bool = True, net: Path | None = None
+) -> tuple[TrackTable, tuple[str, ...]]:
+    table, findings = read_recorded(paths, net)
     if repair and not table.has_cases:
         table, before = repair_commonroad(table) if is_commonroad(paths[0]) else (table, ())
         table, after = repair_tracks(table)

@@ -30,7 +30,7 @@ from scex_sumo.converters.net.text import net_text
 from scex_sumo.converters.net.walking.footways import crossed_zones, footways
 from scex_sumo.converters.net.walking.lit import with_crossings
 from scex_sumo.converters.net.walking.walks import plan_walks
-from scex_sumo.converters.sumo.net import lane_names, unpacked
+from scex_sumo.converters.sumo.net import lane_places, unpacked
 from scex_sumo.errors import MapError
 from scex_sumo.files import write_atomic
 from scex_sumo.geometry.polylines import length_of
@@ -134,4 +134,5 @@ def _together(recorded: Programme | None, fixed: list[Programme]) -> list[Progra
 def _copy_net(source: Path, net_path: Path) -> LaneTable:
     """Copy a net, unpacked; the table of its lanes, which are numbered as those of its road."""
     write_atomic(net_path, unpacked(source))
-    return LaneTable(((k + 1, name) for k, name in enumerate(lane_names(source))), read_ends(net_path))
+    places = lane_places(source)
+    return lane_table(places, read_ends(net_path), {lane for _, under in places for lane, _ in under})

@@ -9,9 +9,11 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.pieces.rules import Link
+from scex_sumo.converters.sumo.lanelets import LaneletPart
 from scex_sumo.geometry.polylines import mean_line
 
-DECIMALS = 3  # millimetres: a tenth of what the 0.01 m target needs, and what SUMO's tools expect
+DECIMALS = 3  # millimetres: what SUMO's tools expect
+EXACT = 9  # decimals of lanes' shapes: drivers on a net that is read back shall plan as on its map
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,6 +30,7 @@ class NetLane:
         change_left: whether a vehicle may change to the left.
         change_right: whether a vehicle may change to the right.
         allow: SUMO's vehicle class where only one may drive here, or an empty string.
+        parts: of the lanelets that its shape is made of, in driving order.
     """
 
     name: str
@@ -39,6 +42,7 @@ class NetLane:
     change_left: bool = False
     change_right: bool = False
     allow: str = ""
+    parts: tuple[LaneletPart, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,9 +132,9 @@ class NetLayout:
         return {c.internal.name: (c.from_edge, c.to_edge) for c in self.connections}
 
 
-def shape_text(line: FloatArray) -> str:
+def shape_text(line: FloatArray, decimals: int = DECIMALS) -> str:
     """A polyline as SUMO writes it: ``x,y x,y``."""
     # Adding 0.0 turns a rounded -0.0 into 0.0.
     return " ".join(
-        f"{x:.{DECIMALS}f},{y:.{DECIMALS}f}" for x, y in (np.round(line, DECIMALS) + 0.0).tolist()
+        f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in (np.round(line, decimals) + 0.0).tolist()
     )

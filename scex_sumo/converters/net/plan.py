@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.elements import Connection, Edge, NetLane, NetLayout, Node
 from scex_sumo.converters.net.outlines import border, lane_area, union_outline
+from scex_sumo.converters.net.pieces.borders import ENTRY
 from scex_sumo.converters.net.pieces.rings import ring_lanes
 from scex_sumo.converters.net.pieces.rows import Piece
 from scex_sumo.converters.net.pieces.rules import (
@@ -20,11 +21,10 @@ from scex_sumo.converters.net.pieces.rules import (
     set_right_of_way,
 )
 from scex_sumo.converters.net.pieces.topology import Cut, Path, Topology
+from scex_sumo.converters.sumo.lanelets import BEYOND, JOINT_M, LaneletPart
 from scex_sumo.geometry.polylines import bend, cut, heading, join, length_of, width_along
 from scex_sumo.road import Regulation
 from scex_sumo.roads.conflicts import Conflict
-
-JOINT_M = 0.05  # where road follows road, the connection takes this much of both: SUMO wants lengths > 0
 
 
 def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Conflict]) -> NetLayout:
@@ -151,6 +151,7 @@ class _Plan:
             change_left=left is not None and lane.left == left,
             change_right=right is not None and lane.right == right,
             allow="" if lane.kind == "vehicle" else lane.kind,
+            parts=tuple(self._lanelet_parts([(piece, *self._trims(piece))])),
         )
 
     def _trims(self, piece: Piece) -> tuple[float, float]:
@@ -172,19 +173,33 @@ class _Plan:
             self._shapes[piece] = cut(line, *self._trims(piece))
         return self._shapes[piece]
 
-    def _inner_shape(self, path: Path) -> FloatArray:
-        """The end of the road before, the junction pieces, the beginning of the road after."""
-        topology, parts = self._topology, []
+    def _inner_parts(self, path: Path) -> Iterator[tuple[Piece, float, float]]:
+        """The end of the road before, the junction pieces, the beginning of the road after: arc lengths."""
         last = len(path.pieces) - 1
         for k, piece in enumerate(path.pieces):
-            start, end = topology.rows[piece[0]].span(piece[1], piece[2])
+            start, end = self._topology.rows[piece[0]].span(piece[1], piece[2])
             if k == 0:
                 start = self._trims(piece)[1]
             if k == last:
                 end = self._trims(piece)[0]
             if end - start > 1e-9:
-                parts.append(cut(self._lanes[topology.lane_id(piece)].centreline, start, end))
-        return join(parts)
+                yield piece, start, end
+
+    def _inner_shape(self, path: Path) -> FloatArray:
+        known = self._topology
+        return join(
+            [
+                cut(self._lanes[known.lane_id(piece)].centreline, start, end)
+                for piece, start, end in self._inner_parts(path)
+            ]
+        )
+
+    def _lanelet_parts(self, parts: Iterable[tuple[Piece, float, float]]) -> Iterator[LaneletPart]:
+        """Parts of lanes, with what a reader of the net cannot see: the width and limit of the whole lane."""
+        for piece, start, end in parts:
+            lane = self._lanes[self._topology.lane_id(piece)]
+            lanelet = BEYOND if lane.subtype == ENTRY else lane.lane_id
+            yield LaneletPart(lanelet, start, end, lane.width_m, lane.speed_limit_mps)
 
     def _width(self, pieces: Sequence[Piece]) -> float:
         """Mean distance of the bounds along pieces, weighted by length, m."""
@@ -226,6 +241,7 @@ class _Plan:
             speed=min(self._lanes[i].speed_limit_mps for i in (ids if path.inside else ids[1:])),
             lanelets=tuple(dict.fromkeys(ids)),
             allow="" if self._lanes[ids[0]].kind == "vehicle" else self._lanes[ids[0]].kind,
+            parts=tuple(self._lanelet_parts(self._inner_parts(path))),
         )
         driven = [self._topology.lane_id(piece) for piece in path.pieces]
         return Connection(

@@ -8,7 +8,16 @@ from typing import TypeAlias
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.net.elements import DECIMALS, Connection, Edge, NetLane, NetLayout, Node, shape_text
+from scex_sumo.converters.net.elements import (
+    DECIMALS,
+    EXACT,
+    Connection,
+    Edge,
+    NetLane,
+    NetLayout,
+    Node,
+    shape_text,
+)
 from scex_sumo.converters.net.lights import Programme
 from scex_sumo.converters.net.pieces.rules import bits, direction
 from scex_sumo.converters.net.stretches import stretches
@@ -19,6 +28,7 @@ from scex_sumo.converters.net.walking.text import (
     ways_on_foot,
 )
 from scex_sumo.converters.net.walking.walks import NO_WALKS, Walks
+from scex_sumo.converters.sumo.lanelets import KEY, parts_text
 from scex_sumo.road import Georeference
 
 # Internal lane, or edge of a crossing: its traffic light and link index there.
@@ -108,7 +118,8 @@ def _lane(lane: NetLane, index: int, *, bans: bool) -> str:
     return (
         f'        <lane id="{lane.name}" index="{index}"{allow}{change} speed="{lane.speed:.4f}"'
         f' length="{max(lane.length, 0.1):.{DECIMALS}f}" width="{lane.width:.2f}"'
-        f' shape="{shape_text(lane.shape)}"/>'
+        f' shape="{shape_text(lane.shape, EXACT)}">'
+        f'<param key="{KEY}" value="{parts_text(lane.parts)}"/></lane>'
     )
 
 

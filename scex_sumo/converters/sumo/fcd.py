@@ -6,7 +6,7 @@ angles counter-clockwise from +x.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -60,6 +60,23 @@ def read_fcd(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
     names, kinds, table = _parquet(path) if path.suffix == ".parquet" else _xml(path)
     if not len(table):
         raise TrackError(f"{path}: no vehicle in it; give the fcd-output of a simulation with traffic")
+    return tracks_of(path, names, kinds, table)
+
+
+def tracks_of(
+    path: Path, names: Sequence[str], kinds: Sequence[str], table: FloatArray
+) -> tuple[TrackTable, tuple[str, ...]]:
+    """Tracks of vehicles as SUMO says where they are.
+
+    Args:
+        path: where that was read.
+        names: (N,) of the vehicles.
+        kinds: (N,) names of their types.
+        table: (N, 7) time, x, y, angle, speed, length, width; nan for sizes that are not known.
+
+    Returns:
+        The recording, and one phrase for each thing that had to be guessed.
+    """
     findings = _fill_sizes(table, kinds)
     labels, track = np.unique(names, return_inverse=True)
     order = np.lexsort((table[:, 0], track))
@@ -86,7 +103,7 @@ def read_fcd(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
     )
 
 
-def _fill_sizes(table: FloatArray, kinds: list[str]) -> list[str]:
+def _fill_sizes(table: FloatArray, kinds: Sequence[str]) -> list[str]:
     """Lengths and widths that the file leaves out, in place; a phrase where there were any."""
     unknown = np.isnan(table[:, 5:7])
     guessed = np.array([_size(kind) for kind in kinds])

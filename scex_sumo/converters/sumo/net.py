@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.formats import map_name, open_binary
+from scex_sumo.converters.sumo.lanelets import lanelet_places, named_parts, put_together
 from scex_sumo.converters.sumo.rules import junction_rules
 from scex_sumo.errors import MapError
 from scex_sumo.geometry.polylines import arc_lengths
@@ -22,6 +23,7 @@ from scex_sumo.roads.overlaps import overlapping
 WIDTH_M = 3.2  # SUMO's where a net gives none
 SHORTEST_M = 0.05  # lanes of no length are drawn out to this
 SHARPEST = 3.0  # corners of borders reach out at most this many times the half width
+CHANGED = "the net was converted by scex-sumo and changed since: its lanes are read as they are now"
 _DRIVEN = ("normal", "", None, "internal")
 _KINDS = (("passenger", "vehicle"), ("bus", "bus"), ("bicycle", "bicycle"), ("pedestrian", "pedestrian"))
 
@@ -29,6 +31,7 @@ _KINDS = (("passenger", "vehicle"), ("bus", "bus"), ("bicycle", "bicycle"), ("pe
 def read_sumo_road(path: str | Path) -> Road:
     """Read a net; its lanes are numbered from 1 in the order of the file, and it is driven as it is.
 
+    Where `convert` wrote it, its lanes for vehicles are put together to the map's again, with their ids.
     Crossings and walking areas are drawn, not driven. Centrelines are SUMO's shapes, borders lie half a width
     beside them. A lane may be changed to where both are for the same vehicles and the net does not forbid
     it. Who gives way is what the requests of the junctions say.
@@ -41,26 +44,53 @@ def read_sumo_road(path: str | Path) -> Road:
     """
     path = Path(path)
     net, forbidden = _open(path)
+    named = named_parts(_root(path))
     numbers = {name: k + 1 for k, name in enumerate(lane_names(path))}
     sumo_lanes = {numbers[name]: net.getLane(name) for name in numbers}
     following = {i: _following(lane, numbers) for i, lane in sumo_lanes.items()}
     lanes = {i: _lane(i, lane, following[i]) for i, lane in sumo_lanes.items()}
     lanes = _beside(lanes, sumo_lanes, numbers, forbidden)
-    before: dict[int, list[int]] = {}
-    for i in lanes:
-        for j in lanes[i].successors:
-            before.setdefault(j, []).append(i)
-    lanes = {i: replace(lane, predecessors=tuple(before.get(i, ()))) for i, lane in lanes.items()}
+    lines = {i: _line(lane, heights=True) for i, lane in sumo_lanes.items()}
+    within = {i for i, lane in lanes.items() if lane.subtype.startswith(":")}
+    if named:
+        lanes = put_together(named, {lane.subtype: lane for lane in lanes.values()})
+        lines = {i: lane.centreline for i, lane in lanes.items()}
+        numbers = {name: under[0][0] for name in named if (under := lanelet_places(named, name))}
+        within = set(lanes) - {number for name, number in numbers.items() if not name.startswith(":")}
+    lanes = {i: _bounded(lane) for i, lane in _with_predecessors(lanes).items()}
     if not any(lane.kind == "vehicle" for lane in lanes.values()):
         raise MapError(f"{path}: no lane that passenger cars may use; give a net for them")
     return Road(
         name=map_name(path),
-        lanes=overlapping(lanes, {i: _line(lane, heights=True) for i, lane in sumo_lanes.items()}),
+        lanes=overlapping(lanes, lines),
         regulations=junction_rules(net, numbers),
-        markings=tuple(_markings(lanes)),
+        markings=tuple(_markings(lanes, within)),
         areas=_areas(net),
         net=path,
+        notes=(CHANGED,) if named is None else (),
     )
+
+
+def lane_places(path: Path) -> list[tuple[str, list[tuple[int, float]]]]:
+    """Each lane of a net with the lanes of its road under it, and where it begins on them, m."""
+    named = named_parts(_root(path))
+    if named:
+        return [(name, under) for name in named if (under := lanelet_places(named, name))]
+    return [(name, [(k + 1, 0.0)]) for k, name in enumerate(lane_names(path))]
+
+
+def _with_predecessors(lanes: Mapping[int, Lane]) -> dict[int, Lane]:
+    before: dict[int, list[int]] = {}
+    for i in lanes:
+        for j in lanes[i].successors:
+            before.setdefault(j, []).append(i)
+    return {i: replace(lane, predecessors=tuple(before.get(i, ()))) for i, lane in lanes.items()}
+
+
+def _bounded(lane: Lane) -> Lane:
+    """A lane with bounds half a width beside its centreline."""
+    left, right = (beside(lane.centreline, side * lane.width_m / 2) for side in (1, -1))
+    return replace(lane, left_bound=left, right_bound=right)
 
 
 def lane_names(path: Path) -> list[str]:
@@ -120,8 +150,8 @@ def _lane(number: int, lane: Any, following: tuple[int, ...]) -> Lane:
     return Lane(
         lane_id=number,
         centreline=centre,
-        left_bound=beside(centre, width / 2),
-        right_bound=beside(centre, -width / 2),
+        left_bound=centre,
+        right_bound=centre,
         width_m=width,
         speed_limit_mps=float(lane.getSpeed()),
         kind=next((kind for word, kind in _KINDS if lane.allows(word)), "other"),
@@ -175,11 +205,11 @@ def _beside(
     return found
 
 
-def _markings(lanes: Mapping[int, Lane]) -> list[Marking]:
+def _markings(lanes: Mapping[int, Lane], within: Container[int]) -> list[Marking]:
     """Borders of roads, and dashed lines where one may change; nothing within junctions."""
     markings = []
     for i, lane in lanes.items():
-        if lane.subtype.startswith(":") or arc_lengths(lane.centreline)[-1] < 1.0:
+        if i in within or arc_lengths(lane.centreline)[-1] < 1.0:
             continue
         if lane.adjacent_right is None:
             markings.append(Marking(line_id=2 * i, kind="road_border", subtype="", points=lane.right_bound))

@@ -31,6 +31,23 @@ LEAST_LENGTH_M, LEAST_WIDTH_M, DRIVEN_MPS = 2.5, 1.2, 4.0
 """What a vehicle of an unknown type measures at least, and how fast one of its type is at some time."""
 
 
+_WORDS = (
+    ("motor", "motorcycle"),
+    *((word, "bicycle") for word in ("bicycl", "cyclist", "bike", "scooter", "rider")),
+    *((word, "pedestrian") for word in ("pedestrian", "person", "human", "wheelchair")),
+    *((word, "bus") for word in ("bus", "coach")),
+    *((word, "truck") for word in ("truck", "lorry", "hgv", "trailer")),
+    *((word, "tram") for word in ("tram", "train")),
+    ("van", "van"),
+)
+
+
+def road_user(kind: str) -> str:
+    """What other programs shall take a recorded type for: car, van, truck, bus, tram, motorcycle, bicycle or
+    pedestrian; a car where it is not known."""
+    return next((user for word, user in _WORDS if word in kind), "car")
+
+
 def obstacle_size(kind: str) -> tuple[float, float]:
     """Usual length and width of a road user that is no vehicle, m."""
     return OBSTACLE_SIZES.get(kind, OBSTACLE_SIZES["bicycle"])

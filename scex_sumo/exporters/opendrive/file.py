@@ -157,7 +157,7 @@ def _lines(parent: ET.Element, tag: str, s: FloatArray, values: FloatArray, at: 
     for start, value, rise in zip(s[:-1], values[:-1], slope, strict=True):
         if written is not None:
             expected = written[1] + written[2] * (start - written[0])
-            if abs(expected - value) < 1e-6 and abs(written[2] - rise) < 1e-7:
+            if abs(expected - value) < 1e-5 and abs(written[2] - rise) < 1e-6:
                 continue
         written = (start, value, rise)
         ET.SubElement(parent, tag, {at: _exact(start), "a": _exact(value), "b": _exact(rise)}, c="0", d="0")

@@ -13,10 +13,11 @@ from scex_sumo.exporters.opendrive.groups import (
     Chain,
     Cut,
     Group,
+    borders,
     chains_and_cuts,
     lane_groups,
 )
-from scex_sumo.exporters.opendrive.ribbons import LARGEST_M, Ribbon, fitting_groups, ribbon_of
+from scex_sumo.exporters.opendrive.ribbons import LARGEST_M, Ribbon, RoadEnd, fitting_groups, ribbon_of
 from scex_sumo.road import Lane
 
 HEAD_M = 20.0  # longest connecting road that is only part of a chain
@@ -80,7 +81,29 @@ def road_network(lanes: Mapping[int, Lane]) -> list[Piece]:
     if broken:
         ribbons |= {(group,): ribbon_of(lanes, (group,)) for chain in broken for group in chain}
         chains, cuts = chains_and_cuts(lanes, groups, apart={g for chain in broken for g in chain})
-    return _Network(chains, cuts, ribbons).pieces
+    return _Network(chains, cuts, ribbons | _on_common_edges(lanes, cuts, ribbons)).pieces
+
+
+def _on_common_edges(
+    lanes: Mapping[int, Lane], cuts: Sequence[Cut], ribbons: Mapping[Chain, Ribbon]
+) -> dict[Chain, Ribbon]:
+    """Ribbons of the chains that end or begin at a road with several lanes: where that does, across it."""
+    edges: dict[Chain, list[RoadEnd | None]] = {}
+    for cut in cuts:
+        sides = [(chain, True) for chain in cut.ends] + [(chain, False) for chain in cut.starts]
+        widest, end = max(sides, key=lambda side: len(_edge_group(*side)))
+        if len(_edge_group(widest, end)) < 2:
+            continue
+        edge = ribbons[widest].edge(end=end)
+        for chain, end in sides:
+            if edge.fits(borders(lanes, _edge_group(chain, end)), end=end):
+                edges.setdefault(chain, [None, None])[end] = edge
+    found = {chain: ribbon_of(lanes, chain, (ends[0], ends[1])) for chain, ends in edges.items()}
+    return {chain: ribbon for chain, ribbon in found.items() if ribbon.error < LARGEST_M}
+
+
+def _edge_group(chain: Chain, end: bool) -> Group:
+    return chain[-1 if end else 0]
 
 
 class _Network:

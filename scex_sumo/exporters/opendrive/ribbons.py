@@ -20,6 +20,9 @@ OFFSET_M = 0.004  # how far straight lines between stations may leave the border
 BEYOND_M = 5.0  # borders are thought longer by this at their ends
 GOOD_M = 0.03
 LARGEST_M = 0.12
+_STRAIGHT = math.cos(math.radians(15.0))
+_NOTHING_M = 1e-6
+_SAME_M = 0.06  # lines made longer at a kink end this near to the one that they meet
 _WAYS = ((3.0, True), (1.5, True), (6.0, True), (12.0, True), (3.0, False), (8.0, False))
 
 
@@ -36,6 +39,41 @@ class Section:
     group: Group
     s: FloatArray
     offsets: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RoadEnd:
+    """Line across a road at which its lanes end and others begin.
+
+    Attributes:
+        point: (2,) on it, m.
+        direction: (2,) unit vector in driving direction, at right angles to it.
+        tips: (N, 2) where the road's own borders meet it, m.
+    """
+
+    point: FloatArray
+    direction: FloatArray
+    tips: FloatArray
+
+    def fits(self, lines: Sequence[FloatArray], *, end: bool) -> bool:
+        """Whether borders end (begin) so near to it that they may do so on it."""
+        tips = np.array([line[-1 if end else 0] for line in lines]) - self.point
+        straight = float(edge_direction(lines, end=end) @ self.direction)
+        return bool(np.abs(tips @ self.direction).max() < LARGEST_M and straight > _STRAIGHT)
+
+    def met_by(self, line: FloatArray, *, end: bool) -> FloatArray:
+        """A border made longer or shorter so that it ends (begins) on this line."""
+        line, onward = (line, self.direction) if end else (line[::-1], -self.direction)
+        ahead = (line - self.point) @ onward
+        inside = int(np.flatnonzero(ahead < -_NOTHING_M)[-1]) if (ahead < -_NOTHING_M).any() else 0
+        first = min(inside, len(line) - 2)  # the last piece goes on straight
+        step = line[first + 1] - line[first]
+        rise = float(step @ onward)
+        tip = line[inside] - step * (ahead[inside] / rise) if rise > 0 else line[-1]
+        away = np.hypot(*(self.tips - tip).T)
+        tip = self.tips[away.argmin()] if away.min() < _SAME_M else tip
+        met = np.vstack([line[: inside + 1], tip[None]])
+        return met if end else met[::-1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,6 +94,13 @@ class Ribbon:
     def length(self) -> float:
         """Length of the reference line, m."""
         return float(self.curve.s[-1])
+
+    def edge(self, *, end: bool) -> RoadEnd:
+        """The line across its end (beginning)."""
+        at = -1 if end else 0
+        section, place, tangent = self.sections[at], self.curve.points[at], self.curve.tangents[at]
+        across = np.array([-tangent[1], tangent[0]])
+        return RoadEnd(point=place, direction=tangent, tips=place + section.offsets[at][:, None] * across)
 
     def split(self, *shares: float) -> list[Ribbon]:
         """The ribbon cut at the knots nearest to shares of its length, ascending."""
@@ -93,13 +138,29 @@ def fitting_groups(lanes: Mapping[int, Lane], group: Group) -> list[Group]:
     return parts
 
 
-def ribbon_of(lanes: Mapping[int, Lane], chain: Chain) -> Ribbon:
-    """The ribbon of a chain: of several reference lines the first that is good, or else the best."""
+def ribbon_of(
+    lanes: Mapping[int, Lane], chain: Chain, ends: tuple[RoadEnd | None, RoadEnd | None] = (None, None)
+) -> Ribbon:
+    """The ribbon of a chain: of several reference lines the first that is good, or else the best.
+
+    Args:
+        lanes: of the road, by id.
+        chain: groups that follow one another.
+        ends: lines across at which it shall begin and end, where others do, too.
+    """
     lines = [borders(lanes, group) for group in chain]
     directions = _directions(lines)
+    for edge, at in zip(ends, (0, -1), strict=True):
+        if edge is not None:
+            lines[at] = [edge.met_by(line, end=at < 0) for line in lines[at]]
+            directions[at] = edge.direction
+    free = tuple(
+        direction if edge is not None else None
+        for edge, direction in zip(ends, directions[:: len(directions) - 1], strict=True)
+    )
     best: Ribbon | None = None
     for spacing_m, square in _WAYS:
-        chosen = directions if square else [None, *directions[1:-1], None]
+        chosen = directions if square else [free[0], *directions[1:-1], free[1]]
         curve, last = curve_through(lines, chosen, spacing_m=spacing_m)
         sections = tuple(_sections(chain, lines, curve, last))
         error = _error(curve, sections, lines)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from scex_sumo.files import write_atomic
-from scex_sumo.reports.page.contents import report_contents
-from scex_sumo.reports.page.run_body import run_body
+from scex_sumo.reports.page.run.body import run_body
+from scex_sumo.reports.page.run.contents import report_contents
+from scex_sumo.reports.page.run.under_test import TABLE, under_test_card, under_test_rows
 from scex_sumo.reports.page.shell import BASE, page_html
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
@@ -19,7 +21,6 @@ SCRIPTS = (
     "pairs.js",
     "map.js",
     "player.js",
-    "verdict.js",
     "models.js",
     "report.js",
 )
@@ -42,5 +43,12 @@ def write_report(run: Run, scene: SeedScene | None = None) -> Path:
 
 def report_html(run: Run, scene: SeedScene | None = None) -> str:
     """The report of a run as HTML."""
-    info, arrays = report_contents(run, scene)
-    return page_html(info["name"], run_body(info), SCRIPTS, info, arrays)
+    return filled_report(run, *report_contents(run, scene))
+
+
+def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str:
+    """The same from what `report_contents` has said."""
+    tested = under_test_rows(run)
+    tables = {} if tested is None else {TABLE: tested}
+    body = run_body(info, under_test_card(run))
+    return page_html(info["name"], body, SCRIPTS, info | {"tables": tables}, arrays)

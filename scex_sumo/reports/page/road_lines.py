@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.reports.page.packing import quantized
@@ -18,31 +17,34 @@ _JUNCTION = re.compile(r"<junction [^>]*?\bshape=\"([^\"]+)\"")
 _POLYGON = re.compile(r"<poly [^>]*?\btype=\"([^\"]*)\"[^>]*?\bfill=\"(\d)\"[^>]*?\bshape=\"([^\"]+)\"")
 _BORDERS = {"curbstone", "road_border", "guard_rail", "fence", "wall"}
 
-SURFACE, MARKING, BORDER, AREA, STOP = range(5)
+SURFACE, AREA, MARKING, BORDER, STOP = range(5)
 """How a line of the road is drawn; surfaces are as wide as said, areas are filled."""
 
 
-def road_arrays(net: Path, box: tuple[float, float, float, float]) -> dict[str, NDArray[Any]]:
-    """Lines of the road within a box.
+def road_paths(net: Path, box: tuple[float, float, float, float]) -> list[dict[str, Any]]:
+    """Lines of the road within a box, those first that others are drawn upon.
 
     Args:
         net: NET.net.xml, with NET.add.xml beside it.
         box: least and largest x, least and largest y, m.
 
     Returns:
-        ``road_points`` (P, 2) first differences within each line, ``road_sizes`` (L,) their numbers of
-        points, ``road_kinds`` (L,) and ``road_widths`` (L,) in units of 5 cm.
+        ``kind``, ``width`` in m, and ``path`` as SVG writes it, in units of 5 cm; all lines of one kind and
+        width together, each area by itself.
     """
-    found = _lines(net)
-    kept = [(kind, width, points) for kind, width, points in found if _touches(points, box)]
-    whole = [quantized(points, UNIT_M) for _, _, points in kept]
-    steps = [np.diff(points, axis=0, prepend=0) for points in whole]
-    return {
-        "road_points": np.concatenate(steps) if steps else np.zeros((0, 2), dtype=np.int64),
-        "road_sizes": np.array([len(points) for points in whole], dtype=np.int64),
-        "road_kinds": np.array([kind for kind, _, _ in kept], dtype=np.int64),
-        "road_widths": quantized(np.array([width for _, width, _ in kept], dtype=float), UNIT_M),
-    }
+    groups: dict[tuple[int, float, int], list[str]] = {}
+    for number, (kind, width, points) in enumerate(_lines(net)):
+        if _touches(points, box):
+            groups.setdefault((kind, width, number if kind == AREA else -1), []).append(_path(points))
+    order = sorted(groups.items(), key=lambda item: item[0])
+    return [{"kind": kind, "width": width, "path": "".join(paths)} for (kind, width, _), paths in order]
+
+
+def _path(points: FloatArray) -> str:
+    """A line as SVG writes it: from a point in small steps."""
+    whole = quantized(points, UNIT_M)
+    first, steps = whole[0], np.diff(whole, axis=0)
+    return f"M{first[0]} {first[1]}l" + " ".join(f"{x} {y}" for x, y in steps.tolist())
 
 
 def _lines(net: Path) -> list[tuple[int, float, FloatArray]]:

@@ -67,7 +67,7 @@ def _matrix(comparison: Comparison, grouping: Grouping) -> Iterable[str]:
     """Below the diagonal hundredths of the distance, above it the metric that sets the pair apart most."""
     order = [int(r) for r in grouping.order]
     if len(order) > MOST_IN_MATRIX:
-        yield f"(the matrix of more than {MOST_IN_MATRIX} runs: -o FOLDER, distances.csv and dendrogram.png)"
+        yield f"(the matrix of more than {MOST_IN_MATRIX} runs: -o FOLDER, distances.csv and compare.html)"
         yield ""
         return
     wide = max(len(comparison.labels[r]) for r in order)

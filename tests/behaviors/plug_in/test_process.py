@@ -18,6 +18,7 @@ from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SceneHistory
+from tests.converters.sumo_roads import lane
 from tests.seeds import straight_seed
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "docs" / "examples"
@@ -65,6 +66,9 @@ def test_the_c_plus_plus_example_brakes_and_answers_within_a_millisecond(tmp_pat
     ("does", "message"),
     [
         ("sys.stdin.readline(); time.sleep(60)", "no answer within 0.2 s"),
+        ("while True: sys.stdout.write('x' * 65536)", "no line within"),
+        ("while True: sys.stdout.write('x'), sys.stdout.flush(), time.sleep(0.01)", "no answer within 0.2 s"),
+        ("sys.stdin.readline(); print('{}\\n{}', flush=True)", "more than one line"),
         ("sys.stdin.readline(); os._exit(3)", "has ended with status 3"),
         ("sys.stdin.readline(); print('hello', flush=True)", "answered no JSON: b'hello'"),
         ("sys.stdin.readline(); print('{\"x\": [1]}', flush=True)", "answered no plan; needs x, y"),
@@ -75,6 +79,18 @@ def test_a_program_that_is_late_crashes_or_talks_garbage_is_said_to(
 ) -> None:
     with pytest.raises(ScexError, match=message):
         ask(ProcessDriver(program(tmp_path, does), deadline_s=0.2))
+
+
+def test_a_program_that_reads_nothing_does_not_stop_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("scex_sumo.behaviors.plug_in.process.START_S", 0.3)
+    file = tmp_path / "deaf.py"
+    file.write_text("import time\ntime.sleep(60)\n")
+    road = Road(name="large", lanes={1: lane(1, [(float(k), 0.0) for k in range(20_000)])})  # fills the pipe
+    driver = ProcessDriver(shlex.join([sys.executable, str(file)]))
+    with pytest.raises(ScexError, match=r"no answer within 0.3 s"):
+        driver.plan_one(SceneHistory.of_scene(straight_seed()), road, 0, 0, np.random.default_rng(0))
 
 
 def test_a_program_that_keeps_crashing_is_given_up(tmp_path: Path) -> None:

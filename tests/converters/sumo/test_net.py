@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 import subprocess
 from itertools import pairwise
 from pathlib import Path
@@ -105,7 +106,7 @@ def test_a_file_that_is_no_net_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["motorway_merge", "roundabout", "urban_intersection"])
-def test_a_converted_map_read_back_as_a_net_is_the_same_road(name: str, tmp_path: Path) -> None:
+def test_a_converted_map_read_as_any_net_is_the_same_road(name: str, tmp_path: Path) -> None:
     check(read_map(example_path(name)), tmp_path)
 
 
@@ -118,13 +119,17 @@ def test_a_converted_map_read_back_as_a_net_is_the_same_road(name: str, tmp_path
         "taf_bw/maps/k733_2020-09-15.osm",
     ],
 )
-def test_real_maps_read_back_as_nets_are_the_same_roads(name: str, data: Path, tmp_path: Path) -> None:
+def test_real_maps_read_as_any_nets_are_the_same_roads(name: str, data: Path, tmp_path: Path) -> None:
     check(read_map(data / name), tmp_path)
 
 
 def check(road: Road, folder: Path) -> None:
-    """Centrelines within 1 cm; successors and neighbours the same, by the lane table."""
+    """Centrelines within 1 cm; successors and neighbours the same, by the lane table.
+
+    Without what the net says of the lanelets under its lanes: its own lanes are compared.
+    """
     net = convert(road, folder / f"{road.name}.net.xml")
+    net.path.write_text(re.sub("<param [^>]*>", "", net.path.read_text()))
     back = read_map(net.path)
     own = road.vehicle_lanes
     lines = [lane.centreline for lane in back.lanes.values()]

@@ -72,18 +72,39 @@ def test_a_brushed_metric_selects_the_children_everywhere(page: Any, run: Run) -
 
 def test_a_dragged_threshold_moves_the_share(page: Any) -> None:
     before = text(page, "#verdict .share:nth-of-type(1)")
+    limit = float(page.input_value(LIMIT))
+    drag(page, "#charts .chart:first-child canvas", _grip(page), 0.95)
+    assert float(page.input_value(LIMIT)) > limit
+    assert text(page, "#verdict .share:nth-of-type(1)") != before
+
+
+def test_a_threshold_that_is_dragged_back_has_the_share_of_the_table_again(page: Any, run: Run) -> None:
+    share = "#charts .chart:first-child b"
+    limit, before = float(page.input_value(LIMIT)), page.get_attribute(share, "title")
+    page.fill(LIMIT, str(limit + 2))
+    page.locator(LIMIT).blur()
+    page.wait_for_function(f"before => document.querySelector('{share}').title !== before", arg=before)
+    page.fill(LIMIT, str(limit + 0.05))
+    page.locator(LIMIT).blur()
+    page.wait_for_timeout(100)
+    canvas, at = "#charts .chart:first-child canvas", _grip(page)
+    drag(page, canvas, at, at + 0.01)
+    found = run.p_critical("distance")
+    assert float(page.input_value(LIMIT)) == limit
+    assert page.get_attribute(share, "title") == before
+    assert f"95 %: {100 * found.low:.0f} % – {100 * found.high:.0f} %" in before
+
+
+LIMIT = "#charts .chart:first-child input"
+
+
+def _grip(page: Any) -> float:
+    """Where the first chart's threshold is, as a share of its width."""
     canvas = "#charts .chart:first-child canvas"
-    limit = float(page.input_value("#charts .chart:first-child input"))
     page.evaluate("document.querySelector('#charts .chart input').scrollIntoView()")
     box = page.locator(canvas).bounding_box()
-    at = next(
-        x
-        for x in range(int(box["width"]))
-        if _cursor(page, box["x"] + x, box["y"] + 60, canvas) == "ew-resize"
-    )
-    drag(page, canvas, (at + 9) / box["width"], 0.95)
-    assert float(page.input_value("#charts .chart:first-child input")) > limit
-    assert text(page, "#verdict .share:nth-of-type(1)") != before
+    cursors = [_cursor(page, box["x"] + x, box["y"] + 60, canvas) for x in range(int(box["width"]))]
+    return (cursors.index("ew-resize") + 9) / float(box["width"])
 
 
 def _cursor(page: Any, x: float, y: float, canvas: str) -> str:
@@ -92,7 +113,7 @@ def _cursor(page: Any, x: float, y: float, canvas: str) -> str:
 
 
 def test_a_driver_of_a_vehicle_selects_the_children_that_have_it(page: Any, run: Run) -> None:
-    page.locator("#models td.cell").first.click()
+    page.locator("#models td.go").first.click()
     page.wait_for_selector(".chip")
     track, model = text(page, ".chip").removesuffix(" ×").split(" as ")
     vehicle = run.info["seed_scene"]["track_ids"].index(int(track))
@@ -103,7 +124,7 @@ def test_a_driver_of_a_vehicle_selects_the_children_that_have_it(page: Any, run:
 def test_commands_are_copied(page: Any) -> None:
     page.fill("#child", "7")
     page.locator("#child").blur()
-    page.click("[data-copy=view]")
+    page.click("[data-copy*=view]")
     page.wait_for_selector("#said:has-text('copied')")
     assert text(page, "#said").endswith("--child 7")
 

@@ -9,13 +9,16 @@ from base64 import b64encode
 from pathlib import Path
 
 import numpy as np
+import pyarrow.compute as pc
+import pytest
 
 from scex_sumo.evaluation.encounters import in_words
-from scex_sumo.reports.page.contents import report_contents
 from scex_sumo.reports.page.packing import second_sums, unpack
 from scex_sumo.reports.page.report import report_html, write_report
-from scex_sumo.reports.page.road_lines import SURFACE
+from scex_sumo.reports.page.road_lines import SURFACE, road_paths
+from scex_sumo.reports.page.run.contents import report_contents
 from scex_sumo.results.run import Run, open_run
+from scex_sumo.statistics.intervals import wilson_of
 
 DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')
 
@@ -43,7 +46,7 @@ def test_values_models_and_worst_events_are_those_of_the_tables(run: Run) -> Non
     info, arrays = report_contents(run)
     assert [metric["column"] for metric in info["metrics"]] == run.columns
     distance = run.metrics["distance"].to_numpy(zero_copy_only=False)
-    np.testing.assert_allclose(arrays["values"][:, 0], distance)
+    np.testing.assert_allclose(arrays["values"][0], distance)
     assert [info["models"][m] for m in arrays["levels"][7]] == run.models_of(7)
     known = {
         (row["child"], row["metric"], row["timestamp_ms"] / 100 - 10, row["track_id"], row["other_id"])
@@ -62,25 +65,34 @@ def test_values_models_and_worst_events_are_those_of_the_tables(run: Run) -> Non
 
 
 def test_the_road_around_the_vehicles_is_there(run: Run) -> None:
-    _, arrays = report_contents(run)
-    assert arrays["road_sizes"].sum() == len(arrays["road_points"])
-    assert (arrays["road_kinds"] == SURFACE).sum() > 20
-    assert 2 <= np.median(arrays["road_widths"][arrays["road_kinds"] == SURFACE]) * 0.05 <= 5
+    road = report_contents(run)[0]["road"]
+    surfaces = [group for group in road if group["kind"] == SURFACE]
+    assert sum(group["path"].count("M") for group in surfaces) > 20
+    assert all(2 <= group["width"] <= 6 for group in surfaces)
+    assert [group["kind"] for group in road] == sorted(group["kind"] for group in road)
+
+
+def test_a_line_of_the_road_begins_at_a_point_and_goes_on_in_steps(tmp_path: Path) -> None:
+    net = tmp_path / "map.net.xml"
+    net.write_text('<lane id="a_0" width="3.20" shape="10.00,-5.00 12.00,-5.00 12.00,-4.00"/>')
+    (group,) = road_paths(net, (0, 20, -10, 0))
+    assert group == {"kind": SURFACE, "width": 3.2, "path": "M200 -100l40 0 0 20"}
+    assert road_paths(net, (13, 20, -10, 0)) == []
 
 
 def test_a_result_without_its_net_is_shown_without_a_road(run: Run, tmp_path: Path) -> None:
     copy = tmp_path / "out"
     shutil.copytree(run.folder, copy)
     shutil.rmtree(copy / "sumo")
-    _, arrays = report_contents(open_run(copy))
-    assert len(arrays["road_sizes"]) == 0
+    info, _ = report_contents(open_run(copy))
+    assert info["road"] == []
 
 
 def test_encounters_and_collisions_are_those_of_the_run(run: Run) -> None:
-    info, arrays = report_contents(run)
+    info, _ = report_contents(run)
     collisions, encounters = run.table("collisions.parquet"), run.table("encounters.parquet").to_pylist()
-    assert arrays["collision_children"].tolist() == collisions["child"].to_pylist()
-    np.testing.assert_array_equal(arrays["collision_places"][:, 0], collisions["x"])
+    assert info["collisions"]["children"] == collisions["child"].to_pylist()
+    np.testing.assert_allclose([x for x, _ in info["collisions"]["places"]], collisions["x"], atol=0.00501)
     assert info["collision"]["count"] == len(collisions["child"].unique())
     ids = info["track_ids"]
     assert [(ids[a], ids[b]) for a, b in (row["pair"] for row in info["encounters"]["rows"])] == [
@@ -95,6 +107,37 @@ def test_metrics_of_the_likely_children_are_taken_where_they_are(run: Run, tmp_p
     shutil.copytree(run.folder, copy / "reference")
     arrays = report_contents(open_run(copy))[1]
     np.testing.assert_array_equal(arrays["likely"], arrays["values"])
+
+
+def test_curves_and_bands_are_those_of_the_table(run: Run) -> None:
+    info, arrays = report_contents(run)
+    table = run.table("densities.parquet")
+    for number, metric in enumerate(info["metrics"]):
+        rows = table.filter(pc.equal(table["metric"], metric["column"]))
+        assert bool(rows.num_rows) == (f"curve{number}" in arrays) == bool(metric["ticks"])
+        if not rows.num_rows:
+            continue
+        curve = arrays[f"curve{number}"]
+        begin = 2 if metric["view"][0] < rows["x"][0].as_py() else 0  # goes on to the ends of the view
+        assert (curve[:begin, 1:] == 0).all() and (curve[begin + rows.num_rows :, 1] == 0).all()
+        curve = curve[begin : begin + rows.num_rows]
+        for part, (name, unit) in enumerate({"x": 1e-3, "pdf": 1e-4, "cdf": 1e-4}.items()):
+            np.testing.assert_allclose(curve[:, part] * unit, rows[name], atol=0.51 * unit)
+        low, high = (np.clip(rows["cdf"].to_numpy() + sign * metric["band"], 0, 1) for sign in (-1, 1))
+        np.testing.assert_allclose(low, rows["low"], atol=1e-12)
+        np.testing.assert_allclose(high, rows["high"], atol=1e-12)
+        atoms = [(row["x"], row["atom"]) for row in rows.to_pylist() if row["atom"] > 0]
+        assert metric["atoms"] == atoms
+    assert any(metric["atoms"] for metric in info["metrics"])
+
+
+def test_intervals_elsewhere_are_those_of_the_design(run: Run) -> None:
+    metric = next(m for m in report_contents(run)[0]["metrics"] if m["column"] == "distance")
+    for share, number in metric["numbers"][:-1]:
+        critical = run.values("distance") <= np.sort(run.values("distance"))[round(share * run.children) - 1]
+        expected = run.intervals.share(critical)
+        assert wilson_of(share, number) == pytest.approx((expected.low, expected.high))
+    assert metric["numbers"][-1][0] == 1.0
 
 
 def test_the_page_refers_to_nothing_outside_and_runs_only_its_own_script(run: Run) -> None:

@@ -14,6 +14,7 @@ from shapely.affinity import rotate, translate
 
 from scex_sumo.reports.page.packing import pack
 from scex_sumo.reports.page.shell import asset
+from scex_sumo.statistics.atoms import split_atoms
 from scex_sumo.statistics.density import density, wilson
 
 NODE = shutil.which("node")
@@ -40,19 +41,28 @@ def test_packed_arrays_are_read() -> None:
     assert found == ["größer", [2, 2], [1, -2, 300, 4], [0.5, -1.25]]
 
 
-def test_densities_are_those_of_the_library() -> None:
-    samples = np.sort(np.random.default_rng(1).gamma(2, 1, 60)).round(3)
+def test_densities_of_a_selection_are_those_of_the_library() -> None:
+    rng = np.random.default_rng(1)
+    samples = np.concatenate([rng.gamma(2, 1, 60).round(3), np.full(20, 1.5), np.zeros(9)])
     x = np.linspace(-0.5, 6, 50)
-    found = evaluated(("data.js", "chart.js"), f"curveOf({samples.tolist()}, {x.tolist()}, 0.1)")
-    curve = density(samples, x=x)
-    # The page leaves out what is more than 5 bandwidths away.
-    np.testing.assert_allclose([point["density"] for point in found], curve.pdf, atol=1e-5)
-    np.testing.assert_allclose([point["below"] for point in found], curve.cdf, atol=1e-6)
+    atoms, rest = split_atoms(samples)
+    pairs = [[atom.value, atom.share] for atom in atoms]
+    found = evaluated(
+        ("data.js", "chart.js"),
+        f"curveOfSome({samples.tolist()}, {len(samples)}, {x.tolist()}, 0.1, true, {pairs})",
+    )
+    assert len(pairs) == 2
+    assert found["atoms"] == [pytest.approx(pair) for pair in pairs]
+    grid, pdf, below = np.array(found["points"]).T
+    assert grid.min() >= 0
+    expected = density(rest, x=grid, reflect=True).pdf * len(rest) / len(samples)
+    np.testing.assert_allclose(pdf, expected, atol=1e-9)
+    np.testing.assert_allclose(below, [(samples <= value).mean() for value in grid])
 
 
 @pytest.mark.parametrize(("successes", "count"), [(0, 10), (3, 10), (10, 10), (126, 385)])
 def test_intervals_are_those_of_the_library(successes: int, count: int) -> None:
-    found = evaluated(("data.js",), f"wilson({successes}, {count})")
+    found = evaluated(("data.js",), f"interval({successes} / {count}, {count})")
     expected = wilson(successes, count)
     assert [found["value"], found["low"], found["high"]] == pytest.approx(
         [expected.value, expected.low, expected.high], abs=1e-6

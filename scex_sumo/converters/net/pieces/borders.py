@@ -16,6 +16,7 @@ from scex_sumo.road import Lane
 # Such lanes overlap from the border on. Without a common approach SUMO would not notice, and vehicles would
 # be put inside each other. Of the lanes themselves the shortest edge that SUMO takes is enough, which keeps
 # the geometry; vehicles that enter get some room before the border.
+ENTRY = "entry"  # subtype of such a lane
 ENTRY_M = 0.1
 ROOM_M = 1.9
 TOGETHER_M = 0.1
@@ -95,6 +96,7 @@ def _piece(
     return replace(
         lane,
         lane_id=lane_id,
+        subtype=ENTRY,
         centreline=centreline,
         left_bound=centreline + across,
         right_bound=centreline - across,

@@ -1,147 +1,106 @@
-// Charts: densities and cumulative curves of a metric, brushed and with a threshold to drag.
+// Charts: density or cumulative curve of a metric from the run's tables, brushed and with a threshold to drag.
 
-// Normal distribution to 1e-7, with the error function of Abramowitz and Stegun 7.1.26.
-function normalBelow(z) {
-  const t = 1 / (1 + 0.3275911 * Math.abs(z) / Math.SQRT2);
-  const factors = [1.061405429, -1.453152027, 1.421413741, -0.284496736, 0.254829592];
-  const tail = factors.reduce((sum, factor) => t * (factor + sum), 0) * Math.exp(-z * z / 2);
-  return z < 0 ? tail / 2 : 1 - tail / 2;
+// A curve of the tables: points [x, density, share at or below x], in the units of curves.py, and atoms [value, share].
+function curveOf(found, atoms = []) {
+  const { values, shape } = found || { values: [], shape: [0] }, units = [1e-3, 1e-4, 1e-4];
+  return { points: Array.from({ length: shape[0] }, (_, i) => units.map((unit, k) => unit * values[3 * i + k])), atoms };
 }
 
-// Kernel density and cumulative curve at `xs`; infinite samples count, as in statistics/density.py.
-function curveOf(sorted, xs, width) {
-  const reach = 5 * width, count = sorted.length;
-  let first = 0, last = 0;
-  return xs.map((x) => {
-    while (first < count && sorted[first] < x - reach) first++;
-    while (last < count && sorted[last] <= x + reach) last++;
-    let density = 0, below = first;
-    for (let i = first; i < last; i++) {
-      const z = (x - sorted[i]) / width;
-      density += Math.exp(-0.5 * z * z) / Math.sqrt(2 * Math.PI);
-      below += normalBelow(z);
-    }
-    return { density: density / (count * width), below: below / count };
-  });
+// The same of some of `count` samples: kernels, folded back at 0, and how many have the atoms' values.
+function curveOfSome(values, count, xs, width, isFolded, atoms) {
+  const rest = values.filter((v) => atoms.every(([value]) => v !== value)), scale = 1 / (count * width * Math.sqrt(2 * Math.PI));
+  const kernels = (x, sign) => rest.reduce((sum, v) => sum + Math.exp(-0.5 * ((x - sign * v) / width) ** 2), 0) * scale;
+  return {
+    points: xs.filter((x) => x >= 0 || !isFolded).map((x) => [x, kernels(x, 1) + (isFolded && kernels(x, -1)), values.filter((v) => v <= x).length / values.length]),
+    atoms: atoms.map(([value]) => [value, values.filter((v) => v === value).length / count]),
+  };
 }
 
-const defined = (column, mask) => column.filter((value, c) => !Number.isNaN(value) && (!mask || mask[c])).sort();
-
-// Axis along the bottom of a chart, with about as many round numbers as have room; returns where the plot ends.
-function bottomAxis(context, width, height, low, high) {
-  const base = height - 16, raw = (high - low) / Math.max(2, width / 60), power = 10 ** Math.floor(Math.log10(raw));
-  const step = power * [1, 2, 5, 10].find((factor) => factor * power >= raw);
-  const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  paint(context, [[0, base + 0.5], [width, base + 0.5]], { stroke: theme.line, width: 1 });
-  for (let tick = Math.ceil(low / step); tick * step <= high; tick++) {
-    const x = (tick * step - low) / (high - low) * width;
-    write(context, (tick * step).toFixed(digits), clamp(x, 10, width - 10), height - 4);
-  }
+// Axis along the bottom of a chart with its ticks [value, words]; returns where the plot ends.
+function bottomAxis({ paint, write, width, height }, ticks, toX) {
+  const base = height - 16;
+  paint([[0, base + 0.5], [width, base + 0.5]], { stroke: "line", width: 1 });
+  for (const [value, words] of ticks) write(words, clamp(toX(value), 10, width - 10), height - 4);
   return base;
 }
 
-class MetricChart {
-  constructor(run, state, m) {
-    const metric = run.info.metrics[m], column = run.columns[m];
-    Object.assign(this, { run, state, m, metric, column, brush: null, drag: null });
-    this.sorted = defined(column);
-    this.likely = run.likely[m] && defined(run.likely[m]);
-    [this.low, this.high] = metric.view || [];
-    this.canvas = make("canvas", { ariaLabel: `Distribution of ${metric.name}` });
-    this.share = make("b");
-    const setLimit = ({ target: { value } }) => this.setLimit(value === "" ? null : Number(value));
-    this.limit = make("input", { type: "number", step: "any", title: "Threshold", onchange: setLimit });
-    this.note = make("span.soft");
-    this.element = make("div.chart", {},
-      make("header", {}, make("span", metric.unit ? `${metric.name} [${metric.unit}]` : metric.name),
-        make("span", {}, this.share, metric.side === "left" ? " ≤ " : " ≥ ", this.limit)), this.canvas, this.note);
-    this.canvas.onpointerdown = (event) => this.down(event);
-    this.canvas.onpointermove = (event) => this.move(event);
-    this.canvas.onpointerup = this.canvas.onpointercancel = () => { this.drag = null; };
-    this.canvas.ondblclick = () => this.select(null);
-  }
+function makeChart(run, state, element) {
+  const m = Number(element.dataset.metric), metric = run.info.metrics[m], column = run.columns[m], [limit, canvas] = all("input, canvas", element);
+  const drawn = curveOf(run.arrays[`curve${m}`], metric.atoms), likely = curveOf(run.arrays[`likely${m}`], metric.likely_atoms);
+  const { peak, most, view: [low, high] } = metric, [line] = all(`.share[data-metric="${m}"]`);
+  let brush = null, drag = null;
 
-  get threshold() { return this.state.thresholds[this.m]; }
-  toX(value) { return (value - this.low) / (this.high - this.low) * this.canvas.clientWidth; }
-  toValue(event) { return this.low + event.offsetX / this.canvas.clientWidth * (this.high - this.low); }
-  isOnLimit(event) { return this.threshold !== null && Math.abs(this.toX(this.threshold) - event.offsetX) < 9; }
+  const toX = (value) => (value - low) / (high - low) * canvas.clientWidth, toValue = (px) => low + px / canvas.clientWidth * (high - low);
+  const isNear = (px, value) => value !== null && Math.abs(toX(value) - px) < 9;
 
-  draw() {
-    const { context, width, height } = sharp(this.canvas), { bandwidth } = this.run.info, { state, column } = this;
-    this.describe();
-    if (!width || !this.metric.view) return;
-    const cumulative = state.curve === "cumulative", key = cumulative ? "below" : "density";
-    const base = bottomAxis(context, width, height, this.low, this.high);
-    const xs = Array.from({ length: Math.ceil(width / 2) + 1 }, (_, i) => this.low + 2 * i / width * (this.high - this.low));
-    const curve = (samples) => samples && samples.length ? curveOf(samples, xs, bandwidth).map((point) => point[key]) : [];
-    const chosen = state.count < this.run.children && defined(column, state.mask);
-    const drawn = curve(this.sorted), likely = curve(this.likely), picked = curve(chosen);
-    const top = cumulative ? 1 : 1.08 * Math.max(...drawn, ...likely);
-    const points = (ys, scale = 1) => ys.map((y, i) => [2 * i, base - clamp(y * scale / top, 0, 1) * (base - 4)]);
-    const area = (ys, below, fill, alpha) => paint(context, [...ys, ...below.reverse()], { fill, alpha });
-    const ground = () => [[0, base], [width, base]];
-
-    if (this.threshold !== null) {
-      const x = this.toX(this.threshold), end = this.metric.side === "left" ? 0 : width;
-      area([[x, 0], [end, 0]], [[x, base], [end, base]], theme.critical, 0.1);
+  function draw(isCumulative) {
+    const pen = sharp(canvas), { paint, write, width } = pen, threshold = state.thresholds[m], own = toX(column[state.child]);
+    if (!width || !metric.ticks.length) return;
+    const base = bottomAxis(pen, metric.ticks, toX), top = isCumulative ? 1 : 1.12 * peak;
+    const at = (x, y) => [toX(x), base - clamp(y / top, 0, 1) * (base - 4)], upright = (x, style) => paint([[x, 0], [x, base]], style);
+    const curveLine = ({ points }, more = 0) => points.map((point) => at(point[0], point[isCumulative ? 2 : 1] + more));
+    const area = (upper, lower, fill, alpha) => paint([...upper, ...lower.reverse()], { fill, alpha });
+    const box = (left, right, y, bottom, fill, alpha) => area([[left, y], [right, y]], [[left, bottom], [right, bottom]], fill, alpha);
+    const curve = (found, stroke, dash) => {
+      paint(curveLine(found), { stroke, dash });
+      if (isCumulative) return;
+      if (!dash) area(curveLine(found), curveLine(found).map(([x]) => [x, base]), stroke, 0.18);
+      for (const [x, share] of found.atoms) paint([at(x, 0), at(x, 0.86 * top * share / most)], { stroke, width: 3, dash });
+    };
+    if (threshold !== null) {
+      box(toX(threshold), metric.sign === "≤" ? 0 : width, 0, base, "critical", 0.1);
+      upright(toX(threshold), { stroke: "critical" });
+      box(toX(threshold) - 4, toX(threshold) + 4, base / 2 - 9, base / 2 + 9, "critical");
     }
-    if (cumulative) { // 95 % band (Dvoretzky, Kiefer, Wolfowitz)
-      const half = Math.sqrt(Math.log(40) / (2 * this.sorted.length));
-      area(points(drawn.map((y) => y + half)), points(drawn.map((y) => y - half)), theme.drawn, 0.18);
-    } else area(points(drawn), ground(), theme.drawn, 0.16);
-    paint(context, points(drawn), { stroke: theme.drawn });
-    paint(context, points(likely), { stroke: theme.likely, dash: [5, 3] });
-    const share = cumulative ? 1 : chosen.length / this.sorted.length;
-    if (!cumulative && picked.length) area(points(picked, share), ground(), theme.picked, 0.4);
-    paint(context, points(picked, share), { stroke: theme.picked });
-    this.drawMarks(context, base, width);
+    if (isCumulative) area(curveLine(drawn, metric.band), curveLine(drawn, -metric.band), "drawn", 0.2);
+    curve(drawn, "drawn");
+    curve(likely, "likely", [5, 3]);
+    const chosen = column.filter((value, c) => state.mask[c] && !Number.isNaN(value)), xs = Array.from({ length: width / 2 }, (_, i) => toValue(2 * i));
+    if (state.count < run.children && chosen.length) curve(curveOfSome(chosen, metric.defined, xs, run.info.bandwidth, metric.folded, drawn.atoms), "picked");
+    const [atom] = drawn.atoms.filter(([, share]) => share === most);
+    if (atom && !isCumulative) write(percent(most), clamp(toX(atom[0]), 16, width - 16), 9);
+    if (metric.recorded !== null) upright(toX(metric.recorded), { stroke: "recorded", dash: [5, 3] });
+    if (own >= 0) paint(circle([clamp(own, 4, width - 4), base - 4], 4), { fill: "picked" });
+    if (brush) box(...brush.map(toX), 0, base, "picked", 0.16);
   }
 
-  drawMarks(context, base, width) {
-    const upright = (value, style) => paint(context, [[this.toX(value), 0], [this.toX(value), base]], style);
-    const box = (from, to, y, high, fill, alpha) => paint(context, [[from, y], [to, y], [to, y + high], [from, y + high]], { fill, alpha });
-    if (this.metric.recorded !== null) upright(this.metric.recorded, { stroke: theme.recorded, dash: [5, 3] });
-    if (this.threshold !== null) {
-      upright(this.threshold, { stroke: theme.critical });
-      box(this.toX(this.threshold) - 4, this.toX(this.threshold) + 4, base / 2 - 9, 18, theme.critical);
+  function describe() { // P, here and in the verdict
+    const threshold = state.thresholds[m], isSet = threshold !== null, { value, low: least, high: most95, words } = state.share(m);
+    const likelyShare = run.likely[m] ? state.share(m, run.likely[m]).value : NaN;
+    if (document.activeElement !== limit) limit.value = isSet ? Number(threshold.toFixed(3)) : "";
+    for (const part of [element, line]) {
+      const said = part.querySelector("b");
+      said.textContent = isSet ? percent(value) : "";
+      said.title = `${words}; likely: ${percent(likelyShare)}`;
     }
-    const own = this.toX(this.column[this.state.child]);
-    if (this.state.child >= 0 && !Number.isNaN(own)) paint(context, circle([clamp(own, 4, width - 4), base - 4], 4), { fill: theme.picked });
-    if (this.brush) box(...this.brush.map((value) => this.toX(value)), 0, base, theme.picked, 0.16);
+    line.hidden = !isSet || metric.mean;
+    line.firstChild.textContent = `${metric.name} ${metric.sign} ${short(threshold)}`;
+    line.style.cssText = `--value: ${value}; --low: ${least}; --high: ${most95}; --chance: ${isMissing(likelyShare) ? -1 : likelyShare}`;
   }
 
-  describe() {
-    const share = this.state.share(this.m, this.column), { recorded } = this.metric;
-    const isSet = this.threshold !== null;
-    this.share.textContent = isSet ? percent(share.value) : "";
-    this.share.title = isSet ? `${share.critical} of ${share.count}; 95 %: ${range(share)}` : "";
-    if (document.activeElement !== this.limit) this.limit.value = isSet ? Number(this.threshold.toFixed(3)) : "";
-    this.note.textContent = [recorded !== null && `recorded ${short(recorded)}`,
-      this.sorted.length < share.count && `defined in ${this.sorted.length}/${share.count}`].filter(Boolean).join(", ");
+  function setLimit(value) {
+    state.thresholds[m] = value;
+    state.change({}, "thresholds");
   }
 
-  down(event) {
-    if (!this.metric.view) return;
-    this.canvas.setPointerCapture(event.pointerId);
-    this.drag = this.isOnLimit(event) ? { limit: true } : { from: this.toValue(event) };
+  // Brushes a range of values; without one it lets go.
+  function select(values) {
+    brush = values && values.sort((a, b) => a - b);
+    const words = values && `${metric.name}${metric.mean ? " mean" : ""} ${values.map((value) => short(value)).join(" – ")}`;
+    state.filter(select, words, values && ((c) => column[c] >= values[0] && column[c] <= values[1]));
   }
 
-  move(event) {
-    const { drag } = this, value = clamp(this.toValue(event), this.low, this.high);
-    if (!drag) this.canvas.style.cursor = this.isOnLimit(event) ? "ew-resize" : "crosshair";
-    else if (drag.limit) this.setLimit(value);
-    else if (Math.abs(this.toX(value) - this.toX(drag.from)) > 3) this.select([Math.min(value, drag.from), Math.max(value, drag.from)]);
-  }
-
-  setLimit(value) {
-    this.state.thresholds[this.m] = value;
-    this.state.change({}, "thresholds");
-  }
-
-  // Brushes a range of values; null lets go.
-  select(brush) {
-    this.brush = brush;
-    const [low, high] = brush || [], words = `${this.metric.name}${this.metric.mean ? " mean" : ""} ${short(low)} – ${short(high)}`;
-    this.state.filter(`metric ${this.m}`, words, brush && ((c) => this.column[c] >= low && this.column[c] <= high));
-  }
+  limit.onchange = () => setLimit(limit.value === "" ? null : Number(limit.value));
+  canvas.onpointerdown = ({ pointerId, offsetX }) => {
+    canvas.setPointerCapture(pointerId);
+    drag = { from: offsetX, isLimit: isNear(offsetX, state.thresholds[m]) };
+  };
+  canvas.onpointermove = ({ offsetX }) => {
+    const px = clamp(offsetX, 0, canvas.clientWidth);
+    if (!drag) canvas.style.cursor = isNear(px, state.thresholds[m]) ? "ew-resize" : "crosshair";
+    else if (drag.isLimit) setLimit(isNear(px, metric.threshold) ? metric.threshold : toValue(px)); // the run's own attracts
+    else if (Math.abs(px - drag.from) > 3) select([toValue(px), toValue(drag.from)]);
+  };
+  canvas.onpointerup = canvas.onpointercancel = () => { drag = null; };
+  return { element, metric, draw, describe };
 }

@@ -17,15 +17,16 @@ async function unpack(text) {
   return { info: head.info, arrays };
 }
 
-// Poses (rows, 1 + steps, 3) in m and rad of second differences after the start of each row's vehicle.
-function posesOf({ shape: [rows, steps], values }, start, ownerOf, units) {
+const UNITS = [0.01, 0.01, 0.001]; // of poses, m and rad, as in tracks.py
+
+// Poses (rows, 1 + steps, 3) of second differences after the start of each row's vehicle.
+function posesOf({ shape: [rows, steps], values }, start, ownerOf) {
   const poses = new Float64Array(rows * (steps + 1) * 3);
   for (let row = 0; row < rows; row++) {
     for (let k = 0; k < 3; k++) {
-      const unit = k < 2 ? units.position : units.heading;
       let change = 0, sum = start.values[ownerOf(row) * 3 + k];
       for (let t = 0; t <= steps; t++) {
-        poses[(row * (steps + 1) + t) * 3 + k] = sum * unit;
+        poses[(row * (steps + 1) + t) * 3 + k] = sum * UNITS[k];
         sum += change += values[(row * steps + t) * 3 + k];
       }
     }
@@ -33,22 +34,20 @@ function posesOf({ shape: [rows, steps], values }, start, ownerOf, units) {
   return poses;
 }
 
-// The run as the other parts ask for it; tracks are rows of `poses`, see `track`.
+// The run as the other parts ask for it; tracks are rows of `poses`.
 function runOf({ info, arrays }) {
-  const { start, motion, which, levels, sizes, values, likely, recorded } = arrays;
-  const [children, vehicles] = which.shape, frames = motion.shape[1] + 1, metrics = info.metrics.length;
-  const owner = new Int32Array(motion.shape[0]);
+  const { start, motion, which, levels, values, likely, recorded } = arrays;
+  const [children, vehicles] = which.shape, owner = new Int32Array(motion.shape[0]);
   which.values.forEach((row, i) => { owner[row] = i % vehicles; });
-  const columns = (table) => info.metrics.map((_, m) => table && table.values.filter((_, i) => i % metrics === m));
-  const size = (vehicle) => [0, 1].map((i) => sizes.values[2 * vehicle + i] * info.units.position);
+  const columns = (table) => info.metrics.map((_, m) => table && table.values.subarray(m * table.shape[1], (m + 1) * table.shape[1]));
   return {
-    info, arrays, children, vehicles, frames, owner, size,
-    poses: posesOf(motion, start, (row) => owner[row], info.units),
-    recorded: recorded && posesOf(recorded, start, (row) => row, info.units),
-    recordedFrames: recorded ? recorded.shape[1] + 1 : 0,
+    info, arrays, children, vehicles, owner,
+    frames: motion.shape[1] + 1,
+    poses: posesOf(motion, start, (row) => owner[row]),
+    recorded: recorded && posesOf(recorded, start, (row) => row),
     columns: columns(values),
     likely: columns(likely),
-    radius: Array.from({ length: vehicles }, (_, v) => Math.hypot(...size(v)) / 2),
+    radius: (vehicle) => Math.hypot(...info.sizes[vehicle]) / 2,
     id: (vehicle) => info.track_ids[vehicle],
     track: (child, vehicle) => which.values[child * vehicles + vehicle],
     model: (child, vehicle) => levels.values[child * vehicles + vehicle],
@@ -62,18 +61,18 @@ function poseAt(poses, frames, row, step) {
   return [0, 1, 2].map((k) => poses[a + k] + part * (poses[b + k] - poses[a + k]));
 }
 
-// Share with its 95 % score interval (Wilson 1927).
-function wilson(successes, count) {
-  if (!count) return { value: NaN, low: 0, high: 1 };
-  const z2 = 1.959964 ** 2, share = successes / count, middle = (successes + z2 / 2) / (count + z2);
-  const half = Math.sqrt(z2 * (share * (1 - share) * count + z2 / 4)) / (count + z2);
-  return { value: share, low: successes ? middle - half : 0, high: successes < count ? middle + half : 1 };
+// Share with the 95 % score interval (Wilson 1927) of as many independent children.
+function interval(value, number) {
+  const z2 = 1.959964 ** 2, middle = (value * number + z2 / 2) / (number + z2);
+  const half = Math.sqrt(z2 * (value * (1 - value) * number + z2 / 4)) / (number + z2);
+  return { value, low: value > 0 ? middle - half : 0, high: value < 1 ? middle + half : 1 };
 }
 
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
+const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
+const sum = (values) => values.reduce((total, value) => total + value, 0);
 const isMissing = (value) => value === null || value === undefined || Number.isNaN(value);
 const percent = (share) => isMissing(share) ? "–" : `${(100 * share).toFixed(share > 0 && share < 0.0995 ? 1 : 0)} %`;
 const range = ({ low, high }) => `${percent(low)} – ${percent(high)}`;
 const short = (value, digits = 2) => isMissing(value) ? "–" : Number.isFinite(value) ? value.toFixed(digits) : "∞";
 const seconds = (step) => `${(step / 10).toFixed(1)} s`;
-const some = (count, noun, nouns = `${noun}s`) => `${count} ${count === 1 ? noun : nouns}`;

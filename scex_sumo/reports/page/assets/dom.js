@@ -1,6 +1,7 @@
 // Elements and canvases: how a page makes, colours and draws them.
 
 const byId = (id) => document.getElementById(id);
+const all = (selector, root = document) => [...root.querySelectorAll(selector)];
 
 // An element: tag with class names after dots, its text or its properties, children.
 function make(tag, properties, ...children) {
@@ -9,33 +10,43 @@ function make(tag, properties, ...children) {
   if (typeof properties === "string") element.textContent = properties;
   else Object.assign(element, properties);
   element.classList.add(...classes);
-  element.append(...children.filter((child) => child));
+  element.append(...children);
   return element;
 }
 
-// Colours of the present theme, by the names of page.css; read once per theme.
-const theme = new Proxy({ known: {} }, {
-  get(target, name) {
-    if (name === "forget") return () => { target.known = {}; };
-    return target.known[name] ??= getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-  },
-});
+// Colour of the present theme by its name in page.css, or as it is.
+const styles = getComputedStyle(document.documentElement);
+const inked = (color) => color && (styles.getPropertyValue(`--${color}`) || color);
 
-// A canvas as sharp as the screen: its context in CSS pixels, cleared, with its size.
-function sharp(canvas) {
-  const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
-  const size = { width: Math.round(width * ratio), height: Math.round(height * ratio) };
-  if (canvas.width !== size.width || canvas.height !== size.height) Object.assign(canvas, size);
-  const context = canvas.getContext("2d");
-  context.setTransform(ratio, 0, 0, ratio, 0, 0);
-  context.clearRect(0, 0, width, height);
-  return { context, width, height, ratio };
+// A pen for a cleared canvas as sharp as the screen, in CSS pixels.
+function sharp(canvas, { clientWidth: width, clientHeight: height } = canvas) {
+  const ratio = window.devicePixelRatio, context = canvas.getContext("2d");
+  Object.assign(canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
+  context.scale(ratio, ratio);
+
+  // Fills and strokes a path, or a line through points.
+  function paint(shape, { fill, stroke, width: lineWidth = 1.5, dash = [], alpha = 1 }) {
+    const path = shape instanceof Path2D ? shape : pathOf(shape);
+    Object.assign(context, { globalAlpha: alpha, fillStyle: inked(fill), strokeStyle: inked(stroke), lineWidth });
+    context.setLineDash(dash);
+    if (fill) context.fill(path);
+    if (stroke) context.stroke(path);
+    context.globalAlpha = 1;
+  }
+
+  function write(words, x, y, { fill = "soft", align = "center", font = "11px system-ui", halo } = {}) {
+    Object.assign(context, { fillStyle: inked(fill), textAlign: align, font, strokeStyle: inked(halo), lineWidth: 3.5, lineJoin: "round" });
+    if (halo) context.strokeText(words, x, y);
+    context.fillText(words, x, y);
+  }
+
+  return { context, paint, write, width, height, ratio };
 }
 
-function pathOf(points, closed = false) {
+function pathOf(points, isClosed = false) {
   const path = new Path2D();
   for (const [x, y] of points) path.lineTo(x, y);
-  if (closed) path.closePath();
+  if (isClosed) path.closePath();
   return path;
 }
 
@@ -45,51 +56,14 @@ function circle([x, y], radius) {
   return path;
 }
 
-// Fills and strokes a path, or a line through points.
-function paint(context, shape, { fill, stroke, width = 1.5, dash = [], alpha = 1 }) {
-  const path = shape instanceof Path2D ? shape : pathOf(shape);
-  Object.assign(context, { globalAlpha: alpha, fillStyle: fill, strokeStyle: stroke, lineWidth: width });
-  context.setLineDash(dash);
-  if (fill) context.fill(path);
-  if (stroke) context.stroke(path);
-  context.globalAlpha = 1;
-}
-
-function write(context, words, x, y, { fill = theme.soft, align = "center", font = "11px system-ui", halo } = {}) {
-  Object.assign(context, { fillStyle: fill, textAlign: align, font, strokeStyle: halo, lineWidth: 3.5, lineJoin: "round" });
-  if (halo) context.strokeText(words, x, y);
-  context.fillText(words, x, y);
-}
-
-function say(words) {
-  byId("said").textContent = words;
-  setTimeout(() => { byId("said").textContent = ""; }, 3000);
-}
-
-async function copy(words) {
-  try {
-    await navigator.clipboard.writeText(words);
-  } catch { // a page from disk may not write there
-    const box = make("textarea", { value: words });
-    document.body.append(box);
-    box.select();
-    document.execCommand("copy");
-    box.remove();
-  }
-  say(`copied: ${words}`);
-}
+const say = (words) => { byId("said").textContent = words; };
 
 function save(blob, name) {
-  const link = make("a", { href: URL.createObjectURL(blob), download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  make("a", { href: URL.createObjectURL(blob), download: name }).click();
   say(`saved ${name}`);
 }
 
-// What is drawn again when colours change: the theme, and light ones for paper.
+// What is drawn again when colours change: by the theme, or on paper.
 function onTheme(redraw) {
-  const again = () => { theme.forget(); redraw(); };
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
-  addEventListener("beforeprint", () => { document.documentElement.dataset.print = ""; again(); });
-  addEventListener("afterprint", () => { delete document.documentElement.dataset.print; again(); });
+  for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", redraw);
 }

@@ -1,15 +1,13 @@
 // State of a page: what is chosen, and who is told when that changes.
 
 function makeState(run) {
-  const listeners = [], pending = new Set();
+  const pending = new Set(), filters = new Map();
   const state = {
-    step: 0, child: -1, pair: null, focus: -1, playing: false, curve: "density",
-    show: { ids: true, ghosts: true, paths: true, recorded: true, heat: false },
+    step: 0, child: -1, pair: null, focus: -1, playing: false, filters,
     thresholds: run.info.metrics.map((metric) => metric.threshold),
-    filters: new Map(), selection: 0, mask: new Uint8Array(run.children).fill(1), count: run.children,
+    selection: 0, mask: new Uint8Array(run.children).fill(1), count: run.children,
 
-    // Calls back with the set of names that changed, once per frame.
-    listen(callback) { listeners.push(callback); },
+    // Takes values, and tells at most once per frame, with a test for names, what has changed since.
     change(values, ...names) {
       Object.assign(state, values);
       if (!pending.size) requestAnimationFrame(state.tell);
@@ -18,37 +16,35 @@ function makeState(run) {
     tell() {
       const changed = new Set(pending);
       pending.clear();
-      for (const callback of listeners) callback(changed);
+      state.onChange((...names) => names.some((name) => changed.has(name)));
     },
 
     seek(step) { state.change({ step: clamp(step, 0, run.frames - 1), playing: false }); },
 
-    // Selects the children that a filter keeps, together with all other filters; null takes it away.
+    // Selects the children that a filter keeps, together with all other filters; without a test it goes.
     filter(key, words, keeps) {
-      if (keeps) state.filters.set(key, { words, keeps });
-      else state.filters.delete(key);
-      const tests = [...state.filters.values()].map((entry) => entry.keeps);
-      state.mask = state.mask.map((_, c) => tests.every((test) => test(c)));
-      state.selection++;
-      state.change({ count: state.mask.reduce((sum, kept) => sum + kept, 0) }, "mask");
+      if (keeps) filters.set(key, { words, keeps });
+      else filters.delete(key);
+      state.mask = state.mask.map((_, c) => [...filters.values()].every((entry) => entry.keeps(c)));
+      state.change({ selection: state.selection + 1, count: sum(state.mask) });
     },
-    selected(offset) { // the next of the selected children, in a circle
-      const start = state.child < 0 && offset < 0 ? 0 : state.child;
-      for (let i = 1; i <= run.children; i++) {
-        const child = (start + offset * i + 2 * run.children) % run.children;
-        if (state.mask[child]) return child;
-      }
-      return state.child;
+    nextChild(isBack) { // of the selected ones, in a circle
+      const chosen = [...state.mask.keys()].filter((c) => state.mask[c]);
+      const next = isBack ? chosen.findLast((c) => c < state.child) : chosen.find((c) => c > state.child);
+      state.change({ child: next ?? chosen.at(isBack ? -1 : 0) ?? -1 });
     },
 
     isCritical(m, value, limit = state.thresholds[m]) {
       if (limit === null || isMissing(value)) return false;
-      return run.info.metrics[m].side === "left" ? value <= Math.fround(limit) : value >= Math.fround(limit);
+      return run.info.metrics[m].sign === "≤" ? value <= Math.fround(limit) : value >= Math.fround(limit);
     },
-    share(m, column) { // critical among all; where a metric is undefined, nothing is critical
-      const critical = column.filter((value) => state.isCritical(m, value)).length, { p, threshold } = run.info.metrics[m];
-      const isOwn = p && column === run.columns[m] && state.thresholds[m] === threshold; // the library's interval
-      return { ...(isOwn ? p : wilson(critical, column.length)), critical, count: column.length };
+    // Critical share of all children; at the run's own threshold as its tables have it, elsewhere with the
+    // number of independent children that the design is worth there.
+    share(m, column = run.columns[m]) {
+      const { p, threshold, numbers } = run.info.metrics[m], critical = column.filter((value) => state.isCritical(m, value)).length;
+      const value = critical / column.length, isOwn = p && column === run.columns[m] && state.thresholds[m] === threshold;
+      const found = isOwn ? p : interval(value, numbers.find(([share]) => share >= value)[1]);
+      return { ...found, words: `${critical} of ${column.length} children; 95 %: ${range(found)}` };
     },
   };
   return state;

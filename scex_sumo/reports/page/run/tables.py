@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
@@ -16,7 +15,6 @@ from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
-REFERENCE = "reference"
 _NAMED = 4
 COLLISION = -1
 """Number of collisions among the metrics of a page."""
@@ -82,13 +80,11 @@ def _event(
     }
 
 
-def collision_arrays(run: Run) -> dict[str, NDArray[Any]]:
-    """Collisions: ``collision_children`` (n,) and ``collision_places`` (n, 2) in m; none where unknown."""
-    table = optional_table(run, COLLISIONS)
-    if table is None:
-        return {}
-    places = np.stack([np.asarray(table["x"]), np.asarray(table["y"])], axis=1)
-    return {"collision_children": np.asarray(table["child"]), "collision_places": places}
+def collision_places(run: Run) -> dict[str, Any]:
+    """Collisions: ``children`` and ``places``, x and y in m; none where unknown."""
+    rows = _rows(optional_table(run, COLLISIONS))
+    places = [(round(row["x"], 2), round(row["y"], 2)) for row in rows]
+    return {"children": [row["child"] for row in rows], "places": places}
 
 
 def collision_share(run: Run) -> dict[str, Any] | None:
@@ -135,29 +131,20 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     return {"columns": columns, "rows": rows}
 
 
-def likely_values(run: Run, columns: Sequence[str]) -> FloatArray | None:
-    """(C, M) values of the likely children, NaN where undefined; None where they were not run."""
-    if not (run.folder / REFERENCE / "run.json").is_file():
-        return None
-    return metric_values(Run(run.folder / REFERENCE).metrics, columns)
-
-
 def likely_collisions(run: Run) -> float | None:
     """Share of the likely children that collide; None where that is not known."""
-    if not (run.folder / REFERENCE / "run.json").is_file():
-        return None
-    share = collision_share(Run(run.folder / REFERENCE))
+    share = None if run.reference is None else collision_share(run.reference)
     return None if share is None else float(share["value"])
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
-    """(C, M) columns of a table of metrics; NaN where undefined or not there."""
+    """(M, C) columns of a table of metrics; NaN where undefined or not there."""
     missing = np.full(table.num_rows, np.nan)
     parts = [
         table[name].to_numpy(zero_copy_only=False) if name in table.column_names else missing
         for name in columns
     ]
-    return np.stack([np.asarray(part, dtype=np.float64) for part in parts], axis=1)
+    return np.stack([np.asarray(part, dtype=np.float64) for part in parts])
 
 
 def _rows(table: pa.Table | None) -> list[dict[str, Any]]:

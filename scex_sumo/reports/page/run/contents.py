@@ -8,26 +8,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import ScexError
-from scex_sumo.reports.page.metric_columns import metric_words
 from scex_sumo.reports.page.packing import quantized, second_sums
-from scex_sumo.reports.page.road_lines import UNIT_M, road_arrays
-from scex_sumo.reports.page.tables import (
-    collision_arrays,
+from scex_sumo.reports.page.road_lines import road_paths
+from scex_sumo.reports.page.run.curves import curve_arrays, curve_words, densities_of, effective_numbers
+from scex_sumo.reports.page.run.metric_columns import metric_words
+from scex_sumo.reports.page.run.tables import (
+    collision_places,
     collision_share,
     encounter_table,
     event_table,
     likely_collisions,
-    likely_values,
     metric_values,
 )
-from scex_sumo.reports.page.tracks import HEADING_RAD, POSITION_M, unique_tracks, whole_tracks
+from scex_sumo.reports.page.svg import ticks
+from scex_sumo.reports.page.tracks import POSITION_M, UniqueTracks, unique_tracks, whole_tracks
 from scex_sumo.results.run import Run
-from scex_sumo.scene import HISTORY_STEPS, SeedScene
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH
 from scex_sumo.world.colors import model_colors
 
+FAR_M = 1e6
+"""Where vehicles are that have left."""
 _AROUND_M = 60.0
 
 
@@ -45,22 +48,29 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     track_ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
     levels, models = _assignment(run, len(track_ids))
     metrics = [metric_words(run, column) for column in run.columns]
+    curves, numbers = densities_of(run), effective_numbers(run, [metric["side"] for metric in metrics])
+    likely = None if run.reference is None else densities_of(run.reference)
+    for metric, number in zip(metrics, numbers, strict=True):
+        metric |= {"numbers": number, **curve_words(curves, likely, metric["column"])}
+    views = {metric["column"]: metric["view"] for metric in metrics}
     tracks = unique_tracks(run)
     arrays: dict[str, Any] = {
         "start": tracks.start,
         "motion": tracks.motion,
         "which": tracks.which,
         "levels": levels,
-        "sizes": quantized(np.stack([scene.length, scene.width], axis=1), POSITION_M),
         "values": metric_values(run.metrics, run.columns),
-        **collision_arrays(run),
+        **curve_arrays(curves, "curve", views),
         **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
-        **road_arrays(_net(run), _box(tracks.start, tracks.motion)),
     }
-    likely = likely_values(run, run.columns)
-    if likely is not None:
-        arrays["likely"] = likely
-    return _words(run, scene, track_ids, models, metrics), arrays
+    if run.reference is not None:
+        arrays["likely"] = metric_values(run.reference.metrics, run.columns)
+        arrays |= curve_arrays(likely, "likely", views)
+    box = _box(tracks)
+    left, right, low, high = box
+    around = (left - _AROUND_M, right + _AROUND_M, low - _AROUND_M, high + _AROUND_M)
+    seen = {"box": box, "road": road_paths(_net(run), around)}
+    return _words(run, scene, track_ids, models, metrics) | seen, arrays
 
 
 def _words(
@@ -76,7 +86,6 @@ def _words(
         "steps": int(run.info["steps"]),
         "folder": str(run.folder),
         "command": shlex.join([str(word) for word in command]),
-        "quoted": shlex.quote(str(run.folder)),
         "version": run.info.get("scex_sumo", ""),
         "seed": run.info.get("seed"),
         "design": run.info.get("design"),
@@ -84,12 +93,14 @@ def _words(
         "notes": [*known.get("notes", []), *run.info.get("net_notes", []), *run.info.get("run_notes", [])],
         "track_ids": track_ids,
         "types": list(scene.types),
+        "sizes": np.stack([scene.length, scene.width], axis=1).round(2).tolist(),
         "models": models,
         "colors": ["#{:02x}{:02x}{:02x}".format(*color) for color in model_colors(models)],
         "metrics": metrics,
+        "ticks": [(value, f"{words} s") for value, words in ticks(0, int(run.info["steps"]) * STEP_S)],
         "bandwidth": BANDWIDTH,
-        "units": {"position": POSITION_M, "heading": HEADING_RAD, "road": UNIT_M},
         "collision": collision_share(run),
+        "collisions": collision_places(run),
         "encounters": encounter_table(run, track_ids),
         "events": event_table(run, track_ids, [metric["side"] for metric in metrics]),
         "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
@@ -104,28 +115,37 @@ def _assignment(run: Run, vehicles: int) -> tuple[IntArray, list[str]]:
 
 
 def _recorded_arrays(scene: SeedScene, start: IntArray, steps: int) -> dict[str, NDArray[Any]]:
-    """The recorded future as far as the children go, and who else was there."""
+    """The recorded future, and who else was there, as far as the children go; who has left is far away."""
     arrays: dict[str, NDArray[Any]] = {}
     if scene.future is not None and scene.future.shape[1]:
         valid = scene.future_valid
         there = np.ones(scene.future.shape, dtype=bool) if valid is None else valid
-        future = scene.future.map(lambda values: np.where(there, values, 0.0)[:, :steps])
-        arrays["recorded"] = whole_tracks(future, start)
-        arrays["recorded_valid"] = there[:, :steps].astype(np.int8)
+        arrays["recorded"] = whole_tracks(scene.future.map(lambda v: _steps(v, there, 0, steps)), start)
     others = scene.obstacles
+    arrays["others"] = np.zeros((0, steps + 1, 2), dtype=np.int64)
     if others is not None:
-        part = slice(HISTORY_STEPS, HISTORY_STEPS + steps + 1)
-        places = np.stack([others.states.x[:, part], others.states.y[:, part]], axis=-1)
-        arrays["others"] = quantized(np.where(others.present[:, part, None], places, 0.0), POSITION_M)
-        arrays["others_present"] = others.present[:, part].astype(np.int8)
+        there, known = others.present, (others.states.x, others.states.y)
+        places = [_steps(values, there, HISTORY_STEPS, HISTORY_STEPS + steps + 1) for values in known]
+        arrays["others"] = quantized(np.stack(places, axis=-1), POSITION_M)
     return arrays
 
 
-def _box(start: IntArray, motion: IntArray) -> tuple[float, float, float, float]:
-    """Around everything that moves, m."""
-    reach: FloatArray = np.abs(second_sums(motion)[:, :, :2]).max(axis=(0, 1)) * POSITION_M + _AROUND_M
-    low, high = start[:, :2].min(axis=0) * POSITION_M, start[:, :2].max(axis=0) * POSITION_M
-    return low[0] - reach[0], high[0] + reach[0], low[1] - reach[1], high[1] + reach[1]
+def _steps(values: FloatArray, there: BoolArray, first: int, stop: int) -> FloatArray:
+    """(N, stop - first) of the values of each step; far away where nothing was recorded."""
+    found: FloatArray = np.full((len(values), stop - first), FAR_M)
+    part = np.where(there, values, FAR_M)[:, first:stop]
+    found[:, : part.shape[1]] = part
+    return found
+
+
+def _box(tracks: UniqueTracks) -> tuple[float, float, float, float]:
+    """Least and largest x, least and largest y of everything that moves, m."""
+    owner = np.empty(len(tracks.motion), dtype=np.int64)
+    owner[tracks.which] = np.arange(tracks.which.shape[1])
+    moved = second_sums(tracks.motion[..., :2])
+    centres = np.asarray((tracks.start[owner, None, :2] + moved) * POSITION_M)
+    (left, low), (right, high) = centres.min(axis=(0, 1)).tolist(), centres.max(axis=(0, 1)).tolist()
+    return left, right, low, high
 
 
 def _net(run: Run) -> Any:

@@ -10,6 +10,7 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import UsageError
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.registry import metric_of
+from scex_sumo.reports.page.svg import ticks
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import BANDWIDTH
 
@@ -19,13 +20,17 @@ _SPREAD = 0.25
 
 
 def metric_words(run: Run, column: str) -> dict[str, Any]:
-    """One metric column: its name, unit and side, limits, and the range of values that is drawn."""
+    """One metric column: its name, unit and side, limits, and the range of values that is drawn.
+
+    ``folded`` says whether its density has been folded back at 0, ``defined`` in how many children it is.
+    """
     found, rest = _known_metric(column.removesuffix("_mean"))
     is_known = run.recorded is not None and column in run.recorded.column_names
     recorded = run.recorded_value(column) if is_known else None
     threshold = run.thresholds.get(column)
     side = found.side if found else "left"
     samples = np.sort(run.samples(column))
+    view = _view(samples, [recorded, threshold])
     share = run.p_critical(column) if threshold is not None and samples.size else None
     return {
         "column": column,
@@ -33,11 +38,15 @@ def metric_words(run: Run, column: str) -> dict[str, Any]:
         "unit": found.column_unit if found else "",
         "mean": column.endswith("_mean"),
         "side": side,
+        "sign": "≤" if side == "left" else "≥",
         "threshold": threshold,
         "p": None if share is None else {"value": share.value, "low": share.low, "high": share.high},
         "tenth": _worst_tenth(samples, side),
         "recorded": recorded,
-        "view": _view(samples[np.isfinite(samples)], [recorded, threshold]),
+        "defined": int(samples.size),
+        "folded": bool(run.info.get("reflect", True)) and bool(samples.size) and bool(samples[0] >= 0),
+        "view": view or (0.0, 1.0),
+        "ticks": ticks(*view) if view else [],
     }
 
 
@@ -60,13 +69,14 @@ def _worst_tenth(samples: FloatArray, side: str) -> float | None:
     return float(np.quantile(samples, level, method="inverted_cdf"))
 
 
-def _view(samples: FloatArray, marks: list[float | None]) -> tuple[float, float] | None:
-    """Where most of the samples are, with recorded value and threshold if near; None without samples.
+def _view(values: FloatArray, marks: list[float | None]) -> tuple[float, float] | None:
+    """Where most of the finite values are, with recorded value and threshold if near; None without any.
 
     Args:
-        samples: (n,) finite, ascending.
+        values: (n,) ascending.
         marks: that should be seen.
     """
+    samples = values[np.isfinite(values)]
     if not samples.size:
         return None
     first, third = np.quantile(samples, (0.25, 0.75))

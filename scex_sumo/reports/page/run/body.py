@@ -1,0 +1,152 @@
+"""Body of a run's report: the words that stand in it before any script has run."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping, Sequence
+from string import Template
+from typing import Any
+
+from scex_sumo.reports.page.html import Html, element, joined
+from scex_sumo.reports.page.shell import asset
+from scex_sumo.reports.tables.runs import counted
+
+_WORST = 3
+_SECONDS_A_STEP = 0.1
+
+
+def run_body(info: Mapping[str, Any], *cards: Html) -> str:
+    """HTML of the body, from what `report_contents` says, with more cards at the end."""
+    place = info["location"] if info["location"] != info["name"] else ""
+    about = [
+        counted(len(info["track_ids"]), "vehicle"),
+        counted(info["children"], "child scenario"),
+        f"{info['steps'] * _SECONDS_A_STEP:.1f} s ahead",
+        place,
+    ]
+    return Template(asset("report.html")).substitute(
+        name=element("span", info["name"]),
+        about=joined(" · ".join(part for part in about if part)),
+        verdict=joined(_collision_card(info), _share_card(info), _encounter_card(info)),
+        charts=joined(*(_chart(info, number) for number in range(len(info["metrics"])))),
+        legend=_legend(info),
+        recorded="" if info["has_recorded"] else " hidden",
+        focus=_focus_options(info),
+        copies=_copies(info),
+        notes=joined(*cards, _notes(info["notes"])),
+        foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
+    )
+
+
+def percent(share: float) -> str:
+    """A share in percent, with a digit after the point where it is small."""
+    return f"{100 * share:.{1 if 0 < share < 0.0995 else 0}f} %"
+
+
+def _collision_card(info: Mapping[str, Any]) -> Html:
+    found, likely = info["collision"], info["likely_collisions"]
+    if found is None:
+        words = element("p.soft", "not in this result; run it again")
+        return element("div.card", element("h2", "P(collision)"), element("div.big", "–"), words)
+    of = f"{found['count']} of {counted(info['children'], 'child scenario')}; "
+    sure = element("span.nowrap", f"95 %: {percent(found['low'])} – {percent(found['high'])}")
+    parts = [
+        element("h2", "P(collision)"),
+        element("div.big.hot" if found["count"] else "div.big", percent(found["value"])),
+        element("p.soft", of, sure),
+    ]
+    if likely is not None:
+        parts.append(element("p", f"likely: {percent(likely)}"))
+    return element("div.card", *parts)
+
+
+def _share_card(info: Mapping[str, Any]) -> Html:
+    """P(critical) of each metric as a bar: possible, its interval, likely."""
+    bar = element("div.bar", *(element(f"i.{kind}") for kind in ("drawn", "range", "likely")))
+    lines = [
+        element("div.share", element("span"), bar, element("b"), data_metric=number, hidden=True)
+        for number in range(len(info["metrics"]))
+    ]
+    likely = "; violet: likely" if info["likely_collisions"] is not None else ""
+    about = element("p.soft", f"Blue: possible; line: 95 %{likely}. {_recorded_words(info['metrics'])}")
+    return element("div.card", element("h2", "P(critical)"), *lines, about)
+
+
+def _recorded_words(metrics: Sequence[Mapping[str, Any]]) -> str:
+    """By what the recorded future was critical."""
+    judged = [m for m in metrics if None not in (m["recorded"], m["threshold"]) and not m["mean"]]
+    if not judged:
+        return "What really happened was not recorded."
+    names = [
+        f"{m['name']} {m['sign']} {m['threshold']:.2f}"
+        for m in judged
+        if (m["recorded"] <= m["threshold"] if m["side"] == "left" else m["recorded"] >= m["threshold"])
+    ]
+    return (
+        f"The recorded future had {', '.join(names)}." if names else "The recorded future was not critical."
+    )
+
+
+def _chart(info: Mapping[str, Any], number: int) -> Html:
+    """One metric with the threshold that can be typed or dragged."""
+    metric = info["metrics"][number]
+    name = metric["name"] + (f" [{metric['unit']}]" if metric["unit"] else "")
+    limit = element("input", type="number", step="any", title="Threshold", aria_label=f"Threshold of {name}")
+    recorded = [] if metric["recorded"] is None else [f"recorded {metric['recorded']:.2f}"]
+    rare = metric["defined"] < info["children"]
+    defined = [f"defined in {metric['defined']} of {info['children']} children"] if rare else []
+    return element(
+        "div.chart",
+        element("header", element("span", name), element("span", element("b"), f" {metric['sign']} ", limit)),
+        element("canvas", aria_label=f"Distribution of {name}", hidden=not metric["ticks"]),
+        element("p.soft", ", ".join([*recorded, *defined])),
+        data_metric=number,
+        hidden=metric["mean"],
+    )
+
+
+def _encounter_card(info: Mapping[str, Any]) -> Html:
+    rows = info["encounters"]["rows"][:_WORST]
+    buttons = [
+        element("li", element("button", row["words"], data_encounter=number))
+        for number, row in enumerate(rows)
+    ]
+    shown = element("ol", *buttons) if rows else element("p", "Nobody meets anybody.")
+    return element("div.card", element("h2", "Worst encounters"), shown)
+
+
+def _legend(info: Mapping[str, Any]) -> Html:
+    models = [
+        element("div", element("svg", element("rect", width="14", height="8", rx="2", fill=color)), model)
+        for model, color in zip(info["models"], info["colors"], strict=True)
+    ]
+    recorded = [element("div", element("i.outline"), "recorded")] if info["has_recorded"] else []
+    return joined(*models, *recorded)
+
+
+def _focus_options(info: Mapping[str, Any]) -> Html:
+    """What the children can be judged by: collisions and metrics that have an event at all."""
+    names = ["collision", *(m["name"] + (" (mean)" if m["mean"] else "") for m in info["metrics"])]
+    known = {row["metric"] for row in info["events"]["rows"]}
+    options = [element("option", name, value=m) for m, name in enumerate(names, -1) if m in known]
+    return joined(*options)
+
+
+def _copies(info: Mapping[str, Any]) -> Html:
+    """Buttons that copy a command of the terminal; CHILD stands for the child that is shown."""
+    folder = shlex.quote(info["folder"])
+    commands = {
+        "open in sumo-gui": f"scex-sumo view {folder} --child CHILD",
+        "export child": f"scex-sumo export {folder} --child CHILD --to fcd",
+        "run again": info["command"],
+    }
+    return joined(
+        *(element("button", f"copy: {name}", data_copy=text) for name, text in commands.items() if text)
+    )
+
+
+def _notes(notes: list[str]) -> Html:
+    if not notes:
+        return Html()
+    lines = element("ul", *(element("li", note) for note in notes), id="notes")
+    return element("section.card", element("h2", "Notes"), lines)

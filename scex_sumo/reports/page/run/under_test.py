@@ -1,0 +1,92 @@
+"""Vehicles under test in a report: their own encounters, with the models under test and without."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.metrics.registry import COLLISION, critical_columns
+from scex_sumo.reports.page.density_plot import cumulative_plot, metric_title, span
+from scex_sumo.reports.page.html import Html
+from scex_sumo.reports.page.study import Table, card, place, plots, table
+from scex_sumo.reports.page.svg import legend
+from scex_sumo.results.run import Run
+from scex_sumo.results.under_test import Driven, UnderTest
+from scex_sumo.statistics.paired import holm
+
+TABLE = "under-test"
+_KINDS: dict[Driven, str] = {"under_test": "picked", "baseline": "drawn"}
+
+
+def under_test_card(run: Run) -> Html:
+    """Part of a report about the vehicles under test; empty where there are none, or no baseline."""
+    if run.baseline is None or not run.info.get("under_test"):
+        return Html()
+    tested = run.under_test
+    columns = [column for column in critical_columns(tested.columns) if column != COLLISION]
+    return card(
+        f"Under test, {tested.label}",
+        "Only encounters of the vehicles under test count here. Without: the same children, the same other "
+        "drivers, with these vehicles driven as drawn. Curves: share of the children up to a value, with "
+        "its 95 % band.",
+        place(TABLE),
+        legend([("picked", "with the driver under test"), ("drawn", "without")]),
+        plots(*(_chart(tested, column, run.thresholds.get(column)) for column in columns)),
+    )
+
+
+def under_test_rows(run: Run) -> Table | None:
+    """Its table: metric by metric how often it is critical, with and without; None as for the part."""
+    if run.baseline is None or not run.info.get("under_test"):
+        return None
+    tested = run.under_test
+    found = [tested.difference(column) for column in critical_columns(tested.columns)]
+    chances = holm([one.p_value for one in found]), holm([one.critical_p_value for one in found])
+    worse = "Children that are more critical with the driver under test : less critical"
+    chance = "How probable so large a difference would be by chance alone (corrected after Holm)"
+    heads = [
+        ("metric", "text", ""),
+        ("median", "real", "Of the children, with the driver under test"),
+        ("without", "real", "Median without"),
+        ("worse : better", "text", worse),
+        ("by chance", "text", chance),
+        ("P(critical)", "percent", "Share of critical children"),
+        ("without", "percent", "Share of critical children without"),
+        ("by chance", "text", chance),
+    ]
+    rows = [
+        [
+            metric_title(one.column),
+            _known(one.under_test),
+            _known(one.baseline),
+            f"{one.worse} : {one.better}" if one.children else None,
+            _chance(value),
+            None if one.p_critical is None else one.p_critical.value,
+            None if one.baseline_p_critical is None else one.baseline_p_critical.value,
+            _chance(share),
+        ]
+        for one, value, share in zip(found, *chances, strict=True)
+    ]
+    return table(heads, rows)
+
+
+def _known(value: float) -> Any:
+    return None if math.isnan(value) else value
+
+
+def _chance(p_value: float) -> str | None:
+    if math.isnan(p_value):
+        return None
+    return "< 0.001" if p_value < 0.001 else f"{p_value:.3f}"
+
+
+def _chart(tested: UnderTest, column: str, threshold: float | None) -> Html:
+    both = {driven: tested.samples(column, driven) for driven in _KINDS}
+    curves = [
+        (_KINDS[driven], tested.density(column, driven) if np.isfinite(values).any() else None)
+        for driven, values in both.items()
+    ]
+    x = span(np.concatenate(list(both.values())), threshold)
+    return cumulative_plot(column, curves, x, threshold=threshold)

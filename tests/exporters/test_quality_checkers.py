@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scex_sumo.converters.maps import read_map
+from scex_sumo.exporters.opendrive.file import opendrive_text
+from scex_sumo.exporters.registry import exporter
+from scex_sumo.exporters.request import Request
+from scex_sumo.results.run import Run
+from scex_sumo.scenarios import example_path
+from tests.converters.sumo.test_lanelets import EXAMPLES, SHARED
+from tests.exporters.quality_checkers import checker, findings
+
+pytest.importorskip("scenariogeneration")
+if checker(".xodr") is None or checker(".xosc") is None:
+    pytest.skip("ASAM's quality checkers are not here; set SCEX_QC to their folder", allow_module_level=True)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_example_maps_as_opendrive_are_valid_by_asam_s_checker(name: str, tmp_path: Path) -> None:
+    nothing_against(example_path(name), tmp_path)
+
+
+@pytest.mark.parametrize("name", SHARED)
+def test_real_maps_as_opendrive_are_valid_by_asam_s_checker(name: str, data: Path, tmp_path: Path) -> None:
+    nothing_against(data / name, tmp_path)
+
+
+def nothing_against(map_path: Path, folder: Path) -> None:
+    file = folder / "map.xodr"
+    file.write_text(opendrive_text(read_map(map_path)))
+    assert findings(file) == []
+
+
+def test_children_as_openscenario_are_valid_by_asam_s_checker(run: Run, tmp_path: Path) -> None:
+    files = exporter("openscenario")(Request(run=run, children=(0, 1, 2, 3), out=tmp_path))
+    assert [line for file in files if file.suffix in (".xosc", ".xodr") for line in findings(file)] == []
+
+
+def test_a_file_that_is_not_there_is_a_finding_though_the_checker_exits_with_0(tmp_path: Path) -> None:
+    assert findings(tmp_path / "missing.xodr")
+
+
+def test_what_breaks_the_schema_is_a_finding(tmp_path: Path) -> None:
+    file = tmp_path / "map.xodr"
+    text = opendrive_text(read_map(example_path("motorway_merge")))
+    file.write_text(text.replace('rule="RHT"', 'rule="neither"'))
+    assert findings(file)
