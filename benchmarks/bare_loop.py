@@ -8,6 +8,8 @@ each pose is read back (getPosition, getAngle); poses are computed before. Three
   that route only (keepRoute=3), libsumo's inner functions without their Python wrappers;
 - *in one tile*: the same, all children in one copy of the map, as a run without drivers of SUMO's does it.
 
+*plain world* is `--world plain` alone: arrays in SUMO's place.
+
     python benchmarks/bare_loop.py [MAP.osm] [--children 385] [--vehicles 11] [--steps 30]
 """
 
@@ -30,6 +32,7 @@ from scex_sumo.extrapolation.job import VEHICLES_AT_ONCE
 from scex_sumo.road import Road
 from scex_sumo.scene import States
 from scex_sumo.world.frame import to_sumo
+from scex_sumo.world.plain import PlainWorld
 from scex_sumo.world.session import VehicleCalls
 from scex_sumo.world.sumo import load_sumo
 from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id
@@ -40,6 +43,7 @@ OPTIONS = (
     *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
     *("--duration-log.disable", "true"),
 )
+LENGTH_M = 4.5
 WAYS = ("plain", "in tiles", "in one tile")
 
 
@@ -133,8 +137,8 @@ def bare_loop(net: Path, poses: Poses, way: str = "in one tile") -> dict[str, fl
     return dict(spent)
 
 
-def straight_poses(road: Road, children: int, vehicles: int, steps: int) -> Poses:
-    """Vehicles that follow centrelines at 8 m/s, straight on where one ends; the same in every child."""
+def straight_states(road: Road, children: int, vehicles: int, steps: int) -> States:
+    """(C, T + 1, V) vehicles that follow centrelines at 8 m/s, then straight on; all children alike."""
     lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: -len(lane.centreline))
     states = States.empty((children, steps + 1, vehicles))
     for v in range(vehicles):
@@ -147,7 +151,22 @@ def straight_poses(road: Road, children: int, vehicles: int, steps: int) -> Pose
         beyond = np.maximum(s - along[-1], 0.0)
         states.x[:, :, v] = np.interp(s, along, line[:, 0]) + beyond * np.cos(states.heading[0, :, v])
         states.y[:, :, v] = np.interp(s, along, line[:, 1]) + beyond * np.sin(states.heading[0, :, v])
-    return poses_of(states, np.full(vehicles, 4.5))
+    return states
+
+
+def plain_world(states: States, length: FloatArray) -> float:
+    """Seconds of processor time that `--world plain` takes for (C, T + 1, V) states."""
+    children, steps, vehicles = states.shape
+    world, everybody = (
+        PlainWorld(children, vehicles, length=length),
+        np.ones((children, vehicles), dtype=bool),
+    )
+    begin = time.process_time()
+    for step in range(1, steps):
+        world.move(states[:, step], everybody)
+        world.step()
+        world.read()
+    return time.process_time() - begin
 
 
 def main() -> None:
@@ -159,7 +178,9 @@ def main() -> None:
     parser.add_argument("--way", choices=WAYS, help="only this one")
     options = parser.parse_args()
     road = read_map(options.map, origin=None, own_corner=True)
-    poses = straight_poses(road, options.children, options.vehicles, options.steps)
+    states = straight_states(road, options.children, options.vehicles, options.steps)
+    length = np.full(options.vehicles, LENGTH_M)
+    poses = poses_of(states, length)
     total = options.children * options.vehicles * options.steps
     with tempfile.TemporaryDirectory() as folder:
         net = convert(road, Path(folder) / "map.net.xml").path
@@ -168,6 +189,11 @@ def main() -> None:
             print(f"\n{way}")
             for name, seconds in [*spent.items(), ("all", sum(spent.values()))]:
                 print(f"{name:14s} {seconds:7.3f} s {1e6 * seconds / total:7.2f} us per vehicle-step")
+    if not options.way:
+        seconds = min(plain_world(states, length) for _ in range(5))
+        print(
+            f"\nplain world    {seconds:7.3f} s, {total / seconds / 1e6:.1f} million vehicle-steps per second"
+        )
 
 
 if __name__ == "__main__":

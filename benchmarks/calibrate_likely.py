@@ -1,6 +1,6 @@
 """Fits the population of likely_driver to recordings and writes ``behaviors/weights/likely_driver.json``.
 
-    python benchmarks/calibrate_likely.py [--data FOLDER] [-o FILE]
+    python benchmarks/calibrate_likely.py [--data FOLDER] [--without SET] [-o FILE]
 
 From the training part by time of TAF-BW and MONA, and from the NGSIM files that are not kept for tests
 (``benchmarks/driven.py`` and docs/validity.md name them). Every vehicle is put on the path that it took; what
@@ -25,6 +25,7 @@ import numpy as np
 from calibrate import AHEAD, OFF_PATH_M, path_taken, present
 from recorded_scenes import EVERY_S, recorded_parts
 from scipy.optimize import minimize
+from scipy.stats import t as student
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
@@ -37,6 +38,7 @@ from scex_sumo.behaviors.models.idm import (
     desired_speed,
 )
 from scex_sumo.behaviors.models.likely_driver import (
+    BRAKING_MPS2,
     HARDEST_MPS2,
     HEADWAY_S,
     KEPT_SHARE,
@@ -60,17 +62,45 @@ from scex_sumo.behaviors.models.population import (
     SHIPPED,
     Population,
     population,
+    students,
+    way_across,
 )
 from scex_sumo.scene import STEP_S, SeedScene, Who
 
 STEPS = 30
 SPEED_EDGES = (STANDING_MPS, 3.0, 7.0, 12.0, 20.0)
+BRAKING = (0.7, 0.6)  # mean and standard deviation of log deceleration towards a leader, m/s²
+WIDER = 1.3  # of all draws: in children the leaders are drawn, too, and differ from what they did
+FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half
 RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
 FOLLOWING = {"speed": 3.0, "opening": 1.0, "headway": 3.0}
 DRAWS, TURNS = 40, 16  # of the settling
 LEAST_CLASS = 60  # vehicles of a class that sets a scale of its own
 STARTED_M = 0.7  # a standing vehicle that came this far has started; less is the boxes' jitter
 SMOOTH = 1.0  # m of way that a difference of 1 m/s² between two seconds must explain
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Manner:
+    """How n drivers come up to their leaders.
+
+    Attributes:
+        headway: (n,) s.
+        braking: (n,) m/s².
+    """
+
+    headway: FloatArray
+    braking: FloatArray
+
+    @classmethod
+    def of(cls, shown: FloatArray, known: Population, draw: FloatArray) -> Manner:
+        """As `LikelyDriver` draws them, by the headways shown (n,) and normal numbers (n, 2)."""
+        headway = np.exp(known.headway[0] + known.headway[1] * draw[:, 0])
+        most = np.maximum(KEPT_SHARE * shown, HEADWAY_S[0])
+        braking = np.exp(known.braking[0] + known.braking[1] * draw[:, 1])
+        return cls(
+            headway=np.clip(np.minimum(headway, most), *HEADWAY_S), braking=np.clip(braking, *BRAKING_MPS2)
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,13 +112,14 @@ class Samples:
         acceleration: (n,) there, m/s².
         gap: (n, 31) to the leader if the vehicle stood where it is, now and after each step, m.
         leader_speed: (n, 31) m/s.
-        headway: (n,) shown, s.
+        headway: (n,) shown, s, as in `Seen`.
+        across: (n, 3) likewise.
         features: (n, 7) shown, as in `Seen`.
         unsure: (n, 3) likewise.
         limit: (n, AHEAD) m/s.
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.
         way: (n, 30) that the vehicle really made, m.
-        offset: (n, 2) of its rear axle from the path, now and after 3 s, m.
+        side: (n,) offset of its rear axle from the path after 3 s, m.
     """
 
     speed: FloatArray
@@ -96,12 +127,13 @@ class Samples:
     gap: FloatArray
     leader_speed: FloatArray
     headway: FloatArray
+    across: FloatArray
     features: FloatArray
     unsure: FloatArray
     limit: FloatArray
     curves: FloatArray
     way: FloatArray
-    offset: FloatArray
+    side: FloatArray
 
     @classmethod
     def joined(cls, parts: Sequence[Samples]) -> Samples:
@@ -129,8 +161,9 @@ def samples_of(scene: SeedScene) -> Samples | None:
     history, who = present(scene), Who(child=np.zeros_like(vehicle), vehicle=vehicle)
     now, future, seen = scene.now[vehicle], scene.future[vehicle], seen_of(scene, paths)
     s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
-    leaders = leaders_of(history, who, paths, row, s, seen.offset[row])
-    gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, leaders.gap, leaders.speed)
+    leaders = leaders_of(history, who, paths, row, s, seen.across[row, 0])
+    away = leaders.gap + seen.slack[row]
+    gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, away, leaders.speed)
     ways = [
         foot_points(paths, row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s
         for k in range(STEPS)
@@ -140,9 +173,8 @@ def samples_of(scene: SeedScene) -> Samples | None:
     square = CALIBRATED.curve_acceleration / np.maximum(curvature, 1e-6)
     slope = 2 * CALIBRATED.curve_deceleration * DS_M * np.arange(AHEAD)
     curves = np.sqrt(np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope)
-    later = future[:, STEPS - 1]
-    x, y = rear_axle(later, scene.length[vehicle])
-    _, aside, _ = foot_points(paths, row, x, y, s + ways[-1])
+    x, y = rear_axle(future[:, STEPS - 1], scene.length[vehicle])
+    _, side, _ = foot_points(paths, row, x, y, s + ways[-1])
     shown = shown_by(scene)
     return Samples(
         speed=shown.speed[vehicle],
@@ -150,12 +182,13 @@ def samples_of(scene: SeedScene) -> Samples | None:
         gap=gap,
         leader_speed=leader_speed,
         headway=seen.headway[row],
+        across=seen.across[row],
         features=seen.features[row],
         unsure=seen.unsure[row],
         limit=paths.speed_limit[row[:, None], at],
         curves=curves,
         way=np.stack(ways, axis=1),
-        offset=np.column_stack([seen.offset[row], aside]),
+        side=side,
     )
 
 
@@ -186,9 +219,9 @@ def _leader_ways(
     return gaps, speeds
 
 
-def drive(samples: Samples, headway: FloatArray, own: FloatArray) -> FloatArray:
+def drive(samples: Samples, manner: Manner, own: FloatArray) -> FloatArray:
     """(n, 30) way of `LikelyDriver` along the path taken, without steering, behind the leader as it drove."""
-    profile = IdmParameters.of(CALIBRATED, time_headway=headway)
+    profile = IdmParameters.of(CALIBRATED, time_headway=manner.headway, comfort_deceleration=manner.braking)
     i, v, x = np.arange(len(samples.speed)), samples.speed, np.zeros_like(samples.speed)
     ways = np.empty((len(v), STEPS))
     for step in range(STEPS):
@@ -208,7 +241,7 @@ def drive(samples: Samples, headway: FloatArray, own: FloatArray) -> FloatArray:
     return ways
 
 
-def own_accelerations(samples: Samples, headway: FloatArray) -> FloatArray:
+def own_accelerations(samples: Samples, manner: Manner) -> FloatArray:
     """(n, 3) accelerations of its own with which each vehicle goes the way that it went, m/s²."""
     one = np.zeros((SECONDS, STEPS))
     for k in range(SECONDS):
@@ -221,7 +254,7 @@ def own_accelerations(samples: Samples, headway: FloatArray) -> FloatArray:
     response = np.linalg.inv(one @ one.T + smooth.T @ smooth)
     own = np.zeros((len(samples.speed), SECONDS))
     for _ in range(6):
-        missing = samples.way - drive(samples, headway, own)
+        missing = samples.way - drive(samples, manner, own)
         own = np.clip(
             own + (missing @ one.T - own @ (smooth.T @ smooth)) @ response, -MOST_OWN_MPS2, MOST_OWN_MPS2
         )
@@ -233,21 +266,20 @@ def headway_of(samples: Samples) -> tuple[float, float]:
     opening = np.abs(samples.leader_speed[:, 0] - samples.speed)
     steady = (samples.speed > FOLLOWING["speed"]) & (opening < FOLLOWING["opening"])
     steady &= samples.headway < FOLLOWING["headway"]
-    room = np.maximum(samples.gap[:, 0] - CALIBRATED.minimum_gap, 0.5) / np.maximum(samples.speed, 1.0)
-    log = np.log(room[steady])
+    log = np.log(np.maximum(samples.headway[steady], 0.1))
     print(f"headway: {steady.sum()} steady followers, median {np.exp(np.median(log)):.2f} s")
     return float(np.median(log)), float(1.4826 * np.median(np.abs(log - np.median(log))))
 
 
 def accelerations_of(
-    samples: Samples, headway: FloatArray, importance: FloatArray
+    samples: Samples, manner: Manner, importance: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Means (K, 3, 7) and roots (K, 3, 3) of what drivers add, by class of speed, and (3,) what spreads it.
 
     Expectation and maximisation of a Student distribution: means, scale matrices and spreads in turn.
     """
-    own = own_accelerations(samples, headway)
-    left = samples.way - drive(samples, headway, own)
+    own = own_accelerations(samples, manner)
+    left = samples.way - drive(samples, manner, own)
     print(f"own accelerations leave {np.abs(left[:, -1]).mean():.2f} m of the way after 3 s")
     k = np.searchsorted(SPEED_EDGES, samples.speed, side="right")
     classes, members = range(1, len(SPEED_EDGES) + 1), []
@@ -285,35 +317,64 @@ def accelerations_of(
     return np.array([np.zeros_like(means[0]), *means]), np.array([roots[0], *roots]), unsure
 
 
-def settled(known: Population, samples: Samples, headway: FloatArray, weight: FloatArray) -> Population:
+def settled(known: Population, samples: Samples, weight: FloatArray) -> Population:
     """Shift, spread and skew of each class, until the way after 3 s is where its draws say it is.
 
-    As often above as below their median, outside 5-95 % one time in ten, and there as often above as below:
-    what a driver adds acts through a leader, a limit and a standstill, which the regression does not see.
+    As often above as below their median, within their quartiles one time in two, and outside 5-95 % as often
+    above as below: what a driver adds acts through a leader, a limit and a standstill, which the regression
+    does not see. Quartiles, for the few who do something else shall not make all others uncertain.
     """
     rng, y = np.random.default_rng(0), samples.way[:, -1]
-    draws = [rng.standard_t(DEGREES, (len(y), SECONDS)) for _ in range(DRAWS)]
+    draws = [students(rng.random((len(y), SECONDS + 2))) for _ in range(DRAWS)]
+    drivers = [Manner.of(samples.headway, known, rng.standard_normal((len(y), 2))) for _ in range(DRAWS)]
     mean, root, skew = known.mean.copy(), known.root.copy(), known.skew.copy()
     k = known.speed_class(samples.speed)
     for turn in range(TURNS):
         now = dataclasses.replace(known, mean=mean, root=root, skew=skew)
         own = (now.own_acceleration(samples.speed, samples.features, samples.unsure, d) for d in draws)
-        ways = np.stack([drive(samples, headway, a)[:, -1] for a in own])
-        low, middle, high = np.quantile(ways, [0.05, 0.5, 0.95], axis=0)
+        ways = np.stack([drive(samples, m, a)[:, -1] for m, a in zip(drivers, own, strict=True)])
+        low, left, middle, right, high = np.quantile(ways, [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
         gain = 1.0 / (1 + turn / 4)
         for c in np.unique(k):
             w = weight[k == c] / weight[k == c].sum()
             above, below = float(w @ (y > high)[k == c]), float(w @ (y < low)[k == c])
             lift = float(w @ (y > middle)[k == c]) - 0.5
             mean[c, :, 0] += gain * lift * np.sqrt(np.diag(root[c] @ root[c].T))
-            root[c] *= np.exp(np.clip(gain * 1.5 * (above + below - 0.1), -0.3, 0.3))
+            inner = float(w @ ((y > left) & (y < right))[k == c])
+            root[c] *= np.exp(np.clip(gain * 1.5 * (0.5 - inner), -0.3, 0.3))
             skew[c] = np.clip(skew[c] + gain * (above - below), -0.7, 0.7)
             if turn == TURNS - 1:
                 print(
-                    f"class {c}: above {above:.2f}, below {below:.2f}, lift {lift:+.2f}, skew {skew[c]:+.2f}"
+                    f"class {c}: within quartiles {inner:.2f}, above {above:.2f}, below {below:.2f}, "
+                    f"lift {lift:+.2f}, skew {skew[c]:+.2f}"
                 )
     root[0] = root[1]
-    return dataclasses.replace(known, mean=mean, root=root, skew=skew)
+    return dataclasses.replace(known, mean=mean, root=WIDER * root, skew=skew)
+
+
+def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, float]:
+    """``keeps_side`` (3,) and ``side_m`` of `Population`, of who stays near its path.
+
+    Least squares, with less weight for who is far from it; the scale so that 90 % of what is left lies within
+    90 % of the Student distribution.
+    """
+    near = np.abs(samples.side) < MOST_ASIDE_M
+    shown, share = samples.across[near], weight[near]
+    none, one = np.zeros(len(shown)), np.ones(len(shown))
+    end = np.array([float(SECONDS)])
+    by_then = way_across(0 * shown, one, end)[:, 0]
+    after = (samples.side[near] - way_across(shown, none, end)[:, 0]) / by_then
+    keeps, trust = np.zeros(3), np.ones(len(after))
+    for _ in range(10):
+        w = (share * trust)[:, None]
+        keeps = np.linalg.solve((shown * w).T @ shown, (shown * w).T @ after)
+        trust = 1 / (1 + ((after - shown @ keeps) / FAR_ASIDE_M) ** 2)
+    rest = np.abs(after - shown @ keeps)
+    order = np.argsort(rest)
+    passed = np.cumsum(share[order])
+    side = float(rest[order][np.searchsorted(passed, 0.9 * passed[-1])] / student.ppf(0.95, DEGREES))
+    print(f"offsets: keeps {keeps.round(2)}, rest {side:.3f} m")
+    return keeps, side
 
 
 def starts_of(samples: Samples) -> list[float]:
@@ -389,25 +450,21 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
     weight = np.repeat(1 / np.sqrt(np.maximum(count, 1)), count)
     print(f"{len(scenes)} moments, {len(samples.speed)} vehicles")
     log_headway = headway_of(samples)
-    shown = np.maximum(KEPT_SHARE * samples.headway, HEADWAY_S[0])
-    headway = np.clip(np.minimum(np.exp(log_headway[0]), shown), *HEADWAY_S)
     moving = samples.speed >= STANDING_MPS
     driving = samples.part(moving)
-    mean, root, unsure = accelerations_of(driving, headway[moving], weight[moving] / weight[moving].mean())
+    begun = dataclasses.replace(population(), headway=log_headway, braking=BRAKING)
+    manner = Manner.of(driving.headway, begun, np.zeros((len(driving.speed), 2)))
+    mean, root, unsure = accelerations_of(driving, manner, weight[moving] / weight[moving].mean())
     regressed = dataclasses.replace(
-        population(),
+        begun,
         speed_edges=np.array(SPEED_EDGES),
         mean=mean,
         root=root,
         unsure=unsure,
         skew=np.zeros(len(mean)),
     )
-    known = settled(regressed, driving, headway[moving], weight[moving])
-    begin, end = samples.offset[moving & (np.abs(samples.offset[:, 1]) < MOST_ASIDE_M)].T
-    keeps = float(begin @ end / (begin @ begin))
-    rest = end - keeps * begin
-    side = float(1.4826 * np.median(np.abs(rest - np.median(rest))))
-    print(f"offsets: keeps {keeps:.2f}, rest {side:.2f} m (standard deviation {rest.std():.2f})")
+    known = settled(regressed, driving, weight[moving])
+    keeps_side, side = offsets_of(driving, weight[moving])
     return {
         "speed_edges": SPEED_EDGES,
         "mean": known.mean.round(4).tolist(),
@@ -416,7 +473,8 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
         "skew": known.skew.round(4).tolist(),
         "headway": [round(v, 4) for v in log_headway],
         "start_rate": [round(v, 4) for v in starts_of(samples)],
-        "keeps_side": round(keeps, 4),
+        "braking": [round(v, 4) for v in BRAKING],
+        "keeps_side": keeps_side.round(4).tolist(),
         "side_m": round(side, 4),
         "path": paths_of(scenes).round(4).tolist(),
     }
@@ -428,8 +486,10 @@ def main() -> None:
     )
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", "../shared/data")))
     parser.add_argument("-o", "--out", type=Path, default=SHIPPED)
+    parser.add_argument("--without", choices=list(EVERY_S), help="data set to leave out")
     arguments = parser.parse_args()
-    sets = {name: list(recorded_parts(arguments.data, name, "train")) for name in EVERY_S}
+    names = [name for name in EVERY_S if name != arguments.without]
+    sets = {name: list(recorded_parts(arguments.data, name, "train")) for name in names}
     arguments.out.write_text(json.dumps(fit(sets), indent=1) + "\n", encoding="utf-8")
 
 

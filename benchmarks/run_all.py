@@ -1,8 +1,9 @@
 """Measure speed and growth, and write the tables into ``benchmarks/README.md`` with the machine that it was.
 
-    python benchmarks/run_all.py [--map MAP.osm] [--full] [--only one_seed] [--peers FOLDER]
+    python benchmarks/run_all.py [--map MAP.osm] [--dataset FOLDER [--before CHECKOUT]] [--recording FILE]
+        [--full] [--only whole_command] [--peers FOLDER]
 
-Without ``--full`` it takes some four minutes of two cores. ``--map`` names a map to measure besides the
+It takes some ten minutes of two cores, with ``--full`` fifteen. ``--map`` names a map to measure besides the
 project's own roundabout, e.g. one of the INTERACTION dataset; it is populated by SUMO.
 """
 
@@ -60,34 +61,78 @@ def put(name: str, content: str) -> None:
     README.write_text(pattern.sub(lambda found: f"{found[1]}{content}\n{found[2]}", text), encoding="utf-8")
 
 
+def commands(options: argparse.Namespace) -> str:
+    """The whole command on the example, on a map that SUMO populates, and ranked recordings."""
+    repeat = ["--repeat", "5" if options.full else "3", "--workers", "2"]
+    ranking = ["--dataset", str(options.dataset)] if options.dataset else []
+    if options.dataset and options.before:
+        ranking += ["--before", str(options.before)]
+    parts = [measured("whole_command.py", *repeat, *ranking)]
+    if options.map:
+        parts.append(measured("whole_command.py", str(options.map), "--synthetic", "11", *repeat))
+    return "\n\n".join(parts)
+
+
+def one_seed(options: argparse.Namespace) -> str:
+    """The run by part against the loops, with four and with six models, and the worlds alone."""
+    chosen = [str(options.map)] if options.map else []
+    repeat = ["--repeat", "9" if options.full else "3"]
+    return "\n\n".join(
+        [
+            measured("one_seed.py", *chosen, "--models", "rules", *repeat, "--start"),
+            measured("one_seed.py", *chosen, "--models", "paper", *repeat),
+            measured("bare_loop.py", *chosen),
+        ]
+    )
+
+
+def scaling(options: argparse.Namespace) -> str:
+    """Growth, and a crowded recording."""
+    recording = ["--recording", str(options.recording)] if options.recording else []
+    chosen = [str(options.map)] if options.map else []
+    return measured("scaling.py", *chosen, *(["--full"] if options.full else []), *recording)
+
+
+def report(options: argparse.Namespace) -> str:
+    """The page of a run: size and processor time."""
+    return measured("report.py")
+
+
+def exhaustive(options: argparse.Namespace) -> str:
+    """Every combination of six models for five vehicles."""
+    return measured("exhaustive.py")
+
+
+def peers(options: argparse.Namespace) -> str | None:
+    """Other projects, where their environments are."""
+    return measured("peers.py", "--folder", str(options.peers)) if options.peers else None
+
+
+BLOCKS = {
+    "whole_command": commands,
+    "one_seed": one_seed,
+    "scaling": scaling,
+    "report": report,
+    "exhaustive": exhaustive,
+    "peers": peers,
+}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--map", type=Path, help="a map to measure besides the project's own roundabout")
+    parser.add_argument("--dataset", type=Path, help="recordings to rank")
+    parser.add_argument("--before", type=Path, help="an older checkout, to rank with as well")
+    parser.add_argument("--recording", type=Path, help="a crowded recorded moment")
     parser.add_argument("--full", action="store_true", help="more repetitions, 10 000 children")
-    parser.add_argument("--only", choices=("one_seed", "scaling", "peers", "report"))
+    parser.add_argument("--only", choices=BLOCKS)
     parser.add_argument("--peers", type=Path, help="folder of the peers' virtual environments")
     options = parser.parse_args()
-    maps = [[str(options.map)]] if options.map else []
-    repeat = "9" if options.full else "5"
     if options.only is None:
         put("machine", machine())
-    if options.only in (None, "one_seed"):
-        parts = []
-        for chosen in [*maps, []]:
-            start = ["--start"] if not parts else []
-            parts.append(measured("one_seed.py", *chosen, "--workers", "2", "--repeat", repeat, *start))
-        chosen = maps[0] if maps else []
-        parts.append(measured("one_seed.py", *chosen, "--models", "all", "--workers", "2", "--repeat", "2"))
-        put("one_seed", "\n\n".join(parts))
-    if options.only in (None, "scaling"):
-        put(
-            "scaling",
-            measured("scaling.py", *(maps[0] if maps else []), *(["--full"] if options.full else [])),
-        )
-    if options.only in (None, "report"):
-        put("report", measured("report.py"))
-    if options.only in (None, "peers"):
-        put("peers", measured("peers.py", *(["--folder", str(options.peers)] if options.peers else [])))
+    for name, block in BLOCKS.items():
+        if options.only in (None, name) and (text := block(options)) is not None:
+            put(name, text)
 
 
 if __name__ == "__main__":

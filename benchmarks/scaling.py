@@ -1,10 +1,12 @@
 """How time and memory grow with children, vehicles, steps and the size of the map.
 
-Every point is a process of its own: processor time of a whole run (without reading the map), by stage where
-it grows, and the peak of the process's memory above that before the run. Vehicles and maps grow on copies of
-a map side by side, whose scenes are those of the map.
+Every point is a process of its own: processor time of a whole run (without reading the map), also for each
+vehicle-step, and the peak of the process's memory above that before the run. Vehicles and maps grow on copies
+of a map side by side, whose scenes are those of the map.
 
-    python benchmarks/scaling.py [MAP.osm] [--full]
+    python benchmarks/scaling.py [MAP.osm] [--full] [--recording FILE]
+
+``--recording`` adds the whole command, 385 children and their reference, on a crowded recorded moment.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import argparse
 import dataclasses
 import json
 import math
+import os
 import resource
 import subprocess
 import sys
@@ -27,6 +30,8 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.road import Lane, Road
 from scex_sumo.scene import SeedScene, States
 
+UNITS = {"cpu": "s", "each": "us", "memory": "MB", "size": "MB"}
+DIGITS = {"cpu": 3, "each": 2, "memory": 1, "size": 1}
 PITCH_M = 1500.0
 PER_COPY = 10  # vehicles in each copy of the map
 
@@ -102,8 +107,6 @@ def copied_scene(scene: SeedScene, road: Road, vehicles: int) -> SeedScene:
 
 def measure(map_path: Path, vehicles: int, children: int, steps: int, copies: int) -> dict[str, float]:
     """One run; for a process of its own."""
-    from one_seed import measured
-
     import scex_sumo
     from scex_sumo.scenarios.seeds import synthetic_seed
     from scex_sumo.world.sumo import load_sumo
@@ -114,27 +117,46 @@ def measure(map_path: Path, vehicles: int, children: int, steps: int, copies: in
     scene = copied_scene(small, copied_road(small.road, copies), vehicles)
     scex_sumo.extrapolate(small, children=2, steps=5)  # imports
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    begin = time.perf_counter()
-    with tempfile.TemporaryDirectory() as folder, measured() as stages:
+    begin = time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
         scex_sumo.extrapolate(scene, children=children, steps=steps, out=Path(folder) / "out")
+        spent = time.process_time() - begin
         size = sum(f.stat().st_size for f in (Path(folder) / "out").rglob("*") if f.is_file())
     after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return {
-        **stages.spent,
-        "cpu": sum(stages.spent.values()),
-        "wall": time.perf_counter() - begin,
+        "cpu": spent,
+        "each": 1e6 * spent / (vehicles * children * steps),
         "memory": (after - before) / 1024,
         "size": size / 1e6,
     }
 
 
-def series(
-    name: str, map_path: Path, points: list[int], fixed: dict[str, int], growing: tuple[str, ...]
-) -> None:
+def recorded(recording: Path) -> None:
+    """Print what the whole command takes on a recorded moment, in a process of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "out"
+        command = [sys.executable, "-m", "scex_sumo", "run", str(recording), "-o", str(out)]
+        begin = time.perf_counter()
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+            _, status, used = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+        wall = time.perf_counter() - begin
+        if process.returncode:
+            raise SystemExit(f"{' '.join(command)}: exit {process.returncode}")
+        info = json.loads((out / "run.json").read_text())
+        size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
+    print(
+        f"\n{recording.name}: {info['seed_scene']['vehicles']} vehicles x {info['children']} children, whole "
+        f"command: {used.ru_utime + used.ru_stime:.1f} s of processor time, {wall:.1f} s, peak memory "
+        f"{used.ru_maxrss / 1024:.0f} MB, folder {size / 1e6:.0f} MB"
+    )
+
+
+def series(name: str, map_path: Path, points: list[int], fixed: dict[str, int]) -> None:
     """Measure some points, print a table with the exponent of each quantity over its last points."""
     print(f"\n{name} ({', '.join(f'{value} {key}' for key, value in fixed.items() if key != name)})")
-    columns = ("cpu", *growing, "memory", "size")
-    print(f"{name:>10s}" + "".join(f"{c:>22s}" for c in columns))
+    columns = ("cpu", "each", "memory", "size")
+    print(f"{name:>10s}" + "".join(f"{c:>12s}" for c in columns))
     found = []
     for point in points:
         given = {**fixed, name: point}
@@ -143,17 +165,16 @@ def series(
         command = [sys.executable, __file__, str(map_path), "--one", json.dumps(given)]
         done = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True)
         found.append(json.loads(done.stdout.splitlines()[-1]))
-        print(f"{point:10d}" + "".join(f"{_shown(c, found[-1][c]):>22s}" for c in columns), flush=True)
+        print(
+            f"{point:10d}" + "".join(f"{found[-1][c]:9.{DIGITS[c]}f} {UNITS[c]:2s}" for c in columns),
+            flush=True,
+        )
     last = slice(len(points) // 2, None)
     slopes = [
         np.polyfit(np.log(points[last]), np.log([max(f[c], 1e-6) for f in found[last]]), 1)[0]
         for c in columns
     ]
-    print(f"{'exponent':>10s}" + "".join(f"{slope:22.2f}" for slope in slopes))
-
-
-def _shown(column: str, value: float) -> str:
-    return f"{value:.1f} MB" if column in ("memory", "size") else f"{value:.3f} s"
+    print(f"{'exponent':>10s}" + "".join(f"{slope:9.2f}   " for slope in slopes))
 
 
 def main() -> None:
@@ -162,6 +183,7 @@ def main() -> None:
     parser.add_argument(
         "--full", action="store_true", help="to 10 000 children and 100 vehicles x 385 children"
     )
+    parser.add_argument("--recording", type=Path, help="a crowded recorded moment to run as well")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
@@ -169,13 +191,14 @@ def main() -> None:
         return
     full = options.full
     base = {"children": 96, "vehicles": 10, "steps": 30, "copies": 1}
-    stages = ("draw the design", "world", "loop", "metrics", "write")
     children = [10, 30, 100, 300, 1000, *([3000, 10000] if full else [])]
-    series("children", options.map, children, base, stages)
-    series("steps", options.map, [15, 30, 60, 120, *([240] if full else [])], base, stages)
+    series("children", options.map, children, base)
+    series("steps", options.map, [15, 30, 60, 120, *([240] if full else [])], base)
     crowd = {**base, "copies": math.ceil(100 / PER_COPY), "children": 385 if full else 96}
-    series("vehicles", options.map, [2, 5, 10, 20, 50, 100], crowd, stages)
-    series("copies", options.map, [1, 4, 16], base, ("convert", "world", "loop"))
+    series("vehicles", options.map, [2, 5, 10, 20, 50, 100], crowd)
+    series("copies", options.map, [1, 4, 16], base)
+    if options.recording:
+        recorded(options.recording)
 
 
 if __name__ == "__main__":

@@ -1,15 +1,19 @@
 """Whole command: processor time from the start of the interpreter to its exit, against the plain bare loop.
 
-What a person waits for: imports, map, conversion, simulation, metrics, densities, files and report, in one
-process. The plain bare loop is libsumo as its documentation has it, over as many vehicle-steps (see
-`bare_loop`). Commands and loops are interleaved; medians.
+What a person waits for: imports, map, conversion, simulation, metrics, densities, files, likely reference and
+report, in one process. The plain bare loop is libsumo as its documentation has it, over as many vehicle-steps
+(see `bare_loop`). Commands and loops are interleaved, after a first round that compiles and keeps the net;
+medians. `rank` is counted in vehicle-steps per second of processor time, start and page included.
 
-    python benchmarks/whole_command.py [MAP.osm] [--repeat 3] [--workers 2] [--options='--no-plots']
+    python benchmarks/whole_command.py [MAP.osm --synthetic 11] [--repeat 3] [--workers 2]
+        [--dataset FOLDER --before CHECKOUT]
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
+import os
 import resource
 import statistics
 import subprocess
@@ -26,47 +30,85 @@ COMMANDS = {
     "a run of one child": ["--children", "1"],
 }
 GOALS = {"four rule-based models": 1.0, "the paper's six": 2.0, "a run of one child": 0.3}
-LOOP = Path(__file__).with_name("bare_loop.py")
+HERE = Path(__file__).resolve().parent
+STEPS, RANKED = 30, 32
+RANK = ["--models", "rules", "--every", "5", "--children", str(RANKED), "--first", str(RANKED)]
 
 
-def spent(command: list[str]) -> tuple[float, float, str]:
-    """Processor time and wall time of a command and all that it starts, s, and what it printed."""
+def spent(command: list[str], tree: Path = HERE.parent) -> tuple[float, float, str]:
+    """Processor time and wall time of a command and all that it starts, s, and what it printed.
+
+    It runs as installed: with the package of ``tree``, and with bytecode kept between runs.
+    """
+    kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = subprocess.run(command, capture_output=True, text=True, env={**kept, "PYTHONPATH": str(tree)})
     wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode:
         raise SystemExit(f"{' '.join(command)}\n{done.stderr}")
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall, done.stdout
 
 
-def plain_loop(map_path: Path) -> float:
+def plain_loop(map_path: Path, vehicles: int) -> float:
     """Seconds of the plain loop alone, without the start of its interpreter."""
-    printed = spent([sys.executable, str(LOOP), str(map_path), "--way", "plain"])[2]
+    options = [str(map_path), "--way", "plain", "--vehicles", str(vehicles)]
+    printed = spent([sys.executable, str(HERE / "bare_loop.py"), *options])[2]
     return next(float(line.split()[1]) for line in printed.splitlines() if line.startswith("all"))
+
+
+def ranked(dataset: Path, tree: Path, out: Path, extra: list[str]) -> float:
+    """Vehicle-steps that ``rank`` runs and measures per second of processor time."""
+    command = [sys.executable, "-m", "scex_sumo", "rank", str(dataset), *RANK, *extra]
+    seconds = spent([*command, "-o", str(out), "--overwrite"], tree)[0]
+    with (out / "ranking.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    return sum(int(row["vehicles"]) * int(row["children"] or 0) * STEPS for row in rows) / seconds
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("map", type=Path, nargs="?", default=DEFAULT_MAP)
+    parser.add_argument("--synthetic", type=int, help="vehicles that SUMO places on the map")
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--workers", type=int, default=0, help="also the wall time with so many processes")
-    parser.add_argument("--options", default="", help="of all commands, e.g. --options='--no-plots'")
+    parser.add_argument("--dataset", type=Path, help="also ranks these recordings")
+    parser.add_argument("--before", type=Path, help="an older checkout, to rank with as well")
     options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        commands(options, Path(folder))
+        if options.dataset:
+            ranking(options, Path(folder))
+
+
+def commands(options: argparse.Namespace, folder: Path) -> None:
+    """The tables of processor time and wall time."""
+    seed = [str(options.map), *(["--synthetic", str(options.synthetic)] if options.synthetic else [])]
     loops: list[float] = []
     cpu: dict[str, list[float]] = {name: [] for name in COMMANDS}
     wall: dict[tuple[str, int], list[float]] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        for _ in range(options.repeat):
-            loops.append(plain_loop(options.map))
-            for name, own in COMMANDS.items():
-                run = [sys.executable, "-m", "scex_sumo", "run", str(options.map), "-o", f"{folder}/out"]
-                run += ["--overwrite", *own, *options.options.split()]
-                for workers in {1, options.workers or 1}:
-                    seconds, waited, _ = spent([*run, "--workers", str(workers)])
+    vehicles = options.synthetic or 14
+    for turn in range(options.repeat + 1):
+        loops.append(plain_loop(options.map, vehicles))
+        for name, own in COMMANDS.items():
+            run = [
+                sys.executable,
+                "-m",
+                "scex_sumo",
+                "run",
+                *seed,
+                "-o",
+                f"{folder}/out",
+                "--overwrite",
+                *own,
+            ]
+            for workers in sorted({1, options.workers or 1}) if name in list(COMMANDS)[:2] else (1,):
+                seconds, waited, _ = spent([*run, "--workers", str(workers)])
+                if turn:
                     wall.setdefault((name, workers), []).append(waited)
-                    if workers == 1:
-                        cpu[name].append(seconds)
-    loop = statistics.median(loops)
+                if turn and workers == 1:
+                    cpu[name].append(seconds)
+    loop = statistics.median(loops[1:])
+    print(f"{options.map.stem}, 385 children x {vehicles} vehicles x {STEPS} steps")
     print(f"plain bare loop: {loop:.2f} s of processor time\n")
     print("| whole command | processor time | against the loop | to reach |\n|---|---|---|---|")
     for name, each in cpu.items():
@@ -77,6 +119,26 @@ def main() -> None:
         for name in list(COMMANDS)[:2]:
             one, more = (statistics.median(wall[name, count]) for count in (1, options.workers))
             print(f"| {name} | {one:.2f} s | {more:.2f} s | {one / more:.2f} x |")
+
+
+def ranking(options: argparse.Namespace, folder: Path) -> None:
+    """The table of rankings: now, and by an older checkout, which knew the paper's metrics alone."""
+    trees = {"now": (HERE.parent, ["--preset", "paper"])}
+    if options.before:
+        trees["before"] = (options.before, [])
+    rates: dict[str, list[float]] = {name: [] for name in trees}
+    for turn in range(options.repeat + 1):
+        for name, (tree, extra) in trees.items():
+            rate = ranked(options.dataset, tree, folder / name, extra)
+            if turn:
+                rates[name].append(rate)
+    print(f"\nrank {options.dataset.name} {' '.join(RANK)} --preset paper")
+    print("\n| | vehicle-steps per second and core |\n|---|---|")
+    for name, each in rates.items():
+        print(f"| {name} | {statistics.median(each):,.0f} |")
+    if options.before:
+        now, before = (statistics.median(rates[name]) for name in ("now", "before"))
+        print(f"| faster | {now / before:.2f} x |")
 
 
 if __name__ == "__main__":

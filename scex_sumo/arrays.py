@@ -1,4 +1,4 @@
-"""The arrays that everything passes on."""
+"""The arrays that everything passes on, and which rows of one are equal."""
 
 from __future__ import annotations
 
@@ -14,3 +14,24 @@ IntArray: TypeAlias = NDArray[np.int64]
 
 
 BoolArray: TypeAlias = NDArray[np.bool_]
+
+_FACTOR = np.uint64(0x9E3779B97F4A7C15)
+
+
+def distinct(rows: FloatArray) -> tuple[IntArray, IntArray]:
+    """Which rows are equal to the bit.
+
+    Args:
+        rows: (n, K).
+
+    Returns:
+        (k,) the first row of each kind, ascending, and (n,) the kind of each row.
+    """
+    bits = np.ascontiguousarray(rows).view(np.uint64)
+    sums = bits @ np.cumprod(np.full(bits.shape[1], _FACTOR))
+    _, first, kind = np.unique(sums, return_index=True, return_inverse=True)
+    if not np.array_equal(bits, bits[first[kind]]):  # different rows of one sum
+        _, first, kind = np.unique(bits, axis=0, return_index=True, return_inverse=True)
+    number = np.empty(len(first), dtype=np.int64)
+    number[np.argsort(first)] = np.arange(len(first))
+    return np.sort(first), number[kind.reshape(-1)]

@@ -34,7 +34,6 @@ GARBAGE_AFTER = 100_000  # new objects; Python's own is 700
 app = typer.Typer(
     name="scex-sumo",
     help="Hundreds of futures of one moment of traffic, and how critical it can become.",
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},

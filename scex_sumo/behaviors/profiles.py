@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+from scex_sumo.behaviors.guard.profile import GuardProfile
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
 from scex_sumo.behaviors.models.constant_velocity import ConstantVelocityProfile
 from scex_sumo.behaviors.models.emergency_brake import EmergencyBrakeProfile
@@ -45,3 +46,18 @@ DEFAULTS: Mapping[str, Any] = MappingProxyType(
         "replay": ReplayProfile(),
     }
 )
+
+GUARDS: Mapping[str, GuardProfile] = MappingProxyType(
+    {
+        "likely_driver": GuardProfile(
+            comfort_deceleration=5.0,
+            reaction_time=0.2,
+            minimum_gap=0.3,
+            margin=0.15,
+            alongside_margin=0.05,
+            time_margin=0.3,
+            touching=0.3,
+        )
+    }
+)
+"""Guards that are not the default one: people drive nearer to each other than that one lets them."""

@@ -25,7 +25,7 @@ from scex_sumo.behaviors.plug_in.process import split_command
 from scex_sumo.behaviors.plug_in.single import SingleVehicle, SingleVehicleBehavior
 from scex_sumo.behaviors.plug_in.usable import reason_in_model
 from scex_sumo.behaviors.plug_in.user_model import UserModel, user_model
-from scex_sumo.behaviors.profiles import DEFAULTS
+from scex_sumo.behaviors.profiles import DEFAULTS, GUARDS
 from scex_sumo.behaviors.spec import GUARD, LEARNED, parameter_value, profile_of, shown, user_arguments
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 from scex_sumo.errors import ScexError, UsageError
@@ -216,7 +216,7 @@ def build(spec: ModelSpec) -> Behavior:
     """
     _check(spec)
     plain, guard = _without_guard(spec)
-    return Guarded(_build(plain)) if guard else _build(plain)
+    return Guarded(_build(plain), GUARDS.get(plain.name)) if guard else _build(plain)
 
 
 def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:

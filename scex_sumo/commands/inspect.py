@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -28,6 +28,9 @@ def inspect_command(
     case: Case = None,
     time: Time = None,
     every: Annotated[float, Option(metavar="S", help="Least time between two moments, s.")] = EVERY_S,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="FILE.html", help="Write a page with the map as well.")
+    ] = None,
 ) -> None:
     """List the moments of a recording, or the vehicles of one of them, to choose --time and --assign."""
     from rich.console import Console
@@ -36,11 +39,19 @@ def inspect_command(
 
     if every <= 0:
         raise UsageError(f"--every {every:g}: give a time above 0 s, e.g. --every 1")
-    loaded = load_recording(dataclasses.replace(_recording(map_path, tracks), map_path=map_path))
+    if out is not None and out.suffix != ".html":
+        raise UsageError(f"-o {out}: unknown ending; known: .html")
+    loaded = load_recording(_recording(map_path, tracks))
     console = Console(width=None if sys.stdout.isatty() else 110)
     print(f"{loaded.recording.name}: {_size(loaded)}")
     for finding in loaded.findings:
         print(f"repaired: {finding}")
+    if out is not None:
+        from scex_sumo.reports.inspection import write_inspection
+
+        words = ["scex-sumo", "run", str(map_path), *(["--tracks", str(tracks)] if tracks else [])]
+        moments = recording_moments(loaded, every_s=every)
+        print(f"page: {write_inspection(out, loaded, moments, shlex.join(words))}")
     if time is None and case is None:
         console.print(moments_table(recording_moments(loaded, every_s=every)))
         print("vehicles of a moment: add --time S, or --case ID")
@@ -51,12 +62,14 @@ def inspect_command(
 
 
 def _recording(map_path: Path, tracks: Path | None) -> Recording:
-    from scex_sumo.converters.datasets.recordings import find_recordings
+    """The recording that ``run`` takes with the same options."""
+    from scex_sumo.converters.datasets.find import Recording
+    from scex_sumo.converters.datasets.seed import recorded_files
+    from scex_sumo.converters.moments.scene import recording_name
 
-    found = find_recordings([map_path if tracks is None else tracks])
-    if not found:
-        raise UsageError(f"{tracks or map_path}: no tracks found; give them with --tracks CSV")
-    return found[0]
+    paths = recorded_files(map_path, tracks)
+    name = recording_name(map_path, paths)
+    return Recording(name=name, site="", dataset="", map_path=map_path, track_paths=paths)
 
 
 def _size(loaded: LoadedRecording) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
+from scex_sumo.commands.completion import complete_metrics
 from scex_sumo.commands.console import warn
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.files import replacing
@@ -28,7 +29,12 @@ def metrics_command(
         str | None, Option(metavar="paper|path", help="Who follows whom: paper; of OUT as in its run.")
     ] = None,
     metrics: Annotated[
-        str | None, Option(metavar="NAME,...", help="These only; else the paper's six, of OUT its run's.")
+        str | None,
+        Option(
+            metavar="NAME,...",
+            help="These only; else the paper's six, of OUT its run's.",
+            autocompletion=complete_metrics,
+        ),
     ] = None,
     wttc_limits: Annotated[
         str | None, Option(metavar="TYPE=M/S2,...", help="Largest accelerations by type, for WTTC.")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from scex_sumo.commands.completion import complete_metrics, complete_models, complete_results
 from scex_sumo.errors import UsageError
 
 MapPath = Annotated[
@@ -35,7 +36,11 @@ Synthetic = Annotated[
 ]
 Models = Annotated[
     str | None,
-    typer.Option(metavar="MODEL[@WEIGHT],...", help="Models to draw from; see 'scex-sumo models'."),
+    typer.Option(
+        metavar="MODEL[@WEIGHT],...",
+        help="Models to draw from; see 'scex-sumo models'.",
+        autocompletion=complete_models,
+    ),
 ]
 Thresholds = Annotated[
     list[str] | None,
@@ -50,11 +55,19 @@ MinVehicles = Annotated[int, typer.Option(help="Fewer moving vehicles make no se
 Cluster = Annotated[
     str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
 ]
+Cache = Annotated[bool, typer.Option(help="Keep the converted net for the next run on this map.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]
 Processes = Annotated[int, typer.Option(help="Processes.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")]
-Result = Annotated[Path, typer.Argument(metavar="OUT", help="Result folder.")]
+Result = Annotated[
+    Path, typer.Argument(metavar="OUT", help="Result folder.", autocompletion=complete_results)
+]
 ResultPath = Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", help="Result folder.")]
+
+
+def metric_option(help: str) -> Any:
+    """An option that takes one metric."""
+    return typer.Option(metavar="METRIC", help=help, autocompletion=complete_metrics)
 
 
 def parse_thresholds(entries: Sequence[str] | None) -> dict[str, float]:
@@ -71,3 +84,15 @@ def parse_thresholds(entries: Sequence[str] | None) -> dict[str, float]:
         except ValueError:
             raise UsageError(f"--threshold {entry}: needs METRIC=VALUE, e.g. --threshold ttc=0.5") from None
     return result
+
+
+def two_tracks(text: str) -> tuple[int, int]:
+    """``A,B`` of ``--encounter`` as two track ids.
+
+    Raises:
+        UsageError: it is none.
+    """
+    first, _, second = text.partition(",")
+    if not (first.strip().isdigit() and second.strip().isdigit()):
+        raise UsageError(f"--encounter {text}: give the ids of two vehicles, e.g. --encounter 11,7")
+    return int(first), int(second)

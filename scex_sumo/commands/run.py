@@ -13,6 +13,7 @@ from typer import Option
 from scex_sumo.commands.console import progress_bar, resumable, warn
 from scex_sumo.commands.of_results.view import view_command
 from scex_sumo.commands.options import (
+    Cache,
     Case,
     Fcd,
     MapPath,
@@ -91,9 +92,10 @@ def run_command(
         bool, Option("--report/--no-report", "--plots/--no-plots", help="Write report.html.")
     ] = True,
     world: Annotated[
-        str, Option(metavar="sumo|plain", help="plain: arrays, where SUMO drives nobody; the same to 1e-9.")
+        str,
+        Option(metavar="sumo|plain|checked", help="plain: arrays, where SUMO drives nobody; or seen to do."),
     ] = "sumo",
-    cache: Annotated[bool, Option(help="Keep the converted net for the next run on this map.")] = True,
+    cache: Cache = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = True,
     overwrite: Overwrite = False,
     out: ResultPath = None,
@@ -160,7 +162,14 @@ def run_command(
         else:
             with progress_bar("reference") as tick, resumable("children", folder):
                 add_reference(
-                    result, scene, reference, workers=pool, progress=tick, command=command, **settings
+                    result,
+                    scene,
+                    reference,
+                    workers=pool,
+                    cache=cache,
+                    progress=tick,
+                    command=command,
+                    **settings,
                 )
     _tell(result, scene, folder, plots=plots)
     if gui:

@@ -21,6 +21,8 @@ EXPORTERS: Final[Mapping[str, str]] = {
     "fcd": "scex_sumo.exporters.tracks:write_fcd_files",
     "openscenario": "scex_sumo.exporters.openscenario:write_openscenario",
     "sumo": "scex_sumo.exporters.sumo_folder:write_sumo",
+    "mp4": "scex_sumo.exporters.video:write_mp4",
+    "gif": "scex_sumo.exporters.video:write_gif",
     "commonroad": "scex_sumo.exporters.commonroad:write_commonroad",
 }
 """Import path by name: a format's libraries are loaded when somebody asks for it."""

@@ -25,6 +25,8 @@ class Request:
         children: numbers of the children, at least one.
         out: file or folder to write; None leaves the name to the exporter.
         ego: track id of the vehicle whose task it is to plan, where a format has one.
+        critical: metric by which the children were chosen, or None.
+        encounter: vehicles by whose encounter they were chosen, or None.
         map_path: the map of the run; None takes that of its ``run.json``.
     """
 
@@ -32,6 +34,8 @@ class Request:
     children: tuple[int, ...]
     out: Path | None = None
     ego: int | None = None
+    critical: str | None = None
+    encounter: tuple[int, int] | None = None
     map_path: Path | None = None
 
     @property

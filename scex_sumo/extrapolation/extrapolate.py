@@ -64,7 +64,7 @@ def extrapolate(
         overwrite: replace the result of another run in ``out``.
         workers: processes that share the children, or those that were started before; the result does not
             depend on it.
-        batch: children side by side in one world, None for about 2400 vehicles; the result does not depend
+        batch: children side by side in one world, None for about 6000 vehicles; the result does not depend
             on it.
         gui: show the run live in sumo-gui.
         cache: keep the converted net in ``~/.cache/scex-sumo`` for the next run on the same map.

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.errors import ScexError
@@ -28,13 +28,15 @@ from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.world.base import World
+from scex_sumo.world.checked import CheckedWorld
 from scex_sumo.world.colors import model_colors
 from scex_sumo.world.plain import PlainWorld
 from scex_sumo.world.sumo import TILE_SLOTS, SumoDriven, SumoWorld
 
 OnStep = Callable[[int], None]
 
-VEHICLES_AT_ONCE = 2400  # in a batch, over all its children
+VEHICLES_AT_ONCE = 6000  # in a batch, over all its children
+SAMPLE = 2  # children of a batch in a checked world that SUMO holds, too
 BATCHES_EACH = 2  # of each of several processes, at least: whoever starts later does less
 
 
@@ -50,6 +52,7 @@ class Job:
         assignment: (C, V) index into ``models``, for all children of the run.
         folder: the result folder.
         gui: show the run live in sumo-gui.
+        counted: (T, V) steps in which a vehicle counts in metrics; None: all.
     """
 
     scene: SeedScene
@@ -59,6 +62,7 @@ class Job:
     assignment: IntArray
     folder: Path
     gui: bool = False
+    counted: BoolArray | None = None
 
     @property
     def road(self) -> Road:
@@ -83,6 +87,11 @@ class Job:
     def apart(self) -> bool:
         """Whether each child needs a tile of its own: a driver of SUMO's, or who watches, sees all in it."""
         return self.gui or any(isinstance(model, SumoDriver) for model in self.models.built)
+
+    @property
+    def world(self) -> str:
+        """As the settings have it; SUMO's where only that does."""
+        return "sumo" if self.settings.world == "checked" and self.apart else self.settings.world
 
     def slots(self, children: IntArray) -> IntArray:
         """(C,) tile slot of each child: its own, or that of all."""
@@ -129,13 +138,34 @@ def batch_runner(job: Job, slots: Sequence[int]) -> Iterator[Callable[[IntArray,
         The function, of the children's numbers and of what is called with a number of children when they
         have made a step; it returns the children.
     """
-    if job.settings.world == "plain":
-        yield partial(_run_and_keep, job, None)
+    with sumo_of(job, slots) as world:
+        yield partial(_run_and_keep, job, world)
+
+
+@contextmanager
+def sumo_of(job: Job, slots: Sequence[int], *, compared: bool = True) -> Iterator[SumoWorld | None]:
+    """SUMO's world of a job, for `run_batch`; None where arrays do.
+
+    Args:
+        job: the run.
+        slots: the tile slots of all children that may come.
+        compared: whether a checked world is compared with SUMO's here; it has been elsewhere in the run.
+    """
+    if job.world == "plain" or (job.world == "checked" and not compared):
+        yield None
         return
     names = job.models.names
     legend = tuple(zip(names, model_colors(names), strict=True))
     with SumoWorld(job.net, job.scene, slots=slots, gui=job.gui, legend=legend) as world:
-        yield partial(_run_and_keep, job, world)
+        yield world
+
+
+def parts_in_memory(job: Job, children: Sequence[int], *, compared: bool) -> list[Part]:
+    """Children of a job, run in this process and kept nowhere; ``compared`` as in `sumo_of`."""
+    batches = batches_of(children, batch_size(job), apart=job.apart)
+    slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
+    with sumo_of(job, slots, compared=compared) as world:
+        return [run_batch(job, world, batch) for batch in batches]
 
 
 def _run_and_keep(job: Job, world: SumoWorld | None, children: IntArray, on_step: OnStep) -> IntArray:
@@ -144,19 +174,15 @@ def _run_and_keep(job: Job, world: SumoWorld | None, children: IntArray, on_step
 
 
 def run_batch(job: Job, sumo: SumoWorld | None, children: IntArray, *, on_step: OnStep | None = None) -> Part:
-    """Run some children side by side, in SUMO's world or, without one, in the plain one, and measure them."""
+    """Run some children side by side, in SUMO's world or in the plain one, see `sumo_of`; measure them."""
     cast, settings = _cast(job, children), job.settings
-    world: World = PlainWorld(len(children), job.scene.vehicles)
-    if sumo is not None:
-        world = sumo
-        start = job.scene.now.repeat(len(children))
-        sumo.begin(start, job.slots(children), _driven_by_sumo(job, cast))
-        if job.gui:
-            _paint(sumo, cast)
+    world = _begun(job, sumo, cast)
     rollout = roll_out(
         world, job.road, job.scene, cast, steps=settings.steps, replan=settings.replan, on_step=on_step
     )
-    found = measure_outcome(job.scene, rollout, metrics=settings.measured, preset=settings.rule)
+    found = measure_outcome(
+        job.scene, rollout, metrics=settings.measured, preset=settings.rule, counted=job.counted
+    )
     values, hits = found.values, found.collisions
     ids = job.scene.track_ids
     return Part(
@@ -178,6 +204,22 @@ def run_batch(job: Job, sumo: SumoWorld | None, children: IntArray, *, on_step: 
         collisions=collisions_table(hits, children=children, track_ids=ids, first=LOGGED_HISTORY),
         encounters=encounter_rows(found.encounters, children),
     )
+
+
+def _begun(job: Job, sumo: SumoWorld | None, cast: Cast) -> World:
+    """The world of a batch, set to the seed scene."""
+    count = len(cast.children)
+    plain = PlainWorld(count, job.scene.vehicles, length=job.scene.length)
+    if sumo is None:
+        return plain
+    if job.world == "checked":
+        sample = min(SAMPLE, count)
+        sumo.begin(job.scene.now.repeat(sample), job.slots(cast.children[:sample]))
+        return CheckedWorld(plain, sumo, sample)
+    sumo.begin(job.scene.now.repeat(count), job.slots(cast.children), _driven_by_sumo(job, cast))
+    if job.gui:
+        _paint(sumo, cast)
+    return sumo
 
 
 def _tested(job: Job, rollout: Rollout) -> FloatArray | None:

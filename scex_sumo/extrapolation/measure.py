@@ -55,9 +55,19 @@ def measure_outcome(
     *,
     metrics: Sequence[Metric] | None = None,
     preset: str = PAPER_PRESET,
+    counted: BoolArray | None = None,
 ) -> Outcome:
-    """Metric values, collisions and encounters of a batch of children; arguments as `measure_rollout`."""
-    tracks, planned = _evaluated(scene, rollout, None)
+    """Metric values, collisions and encounters of a batch of children; arguments as `measure_rollout`.
+
+    Args:
+        scene: the seed scene.
+        rollout: the children.
+        metrics: None for the paper's six.
+        preset: rule for car-following of the metrics that leave it open.
+        counted: (T, V) steps in which a vehicle counts, as `recorded_steps_of`; None: all.
+    """
+    present = None if counted is None else counted[None].repeat(len(rollout.children), axis=0)
+    tracks, planned = _evaluated(scene, rollout, present)
     hits = find_collisions(tracks)
     met: list[Encounters] = []
 
@@ -134,12 +144,19 @@ def measure_recorded(
         generators=[np.random.default_rng(0)],
     )
     rollout = roll_out(PlainWorld(1, vehicles), scene.road, scene, cast, steps=steps, replan=replan)
-    known = np.cumprod(scene.future_valid, axis=1).sum(axis=1)  # up to the first gap, as `Replay` has it
-    last = np.minimum(known, steps).astype(np.int64)
-    there = (np.arange(steps)[:, None] < last)[None]
-    tracks, planned = _evaluated(scene, rollout, there)
+    counted = recorded_steps_of(scene, steps)
+    tracks, planned = _evaluated(scene, rollout, counted[None])
     values = evaluate(tracks, planned, preset=preset, metrics=metrics)
+    last = counted.sum(axis=0)
     return Recorded(values=values, overlaps=find_collisions(tracks), last_step=last, steps=steps)
+
+
+def recorded_steps_of(scene: SeedScene, steps: int) -> BoolArray:
+    """(T, V) steps after the seed moment up to a vehicle's first gap, as `Replay` has it."""
+    assert scene.future_valid is not None
+    known = np.cumprod(scene.future_valid, axis=1).sum(axis=1)
+    result: BoolArray = np.arange(steps)[:, None] < np.minimum(known, steps)
+    return result
 
 
 def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:

@@ -24,6 +24,7 @@ def add_reference(
     mix: str,
     *,
     workers: int | Workers = 1,
+    cache: bool = True,
     progress: Progress | None = None,
     command: Sequence[str] | None = None,
     **settings: Any,
@@ -35,6 +36,7 @@ def add_reference(
         scene: its seed scene, with its road.
         mix: the models that tell what is likely, as `extrapolate` takes them.
         workers: as in `extrapolate`.
+        cache: likewise.
         progress: likewise.
         command: likewise.
         settings: those of the run; only `SHARED` are taken.
@@ -48,11 +50,13 @@ def add_reference(
         out=run.folder / REFERENCE,
         overwrite=True,
         workers=workers,
+        cache=cache,
         progress=progress,
         command=command,
         models=mix,
         children=CHILDREN,
         keep_plans=False,
+        world="plain" if settings.get("world") == "plain" else "checked",
         **shared,
     )
 

@@ -17,7 +17,7 @@ from scex_sumo.metrics.registry import COLUMNS, column_named, columns_of, descri
 from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 
-WORLDS = ("sumo", "plain")
+WORLDS = ("sumo", "plain", "checked")
 MOST_CHILDREN, MOST_STEPS, MOST_STATES = 100_000, 6_000, 2 * 10**8
 """What is run at most: children, steps of each (ten minutes), and states of all vehicles in all steps."""
 
@@ -50,8 +50,9 @@ class RunSettings:
         steps: steps of 0.1 s per child.
         replan: steps that a plan is followed before the next, 1 to 30.
         seed: the same seed gives the same result.
-        world: ``sumo``, what SUMO holds is what models see and metrics measure; or ``plain``, arrays alone,
-            in which SUMO drives nobody: the same to 1e-9.
+        world: ``sumo``, what SUMO holds is what models see and metrics measure; ``plain``, arrays alone, in
+            which SUMO drives nobody: the same to the bit; or ``checked``, arrays where SUMO drives nobody,
+            and of two children of each batch it is seen that SUMO holds the same.
         preset: ``paper`` for the paper's six metrics, ``path`` for those along planned paths and between
             outlines, ``both``.
         metrics: names, import paths or metrics, after the check the latter, in the place of the preset's;
@@ -92,7 +93,7 @@ class RunSettings:
                 f"--replan: got {self.replan}, needs 1 to {PLAN_STEPS} (models plan {PLAN_STEPS} steps)"
             )
         if self.world not in WORLDS:
-            raise UsageError(f"--world: got {self.world!r}, needs {' or '.join(WORLDS)}")
+            raise UsageError(f"--world: got {self.world!r}, needs {', '.join(WORLDS)}")
         if self.seed < 0:
             raise UsageError(f"--seed: got {self.seed}, needs 0 or more")
         self._put_under_test()

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from scex_sumo.arrays import IntArray
+from scex_sumo.arrays import IntArray, distinct
 from scex_sumo.behaviors.base import Behavior, Sight
-from scex_sumo.behaviors.driving.distinct import distinct, handed_out, own_motion
+from scex_sumo.behaviors.driving.distinct import handed_out, own_motion
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.plug_in.fallback import Fallible
 from scex_sumo.derived import derived

@@ -23,7 +23,7 @@ from scex_sumo.ranking.settings import written
 from scex_sumo.reports.page.density_plot import metric_title
 from scex_sumo.reports.page.html import Html, element
 from scex_sumo.reports.page.run.body import percent
-from scex_sumo.reports.page.study import Table, card, place, table, write_study
+from scex_sumo.reports.page.study import Table, card, table, table_place, write_study
 from scex_sumo.reports.page.svg import Plane
 from scex_sumo.reports.tables.runs import counted
 
@@ -63,7 +63,7 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, work
         cards.append(_moment(*known, limits))
     strips = _strips(ranking, [rows[refs[i].moment] for i in chosen])
     parts = [element("div.moments", *cards), *([card("When", *strips)] if strips else [])]
-    parts += [card("All seed scenes", _more(len(refs)), place("all-moments")), *_failures(ranking)]
+    parts += [card("All seed scenes", _more(len(refs)), table_place("all-moments")), *_failures(ranking)]
     shown = _table(ranking.slice(0, min(_ROWS, len(refs))).to_pylist(), limits)
     write_study(
         folder / HTML,

@@ -60,7 +60,7 @@ def rank(
         command: the command line, for ``rank.json``.
         progress: called with (children done, children in all as far as known).
         settings: see `scex_sumo.ranking.settings.RankSettings`: every, children, first, models,
-            min_vehicles, steps, replan, seed, top, keep, thresholds.
+            min_vehicles, steps, replan, seed, top, keep, cache, thresholds.
 
     Returns:
         The ranking. It depends on neither ``workers`` nor ``cluster``, nor on interruptions.

@@ -44,6 +44,7 @@ class RankSettings:
         metrics: in their place, as of a run.
         seed: the same seed gives the same ranking.
         thresholds: by metric column, on top of the defaults; kept whole, in the order of the columns.
+        cache: take converted nets from ``~/.cache/scex-sumo`` and keep them there.
         keep: whose tracks are kept: ``none``, ``critical`` (at most 5 of a moment) or ``all``.
         run: of each moment, from the above.
 
@@ -66,6 +67,7 @@ class RankSettings:
     seed: int = 0
     thresholds: Mapping[str, float] = field(default_factory=dict)
     keep: str = "none"
+    cache: bool = True
     run: RunSettings = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -82,6 +84,7 @@ class RankSettings:
             seed=self.seed,
             thresholds=self.thresholds,
             keep_plans=False,
+            world="checked",
         )
         limits = {**thresholds_of(run.measured), **run.thresholds}
         settled = {

@@ -73,6 +73,7 @@ def truth(
         children="all",
         preset=preset,
         seed=seed,
+        world="checked",
         workers=workers,
         out=out,
         overwrite=overwrite,

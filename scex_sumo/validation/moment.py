@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import zlib
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -12,19 +13,18 @@ import pyarrow as pa
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.net.convert import SumoNet
 from scex_sumo.errors import TrackError
-from scex_sumo.extrapolation.job import Job, batch_size, batches_of, run_batch
-from scex_sumo.extrapolation.measure import measure_recorded
+from scex_sumo.extrapolation.job import Job, parts_in_memory
+from scex_sumo.extrapolation.measure import measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.ranking.moments import Failure
-from scex_sumo.ranking.run_moment import MomentTask, worked
+from scex_sumo.ranking.run_moment import MomentTask, compared, worked
 from scex_sumo.ranking.settings import built
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import off_road
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.validation.realism import realism, realism_score
 from scex_sumo.validation.vehicles import gap_forecasts, position_forecasts
-from scex_sumo.world.sumo import SumoWorld
 
 RECORDED, CONSTANT_VELOCITY, SEED_MOMENT = -1, -2, -3
 """Children of a moment that are none: what happened, constant velocity, the first step of that."""
@@ -61,10 +61,14 @@ def _forecast(task: MomentTask, road: Road, net: SumoNet) -> Forecast:
     if not judged.any():
         raise TrackError(f"no vehicle is recorded for {steps} steps after it; take another moment")
     asked = dataclasses.replace(task.settings.run, preset="both", metrics=None, keep_plans=False)
-    plain = RunSettings(models="constant_velocity", children=1, steps=steps, keep_plans=False)
-    children = _run(scene, net, asked, built(task.settings.models), len(task.children))
-    straight = _run(scene, net, plain, ModelSet.of(plain), 1)
-    first = _run(scene, net, dataclasses.replace(plain, steps=1), ModelSet.of(plain), 1)
+    plain = RunSettings(
+        models="constant_velocity", children=1, steps=steps, keep_plans=False, world=asked.world
+    )
+    # Who leaves the recording leaves the children at the same step: like is compared with like.
+    run = partial(_run, scene, net, compared(net, task.ref))
+    children = run(asked, built(task.settings.models), len(task.children))
+    straight = run(plain, ModelSet.of(plain), 1)
+    first = run(dataclasses.replace(plain, steps=1), ModelSet.of(plain), 1)
     recorded = measure_recorded(scene, steps, metrics=asked.measured, preset=asked.rule)
     assert recorded is not None and scene.future is not None
     after = scene.future[:, :steps].repeat(1).swapaxes(1, 2)
@@ -92,14 +96,14 @@ class _Children:
     collided: BoolArray
 
 
-def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet, count: int) -> _Children:
+def _run(
+    scene: SeedScene, net: SumoNet, compared: bool, settings: RunSettings, models: ModelSet, count: int
+) -> _Children:
     models.try_on(scene, seed=settings.seed)
     drawn = models.draw(scene.track_ids, children=count, seed=settings.seed, design=settings.design)
-    job = Job(scene, net, settings, models, drawn, net.path.parent)
-    batches = batches_of(range(count), batch_size(job), apart=job.apart)
-    slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
-    with SumoWorld(net, scene, slots=slots) as world:
-        parts = [run_batch(job, world, batch) for batch in batches]
+    counted = recorded_steps_of(scene, settings.steps)
+    job = Job(scene, net, settings, models, drawn, net.path.parent, counted=counted)
+    parts = parts_in_memory(job, range(count), compared=compared)
     hit = [
         np.asarray(part.collisions["child"], dtype=np.int64) for part in parts if part.collisions is not None
     ]

@@ -12,7 +12,7 @@ import numpy as np
 from scex_sumo.metrics.registry import known_metrics
 from scex_sumo.reports.page.density_plot import metric_title
 from scex_sumo.reports.page.html import Html, element
-from scex_sumo.reports.page.study import Table, card, place, plots, table, write_study
+from scex_sumo.reports.page.study import Table, card, plots, table, table_place, write_study
 from scex_sumo.reports.page.svg import Plane
 from scex_sumo.reports.tables.runs import counted
 
@@ -80,14 +80,14 @@ def write_validation_page(
     usual = [row for row in events if 0.0 < row["happened"] < 1.0]
     found = [
         _summary(info),
-        card("Events", "How probable the children called what then happened, or not.", place("events")),
+        card("Events", "How probable the children called what then happened, or not.", table_place("events")),
         card(
             "Do probabilities hold?",
             "Where a forecast of 30 % came true 30 % of the time, the dot is on the line; its area is the "
             "number of seed scenes.",
             plots(*(_diagram(row) for row in usual)) if usual else "No event both happened and did not.",
         ),
-        card("Values", place("values")),
+        card("Values", table_place("values")),
         card(
             "Is the spread right?",
             "Ranks of the recorded value among the children: flat (the line) where the children are like "
@@ -95,7 +95,9 @@ def write_validation_page(
             plots(*(_ranks(_named(row["column"]), row["ranks"]) for row in values)),
         ),
         card(
-            "Positions", "How far the children are from where the vehicles really went.", place("positions")
+            "Positions",
+            "How far the children are from where the vehicles really went.",
+            table_place("positions"),
         ),
         *_failures(info["failed"]),
     ]

@@ -194,10 +194,13 @@ def _run(
 
 def _of_part(loaded: LoadedRecording, part: str, every: float) -> Sequence[Moment]:
     """The moments of a part of a recording, at least ``every`` seconds apart."""
-    if part == ALL:
-        return recording_moments(loaded, every_s=every)
+    found = recording_moments(loaded, every_s=STEP_S)
+    if part != ALL:
+        found = split_moments(found, Split())[part]  # type: ignore[index]
+    else:  # from the first that can be judged on: a recording shorter than ``every`` has one, too
+        found = [moment for moment in found if moment.case or moment.complete]
     moments: list[Moment] = []
-    for moment in split_moments(recording_moments(loaded, every_s=STEP_S), Split())[part]:  # type: ignore[index]
+    for moment in found:
         if not moments or moment.case or moment.time_s >= moments[-1].time_s + every - 1e-6:
             moments.append(moment)
     return moments

@@ -7,25 +7,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.compute as pc
 
 from scex_sumo.arrays import IntArray
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.files import write_atomic
-from scex_sumo.metrics.registry import side_of
+from scex_sumo.metrics.registry import metric_of, side_of
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
-from scex_sumo.views.replay import write_view
-from scex_sumo.world.colors import model_colors
+from scex_sumo.views.replay import ReadNet, write_view
+from scex_sumo.world.colors import Rgb, model_colors
 from scex_sumo.world.gui_drawings import ChildView
 
 
 def write_critical(run: Run) -> list[Path]:
     """Files for plain sumo-gui: the most critical child by each metric that is defined in any."""
-    files = []
+    files, net = [], ReadNet.of(run.net.path)
     for column in run.columns:
         if column.endswith("_mean") or len(run.samples(column)) == 0:
             continue
-        child = write_worst(run, column)
+        child = write_worst(run, column, net)
         link = child.with_name(f"critical_{column}.sumocfg")
         write_atomic(link, child.read_bytes())
         files.append(link)
@@ -37,17 +38,58 @@ def write_child(run: Run, number: int) -> Path:
     return _write(run, [_child_view(run, number)])
 
 
-def write_worst(run: Run, column: str) -> Path:
-    """Files that show the child most critical by a metric, at its worst step; returns the one to open."""
+def event_of(
+    run: Run, number: int, *, critical: str | None = None, encounter: tuple[int, int] | None = None
+) -> tuple[list[int], str]:
+    """Who is to be looked at in a child, and why.
+
+    Args:
+        run: a finished run.
+        number: of the child.
+        critical: metric of which the child has an extremum.
+        encounter: two vehicles of which the child is an encounter.
+
+    Returns:
+        Track ids, none for everybody, and words.
+    """
+    if encounter is not None:
+        return list(encounter), _named(encounter)
+    if critical is None:
+        return [], ""
+    row = _worst_row(run, number, run.column(critical))
+    return _tracks(row), f"{_value(run, number, critical)} · {_named(_tracks(row))}".rstrip(" ·")
+
+
+def _worst_row(run: Run, number: int, column: str) -> dict[str, Any]:
+    """Where an extremum of a child comes from; empty for a mean, which has no step of its own."""
+    rows = run.worst.filter((pc.field("child") == number) & (pc.field("metric") == column)).to_pylist()
+    return rows[0] if rows else {}
+
+
+def _tracks(row: dict[str, Any]) -> list[int]:
+    return [row[name] for name in ("track_id", "other_id") if row.get(name) is not None]
+
+
+def _named(tracks: Sequence[int]) -> str:
+    return " and ".join(str(track) for track in tracks)
+
+
+def write_worst(run: Run, column: str, net: ReadNet | None = None) -> Path:
+    """Files that show the child most critical by a metric, at its worst step; returns the one to open.
+
+    Args:
+        run: a finished run.
+        column: the metric.
+        net: the run's, where it has been read for other children.
+    """
     column = run.column(column)
     number = run.most_critical(column)
-    same = [row for row in run.worst.to_pylist() if (row["child"], row["metric"]) == (number, column)]
-    if not same:  # the mean of a child has no step of its own
-        return _write(run, [_child_view(run, number, title=f"most critical by {column}")])
-    row = same[0]
-    tracks = [track for track in (row["track_id"], row["other_id"]) if track is not None]
+    row = _worst_row(run, number, column)
+    if not row:
+        return _write(run, [_child_view(run, number, title=_value(run, number, column))], net)
+    tracks = _tracks(row)
     step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
-    return _write(run, [_event_view(run, number, tracks, step, f"{column} {row['value']:.3g}")])
+    return _write(run, [_event_view(run, number, tracks, step, _written(column, row["value"]))], net)
 
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
@@ -116,7 +158,13 @@ def most_critical(run: Run, count: int, column: str) -> IntArray:
 def _value(run: Run, number: int, column: str | None) -> str:
     if column is None:
         return ""
-    return f"{column} {run.values(column)[number]:.3g}"
+    return _written(column, float(run.values(column)[number]))
+
+
+def _written(column: str, value: float) -> str:
+    """The value of a metric as the tables print it, with its unit."""
+    metric, mean = metric_of(column), " mean" if column.endswith("_mean") else ""
+    return f"{metric.words}{mean} {value:.3g} {metric.column_unit or ''}".rstrip()
 
 
 def _child_view(run: Run, number: int, *, title: str = "", **event: Any) -> ChildView:
@@ -133,7 +181,7 @@ def _child_view(run: Run, number: int, *, title: str = "", **event: Any) -> Chil
 def _event_view(run: Run, number: int, tracks: Sequence[int], step: int, what: str) -> ChildView:
     """A child that stops at an event of some vehicles, ``step`` after the moment."""
     known = list(run.info["seed_scene"]["track_ids"])
-    title = f"{what} · {' and '.join(str(track) for track in tracks)} after {step * STEP_S:.1f} s"
+    title = f"{what} · {_named(tracks)} after {step * STEP_S:.1f} s"
     return _child_view(
         run,
         number,
@@ -143,7 +191,11 @@ def _event_view(run: Run, number: int, tracks: Sequence[int], step: int, what: s
     )
 
 
-def _write(run: Run, views: Sequence[ChildView]) -> Path:
+def colors_of(run: Run) -> dict[str, Rgb]:
+    """The colour of each model of a run in sumo-gui and videos, 0 to 255."""
     names = sorted(set(run.assignments["model"].unique().to_pylist()))
-    colors = dict(zip(names, model_colors(names), strict=True))
-    return write_view(run.net.path.parent, run.net, run.scene, views, colors)
+    return dict(zip(names, model_colors(names), strict=True))
+
+
+def _write(run: Run, views: Sequence[ChildView], net: ReadNet | None = None) -> Path:
+    return write_view(run.net.path.parent, run.net, run.scene, views, colors_of(run), again=net)

@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.files import quoted
@@ -70,40 +71,44 @@ class LaneFinder:
         self._outer = np.flatnonzero(~self._inside)
         self._outer_tree = shapely.STRtree(self._lines[self._outer])
 
-    def find(self, x: FloatArray, y: FloatArray, heading: FloatArray) -> tuple[list[str], FloatArray]:
-        """The lane of each place of one vehicle.
+    def find(
+        self, x: FloatArray, y: FloatArray, heading: FloatArray, first: BoolArray
+    ) -> tuple[list[str], FloatArray]:
+        """The lane of each place.
 
         Args:
-            x: (T,) m.
-            y: (T,) m.
-            heading: (T,) rad.
+            x: (n,) m.
+            y: (n,) m.
+            heading: (n,) rad.
+            first: (n,) where a vehicle begins.
 
         Returns:
-            Lane ids, and (T,) positions along them in m.
+            Lane ids, and (n,) positions along them in m.
         """
         places = shapely.points(x, y)
+        place, lane = self._tree.query(places, predicate="dwithin", distance=_NEAR_M)
+        allowed = ~(first[place] & self._inside[lane])
+        place, lane = place[allowed], lane[allowed]
+        order = np.lexsort((self._cost(lane, places[place], heading[place]), place))
+        near, begin = np.unique(place[order], return_index=True)
         found = np.empty(len(places), dtype=np.int64)
-        for t, place in enumerate(places):
-            near = self._tree.query(place, predicate="dwithin", distance=_NEAR_M)
-            if t == 0:
-                near = near[~self._inside[near]]
-            if len(near):
-                found[t] = near[np.argmin(self._cost(near, place, heading[t]))]
-            else:
-                found[t] = self._outer[self._outer_tree.nearest(place)]
+        found[near] = lane[order][begin]
+        far = np.setdiff1d(np.arange(len(places)), near)
+        if len(far):
+            found[far] = self._outer[self._outer_tree.nearest(places[far])]
         along = shapely.line_locate_point(self._lines[found], places)
         return [self._names[i] for i in found], along
 
-    def _cost(self, lanes: IntArray, place: shapely.Point, heading: float) -> FloatArray:
+    def _cost(self, lanes: IntArray, places: NDArray[np.object_], heading: FloatArray) -> FloatArray:
         lines = self._lines[lanes]
-        along = shapely.line_locate_point(lines, place)
+        along = shapely.line_locate_point(lines, places)
         back = shapely.line_interpolate_point(lines, np.maximum(along - 0.5, 0.0))
         front = shapely.line_interpolate_point(lines, along + 0.5)
         direction = np.arctan2(
             shapely.get_y(front) - shapely.get_y(back), shapely.get_x(front) - shapely.get_x(back)
         )
         turn = np.abs(np.angle(np.exp(1j * (direction - heading))))
-        cost: FloatArray = shapely.distance(lines, place) + _WRONG_WAY_M_PER_RAD * turn
+        cost: FloatArray = shapely.distance(lines, places) + _WRONG_WAY_M_PER_RAD * turn
         return cost
 
 
@@ -119,19 +124,23 @@ def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder) -> Non
     for group in groups:
         x, y, angle = to_sumo(group.states, group.length[:, None])
         dx, dy = group.offset
-        for n, key in enumerate(group.ids):
-            when = np.flatnonzero(group.present[n])
-            if not len(when):
-                continue
-            names, along = lanes.find(x[n, when], y[n, when], group.states.heading[n, when])
-            head = f"        <vehicle id={quoted(key)} type={quoted(group.types[n])}"
-            for k, t in enumerate(when.tolist()):
-                lane = names[k] if group.tile is None else tile_id(group.tile, names[k])
-                rows[t].append(
-                    f'{head} x="{x[n, t] + dx:.6f}" y="{y[n, t] + dy:.6f}" angle="{angle[n, t]:.6f}"'
-                    f' speed="{group.states.speed[n, t]:.6f}" pos="{along[k]:.2f}"'
-                    f' lane={quoted(lane)} slope="0"/>\n'
-                )
+        there = group.present
+        first = there & (np.cumsum(there, axis=1) == 1)
+        names, along = lanes.find(x[there], y[there], group.states.heading[there], first[there])
+        vehicle, when = np.nonzero(there)
+        heads = [
+            f"        <vehicle id={quoted(key)} type={quoted(kind)}"
+            for key, kind in zip(group.ids, group.types, strict=True)
+        ]
+        places = (x[there] + dx, y[there] + dy, angle[there], group.states.speed[there], along)
+        columns = [column.tolist() for column in (vehicle, when, *places)]
+        for name, n, t, *numbers in zip(names, *columns, strict=True):
+            lane = name if group.tile is None else tile_id(group.tile, name)
+            at_x, at_y, turned, speed, position = numbers
+            rows[t].append(
+                f'{heads[n]} x="{at_x:.6f}" y="{at_y:.6f}" angle="{turned:.6f}" speed="{speed:.6f}"'
+                f' pos="{position:.2f}" lane={quoted(lane)} slope="0"/>\n'
+            )
     with path.open("w", encoding="utf-8") as file:
         file.write('<?xml version="1.0" encoding="UTF-8"?>\n<fcd-export>\n')
         for step, vehicles in enumerate(rows, start=1):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,12 +24,15 @@ from scex_sumo.world.colors import Rgb
 from scex_sumo.world.gui_drawings import (
     OTHER_RGB,
     ChildView,
+    Frame,
     Shown,
     draw_children,
+    draw_ids,
     draw_legend,
     frame_of,
     legend_entries,
 )
+from scex_sumo.world.gui_names import letter_height, readable
 from scex_sumo.world.gui_settings import write_view_settings
 from scex_sumo.world.tiles import TileLayout, TileTemplate
 from scex_sumo.world.vehicle_types import given_type
@@ -39,6 +43,26 @@ _GRID_MARGIN_M, _GRID_AROUND_M = 15.0, 25.0
 _WINDOW = "1400,900"
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReadNet:
+    """What views need of a net.
+
+    Attributes:
+        lanes: to be found.
+        template: its extent.
+        written: names of the views whose tracks have been written; those of a child are always the same.
+    """
+
+    lanes: LaneFinder
+    template: TileTemplate
+    written: set[str] = field(default_factory=set)
+
+    @classmethod
+    def of(cls, path: Path) -> ReadNet:
+        """Read a net."""
+        return cls(lanes=LaneFinder(path), template=TileTemplate(path))
+
+
 def write_view(
     folder: Path,
     net: SumoNet,
@@ -47,6 +71,7 @@ def write_view(
     colors: Mapping[str, Rgb],
     *,
     snapshots: tuple[tuple[float, str], ...] = (),
+    again: ReadNet | None = None,
 ) -> Path:
     """Write what sumo-gui needs to show one child, or several side by side in reading order.
 
@@ -55,6 +80,7 @@ def write_view(
         children: with the same number of steps.
         colors: RGB of each behaviour model, 0 to 255.
         snapshots: times in s and names of pictures that sumo-gui writes then.
+        again: the net of views of one child each, read and used for several.
 
     Returns:
         The file to open: ``child_NUMBER.sumocfg``, or ``grid_N.sumocfg`` of N children.
@@ -63,7 +89,8 @@ def write_view(
     name = f"grid_{len(children)}" if grid else f"child_{children[0].number:04d}"
     folder.mkdir(parents=True, exist_ok=True)
     source = _cropped(folder / name, net, children) if grid else (net.path, net.extras)
-    lanes, template = LaneFinder(source[0]), TileTemplate(source[0])
+    read = again or ReadNet.of(source[0])
+    template = read.template
     layout = template.window_layout(len(children), margin_m=_GRID_MARGIN_M)
     net_file, additional = net.path, [net.extras] if net.extras is not None else []
     if grid:
@@ -72,24 +99,32 @@ def write_view(
         Shown(child=child, slot=slot if grid else None, offset=layout.offset(slot))
         for slot, child in enumerate(children)
     ]
-    write_fcd(folder / f"{name}.fcd.xml", [g for s in shown for g in _groups(scene, s)], lanes)
+    groups = [group for s in shown for group in _groups(scene, s)]
+    if name not in read.written:
+        write_fcd(folder / f"{name}.fcd.xml", groups, read.lanes)
+        read.written.add(name)
     entries = legend_entries(scene, [model for child in children for model in child.models], colors)
     frame = frame_of(template.bounds, [s.offset for s in shown], entries)
     if not grid:
         frame = frame.closer(children[0].looked_at)
     drawn = draw_children(shown, colors, frame) + draw_legend(frame)
+    letter_m = 0.0
+    if not grid:
+        letter_m = frame.exaggeration * letter_height([key for group in groups for key in group.ids])
+        drawn += _choose_ids(folder / f"{name}.ids.txt", groups, children[0], letter_m, frame)
     additional.append(folder / f"{name}.add.xml")
     types = _types(scene, children, colors)
     additional[-1].write_text(f"<additional>\n{types}{drawn}</additional>\n", encoding="utf-8")
     write_view_settings(
         folder / f"{name}.view.xml",
         frame,
-        names=not grid,
+        letter_m=letter_m,
+        chosen=True,
         snapshots=snapshots,
         # At the end sumo-gui would ask whether to close; who comes for the pictures only wants it to end.
         pause_s=None if snapshots else _stop_s(children[0]),
     )
-    return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1])
+    return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1], ids=not grid)
 
 
 def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[Path, Path | None]:
@@ -106,7 +141,30 @@ def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[P
 
 def _stop_s(child: ChildView) -> float:
     """When sumo-gui stops, s: after the last state, or at that of the event."""
-    return (child.states.shape[1] if child.stop is None else child.stop + 1) * STEP_S
+    return (child.stop_state + 1) * STEP_S
+
+
+def _choose_ids(
+    path: Path, groups: Sequence[FcdTracks], child: ChildView, letter_m: float, frame: Frame
+) -> str:
+    """Select the vehicles whose ids sumo-gui writes on them: those that can be read where it stops.
+
+    Returns:
+        What is drawn in place of the ids of an event that cannot: both, beside their ring.
+    """
+    at, here = child.stop_state, [(group, n) for group in groups for n in range(len(group.ids))]
+    here.sort(key=lambda entry: entry[0] is not groups[0] or entry[1] not in child.event)
+    here = [(group, n) for group, n in here if group.present[n, at]]
+    names = [group.ids[n] for group, n in here]
+    x, y = (np.array([getattr(group.states, axis)[n, at] for group, n in here]) for axis in ("x", "y"))
+    event, beside = list(range(len(child.event))), ""
+    kept = readable(names, x, y, letter_m)
+    if not set(event) <= set(kept):
+        rest = [n for n in range(len(here)) if n not in event]
+        kept = [rest[k] for k in readable([names[n] for n in rest], x[rest], y[rest], letter_m)]
+        beside = draw_ids([names[n] for n in event], x[event], y[event], frame.line_m)
+    path.write_text("".join(f"vehicle:{names[n]}\n" for n in kept), encoding="utf-8")
+    return beside
 
 
 def _write_tiles(
@@ -175,7 +233,9 @@ def _types(scene: SeedScene, children: Sequence[ChildView], colors: Mapping[str,
     return "".join(lines)
 
 
-def _write_configuration(folder: Path, name: str, net: Path, additional: Sequence[Path], steps: int) -> Path:
+def _write_configuration(
+    folder: Path, name: str, net: Path, additional: Sequence[Path], steps: int, *, ids: bool
+) -> Path:
     """The file that sumo-gui opens; other files are named relative to it."""
 
     def relative(path: Path) -> str:
@@ -198,7 +258,7 @@ def _write_configuration(folder: Path, name: str, net: Path, additional: Sequenc
         "xml-validation": "never",
         "start": "true",
         "window-size": _WINDOW,
-    }
+    } | ({"selection-file": f"{name}.ids.txt"} if ids else {})
     lines = "".join(f"    <{key} value={quoted(value)}/>\n" for key, value in options.items())
     path = folder / f"{name}.sumocfg"
     path.write_text(f"<configuration>\n{lines}</configuration>\n", encoding="utf-8")

@@ -6,13 +6,13 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.scene import STEP_S, States
+from scex_sumo.world.stand_ins import StandIns
 from scex_sumo.world.tiles import tile_id
 
 # moveToXY's keepRoute, which decides where SUMO looks for the lane that the vehicle is on; the vehicle is put
@@ -110,6 +110,7 @@ class RunningBatch:
         lanes: (C, V) which lanes SUMO looks for a vehicle on, moveToXY's ``keepRoute``.
         speed: (C, V) the speed last set, where overridden.
         held: (C, V) the same after the last step, never negative.
+        stand_ins: the vehicles that SUMO holds, by flat index into (C, V).
         route_ends: last edge of the route of SUMO-driven vehicles, by id.
         straight_on: vehicles that SUMO drove until their route ended.
         obstacles: ids of the pedestrians and cyclists present.
@@ -123,34 +124,46 @@ class RunningBatch:
     lanes: IntArray
     speed: FloatArray
     held: FloatArray
+    stand_ins: StandIns
     route_ends: dict[str, str] = field(default_factory=dict)
     straight_on: list[Pose] = field(default_factory=list)
     obstacles: set[str] = field(default_factory=set)
+    _chosen: dict[bool, Some] = field(default_factory=dict)
 
     def id_of(self, child: int, vehicle: int) -> str:
         """SUMO's id of a vehicle."""
         vehicles: int = self.overridden.shape[1]
         return self.ids[child * vehicles + vehicle]
 
-    @cached_property
+    @property
     def everybody(self) -> Some:
-        """All vehicles."""
-        return self._some(np.ones(self.overridden.shape, dtype=bool))
+        """All vehicles that SUMO holds."""
+        return self._some(driven=True)
 
-    @cached_property
+    @property
     def moved(self) -> Some:
-        """The vehicles that SUMO does not drive."""
-        return self._some(self.overridden)
+        """Those of them that SUMO does not drive."""
+        return self._some(driven=False)
 
-    def _some(self, mask: BoolArray) -> Some:
-        index = np.flatnonzero(mask)
-        watched = np.broadcast_to(self.mixed[:, None], mask.shape).reshape(-1)[index]
-        return Some(
-            index=index,
-            ids=[self.ids[i] for i in index],
-            lanes=self.lanes.reshape(-1)[index].tolist(),
-            watched=np.flatnonzero(watched).tolist(),
-        )
+    def _some(self, *, driven: bool) -> Some:
+        if driven not in self._chosen:
+            index = self.stand_ins.held
+            index = index if driven else index[self.overridden.reshape(-1)[index]]
+            watched = self.mixed[index // self.overridden.shape[1]]
+            self._chosen[driven] = Some(
+                index=index,
+                ids=[self.ids[i] for i in index.tolist()],
+                lanes=self.lanes.reshape(-1)[index].tolist(),
+                watched=np.flatnonzero(watched).tolist(),
+            )
+        return self._chosen[driven]
+
+    def part_ways(self, poses: Sequence[FloatArray]) -> IntArray:
+        """Tell vehicles apart that are put to different places, (C, V) each; who is new to SUMO (flat)."""
+        new = self.stand_ins.part_ways([values.reshape(-1) for values in poses])
+        if len(new):
+            self._chosen.clear()
+        return new
 
     def hand_over(self, driven: Sequence[SumoDriven], sumo: Any) -> None:
         """Let SUMO drive from here; on its lanes only: a vehicle beside them goes straight on instead."""
@@ -202,6 +215,9 @@ def new_batch(
     # Looking for lanes takes three quarters of the time, and is of use only to the drivers of SUMO's who
     # look for vehicles on their lanes: where there are none, SUMO need not look beyond one lane.
     mixed = np.full(len(slots), watched) | ~overridden.all(axis=1)
+    children, vehicles = start.shape
+    own = np.arange(children * vehicles).reshape(start.shape)
+    alike = np.where(mixed[:, None], vehicles + own, np.arange(vehicles))
     return RunningBatch(
         slots=slots,
         ids=ids,
@@ -211,4 +227,5 @@ def new_batch(
         lanes=np.where(mixed[:, None] & overridden, ANY_LANE, _OWN_ROUTE),
         speed=start.speed.copy(),
         held=np.empty(start.shape),
+        stand_ins=StandIns(alike.reshape(-1)),
     )

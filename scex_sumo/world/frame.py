@@ -23,6 +23,15 @@ def to_sumo(states: States, length: FloatArray) -> tuple[FloatArray, FloatArray,
     return x, y, np.mod(90.0 - np.degrees(states.heading), 360.0)
 
 
+def returned(angle: FloatArray) -> FloatArray:
+    """SUMO's angle of a vehicle, in degrees, as SUMO gives it back: it keeps radians, 0 = east."""
+    kept = np.pi / 2 - angle * np.pi / 180
+    back = (np.pi / 2 - kept) * 180 / np.pi
+    back = np.where(back >= 360.0, back - 360.0, back)
+    degrees: FloatArray = np.where(back < 0.0, back + 360.0, back)
+    return degrees
+
+
 def from_sumo(
     front_x: FloatArray, front_y: FloatArray, angle: FloatArray, speed: FloatArray, length: FloatArray
 ) -> States:

@@ -7,6 +7,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from scex_sumo.arrays import FloatArray
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from scex_sumo.world.colors import Rgb
 from scex_sumo.world.tiles import WINDOW_ASPECT, tile_id
@@ -50,8 +53,12 @@ class ChildView:
         """States that are to be in view: all, or those of the event where it stops."""
         if not self.event:
             return self.states
-        at = self.states.shape[1] - 1 if self.stop is None else self.stop
-        return self.states[list(self.event), at : at + 1]
+        return self.states[list(self.event), self.stop_state : self.stop_state + 1]
+
+    @property
+    def stop_state(self) -> int:
+        """Which of the states it stops at."""
+        return self.states.shape[1] - 1 if self.stop is None else self.stop
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -185,14 +192,30 @@ def draw_children(shown: Sequence[Shown], colors: Mapping[str, Rgb], frame: Fram
 
 def _ring(shown: Shown, vehicle: int) -> str:
     """A ring around a vehicle of an event, where it stops."""
-    at = -1 if shown.child.stop is None else shown.child.stop
     x, y = (
-        float(v[vehicle, at]) + d
+        float(v[vehicle, shown.child.stop_state]) + d
         for v, d in zip((shown.child.states.x, shown.child.states.y), shown.offset, strict=True)
     )
     angles = [2 * math.pi * k / _RING_POINTS for k in range(_RING_POINTS + 1)]
     shape = " ".join(f"{x + _RING_M * math.cos(a):.2f},{y + _RING_M * math.sin(a):.2f}" for a in angles)
     return _poly(shown.id(f"ring.{vehicle}"), shape, _RING_RGB, line_m=_RING_WIDTH_M)
+
+
+def draw_ids(names: Sequence[str], x: FloatArray, y: FloatArray, line_m: float) -> str:
+    """Ids of ringed vehicles that lie over one another, each beside its ring, away from the others.
+
+    Args:
+        names: of N vehicles.
+        x: (N,) m.
+        y: (N,) m.
+        line_m: height of a letter.
+    """
+    order = np.argsort(x, kind="stable").tolist()
+    away = np.linspace(-1.0, 1.0, len(order)) * (_RING_M + line_m)
+    return "".join(
+        _text(names[n], x[n] + dx - 0.5 * _LETTER * len(names[n]) * line_m, y[n], line_m)
+        for n, dx in zip(order, away, strict=True)
+    )
 
 
 def draw_legend(frame: Frame) -> str:

@@ -7,7 +7,6 @@ from pathlib import Path
 from scex_sumo.world.gui_drawings import Frame
 
 _SIZE_PER_M = 10.0  # sumo-gui's text size for letters of 1 m
-_NAME_M = 2.0  # leaves the ends of a car free
 GRASS = "214,219,209"
 ASPHALT = "74,78,84"
 _JUNCTION = "80,84,90"
@@ -35,7 +34,8 @@ _SETTINGS = """<viewsettings>
         <vehicles vehicleMode="0" vehicleQuality="2" vehicle_minSize="1"
                   vehicle_exaggeration="{exaggeration:.2f}" vehicle_constantSize="0" showBlinker="0"
                   drawMinGap="0" drawBrakeGap="0"
-                  vehicleName_show="{names}" vehicleName_size="{name_size}" vehicleName_color="20,22,26"
+                  vehicleName_show="{names}" vehicleName_onlySelected="{chosen}"
+                  vehicleName_size="{name_size}" vehicleName_color="20,22,26"
                   vehicleName_bgColor="255,255,255,200" vehicleName_constantSize="0"/>
         <persons personMode="0" personQuality="2" person_minSize="1" person_exaggeration="1"/>
         <junctions junctionMode="0" drawLinkTLIndex_show="0" drawLinkJunctionIndex_show="0" drawShape="1"
@@ -63,7 +63,8 @@ def write_view_settings(
     path: Path,
     frame: Frame,
     *,
-    names: bool,
+    letter_m: float = 0.0,
+    chosen: bool = False,
     delay_ms: int = 100,
     snapshots: tuple[tuple[float, str], ...] = (),
     pause_s: float | None = None,
@@ -72,7 +73,8 @@ def write_view_settings(
 
     Args:
         frame: what is in view.
-        names: write the vehicles' ids on them.
+        letter_m: height of the letters of vehicles' ids; 0 writes none.
+        chosen: writes those of selected vehicles only.
         delay_ms: pause after each step.
         snapshots: times in s and names of pictures that sumo-gui writes then.
         pause_s: time at which sumo-gui pauses.
@@ -84,8 +86,9 @@ def write_view_settings(
         grass=GRASS,
         asphalt=ASPHALT,
         junction=_JUNCTION,
-        names=int(names),
-        name_size=f"{_SIZE_PER_M * _NAME_M * frame.exaggeration:.2f}",
+        names=int(letter_m > 0),
+        chosen=int(chosen),
+        name_size=f"{_SIZE_PER_M * letter_m:.2f}",
         text_size=f"{_SIZE_PER_M * frame.line_m:.2f}",
         delay=delay_ms,
         viewport='    <viewport zoom="{:.2f}" x="{:.2f}" y="{:.2f}" angle="0"/>\n'.format(*frame.viewport),

@@ -18,6 +18,7 @@ from scex_sumo.programs import program, sumo_home
 from scex_sumo.scene import STEP_S
 from scex_sumo.world.colors import Rgb
 from scex_sumo.world.gui_drawings import draw_legend, frame_of
+from scex_sumo.world.gui_names import LETTER_M
 from scex_sumo.world.gui_settings import write_view_settings
 from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
@@ -192,7 +193,8 @@ class SumoSession:
             text = f"<additional>\n{draw_legend(frame)}</additional>\n"
             additional[-1].write_text(text, encoding="utf-8")
             view = self._folder / "view.xml"
-            write_view_settings(view, frame, names=len(self.slots) == 1, delay_ms=self._delay_ms)
+            letter_m = LETTER_M * frame.exaggeration if len(self.slots) == 1 else 0.0
+            write_view_settings(view, frame, letter_m=letter_m, delay_ms=self._delay_ms)
             options += ["--gui-settings-file", str(view), "--start", "true", "--quit-on-end", "true"]
         return [*options, "-a", ",".join(str(path) for path in additional)]
 

@@ -40,7 +40,8 @@ _NO_LANE = -1
 class SumoWorld:
     """SUMO's simulation of a batch of children, each in its tile; a context manager, one per process.
 
-    Children in which SUMO drives nobody may share a tile: vehicles that are moved take no notice of others.
+    Children in which SUMO drives nobody may share a tile: vehicles that are moved take no notice of others,
+    and one in SUMO stands for all that have come the same way.
     """
 
     def __init__(
@@ -131,8 +132,9 @@ class SumoWorld:
                 "watches; give each a slot of its own"
             )
         with self._session.refusals(f"set up a batch of {len(wanted)} children"):
-            self._add_vehicles(batch, driven)
-            self._place(start, batch.everybody, np.zeros(start.shape))
+            poses = self._poses(start)
+            self._add_vehicles(batch.part_ways(poses), driven)
+            self._place(poses, batch.everybody, start.speed, np.zeros(start.shape))
         if others := self._scene.obstacles:
             self.move_obstacles(others.states[:, HISTORY_STEPS], others.present[:, HISTORY_STEPS])
         self._advance(batch)
@@ -158,7 +160,9 @@ class SumoWorld:
                 f"{int((~mask & batch.overridden).sum())} not moved that it does not drive"
             )
         with self._session.refusals("move vehicles"):
-            self._place(states, batch.moved, (states.speed - batch.speed) / STEP_S)
+            poses = self._poses(states)
+            self._add_vehicles(batch.part_ways(poses))
+            self._place(poses, batch.moved, states.speed, (states.speed - batch.speed) / STEP_S)
         np.copyto(batch.speed, states.speed, where=mask)
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
@@ -213,9 +217,10 @@ class SumoWorld:
         batch, get = self._batch, self._call
         shape = batch.overridden.shape
         with self._session.refusals("read vehicles"):
-            ends = chain.from_iterable(map(get.getPosition, batch.ids))
-            front = np.fromiter(ends, np.float64, 2 * len(batch.ids)).reshape(*shape, 2)
-            angle = np.fromiter(map(get.getAngle, batch.ids), np.float64, len(batch.ids)).reshape(shape)
+            held, place = batch.everybody.ids, batch.stand_ins.place.reshape(shape)
+            ends = chain.from_iterable(map(get.getPosition, held))
+            front = np.fromiter(ends, np.float64, 2 * len(held)).reshape(-1, 2)[place]
+            angle = np.fromiter(map(get.getAngle, held), np.float64, len(held))[place]
             speed = batch.held.copy()
             for child in np.flatnonzero(batch.mixed):
                 mine = batch.ids[child * shape[1] : (child + 1) * shape[1]]
@@ -242,18 +247,22 @@ class SumoWorld:
             raise SimulationError("no batch is running in this world; begin one first")
         return self._running
 
-    def _place(self, states: States, some: Some, acceleration: FloatArray) -> None:
-        """Queue poses for the next step, and for the moment after it the speeds that somebody looks at."""
-        batch = self._batch
+    def _poses(self, states: States) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """States (C, V) in SUMO's terms: x and y of the front bumpers, each in its tile, and angles."""
         front_x, front_y, angle = to_sumo(states, self._length)
-        poses = (front_x + batch.offset[0], front_y + batch.offset[1], angle)
+        return front_x + self._batch.offset[0], front_y + self._batch.offset[1], angle
+
+    def _place(
+        self, poses: Sequence[FloatArray], some: Some, speed: FloatArray, acceleration: FloatArray
+    ) -> None:
+        """Queue poses for the next step, and for the moment after it the speeds that somebody looks at."""
         x, y, degrees = (values.reshape(-1)[some.index].tolist() for values in poses)
         move = self._call.moveToXY
         for key, to_x, to_y, turned, lanes in zip(some.ids, x, y, degrees, some.lanes, strict=True):
             move(key, "", _NO_LANE, to_x, to_y, turned, lanes, _MATCH_M)
         if some.watched:
             at = some.index[some.watched]
-            speeds, changes = (values.reshape(-1)[at].tolist() for values in (states.speed, acceleration))
+            speeds, changes = (values.reshape(-1)[at].tolist() for values in (speed, acceleration))
             self._speeds.extend(zip([some.ids[i] for i in some.watched], speeds, changes, strict=True))
 
     def _put(self, key: str, x: float, y: float, angle: float) -> None:
@@ -266,11 +275,12 @@ class SumoWorld:
         to it. What is set here is what SUMO goes on with, and what its drivers see of a vehicle; without
         anybody in a child who looks, a vehicle's speed is none of SUMO's concern.
         """
-        expected = len(batch.ids) + len(batch.obstacles)
+        held = batch.everybody.ids
+        expected = len(held) + len(batch.obstacles)
         with self._session.refusals("advance"):
             self._sumo.simulationStep()
             if self._sumo.vehicle.getIDCount() != expected:
-                lost = sorted({*batch.ids, *batch.obstacles} - set(self._sumo.vehicle.getIDList()))
+                lost = sorted({*held, *batch.obstacles} - set(self._sumo.vehicle.getIDList()))
                 raise SimulationError(
                     f"SUMO lost {len(lost)} of {expected} vehicles ({', '.join(lost[:3])}, ...); "
                     "please report this with the seed scene"
@@ -281,20 +291,20 @@ class SumoWorld:
         self._speeds.clear()
         batch.held = np.where(batch.speed < 0, 0.0, batch.speed)
 
-    def _add_vehicles(self, batch: RunningBatch, driven: Sequence[SumoDriven]) -> None:
-        vehicles = self._scene.vehicles
-        overridden = [self._types.overridden(v) for v in range(vehicles)]
+    def _add_vehicles(self, new: IntArray, driven: Sequence[SumoDriven] = ()) -> None:
+        """Add vehicles of the batch, by flat index."""
+        batch, vehicles = self._batch, self._scene.vehicles
         by_sumo = {d.child * vehicles + d.vehicle: d for d in driven}
-        for index, key in enumerate(batch.ids):
+        for index in new.tolist():
             child, v = divmod(index, vehicles)
-            slot = batch.slots[child]
+            key, slot = batch.ids[index], batch.slots[child]
             if d := by_sumo.get(index):
                 self._routes += 1
                 route = f"route{self._routes}"
                 self._sumo.route.add(route, [tile_id(slot, edge) for edge in d.edges])
                 self._sumo.vehicle.add(key, route, self._types.driven(v, d.model, d.parameters))
             else:
-                self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), overridden[v])
+                self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.overridden(v))
                 if batch.mixed[child]:
                     # Or SUMO makes others give way to lane changes that this vehicle will never make.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)

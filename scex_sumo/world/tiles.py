@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -107,7 +108,7 @@ class TileTemplate:
             else:
                 self._take(element)
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
         """Smallest x, y and largest x, y of all coordinates, m.
 

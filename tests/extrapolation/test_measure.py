@@ -9,9 +9,11 @@ import pytest
 
 from scex_sumo.extrapolation.measure import (
     handover_jumps,
+    measure_outcome,
     measure_recorded,
     measure_rollout,
     overlapping_at_first,
+    recorded_steps_of,
     worst_of,
 )
 from scex_sumo.extrapolation.notes import outcome_notes
@@ -76,6 +78,29 @@ def test_vehicles_count_as_long_as_they_were_recorded() -> None:
     assert recorded is not None
     assert recorded.last_step.tolist() == [30, 10]
     assert recorded.values.scene["distance"].defined[0].tolist() == [True] * 10 + [False] * 20
+
+
+def test_children_can_be_measured_for_as_long_as_their_vehicles_were_recorded() -> None:
+    scene = crossing_seed()
+    assert scene.future is not None and scene.future_valid is not None
+    valid = scene.future_valid.copy()
+    valid[1, 10:] = False
+    left = dataclasses.replace(scene, future_valid=valid)
+    children = Rollout(
+        children=np.arange(2),
+        states=scene.future[:, :30].repeat(2).swapaxes(1, 2),
+        plan_x=np.zeros((2, 6, 2, 30)),
+        plan_y=np.zeros((2, 6, 2, 30)),
+        replan=5,
+    )
+    counted = recorded_steps_of(left, 30)
+    found = measure_outcome(left, children, counted=counted).values
+    recorded = measure_recorded(left, 30)
+    assert recorded is not None
+    for name in ("distance", "distance_mean", "wttc"):
+        assert found.column(name)[0] == pytest.approx(recorded.values.column(name)[0].repeat(2), abs=1e-9)
+    every = measure_outcome(left, children).values
+    assert (every.column("distance")[0] < found.column("distance")[0]).all()  # they go on towards each other
 
 
 def test_only_the_vehicles_that_sumo_drives_can_jump_at_its_takeover() -> None:

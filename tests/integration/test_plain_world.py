@@ -1,4 +1,4 @@
-"""Plain world: what SUMO holds too, where SUMO drives nobody: states and metrics to 1e-9."""
+"""Plain world: what SUMO holds too, where SUMO drives nobody: states and metrics to the bit."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 import scex_sumo
-from scex_sumo.errors import UsageError
+from scex_sumo.errors import SimulationError, UsageError
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import EXAMPLES
 from scex_sumo.scene import SeedScene
 
 MODELS = "rules,calibrated_driver,replay,risky_driver:path=random,constant_velocity:guard=true"
-EXACT = 1e-9  # m, rad, m/s: SUMO's angles in degrees and front bumpers cost some 1e-12 of them
 
 
 def in_both(scene: SeedScene, out: Path, **settings: object) -> list[Run]:
@@ -28,12 +27,7 @@ def assert_equal(runs: list[Run]) -> None:
         assert sumo.column_names == plain.column_names
         for column in sumo.column_names:
             one, other = (table[column].to_numpy(zero_copy_only=False) for table in (sumo, plain))
-            if one.dtype.kind != "f":
-                assert np.array_equal(one, other)
-                continue
-            if column == "psi_rad":  # pi and -pi are one heading
-                one, other = np.cos(one - other), np.ones_like(other)
-            np.testing.assert_allclose(other, one, rtol=EXACT, atol=EXACT, err_msg=f"{name} {column}")
+            np.testing.assert_array_equal(other, one, err_msg=f"{name} {column}")
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
@@ -58,9 +52,30 @@ def test_both_worlds_hold_the_same_on_all_real_maps(data: Path, tmp_path: Path) 
         )
 
 
+def test_a_checked_run_gives_the_same_and_has_seen_that_sumo_does(tmp_path: Path) -> None:
+    scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
+    runs = [scex_sumo.extrapolate(scene, out=tmp_path / w, world=w, children=9) for w in ("sumo", "checked")]
+    assert_equal(runs)
+
+
+def test_a_plain_world_that_holds_something_else_than_sumo_ends_the_run(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("scex_sumo.world.plain.returned", lambda angle: angle + 1e-9)
+    scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
+    with pytest.raises(SimulationError, match=r"^the plain world and SUMO differ in x by .*use --world sumo"):
+        scex_sumo.extrapolate(scene, out=tmp_path / "out", world="checked", children=9)
+
+
+def test_a_checked_run_is_sumos_where_sumo_drives(tmp_path: Path) -> None:
+    scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
+    run = scex_sumo.extrapolate(scene, out=tmp_path / "o", models="sumo:EIDM", world="checked", children=2)
+    assert run.children == 2
+
+
 def test_sumo_drives_nobody_in_the_plain_world() -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
     with pytest.raises(UsageError, match=r"^--world plain: sumo:EIDM is driven by SUMO"):
         scex_sumo.extrapolate(scene, models="sumo:EIDM", world="plain", children=2)
-    with pytest.raises(UsageError, match=r"^--world: got 'moon', needs sumo or plain$"):
+    with pytest.raises(UsageError, match=r"^--world: got 'moon', needs sumo, plain, checked$"):
         scex_sumo.extrapolate(scene, world="moon", children=2)

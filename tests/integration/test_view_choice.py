@@ -42,7 +42,21 @@ def test_the_most_critical_child_stops_at_its_worst_step_with_the_pair_ringed(ru
     ids = run.info["seed_scene"]["track_ids"]
     assert stops_at(file) == pytest.approx(row["timestamp_ms"] / 1000)
     assert rings(file) == {f"ring.{ids.index(row[name])}" for name in ("track_id", "other_id")}
-    assert f"wttc {row['value']:.3g}" in texts(file)
+    assert f"WTTC {row['value']:.3g} s" in texts(file)
+
+
+def ids_on_vehicles(file: Path) -> set[str]:
+    return {line.removeprefix("vehicle:") for line in file.with_suffix(".ids.txt").read_text().split()}
+
+
+def test_no_two_ids_overprint_and_a_pair_has_both_of_its_own(run: Run) -> None:
+    file = write_worst(run, "ttc")  # two that have run into each other
+    number = run.most_critical("ttc")
+    row = next(r for r in run.worst.to_pylist() if (r["child"], r["metric"]) == (number, "ttc"))
+    pair = {str(row["track_id"]), str(row["other_id"])}
+    shown = ids_on_vehicles(file)
+    assert pair <= shown or (not pair & shown and pair <= set(texts(file).split()))
+    assert len(shown) >= 10
 
 
 def test_an_encounter_stops_where_the_two_meet(run: Run) -> None:

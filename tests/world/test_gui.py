@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.scene import States
-from scex_sumo.world.gui_drawings import ChildView, Shown, draw_children, draw_legend, frame_of
+from scex_sumo.world.gui_drawings import ChildView, Shown, draw_children, draw_ids, draw_legend, frame_of
+from scex_sumo.world.gui_names import letter_height, readable
 from scex_sumo.world.gui_settings import write_view_settings
 
 RED, BLUE = (214, 64, 58), (54, 124, 196)
@@ -85,7 +86,7 @@ def test_view_settings_are_well_formed_and_say_what_was_asked(tmp_path: Path) ->
     path = tmp_path / "view.xml"
     frame = frame_of(MAP, [(0, 0)], [])
     zoom, x, y = frame.viewport
-    write_view_settings(path, frame, delay_ms=40, names=False, snapshots=((1.0, "a.png"),), pause_s=4.0)
+    write_view_settings(path, frame, delay_ms=40, snapshots=((1.0, "a.png"),), pause_s=4.0)
     settings = ElementTree.parse(path).getroot()
     found = {e.tag: e.attrib for e in settings}
     assert found["delay"] == {"value": "40"}
@@ -99,3 +100,21 @@ def test_view_settings_are_well_formed_and_say_what_was_asked(tmp_path: Path) ->
     assert found["breakpoint"] == {"time": "4.00"}
     vehicles = settings.find("scheme/vehicles")
     assert vehicles is not None and vehicles.get("vehicleName_show") == "0"
+
+
+def test_ids_fit_into_a_lane() -> None:
+    assert letter_height(["7", "12"]) == 2.0
+    assert letter_height(["2819", "12"]) == pytest.approx(1.25)
+
+
+def test_an_id_that_would_overprint_one_before_it_is_left_out() -> None:
+    # Two digits 2 m high are 2.08 m wide: the second is half over the first, the third beside both.
+    names, y = ["15", "16", "17"], np.zeros(3)
+    assert readable(names, np.array([0.0, 1.0, 2.1]), y, 2.0) == [0, 2]
+    assert readable(names, np.array([0.0, 1.0, 2.1]), np.array([0.0, 3.0, 0.0]), 2.0) == [0, 1, 2]
+
+
+def test_ids_of_an_event_stand_beside_its_ring() -> None:
+    drawn = elements(draw_ids(["15", "16"], np.array([100.2, 100.0]), np.array([40.0, 40.0]), 1.0))
+    assert float(drawn["16"].get("x", "nan")) == pytest.approx(95.0)  # the more western one: 4 m and a letter
+    assert float(drawn["15"].get("x", "nan")) == pytest.approx(105.2)

@@ -1,4 +1,4 @@
-"""Distinct situations: requests whose inputs are equal to the bit, so that one answer serves them all."""
+"""Equal situations: what a vehicle knows of itself, and one answer handed out to all that are in the same."""
 
 from __future__ import annotations
 
@@ -6,21 +6,6 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.scene import Plan, SceneHistory, Who
-
-
-def distinct(rows: FloatArray) -> tuple[IntArray, IntArray]:
-    """Which rows are equal to the bit.
-
-    Args:
-        rows: (n, K).
-
-    Returns:
-        (k,) the first row of each kind, ascending, and (n,) the kind of each row.
-    """
-    whole = np.ascontiguousarray(rows)
-    number: dict[bytes, int] = {}
-    kind = np.array([number.setdefault(row.tobytes(), len(number)) for row in whole], dtype=np.int64)
-    return np.unique(kind, return_index=True)[1], kind
 
 
 def own_motion(history: SceneHistory, who: Who) -> FloatArray:

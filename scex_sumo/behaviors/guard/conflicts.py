@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.guard.boxes import box_distances
 from scex_sumo.behaviors.guard.profile import GuardProfile
 from scex_sumo.behaviors.guard.ways import SAMPLE_S, SAMPLES, Expected, PlannedWays, expected
 from scex_sumo.road import Road
@@ -100,6 +101,8 @@ def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
         near &= low - reach <= mine.max(axis=1)[:, None]
         near &= high + reach >= mine.min(axis=1)[:, None]
     near[np.arange(len(who)), who.vehicle] = False
+    if view.profile.touching > 0:
+        near[:, : scene.vehicles] &= (box_distances(scene) >= view.profile.touching)[who.vehicle]
     i, j = np.nonzero(near)
     return i, j
 

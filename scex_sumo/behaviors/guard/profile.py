@@ -22,6 +22,8 @@ class GuardProfile:
         margin: of the swept corridor beyond the own width, on each side, m.
         alongside_margin: likewise against vehicles that are alongside now, or come towards the vehicle, m.
         time_margin: between the vehicle and one that crosses its way, s.
+        touching: pairs whose boxes are nearer than this in the seed scene are left alone, m: so are recorded
+            boxes of who drives side by side, of trailers, and of one vehicle that was tracked twice.
         order_margin: two vehicles that reach a conflict this near to each other go by their numbers, m.
     """
 
@@ -34,6 +36,7 @@ class GuardProfile:
     margin: float = 0.3
     alongside_margin: float = 0.1
     time_margin: float = 0.4
+    touching: float = 0.0
     order_margin: float = 1.0
 
     def __post_init__(self) -> None:

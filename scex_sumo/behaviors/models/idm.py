@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import FloatArray, IntArray, distinct
 from scex_sumo.behaviors.base import Sight
-from scex_sumo.behaviors.driving.distinct import distinct, handed_out, own_motion
+from scex_sumo.behaviors.driving.distinct import handed_out, own_motion
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
@@ -119,13 +119,15 @@ class IdmParameters:
     max_deceleration: FloatArray | float
 
     @classmethod
-    def of(cls, profile: IdmProfile, *, time_headway: FloatArray) -> IdmParameters:
-        """Those of a profile, with time headways of the vehicles' own, (n,) in s."""
+    def of(
+        cls, profile: IdmProfile, *, time_headway: FloatArray, comfort_deceleration: FloatArray
+    ) -> IdmParameters:
+        """Those of a profile, with the vehicles' own time headways (n,), s, and decelerations (n,), m/s²."""
         return cls(
             time_headway=time_headway,
             minimum_gap=profile.minimum_gap,
             max_acceleration=profile.max_acceleration,
-            comfort_deceleration=profile.comfort_deceleration,
+            comfort_deceleration=comfort_deceleration,
             max_deceleration=profile.max_deceleration,
         )
 

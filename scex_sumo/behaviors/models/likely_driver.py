@@ -32,6 +32,7 @@ from scex_sumo.behaviors.models.likely_seen import (
     leaders_of,
     path_edges,
     queue_place,
+    room_beside,
     seen_of,
     shown_by,
 )
@@ -42,17 +43,22 @@ from scex_sumo.behaviors.models.population import (
     population,
     students,
     uniforms,
+    way_across,
 )
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
 
 STARTING_MPS = 0.02  # a standing vehicle that gained so much in the last step has started
-HEADWAY_S = (0.3, 4.0)  # nobody keeps less or more
+HEADWAY_S = (0.1, 4.0)  # nobody keeps less or more
 KEPT_SHARE = 0.9  # of the headway shown in the seed scene, which a driver keeps at most
 RELIEF_MPS2 = 3.0  # who has to brake this hard adds nothing to it
 STRONGEST_MPS2 = 4.0
 HARDEST_MPS2 = -8.0
+BRAKING_MPS2 = (0.5, 8.0)  # nobody comes up to a leader more gently or harder than that
+ROOM_SHARE = 0.8  # of the room to who drives beside it, of which a driver makes use by chance
+CRAWL_S = 0.5  # who stands has the speed at which it crawls after about this time
+QUEUE_GAP_M = 0.5  # nobody crawls nearer to its leader
 _DRIVER, _START = 0, 1  # salts; each plan has a start of its own
 
 
@@ -81,15 +87,21 @@ class Drivers:
 
     Attributes:
         headway: (n,) s.
+        braking: (n,) comfortable deceleration behind a leader, m/s².
         own: (n, 3) what each adds to its acceleration in each second after the seed scene, m/s².
-        side: (n,) where each wants to be beside its path after 3 s, m, left positive.
-        seen: (n,) where it was in the seed scene.
+        aside: (n, 31) where each wants to be beside its path now and after each step, m, left positive.
+        crawl: (n,) factor on the speed of who stands.
+        leader: (n,) column of its leader in the seed scene,
+        slack: (n,) and how much further away that one is taken to be, m, see `Seen`.
     """
 
     headway: FloatArray
+    braking: FloatArray
     own: FloatArray
-    side: FloatArray
-    seen: FloatArray
+    aside: FloatArray
+    crawl: FloatArray
+    leader: IntArray
+    slack: FloatArray
 
 
 class LikelyDriver:
@@ -105,11 +117,10 @@ class LikelyDriver:
         drivers = self._drivers(history, road, who, paths, row)
         own = history.now[who.child, who.vehicle]
         s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
-        aside = _aside(history, drivers)
-        leaders = leaders_of(history, who, paths, row, s, aside[:, 0])
+        leaders = leaders_of(history, who, paths, row, s, drivers.aside[:, 0])
         waits = self._waits(history, who, leaders)
         accelerate = _acceleration(history, who, paths, row, leaders, drivers, waits)
-        return drive(history, who, paths, row, accelerate, aside=aside)
+        return drive(history, who, paths, row, accelerate, aside=drivers.aside)
 
     def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
         if self.profile.path != "fitted":
@@ -126,19 +137,27 @@ class LikelyDriver:
     def _drivers(
         self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray
     ) -> Drivers:
-        drawn = uniforms(history.route_draw[who.child, who.vehicle], 8, _DRIVER)
+        drawn = uniforms(history.route_draw[who.child, who.vehicle], 11, _DRIVER)
         spread, known = self.profile.spread, self.population
         seen, speed = seen_of(history.scene, paths), shown_by(history.scene).speed[who.vehicle]
         headway = np.exp(known.headway[0] + spread * known.headway[1] * normals(drawn[:, 5]))
         shown = np.maximum(KEPT_SHARE * seen.headway[row], HEADWAY_S[0])
-        side = known.keeps_side * seen.offset[row] + spread * known.side_m * normals(drawn[:, 6])
+        braking = np.exp(known.braking[0] + spread * known.braking[1] * normals(drawn[:, 7]))
+        time_s = np.arange(history.step, history.step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
+        side = spread * known.side_m * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
+        right, left = (ROOM_SHARE * room_beside(history.scene)[who.vehicle]).T
+        side = np.clip(side, -right, left)
+        side = np.clip(seen.across[row] @ known.keeps_side + side, -MOST_ASIDE_M, MOST_ASIDE_M)
         return Drivers(
             headway=np.clip(np.minimum(headway, shown), *HEADWAY_S),
             own=known.own_acceleration(
                 speed, seen.features[row], seen.unsure[row], spread * students(drawn[:, :5])
             ),
-            side=np.clip(side, -MOST_ASIDE_M, MOST_ASIDE_M),
-            seen=seen.offset[row],
+            braking=np.clip(braking, *BRAKING_MPS2),
+            aside=way_across(seen.across[row], side, time_s),
+            crawl=1 + np.minimum(spread, 1.0) * (2 * drawn[:, 10] - 1),
+            leader=seen.leader[row],
+            slack=seen.slack[row],
         )
 
     def _waits(self, history: SceneHistory, who: Who, leaders: Leaders) -> FloatArray:
@@ -152,13 +171,6 @@ class LikelyDriver:
         rate = np.asarray(self.population.start_rate)[queue_place(leaders.gap, leaders.speed)]
         # Waiting has no memory: what is drawn anew in every plan is one exponential time in all.
         return np.where(stands, -np.log(draw) / np.maximum(rate, 1e-9), 0.0)
-
-
-def _aside(history: SceneHistory, drivers: Drivers) -> FloatArray:
-    """(n, 31) wanted offset from the path now and after each step, m."""
-    time_s = (history.step + np.arange(PLAN_STEPS + 1)) * STEP_S
-    share = np.minimum(time_s / SECONDS, 1.0)
-    return drivers.seen[:, None] + (drivers.side - drivers.seen)[:, None] * share
 
 
 def _acceleration(
@@ -178,7 +190,9 @@ def _acceleration(
     shown = shown_by(history.scene)
     habit = (shown.speed[who.vehicle], shown.acceleration[who.vehicle])
     stood = habit[0] < STANDING_MPS
-    profile = IdmParameters.of(CALIBRATED, time_headway=drivers.headway)
+    profile = IdmParameters.of(CALIBRATED, time_headway=drivers.headway, comfort_deceleration=drivers.braking)
+    away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
+    crawl = np.minimum(habit[0] * drivers.crawl, STANDING_MPS)
 
     def at(s: FloatArray) -> IntArray:
         return first + np.clip((s + ahead) * (1 / DS_M), 0, last).astype(np.int64)
@@ -188,12 +202,13 @@ def _acceleration(
         limit = wished[at(s)]
         # What a standing vehicle shows is no habit.
         desired = np.where(stood, limit, desired_speed(CALIBRATED, limit, v, *habit, time_s))
-        gap = leaders.gap + leaders.speed * (step * STEP_S) - travelled
+        gap = away + leaders.speed * (step * STEP_S) - travelled
         curve = curves[at(s + v * CURVE_TIME_S)]
         asked = asked_acceleration(profile, v, desired, gap, leaders.speed, curve)
         own = np.where(waits > 0, 0.0, drivers.own[:, min(int(time_s + 1e-6), SECONDS - 1)])
         own = np.where(own > 0, own * np.clip(1 + asked / RELIEF_MPS2, 0.0, 1.0), own)
-        still = np.where(v > 0, -STRONGEST_MPS2, 0.0)
+        still = np.clip((crawl - v) / CRAWL_S, -STRONGEST_MPS2, STRONGEST_MPS2)
+        still = np.minimum(still, np.where(gap < QUEUE_GAP_M, -v / CRAWL_S, np.inf))
         return np.where(waits > step * STEP_S, still, np.clip(asked + own, HARDEST_MPS2, STRONGEST_MPS2))
 
     return accelerate

@@ -10,7 +10,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
 from scex_sumo.behaviors.driving.motion import curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import foot_points
+from scex_sumo.behaviors.driving.projection import bend_at, foot_points
 from scex_sumo.behaviors.models.idm import (
     CALIBRATED,
     CURVE_TIME_S,
@@ -25,9 +25,15 @@ from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, Who
 
 STANDING_MPS = 0.5
 CALM_MPS2 = 0.7  # accelerations that scatter this much around their mean tell half
+MOST_SCATTER_MPS2 = 0.5  # beyond this, scatter says no more of a driver
 CLEARANCE_M = 1.2  # of another vehicle's centre from the line that a driver keeps to
+MOST_SWERVE = 1.5  # m/s and m/s² across a path that are believed
 MARGIN_M = -0.2  # measured boxes of who drives beside a vehicle may touch its own
+BESIDE_M = 8.0  # who is this near in front or behind, and beside the way, drives beside
 QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
+COUPLED_M = 2.0  # who drives nearer to its leader than this, as fast as it, is taken to keep this distance
+COUPLED_MPS = (3.0, 5.0)  # at this speed and difference of speed, at least and at most
+MOST_SLACK_M = 4.0
 
 
 def queue_place(gap_m: FloatArray, leader_speed_mps: FloatArray) -> IntArray:
@@ -116,20 +122,43 @@ def shown_by(scene: SeedScene) -> LastSecond:
     )
 
 
+@derived
+def room_beside(scene: SeedScene) -> FloatArray:
+    """(V, 2) free room to the right and to the left of each vehicle, to those who drive beside it, m."""
+    now, far = scene.now, scene.length[:, None] / 2 + scene.length / 2 + BESIDE_M
+    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
+    dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
+    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    turn = now.heading - now.heading[:, None]
+    half = (np.abs(np.sin(turn)) * scene.length + np.abs(np.cos(turn)) * scene.width) / 2
+    gap = np.abs(left) - half - scene.width[:, None] / 2
+    beside = (np.abs(ahead) < far) & ((gap > 0) | (np.abs(ahead) < far - BESIDE_M))
+    np.fill_diagonal(beside, False)
+    gap = np.maximum(gap, 0.0)
+    near = (np.where(beside & side, gap, np.inf) for side in (left < 0, left > 0))
+    return np.stack([each.min(axis=1, initial=np.inf) for each in near], axis=1)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:
     """What the seed scene shows along each path, (P,).
 
     Attributes:
-        headway: time headway to the leader on that path, s; inf without one.
-        offset: of the rear axle from the path, left positive, m, within `MOST_ASIDE_M`.
+        leader: column of the leader on that path, as in `Leaders`; -1 without one.
+        slack: by how much further away than its box it is taken to be, m: trailers that were recorded as
+            vehicles, boxes that are too long, and those who drive side by side are not to brake for it.
+        headway: time headway to the leader, beyond the least gap, s; inf without one.
+        across: (P, 3) of the rear axle: offset from the path, left positive, m, within `MOST_ASIDE_M`; speed
+            across it, m/s; and how that changes, m/s².
         features: (P, 7) what own accelerations depend on: 1, the acceleration shown, what the leader asks
             for, speed difference to it, the lag shown, the leader's acceleration, speed below the limit.
         unsure: (P, 3) what their spread depends on: scatter, size of the acceleration, leader near or not.
     """
 
+    leader: IntArray
+    slack: FloatArray
     headway: FloatArray
-    offset: FloatArray
+    across: FloatArray
     features: FloatArray
     unsure: FloatArray
 
@@ -141,16 +170,18 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     row, shown = np.arange(len(vehicle)), shown_by(scene)
     who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
-    now, begin = scene.now[vehicle], np.full(len(vehicle), BEHIND_M)
-    x, y = rear_axle(now, scene.length[vehicle])
-    offset = np.clip(foot_points(paths, row, x, y, begin)[1], -MOST_ASIDE_M, MOST_ASIDE_M)
-    s, _, _ = foot_points(paths, row, now.x, now.y, begin)
-    leaders = leaders_of(history, who, paths, row, s, offset)
+    now, across = scene.now[vehicle], _across(scene, paths, vehicle, row)
+    s, _, _ = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
+    leaders = leaders_of(history, who, paths, row, s, across[:, 0])
     speed, acceleration = shown.speed[vehicle], shown.acceleration[vehicle]
     free = np.full_like(speed, np.inf)
-    following = idm_acceleration(CALIBRATED, speed, free, leaders.gap, leaders.speed)
+    opening = leaders.speed - speed
+    coupled = (speed > COUPLED_MPS[0]) & (np.abs(opening) < COUPLED_MPS[1])
+    slack = np.where(coupled, np.clip(COUPLED_M - leaders.gap, 0.0, MOST_SLACK_M), 0.0)
+    gap = leaders.gap + slack
+    following = idm_acceleration(CALIBRATED, speed, free, gap, leaders.speed)
     near = leaders.gap < FAR_M
-    opening = np.where(near, leaders.speed - speed, 0.0)
+    opening = np.where(near, opening, 0.0)
     limits = (
         (acceleration, -4.0, 4.0),
         (following, -4.0, 1.6),
@@ -159,14 +190,29 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
         (_of_leader(leaders, near, shown.acceleration), -3.0, 3.0),
         (paths.speed_limit[row, int((BEHIND_M + 10.0) / DS_M)] - speed, -5.0, 10.0),
     )
+    scatter = np.log1p(np.minimum(shown.scatter[vehicle], MOST_SCATTER_MPS2))
     return Seen(
-        headway=leaders.gap / np.maximum(speed, 1.0),
-        offset=offset,
+        leader=leaders.index,
+        slack=slack,
+        headway=(gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0),
+        across=across,
         features=np.column_stack([np.ones_like(speed), *(np.clip(*values) for values in limits)]),
-        unsure=np.column_stack(
-            [np.log1p(shown.scatter[vehicle]), np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]
-        ),
+        unsure=np.column_stack([scatter, np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]),
     )
+
+
+def _across(scene: SeedScene, paths: SeedPaths, vehicle: IntArray, row: IntArray) -> FloatArray:
+    """(P, 3) motion of rear axles across their paths, as in `Seen`."""
+    now, speed = scene.now[vehicle], shown_by(scene).speed[vehicle]
+    x, y = rear_axle(now, scene.length[vehicle])
+    s, offset, along = foot_points(paths, row, x, y, np.full(len(row), BEHIND_M))
+    before = scene.history[vehicle, -1 - HABIT_STEPS].heading
+    turn_rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
+    swerve = speed * np.sin(now.heading - along)
+    turning = speed * (turn_rate - speed * bend_at(paths, row, s))
+    most = np.array([MOST_ASIDE_M, MOST_SWERVE, MOST_SWERVE])
+    across: FloatArray = np.clip(np.column_stack([offset, swerve, turning]), -most, most)
+    return across
 
 
 def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatArray:

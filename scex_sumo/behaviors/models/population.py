@@ -19,6 +19,7 @@ SHIPPED = Path(__file__).parents[1] / "weights" / "likely_driver.json"
 SECONDS = 3  # for so many intervals of 1 s a driver's own acceleration is drawn; the last one goes on
 FAR_M = 50.0  # a leader beyond this does not count for that
 MOST_OWN_MPS2 = 5.0
+ASIDE_S = 3.0
 MOST_ASIDE_M = 1.75  # from the path: further off, a vehicle is on its way somewhere
 DEGREES = 4  # of freedom of the drawn accelerations: people are at times far from what one expects
 _WEYL = np.uint64(0x9E3779B97F4A7C15)
@@ -36,9 +37,11 @@ class Population:
         unsure: (3,) and its square root grows as exp(unsure @ ``Seen.unsure``).
         skew: (K,) draws that accelerate are exp(skew) times as large, those that brake exp(-skew) times.
         headway: mean and standard deviation of the logarithm of the time headway in s.
+        braking: likewise of the deceleration with which it comes up to its leader, in m/s².
         start_rate: 1/s at which a standing vehicle starts: behind a standing leader, a moving one, alone.
-        keeps_side: share of its offset from the path that a vehicle still has after 3 s,
-        side_m: and the standard deviation of the rest, m.
+        keeps_side: (3,) what of `Seen.across` makes the offset from its path that a vehicle moves to within
+            `ASIDE_S`: 1, s, s²,
+        side_m: and the scale of the rest, of `DEGREES`, m.
         path: (4,) weights of how a path fits the seed scene, see `path_features`.
     """
 
@@ -48,8 +51,9 @@ class Population:
     unsure: FloatArray
     skew: FloatArray
     headway: tuple[float, float]
+    braking: tuple[float, float]
     start_rate: tuple[float, float, float]
-    keeps_side: float
+    keeps_side: FloatArray
     side_m: float
     path: FloatArray
 
@@ -82,15 +86,35 @@ class Population:
 def population() -> Population:
     """The shipped population."""
     given = json.loads(SHIPPED.read_text(encoding="utf-8"))
-    arrays = ("speed_edges", "mean", "root", "unsure", "skew", "path")
+    arrays = ("speed_edges", "mean", "root", "unsure", "skew", "keeps_side", "path")
     standing, moving, alone = given["start_rate"]
     return Population(
         **{name: np.array(given[name]) for name in arrays},
         headway=(given["headway"][0], given["headway"][1]),
+        braking=(given["braking"][0], given["braking"][1]),
         start_rate=(standing, moving, alone),
-        keeps_side=given["keeps_side"],
         side_m=given["side_m"],
     )
+
+
+def way_across(across: FloatArray, target: FloatArray, time_s: FloatArray) -> FloatArray:
+    """(n, T) offsets from the path with the least jerk, from what is shown to where a vehicle wants to be.
+
+    Args:
+        across: (n, 3) offset, m, speed, m/s, and acceleration, m/s², at time 0.
+        target: (n,) offset after `ASIDE_S`, kept from then on, m.
+        time_s: (T,).
+
+    Source: Takahashi et al. 1989, the quintic polynomial.
+    """
+    u = np.minimum(time_s / ASIDE_S, 1.0)
+    shape = (
+        1 - 10 * u**3 + 15 * u**4 - 6 * u**5,
+        ASIDE_S * (u - 6 * u**3 + 8 * u**4 - 3 * u**5),
+        ASIDE_S**2 * (u**2 - 3 * u**3 + 3 * u**4 - u**5) / 2,
+    )
+    begun: FloatArray = across @ np.stack(shape)
+    return np.asarray(begun + target[:, None] * (1 - shape[0]))
 
 
 def uniforms(draw: FloatArray, count: int, salt: int = 0) -> FloatArray:

@@ -11,6 +11,7 @@ from typer import Option
 
 from scex_sumo.commands.console import progress_bar, resumable, warn
 from scex_sumo.commands.options import (
+    Cache,
     Cluster,
     Every,
     MinVehicles,
@@ -47,6 +48,7 @@ def rank_command(
     seed: Seed = 0,
     workers: Processes = 1,
     cluster: Cluster = None,
+    cache: Cache = True,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace another ranking.")] = False,
     out: Annotated[
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)
@@ -69,6 +71,7 @@ def rank_command(
             metrics=None if metrics is None else [name.strip() for name in metrics.split(",")],
             thresholds=parse_thresholds(threshold),
             keep=keep,
+            cache=cache,
             top=top,
             seed=seed,
             workers=workers,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
+from scex_sumo.commands.completion import complete_results
 from scex_sumo.commands.console import warn
 from scex_sumo.commands.metrics import write_table
 from scex_sumo.errors import ResultError, UsageError
@@ -20,7 +21,13 @@ if TYPE_CHECKING:
 
 def compare_command(
     folders: Annotated[
-        list[Path], Argument(metavar="OUT...", help="Result folders, at least two.", show_default=False)
+        list[Path],
+        Argument(
+            metavar="OUT...",
+            help="Result folders, at least two.",
+            show_default=False,
+            autocompletion=complete_results,
+        ),
     ],
     nearest: Annotated[
         Path | None, Option(metavar="OUT", help="List the others by their distance to this one.")

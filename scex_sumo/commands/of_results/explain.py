@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from scex_sumo.commands.metrics import write_table
-from scex_sumo.commands.options import Result
+from scex_sumo.commands.options import Result, metric_option
 from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
@@ -26,9 +26,7 @@ _SHOWN_DRIVERS = 12  # of more vehicles, those of the two concerned
 
 def explain_command(
     folder: Result,
-    metric: Annotated[
-        str | None, Option(metavar="METRIC", help="Print this one, with all its worst children.")
-    ] = None,
+    metric: Annotated[str | None, metric_option("Print this one, with all its worst children.")] = None,
     encounter: Annotated[
         str | None, Option(metavar="A,B", help="Print whose models make these two collide.")
     ] = None,

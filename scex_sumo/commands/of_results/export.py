@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from scex_sumo.commands.options import Result
+from scex_sumo.commands.completion import complete_formats
+from scex_sumo.commands.options import Result, metric_option, two_tracks
 from scex_sumo.errors import ScexError, UsageError
 
 if TYPE_CHECKING:
@@ -18,7 +19,8 @@ def export_command(
     folder: Result,
     child: Annotated[int | None, Option(metavar="N", help="This child scenario.")] = None,
     critical: Annotated[
-        str | None, Option(metavar="METRIC", help="The children most critical by this metric.")
+        str | None,
+        metric_option("The children most critical by this metric."),
     ] = None,
     encounter: Annotated[
         str | None, Option(metavar="A,B", help="The children in which these two vehicles come closest.")
@@ -26,7 +28,12 @@ def export_command(
     every: Annotated[bool, Option("--all", help="All children.")] = False,
     top: Annotated[int, Option(metavar="K", help="How many, of --critical or --encounter.")] = 1,
     to: Annotated[
-        str, Option(metavar="FORMAT", help="interaction, fcd, openscenario, commonroad, sumo.")
+        str,
+        Option(
+            metavar="FORMAT",
+            help="interaction, fcd, openscenario, commonroad, sumo, mp4, gif.",
+            autocompletion=complete_formats,
+        ),
     ] = "interaction",
     ego: Annotated[
         int | None, Option(metavar="TRACK", help="Whose task it is to plan, in a format with planning tasks.")
@@ -48,9 +55,16 @@ def export_command(
         raise UsageError("export: give one of --child N, --critical METRIC, --encounter A,B and --all")
     if top < 1:
         raise UsageError(f"--top {top}: needs at least 1")
-    run = open_run(folder)
-    children = _children(run, child, critical, encounter, top)
-    request = Request(run=run, children=children, out=out, ego=ego, map_path=map_path)
+    run, pair = open_run(folder), None if encounter is None else two_tracks(encounter)
+    request = Request(
+        run=run,
+        children=_children(run, child, critical, pair, top),
+        out=out,
+        ego=ego,
+        critical=critical,
+        encounter=pair,
+        map_path=map_path,
+    )
     request.ego_index()
     try:
         files = write(request)
@@ -61,7 +75,7 @@ def export_command(
 
 
 def _children(
-    run: Run, child: int | None, critical: str | None, encounter: str | None, top: int
+    run: Run, child: int | None, critical: str | None, encounter: tuple[int, int] | None, top: int
 ) -> tuple[int, ...]:
     """The children that the options name."""
     from scex_sumo.exporters.request import closest_encounters, critical_children
@@ -73,8 +87,4 @@ def _children(
         return critical_children(run, critical, top)
     if encounter is None:
         return tuple(range(run.children))
-    try:
-        first, second = (int(part) for part in encounter.split(","))
-    except ValueError:
-        raise UsageError(f"--encounter {encounter}: needs two track ids, e.g. --encounter 17,23") from None
-    return closest_encounters(run, first, second, top)
+    return closest_encounters(run, *encounter, top)

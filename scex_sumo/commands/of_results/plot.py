@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scex_sumo.commands.options import Result
+from scex_sumo.commands.options import Result, metric_option
 from scex_sumo.errors import UsageError
 
 CURVES = ("density", "cumulative")
@@ -17,7 +17,8 @@ ENDINGS = (".svg", ".png", ".pdf")
 def plot_command(
     folder: Result,
     metric: Annotated[
-        str | None, typer.Option(metavar="METRIC", help="One metric only; else all of them.")
+        str | None,
+        metric_option("One metric only; else all of them."),
     ] = None,
     curve: Annotated[str, typer.Option(metavar="|".join(CURVES), help="What is drawn.")] = "density",
     out: Annotated[

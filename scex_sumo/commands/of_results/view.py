@@ -11,7 +11,7 @@ from typing import Annotated
 
 from typer import Option
 
-from scex_sumo.commands.options import Result
+from scex_sumo.commands.options import Result, metric_option, two_tracks
 from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.programs import environment, program
 
@@ -24,7 +24,7 @@ def view_command(
     ] = None,
     critical: Annotated[
         str | None,
-        Option(metavar="METRIC", help="Show the child most critical by this metric, at its worst step."),
+        metric_option("Show the child most critical by this metric, at its worst step."),
     ] = None,
     encounter: Annotated[
         str | None, Option(metavar="A,B", help="Show two vehicles in a typical child where they meet.")
@@ -47,7 +47,7 @@ def view_command(
         elif critical is not None:
             file = write_worst(run, critical)
         elif encounter is not None:
-            file = write_encounter(run, *_two_tracks(encounter))
+            file = write_encounter(run, *two_tracks(encounter))
         else:
             file = write_child(run, 0 if child is None else child)
     if write_only:
@@ -70,11 +70,3 @@ def show(file: Path) -> None:
     status = subprocess.run(command, check=False, env=environment()).returncode
     if status != 0:
         raise ScexError(f"sumo-gui ended with status {status}; try it by hand: sumo-gui -c {file}")
-
-
-def _two_tracks(text: str) -> tuple[int, int]:
-    """``A,B`` as two track ids."""
-    first, _, second = text.partition(",")
-    if not (first.strip().isdigit() and second.strip().isdigit()):
-        raise UsageError(f"--encounter {text}: give the ids of two vehicles, e.g. --encounter 11,7")
-    return int(first), int(second)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scex_sumo.arrays import BoolArray
 from scex_sumo.converters.cleaning.heading import STANDING_MPS
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
@@ -45,13 +46,7 @@ def moments(table: TrackTable, *, every_s: float = STEP_S) -> list[Moment]:
     rows = table.vehicles
     if not len(rows):
         return []
-    back_ms = 1000.0 * STEP_S * (HISTORY_STEPS - 1 if table.has_cases else HISTORY_STEPS)
-    first, last = (rows.timestamp_ms[end][rows.piece] for end in rows.pieces)
-    complete = (
-        (rows.speed > STANDING_MPS)
-        & (first <= rows.timestamp_ms - back_ms + STAMP_MS)
-        & (last >= rows.timestamp_ms + 1000.0 * FUTURE_S - STAMP_MS)
-    )
+    complete = (rows.speed > STANDING_MPS) & recorded_throughout(table)
     chosen = rows.frame_id == CASE_FRAME if table.has_cases else np.full(len(rows), True)
     # one number per pair of case and stamp
     stamps, at = np.unique(rows.timestamp_ms[chosen], return_inverse=True)
@@ -66,6 +61,17 @@ def moments(table: TrackTable, *, every_s: float = STEP_S) -> list[Moment]:
             continue
         found.append(Moment(case=case, time_s=time_s, vehicles=int(count), complete=int(whole)))
     return found
+
+
+def recorded_throughout(table: TrackTable) -> BoolArray:
+    """(N,) which rows of vehicles are recorded from 1 s before to 3 s after."""
+    rows = table.vehicles
+    back_ms = 1000.0 * STEP_S * (HISTORY_STEPS - 1 if table.has_cases else HISTORY_STEPS)
+    first, last = (rows.timestamp_ms[end][rows.piece] for end in rows.pieces)
+    return np.asarray(
+        (first <= rows.timestamp_ms - back_ms + STAMP_MS)
+        & (last >= rows.timestamp_ms + 1000.0 * FUTURE_S - STAMP_MS)
+    )
 
 
 def busiest(candidates: list[Moment]) -> Moment:

@@ -22,7 +22,7 @@ def metric_title(column: str) -> str:
     return metric_of(column).titled() + (", mean" if column.endswith("_mean") else "")
 
 
-def span(values: FloatArray, *marks: float | None) -> tuple[float, float]:
+def value_range(values: FloatArray, *marks: float | None) -> tuple[float, float]:
     """Range of an axis: finite values without a far tail, and marks that are near; 0 to 1 without any."""
     finite = values[np.isfinite(values)]
     if not finite.size:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from scex_sumo.reports.page.html import Html, element
 from scex_sumo.reports.page.packing import second_sums
-from scex_sumo.reports.page.road_lines import AREA, SURFACE, UNIT_M
+from scex_sumo.reports.page.road_lines import UNIT_M
 from scex_sumo.reports.page.tracks import HEADING_RAD, POSITION_M
+from scex_sumo.views.road_lines import AREA, SURFACE
 
 _MARGIN_M = 12.0
 _SQUARE = 0.55

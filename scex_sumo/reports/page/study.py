@@ -45,7 +45,7 @@ def card(title: str, *parts: str) -> Html:
     return element("section.card", element("h2", title), *inside)
 
 
-def place(name: str) -> Html:
+def table_place(name: str) -> Html:
     """Where a table is shown."""
     return element("div.scroll", id=name)
 

@@ -108,7 +108,7 @@ class Plane:
         return element("figure", element("figcaption", title), drawing, *below)
 
 
-def legend(entries: Sequence[tuple[str, str]]) -> Html:
+def line_legend(entries: Sequence[tuple[str, str]]) -> Html:
     """What the colours mean: pairs of kind and words."""
     return element("p.soft.legend", joined(*(_entry(kind, text) for kind, text in entries)))
 

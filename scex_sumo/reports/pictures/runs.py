@@ -20,6 +20,7 @@ from scex_sumo.statistics.density import Density
 
 _CURVE, CRITICAL, RECORDED, _LIKELY = "#1f4e79", "#c0392b", "#222222", "#2e8b57"
 _MARGIN_M = 10.0
+_LABEL_SHARE = 0.11  # of a panel's width, that a label takes
 
 
 def futures_of(run: Run, scene: SeedScene) -> list[FloatArray]:
@@ -39,23 +40,35 @@ def density_panel(run: Run, column: str, axes: Axes) -> None:
     """Draw the density of a metric, that of what is likely, its threshold and its recorded value."""
     curve = run.density(column)
     sheet.filled(axes, curve.x, np.zeros_like(curve.x), curve.pdf, curve.pdf, _CURVE)
-    _atoms(curve, axes)
     if run.reference is not None and len(run.reference.samples(column)):
         likely = run.reference.density(column)
         axes.plot(likely.x, likely.pdf, color=_LIKELY, linewidth=1.2)
-        sheet.note(axes, 0.88, "likely", _LIKELY, fontsize=7)
-    axes.set_ylim(bottom=0)
+        sheet.note(axes, 0.84, "likely", _LIKELY, fontsize=7)
+    axes.set_ylim(0, 1.05 * max((float(np.max(line.get_ydata())) for line in axes.lines), default=0) or 1)
     _mark(run, column, axes, curve.x)
+    _atoms(curve, axes)
 
 
 def _atoms(curve: Density, axes: Axes) -> None:
-    """Values that many children share, as stems as high as the highest density allows, with their shares."""
-    top = max(float(curve.pdf.max(initial=0.0)), 1e-9)
-    for atom in curve.atoms:
-        axes.vlines(
-            atom.value, 0, top * min(atom.share / max(a.share for a in curve.atoms), 1.0), _CURVE, linewidth=2
-        )
-        axes.annotate(f"{atom.share:.0%}", (atom.value, top * 1.01), fontsize=6, color=_CURVE, ha="center")
+    """Values that many children share, as stems; the largest shares are written where there is room."""
+    (left, right), most = axes.get_xlim(), max((atom.share for atom in curve.atoms), default=1.0)
+    place = axes.get_xaxis_transform()  # heights are shares of the panel: a stem has no density
+    labelled: list[float] = []
+    seen = [atom for atom in curve.atoms if left <= atom.value <= right]
+    for atom in sorted(seen, key=lambda atom: -atom.share):
+        height = 0.85 * atom.share / most
+        axes.plot([atom.value] * 2, [0, height], color=_CURVE, linewidth=2, transform=place)
+        if all(abs(atom.value - x) > _LABEL_SHARE * (right - left) for x in labelled):
+            labelled.append(atom.value)
+            axes.text(
+                atom.value,
+                height + 0.01,
+                f"{atom.share:.0%}",
+                size=6,
+                color=_CURVE,
+                ha="center",
+                transform=place,
+            )
 
 
 def cumulative_panel(run: Run, column: str, axes: Axes) -> None:
@@ -74,7 +87,7 @@ def _mark(run: Run, column: str, axes: Axes, x: FloatArray) -> None:
         axes.axvline(recorded, color=RECORDED, linewidth=1.2, linestyle="--")
     elif recorded is not None:
         words = f"recorded {recorded:.3g} →" if recorded > right else f"← recorded {recorded:.3g}"
-        sheet.note(axes, 0.12, words, RECORDED, fontsize=7)
+        sheet.note(axes, 0.15, words, RECORDED, fontsize=7)
     if threshold is not None:
         if left < threshold < right:
             axes.axvline(threshold, color=CRITICAL, linewidth=1)

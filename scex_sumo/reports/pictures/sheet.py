@@ -57,7 +57,7 @@ def metric_panels(
     for axes, column in panels:
         metric = metric_of(column)
         what = "mean of scenes" if column.endswith("_mean") else metric.critical
-        axes.set_title(f"{metric.name}: {what}", loc="left")
+        axes.set_title(f"{metric.words}: {what}", loc="left")
         if labelled:
             axes.set_xlabel(metric.titled("–"))
     return panels
@@ -80,7 +80,9 @@ def empty(axes: Axes, words: str = "defined in no child") -> None:
 def note(axes: Axes, height: float, words: str, color: str = "#666666", **more: Any) -> None:
     """Words at the right edge of a panel; height from 0 (bottom) to 1."""
     place = "top" if height > 0.5 else "baseline"
-    axes.text(0.98, height, words, ha="right", va=place, transform=axes.transAxes, color=color, **more)
+    ground: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 1}
+    style: dict[str, Any] = {"ha": "right", "va": place, "bbox": ground, "zorder": 5} | more
+    axes.text(0.98, height, words, transform=axes.transAxes, color=color, **style)
 
 
 def filled(

@@ -10,7 +10,7 @@ import numpy as np
 from scex_sumo.arrays import FloatArray
 from scex_sumo.reports.page.density_plot import metric_title
 from scex_sumo.reports.page.html import Html
-from scex_sumo.reports.page.study import card, place, plots, table, write_study
+from scex_sumo.reports.page.study import card, plots, table, table_place, write_study
 from scex_sumo.reports.page.svg import Plane
 from scex_sumo.reports.study_pages.tree import draw_tree
 from scex_sumo.results.run import Run
@@ -49,7 +49,9 @@ def write_comparison(runs: Sequence[Run], comparison: Comparison, grouping: Grou
         draw_tree(comparison, grouping, noise),
     )
     metrics = [m for m, name in enumerate(comparison.metrics) if not name.endswith("_mean")]
-    apart = card("Pair by pair", "What sets a pair apart most, with the medians of both.", place("pairs"))
+    apart = card(
+        "Pair by pair", "What sets a pair apart most, with the medians of both.", table_place("pairs")
+    )
     curves = card(
         "Densities",
         "How often a value occurs among the children of each scene; upright line: median; in percent the "

@@ -12,7 +12,7 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.metrics.registry import COLLISION, side_of
 from scex_sumo.reports.page.density_plot import metric_title
 from scex_sumo.reports.page.html import Html, element
-from scex_sumo.reports.page.study import Table, card, place, plots, table, write_study
+from scex_sumo.reports.page.study import Table, card, plots, table, table_place, write_study
 from scex_sumo.reports.tables.runs import counted
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.effects import Condition
@@ -56,8 +56,8 @@ def write_explanations(
             "from three and more together, and from random routes.",
             plots(*drawn) if drawn else "Nothing varies that could be explained.",
         ),
-        card("Drivers that make it more critical", place("conditions")),
-        card("Most critical children", place("worst")),
+        card("Drivers that make it more critical", table_place("conditions")),
+        card("Most critical children", table_place("worst")),
     ]
     tables = {
         "conditions": _conditions(found, ids, names),

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.reports.page.density_plot import density_plot, metric_title, span
+from scex_sumo.reports.page.density_plot import density_plot, metric_title, value_range
 from scex_sumo.reports.page.html import Html
-from scex_sumo.reports.page.study import card, place, plots, table, write_study
-from scex_sumo.reports.page.svg import Plane, legend
+from scex_sumo.reports.page.study import card, plots, table, table_place, write_study
+from scex_sumo.reports.page.svg import Plane, line_legend
 from scex_sumo.reports.tables.runs import counted
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Density, density, dkw_half_width
@@ -43,7 +43,7 @@ def write_sample_size(
         "How far samples are from all assignments",
         "The largest difference of the shares of children at or below any value (Kolmogorov-Smirnov): of "
         f"{draws} samples of each size the median, and the size that 95 % of them stay below (dashed).",
-        legend(
+        line_legend(
             [*((kind, name) for name, kind in errors.items()), ("soft", "known bound, independent draws")]
         ),
         plots(*(_errors(rows, column, errors) for column in columns)),
@@ -51,14 +51,14 @@ def write_sample_size(
     what = card(
         "What samples look like",
         f"Density over all {run.children} assignments, and over one sample of each size.",
-        legend([("drawn", f"all {run.children}"), *((kind, f"{size}") for size, kind in sizes.items())]),
+        line_legend([("drawn", f"all {run.children}"), *((kind, f"{size}") for size, kind in sizes.items())]),
         plots(*(_densities(run, column, subsets) for column in columns)),
     )
     about = f"{counted(scene['vehicles'], 'vehicle')}, all {run.children} assignments of models"
     numbers = card(
         "In numbers",
         "Also of the means over a child. KS, W1, JSD: three distances of a sample from all assignments.",
-        place("sizes"),
+        table_place("sizes"),
     )
     return write_study(
         path,
@@ -109,7 +109,7 @@ def _errors(rows: Sequence[Mapping[str, Any]], column: str, kinds: Mapping[str, 
 
 def _densities(run: Run, column: str, subsets: Mapping[int, IntArray]) -> Html:
     values = run.values(column)
-    x = span(values)
+    x = value_range(values)
     curves: list[tuple[str, Density | None]] = [("drawn", _density(values))]
     curves += [
         (kind, _density(values[children])) for children, kind in zip(subsets.values(), _KINDS, strict=False)

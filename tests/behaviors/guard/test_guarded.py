@@ -163,6 +163,17 @@ def test_one_who_stands_at_a_crossing_waits_until_the_other_has_passed() -> None
     assert track.x[0, passed] < 147.0 and track.x[0, -1] > 155.0
 
 
+def test_boxes_that_touch_in_the_seed_scene_are_left_alone_where_the_guard_is_told_so() -> None:
+    # 0.2 m behind a car of the same speed, as a trailer that was recorded as a vehicle.
+    scene = roads.scene_of((60.0, 0.0, 0.0, 12.0), (60.0 + LENGTH + 0.2, 0.0, 0.0, 12.0))
+    history, road = roads.present(scene), roads.straight()
+    first = Who(child=np.array([0]), vehicle=np.array([0]))
+    held = roads.plan(GUARDED, road, history, first)
+    left = roads.plan(Guarded(GUARDED.model, GuardProfile(touching=0.3)), road, history, first)
+    assert held.speed[0, 9] < 11.0
+    assert np.array_equal(left.speed, roads.plan(STEADY, road, history, first).speed)
+
+
 def test_two_lanes_that_become_one_are_left_one_behind_the_other() -> None:
     merge = roads.road(
         roads.lane(1, [(0.0, 0.0), (150.0, 0.0)], successors=(3,)),

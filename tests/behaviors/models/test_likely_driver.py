@@ -9,8 +9,8 @@ import pytest
 
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.behaviors.models.likely_driver import LikelyDriver, LikelyProfile
-from scex_sumo.behaviors.models.likely_seen import path_edges, shown_by
-from scex_sumo.behaviors.models.population import normals, population, students, uniforms
+from scex_sumo.behaviors.models.likely_seen import path_edges, room_beside, seen_of, shown_by
+from scex_sumo.behaviors.models.population import normals, population, students, uniforms, way_across
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import UsageError
 from tests.behaviors import roads
@@ -57,6 +57,40 @@ def test_a_standing_vehicle_behind_a_standing_leader_stays() -> None:
     made = roads.plan(DRIVER, where, roads.present(scene, 50, np.column_stack([DRAW, DRAW[::-1]])))
     moved = np.abs(made.x[::2, 29] - 100.0) > 0.5
     assert moved.mean() < 0.15  # at a rate of 0.02 1/s some 6 % start
+
+
+def test_a_vehicle_that_crawls_goes_on_crawling() -> None:
+    where, scene = roads.straight(), roads.scene_of((100.0, 0.0, 0.0, 0.3), (120.0, 0.0, 0.0, 0.0))
+    made = roads.plan(DRIVER, where, roads.present(scene, 50, np.column_stack([DRAW, DRAW[::-1]])))
+    way = made.x[::2, 29] - 100.0
+    assert 0.5 < np.median(way) < 1.3  # 0.9 m at 0.3 m/s
+
+
+def test_ways_across_begin_as_shown_and_end_where_the_driver_wants_to_be() -> None:
+    shown, time_s = np.array([[0.5, -0.2, 0.1]]), np.arange(0.0, 5.01, 0.01)
+    way = way_across(shown, np.array([-0.3]), time_s)[0]
+    speed = np.gradient(way, 0.01)
+    assert way[0] == pytest.approx(0.5)
+    assert speed[1] == pytest.approx(-0.2, abs=0.01)
+    assert np.diff(way, 2)[:3] / 1e-4 == pytest.approx(0.1, abs=0.1)  # whose change is at most 3 m/s³
+    assert way[time_s >= 3.0] == pytest.approx(-0.3)
+
+
+def test_one_who_drives_close_to_its_leader_does_not_brake_for_it() -> None:
+    # Bumper to bumper at 0.5 m and 15 m/s: a trailer that was recorded as a vehicle.
+    where = roads.straight()
+    scene = roads.scene_of((100.0, 0.0, 0.0, 15.0), (105.0, 0.0, 0.0, 15.0))
+    assert seen_of(scene, seed_paths(scene, where)).slack.max() == pytest.approx(1.5, abs=0.1)
+    driver = build(parse_models("likely_driver:guard=true:spread=0")[0])
+    made = roads.plan(driver, where, roads.present(scene, 1, np.full((1, 2), 0.5)))
+    assert made.speed[0, 9] > 13.5
+
+
+def test_room_beside_is_up_to_who_drives_there() -> None:
+    scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (103.0, 3.5, 0.0, 10.0), (140.0, -3.5, 0.0, 10.0))
+    right, left = room_beside(scene)[0]
+    assert right == np.inf  # the third one is far ahead
+    assert left == pytest.approx(3.5 - scene.width[0] / 2 - scene.width[1] / 2)
 
 
 def test_who_shows_that_it_brakes_gets_less_far() -> None:

@@ -15,10 +15,11 @@ import pytest
 from scex_sumo.evaluation.encounters import in_words
 from scex_sumo.reports.page.packing import second_sums, unpack
 from scex_sumo.reports.page.report import report_html, write_report
-from scex_sumo.reports.page.road_lines import SURFACE, road_paths
+from scex_sumo.reports.page.road_lines import road_paths
 from scex_sumo.reports.page.run.contents import report_contents
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.statistics.intervals import wilson_of
+from scex_sumo.views.road_lines import SURFACE, road_lines
 
 DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')
 
@@ -75,9 +76,9 @@ def test_the_road_around_the_vehicles_is_there(run: Run) -> None:
 def test_a_line_of_the_road_begins_at_a_point_and_goes_on_in_steps(tmp_path: Path) -> None:
     net = tmp_path / "map.net.xml"
     net.write_text('<lane id="a_0" width="3.20" shape="10.00,-5.00 12.00,-5.00 12.00,-4.00"/>')
-    (group,) = road_paths(net, (0, 20, -10, 0))
+    (group,) = road_paths(road_lines(net, (0, 20, -10, 0)))
     assert group == {"kind": SURFACE, "width": 3.2, "path": "M200 -100l40 0 0 20"}
-    assert road_paths(net, (13, 20, -10, 0)) == []
+    assert road_lines(net, (13, 20, -10, 0)) == []
 
 
 def test_a_result_without_its_net_is_shown_without_a_road(run: Run, tmp_path: Path) -> None:

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.reports.page.density_plot import density_plot, span
+from scex_sumo.reports.page.density_plot import density_plot, value_range
 from scex_sumo.reports.page.html import element
 from scex_sumo.reports.page.run.contents import report_contents
 from scex_sumo.reports.page.scene_svg import scene_svg
-from scex_sumo.reports.page.study import card, place, plots, table, write_study
+from scex_sumo.reports.page.study import card, plots, table, table_place, write_study
 from scex_sumo.reports.page.svg import Plane, ticks
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import density
@@ -36,9 +36,9 @@ def test_a_plane_has_more_upwards_and_keeps_what_is_outside_at_its_edge() -> Non
 
 def test_a_range_leaves_far_values_out_and_takes_near_marks_in() -> None:
     values = np.array([*np.linspace(1, 3, 20), 1000.0, np.inf])
-    low, high = span(values, 4.0, 5000.0)
+    low, high = value_range(values, 4.0, 5000.0)
     assert low < 1 and 4 < high < 15
-    assert span(np.array([np.inf])) == (0.0, 1.0)
+    assert value_range(np.array([np.inf])) == (0.0, 1.0)
 
 
 def test_a_metric_that_is_defined_nowhere_says_so() -> None:
@@ -57,7 +57,7 @@ def test_a_page_shows_its_tables_sorted_by_a_click_and_asks_for_nothing(browser:
     heads = [("name", "text", ""), ("share", "percent", "of all")]
     rows = table(heads, [["b", 0.02], ["a", None], ["c", 0.5]])
     chart = density_plot("ttc", [("drawn", density([0.2, 0.4]))], (0.0, 1.0), threshold=0.3)
-    cards = card("Numbers <here>", "A sentence.", place("numbers"), plots(chart, element("p", "a & b")))
+    cards = card("Numbers <here>", "A sentence.", table_place("numbers"), plots(chart, element("p", "a & b")))
     path = write_study(tmp_path / "page.html", "A study", "about", cards, tables={"numbers": rows})
     wrong: list[str] = []
     page = browser.new_page(viewport={"width": 390, "height": 800})

@@ -27,6 +27,7 @@ from scex_sumo.reports.page.tracks import POSITION_M, UniqueTracks, unique_track
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH
+from scex_sumo.views.road_lines import road_lines
 from scex_sumo.world.colors import model_colors
 
 FAR_M = 1e6
@@ -69,7 +70,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     box = _box(tracks)
     left, right, low, high = box
     around = (left - _AROUND_M, right + _AROUND_M, low - _AROUND_M, high + _AROUND_M)
-    seen = {"box": box, "road": road_paths(_net(run), around)}
+    seen = {"box": box, "road": road_paths(road_lines(_net(run), around))}
     return _words(run, scene, track_ids, models, metrics) | seen, arrays
 
 

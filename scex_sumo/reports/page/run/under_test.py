@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.metrics.registry import COLLISION, critical_columns
-from scex_sumo.reports.page.density_plot import cumulative_plot, metric_title, span
+from scex_sumo.reports.page.density_plot import cumulative_plot, metric_title, value_range
 from scex_sumo.reports.page.html import Html
-from scex_sumo.reports.page.study import Table, card, place, plots, table
-from scex_sumo.reports.page.svg import legend
+from scex_sumo.reports.page.study import Table, card, plots, table, table_place
+from scex_sumo.reports.page.svg import line_legend
 from scex_sumo.results.run import Run
 from scex_sumo.results.under_test import Driven, UnderTest
 from scex_sumo.statistics.paired import holm
@@ -31,8 +31,8 @@ def under_test_card(run: Run) -> Html:
         "Only encounters of the vehicles under test count here. Without: the same children, the same other "
         "drivers, with these vehicles driven as drawn. Curves: share of the children up to a value, with "
         "its 95 % band.",
-        place(TABLE),
-        legend([("picked", "with the driver under test"), ("drawn", "without")]),
+        table_place(TABLE),
+        line_legend([("picked", "with the driver under test"), ("drawn", "without")]),
         plots(*(_chart(tested, column, run.thresholds.get(column)) for column in columns)),
     )
 
@@ -88,5 +88,5 @@ def _chart(tested: UnderTest, column: str, threshold: float | None) -> Html:
         (_KINDS[driven], tested.density(column, driven) if np.isfinite(values).any() else None)
         for driven, values in both.items()
     ]
-    x = span(np.concatenate(list(both.values())), threshold)
+    x = value_range(np.concatenate(list(both.values())), threshold)
     return cumulative_plot(column, curves, x, threshold=threshold)

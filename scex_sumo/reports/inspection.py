@@ -1,0 +1,145 @@
+"""Page of a recording before a moment of it is run: its moments, what was repaired, and who is where when."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.behaviors.registry import known_models
+from scex_sumo.converters.cleaning.heading import STANDING_MPS
+from scex_sumo.converters.datasets.recordings import LoadedRecording
+from scex_sumo.converters.moments.moments import STAMP_MS, Moment, busiest, recorded_throughout
+from scex_sumo.errors import TrackError
+from scex_sumo.files import write_atomic
+from scex_sumo.reports.page.html import Html, element, joined
+from scex_sumo.reports.page.road_lines import road_paths
+from scex_sumo.reports.page.shell import BASE, asset, page_html
+from scex_sumo.reports.page.tracks import HEADING_RAD, POSITION_M
+from scex_sumo.road import Road
+from scex_sumo.version import __version__
+from scex_sumo.views.road_lines import AREA, MARKING, RoadLine
+
+SCRIPTS = (*BASE, "state.js", "pairs.js", "map.js", "inspect.js")
+KINDS = ("moves, recorded from 1 s before to 3 s after", "moves, not recorded throughout", "stands")
+_MOST = 400  # moments on a page
+_AWAY_CM = 10**8  # where nobody is
+_COLORS = ("drawn", "likely", "soft")  # of page.css, as in inspect.js
+
+
+def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Moment], command: str) -> Path:
+    """Write the page of a recording.
+
+    Args:
+        path: HTML file to write.
+        loaded: the recording.
+        moments: those that can be chosen; of more than 400 some, evenly.
+        command: that runs a moment, without its time.
+
+    Returns:
+        The file.
+
+    Raises:
+        TrackError: there is no moment.
+    """
+    if not moments:
+        raise TrackError(f"{loaded.recording.name}: no moment with a vehicle; there is nothing to show")
+    kept = [moments[k] for k in np.unique(np.linspace(0, len(moments) - 1, _MOST).round().astype(int))]
+    arrays = _arrays(loaded, kept)
+    info = {
+        "moments": [
+            (f"{m.time_s:g}", shlex.quote(m.case) if m.case else "", m.vehicles, m.complete) for m in kept
+        ],
+        "first": kept.index(busiest(kept)),
+        "types": list(dict.fromkeys(loaded.table.vehicles.types)),
+        "box": _box(arrays["poses"]),
+        "road": road_paths(_lines(loaded.road)),
+        "command": command,
+        "stem": loaded.recording.name,
+    }
+    body = _body(loaded, len(moments), len(kept))
+    write_atomic(path, page_html(loaded.recording.name, body, SCRIPTS, info, arrays).encode())
+    return path
+
+
+def _arrays(loaded: LoadedRecording, moments: Sequence[Moment]) -> dict[str, IntArray]:
+    """Of each vehicle at each moment, (V, M, ...): id, pose in cm and mrad, size in cm, speed in cm/s, ...
+
+    Vehicles of a moment are in the order of their ids; where there is nobody, the id is -1.
+    """
+    table, rows = loaded.table, loaded.table.vehicles
+    begin, end = rows.pieces
+    kinds = np.where(rows.speed <= STANDING_MPS, 2, np.where(recorded_throughout(table), 0, 1))
+    types = {kind: k for k, kind in enumerate(dict.fromkeys(rows.types))}
+    columns = {
+        "ids": rows.track_id,
+        "speeds": _whole(rows.speed, 0.01),
+        "kinds": kinds,
+        "types": np.array([types[kind] for kind in rows.types], np.int64)[rows.track],
+        "before": _whole(rows.timestamp_ms - rows.timestamp_ms[begin][rows.piece], 100.0),
+        "after": _whole(rows.timestamp_ms[end][rows.piece] - rows.timestamp_ms, 100.0),
+    }
+    sizes = np.stack([_whole(rows.length, POSITION_M), _whole(rows.width, POSITION_M)], axis=1)
+    units = ((rows.x, POSITION_M), (rows.y, POSITION_M), (rows.psi_rad, HEADING_RAD))
+    poses = np.stack([_whole(values, unit) for values, unit in units], axis=1)
+    here = [_rows_of(loaded, moment) for moment in moments]
+    shape = max(map(len, here)), len(moments)
+    arrays = {name: np.full(shape, -1) for name in columns}
+    arrays |= {"sizes": np.zeros((*shape, 2), np.int64), "poses": np.full((*shape, 3), _AWAY_CM)}
+    for m, chosen in enumerate(here):
+        for name, values in (columns | {"sizes": sizes, "poses": poses}).items():
+            arrays[name][: len(chosen), m] = values[chosen]
+    return arrays
+
+
+def _whole(values: FloatArray, unit: float) -> IntArray:
+    return np.rint(values / unit).astype(np.int64)
+
+
+def _rows_of(loaded: LoadedRecording, moment: Moment) -> IntArray:
+    """The rows of a moment, in the order of track ids."""
+    rows = loaded.table.vehicles
+    then = np.abs(rows.timestamp_ms - 1000.0 * moment.time_s) < STAMP_MS
+    found = np.flatnonzero(then & (rows.case == loaded.table.cases.index(moment.case)))
+    return found[np.argsort(rows.track_id[found], kind="stable")]
+
+
+def _box(poses: IntArray) -> list[float]:
+    """Around everybody, m: least and largest x, least and largest y."""
+    places = poses[poses[:, :, 0] < _AWAY_CM][:, :2] * POSITION_M
+    (left, low), (right, high) = places.min(axis=0), places.max(axis=0)
+    return [float(edge) for edge in (left, right, low, high)]
+
+
+def _lines(road: Road) -> list[RoadLine]:
+    """Asphalt of the vehicle lanes, and their bounds."""
+    lanes = road.vehicle_lanes.values()
+    asphalt = [np.concatenate([lane.left_bound, lane.right_bound[::-1]]) for lane in lanes]
+    bounds = [bound for lane in lanes for bound in (lane.left_bound, lane.right_bound)]
+    return [RoadLine(AREA, 0.0, area) for area in asphalt] + [RoadLine(MARKING, 0.0, line) for line in bounds]
+
+
+def _body(loaded: LoadedRecording, moments: int, shown: int) -> str:
+    rows = loaded.table.vehicles
+    seconds = (float(rows.timestamp_ms.max()) - float(rows.timestamp_ms.min())) / 1000
+    about = f"{rows.tracks} vehicles in {seconds:.1f} s, {moments} moments"
+    findings = [element("li", finding) for finding in (*loaded.findings, *loaded.table.notes)]
+    models = [element("option", model.name, value=model.name) for model in known_models()]
+    return Template(asset("inspect.html")).substitute(
+        name=joined(loaded.recording.name),
+        about=joined(about + (f", {shown} of them shown" if shown < moments else "")),
+        legend=joined(*(_entry(number, words) for number, words in enumerate(KINDS))),
+        bars=joined("Bars: vehicles of each moment, in colour those that move and are recorded throughout."),
+        models=joined(*models),
+        findings=element("ul", *findings) if findings else element("p.soft", "Nothing had to be."),
+        foot=joined(f"scex-sumo {__version__} · {loaded.recording.map_path}"),
+    )
+
+
+def _entry(number: int, words: str) -> Html:
+    fill = f"var(--{_COLORS[number]})"
+    return element("div", element("svg", element("rect", width="14", height="8", rx="2", fill=fill)), words)

@@ -1,0 +1,60 @@
+"""In a shell, Tab completes commands, options and values; the program starts no slower for it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from scex_sumo.commands.completion import complete_models, complete_results
+
+CODE = "import sys; sys.argv = ['scex-sumo']; from scex_sumo.cli import main; main()"
+
+
+def completed(*words: str) -> list[str]:
+    """What bash offers for the last of some words."""
+    environment = {
+        **os.environ,
+        "COMP_WORDS": " ".join(("scex-sumo", *words)),
+        "COMP_CWORD": str(len(words)),
+        "_SCEX_SUMO_COMPLETE": "complete_bash",
+    }
+    command = [sys.executable, "-c", CODE]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        (("vi",), {"view"}),
+        (("view", "out", "--cr"), {"--critical"}),
+        (("view", "out", "--critical", "wt"), {"wttc", "wttc_path"}),
+        (("run", "map.osm", "--models", "replay,risky"), {"replay,risky_driver"}),
+        (("export", "out", "--to", "open"), {"openscenario"}),
+    ],
+)
+def test_commands_options_and_values_are_completed(words: tuple[str, ...], offered: set[str]) -> None:
+    assert set(completed(*words)) == offered
+
+
+def test_result_folders_are_those_that_hold_a_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("out/k733", "out/k729", "other"):
+        (tmp_path / name).mkdir(parents=True)
+    for name in ("out/k733", "out/k729"):
+        (tmp_path / name / "run.json").write_text("{}")
+    monkeypatch.chdir(tmp_path)
+    assert complete_results("o") == complete_results("out/k7") == ["out/k729", "out/k733"]
+    assert complete_results(f"{tmp_path}/out/k73") == [f"{tmp_path}/out/k733"]
+
+
+def test_models_and_sets_of_them_are_completed() -> None:
+    assert {"paper", "standard_driver"} <= set(complete_models(""))
+
+
+def test_starting_loads_nothing_that_only_completion_needs() -> None:
+    code = "import sys, scex_sumo.cli; print([m for m in ('numpy', 'scipy', 'shapely') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"

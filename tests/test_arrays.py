@@ -1,0 +1,26 @@
+"""Which rows are equal to the bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scex_sumo import arrays
+from scex_sumo.arrays import distinct
+
+ROWS = np.array([[1.0, 2.0], [0.0, np.nan], [1.0, 2.0], [-0.0, np.nan], [0.0, np.nan]])
+
+
+@pytest.mark.parametrize("factor", [arrays._FACTOR, np.uint64(0)], ids=["sums differ", "sums are all equal"])
+def test_rows_are_told_apart_by_their_bits_in_the_order_of_their_first(
+    factor: np.uint64, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(arrays, "_FACTOR", factor)
+    first, kind = distinct(ROWS)
+    assert first.tolist() == [0, 1, 3]
+    assert kind.tolist() == [0, 1, 0, 2, 1]
+
+
+def test_of_no_rows_none_is_first() -> None:
+    first, kind = distinct(np.zeros((0, 3)))
+    assert (len(first), len(kind)) == (0, 0)
