@@ -47,7 +47,7 @@ def measure(map_path: Path, folder: Path, *, vehicles: int, opendrive: bool) -> 
     report = check_net(net.path, road, net.lanes)
     checking = time.perf_counter() - started
     if vehicles:
-        report = report.with_driving(drive_net(net.path, vehicles=vehicles))
+        report = replace(report, driving=drive_net(net.path, vehicles=vehicles))
     figures = report.to_dict()
     figures |= {"read_s": min(reading), "convert_s": min(writing), "check_s": checking}
     figures["problems"] = report.problems()

@@ -8,7 +8,7 @@ from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import UsageError
-from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.training.closed_loop import drive_all
 
@@ -37,18 +37,8 @@ def overlaps(states: States, length: FloatArray, width: FloatArray) -> BoolArray
     dx, dy = states.x[j] - states.x[i], states.y[j] - states.y[i]
     pair, t = np.nonzero(dx**2 + dy**2 <= ((reach[i] + reach[j]) ** 2)[:, None])
     a, b = i[pair], j[pair]
-    distance = rectangle_distance(
-        dx=dx[pair, t],
-        dy=dy[pair, t],
-        cos_1=np.cos(states.heading[a, t]),
-        sin_1=np.sin(states.heading[a, t]),
-        cos_2=np.cos(states.heading[b, t]),
-        sin_2=np.sin(states.heading[b, t]),
-        length_1=length[a],
-        width_1=width[a],
-        length_2=length[b],
-        width_2=width[b],
-    )
+    one, two = (Rectangles.of(states[side, t], length[side], width[side]) for side in (a, b))
+    distance = rectangle_distance(one, two)
     result = np.zeros((count, count, states.shape[1]), dtype=np.bool_)
     hit = distance <= 0
     result[a[hit], b[hit], t[hit]] = True

@@ -16,7 +16,7 @@ from scex_sumo.behaviors.learned.decoding import plan_along
 from scex_sumo.behaviors.learned.driver import LearnedDriver
 from scex_sumo.behaviors.learned.seen.surface import Surface, path_room, surface_of
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
-from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, Who
 from scex_sumo.training.closed_loop import drive_all
@@ -227,19 +227,8 @@ def _collided(scene: SeedScene, states: States, counts: BoolArray) -> BoolArray:
 
 
 def _overlap(scene: SeedScene, now: States, i: IntArray, j: IntArray) -> BoolArray:
-    distance = rectangle_distance(
-        dx=now.x[j] - now.x[i],
-        dy=now.y[j] - now.y[i],
-        cos_1=np.cos(now.heading[i]),
-        sin_1=np.sin(now.heading[i]),
-        cos_2=np.cos(now.heading[j]),
-        sin_2=np.sin(now.heading[j]),
-        length_1=scene.length[i],
-        width_1=scene.width[i],
-        length_2=scene.length[j],
-        width_2=scene.width[j],
-    )
-    return np.asarray(distance <= 0)
+    one, two = (Rectangles.of(now[side], scene.length[side], scene.width[side]) for side in (i, j))
+    return np.asarray(rectangle_distance(one, two) <= 0)
 
 
 def moving(scene: SeedScene, vehicle: IntArray) -> BoolArray:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -52,13 +52,20 @@ def batch(scene: SeedScene, children: int, draw: int) -> SceneHistory:
     )
 
 
+def _bytes_of(table: object) -> int:
+    """Memory of the arrays of an object, and of those of the objects in it."""
+    parts = vars(table).values()
+    inner = sum(_bytes_of(part) for part in parts if is_dataclass(part))
+    return inner + sum(part.nbytes for part in parts if isinstance(part, np.ndarray))
+
+
 def timed_index(scene: SeedScene) -> tuple[RoadIndex, int, float]:
     """The index of the scene's road, bytes of all tables of the road, and processor time."""
     assert scene.road is not None
     road = replace(scene.road)  # another one, of which nothing is known yet
     begin = time.process_time()
     index, matcher = road_index(road), lane_matcher(road)
-    return index, index.relations.nbytes + matcher.nbytes, time.process_time() - begin
+    return index, _bytes_of(index) + _bytes_of(matcher), time.process_time() - begin
 
 
 def seconds(scene: SeedScene, children: int, repeats: int) -> tuple[float, float]:

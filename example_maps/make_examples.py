@@ -20,7 +20,7 @@ from example_maps.drawing import MapDrawing
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.errors import SimulationError, UsageError
-from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scenarios import EXAMPLES, example_path
 from scex_sumo.scenarios.traffic.demand import Network, Trip
@@ -194,21 +194,10 @@ def _gap(one: _Track, other: _Track) -> float:
     end = min(one.first_step + one.states.shape[0], other.first_step + other.states.shape[0])
     if end <= begin:
         return float("inf")
-    a, b = (track.states[begin - track.first_step : end - track.first_step] for track in (one, other))
-    size = np.ones(end - begin)
-    gap = rectangle_distance(
-        dx=b.x - a.x,
-        dy=b.y - a.y,
-        cos_1=np.cos(a.heading),
-        sin_1=np.sin(a.heading),
-        cos_2=np.cos(b.heading),
-        sin_2=np.sin(b.heading),
-        length_1=one.length_m * size,
-        width_1=one.width_m * size,
-        length_2=other.length_m * size,
-        width_2=other.width_m * size,
-    )
-    return float(gap.min())
+    steps = (track.states[begin - track.first_step : end - track.first_step] for track in (one, other))
+    sizes = ((np.array(track.length_m), np.array(track.width_m)) for track in (one, other))
+    first, second = (Rectangles.of(way, *size) for way, size in zip(steps, sizes, strict=True))
+    return float(rectangle_distance(first, second).min())
 
 
 def _write(path: Path, tracks: list[_Track], recipe: Example) -> None:

@@ -59,6 +59,11 @@ def remove_unfinished(folder: Path) -> None:
 _locked: dict[Path, int] = {}  # open descriptors; the system lets go of them when the process ends, however
 
 
+def cache_folder() -> Path:
+    """Where things are kept between runs: ``~/.cache/scex-sumo``, or as ``XDG_CACHE_HOME`` says."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scex-sumo"
+
+
 def lock(folder: Path) -> None:
     """Keep other processes out of a folder until `unlock`, or until this one ends.
 

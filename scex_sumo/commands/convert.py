@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -104,7 +105,7 @@ def _check(net_path: Path, road: Road, *, drive: bool) -> FidelityReport:
     table_path = net_file(net_path, ".lanes.csv")
     table = LaneTable.read(table_path) if table_path.is_file() else None
     report = check_net(net_path, road, table)
-    return report.with_driving(drive_net(net_path)) if drive else report
+    return replace(report, driving=drive_net(net_path)) if drive else report
 
 
 def _verdict(

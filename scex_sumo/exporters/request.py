@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.errors import MapError, UsageError
-from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
@@ -136,18 +136,6 @@ def closest_encounters(run: Run, first: int, second: int, count: int) -> tuple[i
 
 
 def _least_gap(scene: SeedScene, states: States, pair: list[int]) -> float:
-    a, b = (states[v, LOGGED_HISTORY:] for v in pair)
-    sizes = np.ones(a.x.shape)
-    gap = rectangle_distance(
-        dx=b.x - a.x,
-        dy=b.y - a.y,
-        cos_1=np.cos(a.heading),
-        sin_1=np.sin(a.heading),
-        cos_2=np.cos(b.heading),
-        sin_2=np.sin(b.heading),
-        length_1=scene.length[pair[0]] * sizes,
-        width_1=scene.width[pair[0]] * sizes,
-        length_2=scene.length[pair[1]] * sizes,
-        width_2=scene.width[pair[1]] * sizes,
-    )
-    return float(gap.min())
+    ways = states[:, LOGGED_HISTORY:]
+    one, two = (Rectangles.of(ways[v], scene.length[v], scene.width[v]) for v in pair)
+    return float(rectangle_distance(one, two).min())

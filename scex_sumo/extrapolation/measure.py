@@ -12,7 +12,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.models.replay import Replay, ReplayProfile
 from scex_sumo.evaluation.tables import worst_table
 from scex_sumo.extrapolation.rollout import Cast, Rollout, roll_out
-from scex_sumo.geometry.overlap import Rectangles, overlap_area
+from scex_sumo.geometry.rectangles import Rectangles, overlap_area
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import PAPER_PRESET, ScenarioValues, evaluate
 from scex_sumo.metrics.metric import Metric
@@ -162,16 +162,7 @@ def recorded_steps_of(scene: SeedScene, steps: int) -> BoolArray:
 def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:
     """Pairs of vehicles (indices) whose boxes overlap at the seed moment by more than a collision needs."""
     now, (one, two) = scene.now, np.triu_indices(scene.vehicles, 1)
-    boxes = [
-        Rectangles(
-            x=now.x[side],
-            y=now.y[side],
-            heading=now.heading[side],
-            half_length=scene.length[side] / 2,
-            half_width=scene.width[side] / 2,
-        )
-        for side in (one, two)
-    ]
+    boxes = [Rectangles.of(now[side], scene.length[side], scene.width[side]) for side in (one, two)]
     at = np.flatnonzero(overlap_area(*boxes) > OVERLAP_M2)
     return list(zip(one[at].tolist(), two[at].tolist(), strict=True))
 

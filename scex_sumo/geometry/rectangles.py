@@ -1,53 +1,139 @@
-"""Distance between vehicle rectangles."""
+"""Distance, overlap and separation of oriented rectangles, many pairs at a time."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.scene import States
+
+_FLAT_M = 1e-6  # an edge that rises by less is level: the quotient would lose its digits
 
 
-def rectangle_distance(
-    *,
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rectangles:
+    """Oriented rectangles about their centres.
+
+    Attributes:
+        x: (N,) centre, m.
+        y: (N,) m.
+        heading: (N,) direction of the length, rad.
+        half_length: (N,) m.
+        half_width: (N,) m.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    heading: FloatArray
+    half_length: FloatArray
+    half_width: FloatArray
+
+    @classmethod
+    def of(cls, states: States, length: FloatArray, width: FloatArray) -> Rectangles:
+        """The outlines of vehicles; lengths and widths in m, broadcast to the states."""
+        x, y, heading = states.x, states.y, states.heading
+        return cls(x=x, y=y, heading=heading, half_length=length / 2, half_width=width / 2)
+
+
+def relative_pose(one: Rectangles, two: Rectangles) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Centre x, y and direction cos, sin of the second rectangles in the frames of the first."""
+    dx, dy = two.x - one.x, two.y - one.y
+    cos, sin = np.cos(one.heading), np.sin(one.heading)
+    turn = two.heading - one.heading
+    return cos * dx + sin * dy, cos * dy - sin * dx, np.cos(turn), np.sin(turn)
+
+
+def overlap_area(one: Rectangles, two: Rectangles) -> FloatArray:
+    """(N,) area that two rectangles share, m².
+
+    In the frame of the first one it is the sum over the second one's edges of the integral of y over x, with
+    x and y clamped to the first one's sides: no case is special, edges on edges included.
+    """
+    x, y, cos, sin = relative_pose(one, two)
+    along_x, along_y = two.half_length * cos, two.half_length * sin
+    across_x, across_y = -two.half_width * sin, two.half_width * cos
+    signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    corners = [(x + a * along_x + b * across_x, y + a * along_y + b * across_y) for a, b in signs]
+    area = np.zeros(np.shape(x))
+    for (x0, y0), (x1, y1) in zip(corners, corners[1:] + corners[:1], strict=True):
+        area -= _clamped_integral(x0, y0, x1, y1, one.half_length, one.half_width)
+    return np.maximum(area, 0.0)
+
+
+def _clamped_integral(
+    x0: FloatArray, y0: FloatArray, x1: FloatArray, y1: FloatArray, a: FloatArray, b: FloatArray
+) -> FloatArray:
+    """Integral over x in [-a, a] of an edge's y clamped to [-b, b], signed by its direction."""
+    run = x1 - x0
+    slope = (y1 - y0) / np.where(run == 0, 1.0, run)
+    start, end = np.clip(x0, -a, a), np.clip(x1, -a, a)
+    low, high = y0 + (start - x0) * slope, y0 + (end - x0) * slope
+    rise = high - low
+    level = np.abs(rise) < _FLAT_M
+    mean = np.clip((low + high) / 2, -b, b)
+    steep = (_clamp_integral(high, b) - _clamp_integral(low, b)) / np.where(level, 1.0, rise)
+    return np.where(level, mean, steep) * (end - start)
+
+
+def _clamp_integral(y: FloatArray, b: FloatArray) -> FloatArray:
+    """Integral from 0 to y of the clamping to [-b, b]."""
+    size = np.abs(y)
+    return np.where(size <= b, 0.5 * y * y, b * size - 0.5 * b * b)
+
+
+def axis_separations(one: Rectangles, two: Rectangles) -> FloatArray:
+    """Gaps between two rectangles along their four axes.
+
+    Returns:
+        (4, N) m: along the first one's length, its width, the second one's length, its width; negative where
+        the projections overlap. The rectangles are apart where one is above 0; the largest one is no more
+        than their distance.
+    """
+    x, y, cos, sin = relative_pose(one, two)
+    c, s = np.abs(cos), np.abs(sin)
+    gaps = np.empty((4, *np.shape(x)))
+    gaps[0] = np.abs(x) - one.half_length - two.half_length * c - two.half_width * s
+    gaps[1] = np.abs(y) - one.half_width - two.half_length * s - two.half_width * c
+    gaps[2] = np.abs(x * cos + y * sin) - two.half_length - one.half_length * c - one.half_width * s
+    gaps[3] = np.abs(y * cos - x * sin) - two.half_width - one.half_length * s - one.half_width * c
+    return gaps
+
+
+def separation(one: Rectangles, two: Rectangles) -> FloatArray:
+    """(N,) largest gap along one of the four axes, m; 0 or less where the rectangles touch or overlap."""
+    gap: FloatArray = axis_separations(one, two).max(axis=0)
+    return gap
+
+
+def rectangle_distance(one: Rectangles, two: Rectangles) -> FloatArray:
+    """(N,) smallest distance between two rectangles, m; 0 where they touch or overlap."""
+    directions = np.cos(one.heading), np.sin(one.heading), np.cos(two.heading), np.sin(two.heading)
+    own, other = (one.half_length, one.half_width), (two.half_length, two.half_width)
+    return distance_apart(two.x - one.x, two.y - one.y, *directions, own, other)
+
+
+def distance_apart(
     dx: FloatArray,
     dy: FloatArray,
     cos_1: FloatArray,
     sin_1: FloatArray,
     cos_2: FloatArray,
     sin_2: FloatArray,
-    length_1: FloatArray,
-    width_1: FloatArray,
-    length_2: FloatArray,
-    width_2: FloatArray,
+    own: tuple[FloatArray, FloatArray],
+    other: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Smallest distance between two oriented rectangles, 0 where they touch or overlap.
+    """The same by what both are like: the second centre less the first, directions, half length and width.
 
-    Args:
-        dx: (N,) second centre minus first, m.
-        dy: (N,) m.
-        cos_1: (N,) direction of the first one's length.
-        sin_1: (N,) the same.
-        cos_2: (N,) direction of the second one's length.
-        sin_2: (N,) the same.
-        length_1: (N,) m, may be 0.
-        width_1: (N,) m, may be 0.
-        length_2: (N,) m.
-        width_2: (N,) m.
-
-    Returns:
-        (N,) m. Exact: disjoint convex polygons are nearest at a corner of one of them.
+    Exact: disjoint convex polygons are nearest at a corner of one of them.
     """
-    half = (length_1 / 2, width_1 / 2, length_2 / 2, width_2 / 2)
     # The other's centre and axis in either rectangle's own frame.
     cos, sin = cos_1 * cos_2 + sin_1 * sin_2, cos_1 * sin_2 - sin_1 * cos_2
-    in_first = (dx * cos_1 + dy * sin_1, dy * cos_1 - dx * sin_1)
-    in_second = (-(dx * cos_2 + dy * sin_2), -(dy * cos_2 - dx * sin_2))
-    reach_1 = _corners_to_box(*in_first, cos, sin, half[2], half[3], half[0], half[1])
-    reach_2 = _corners_to_box(*in_second, cos, -sin, half[0], half[1], half[2], half[3])
-    squared = np.minimum(reach_1, reach_2)
-    apart = separated(*in_first, cos, sin, half[2], half[3], half[0], half[1])
-    apart |= separated(*in_second, cos, sin, half[0], half[1], half[2], half[3])
-    return np.where(apart, np.sqrt(squared), 0.0)
+    in_first = (dx * cos_1 + dy * sin_1, dy * cos_1 - dx * sin_1, cos, sin, *other, *own)
+    in_second = (-(dx * cos_2 + dy * sin_2), -(dy * cos_2 - dx * sin_2), cos, -sin, *own, *other)
+    squared = np.minimum(_corners_to_box(*in_first), _corners_to_box(*in_second))
+    return np.where(separated(*in_first) | separated(*in_second), np.sqrt(squared), 0.0)
 
 
 def _corners_to_box(

@@ -20,9 +20,8 @@ from scex_sumo.metrics.formulas.tq import tq
 from scex_sumo.metrics.formulas.ttc import ttc
 from scex_sumo.metrics.formulas.wttc import wttc
 from scex_sumo.metrics.metric import Metric
-from scex_sumo.metrics.outlines.gap import gap
-from scex_sumo.metrics.outlines.least import least_gap, least_wttc_path
-from scex_sumo.metrics.outlines.wttc_path import wttc_path
+from scex_sumo.metrics.outlines.wttc_path import least_wttc_path, wttc_path
+from scex_sumo.metrics.pairs.gap import gap, least_gap
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 F = TypeVar("F", bound=Callable[[Scenes], Samples])

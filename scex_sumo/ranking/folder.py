@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
 import io
 import json
 import re
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,73 +16,39 @@ import pyarrow.parquet as pq
 
 from scex_sumo.arrays import IntArray
 from scex_sumo.errors import ResultError
-from scex_sumo.files import lock, unlock, write_atomic
+from scex_sumo.files import write_atomic
 from scex_sumo.ranking.moments import Failure, Listing, MomentRef, as_row, from_row, plain
 from scex_sumo.ranking.run_moment import MomentPart
+from scex_sumo.results.claimed import ClaimedFolder, as_json
 
 INFO = "rank.json"
-_PENDING = "incomplete.json"
 _CHILDREN, _TRACKS, _SEEDS, _FAILED = "children", "tracks", "seeds", "failed"
 REPORTS = "moments"
 """Folder of the reports of the moments that are shown."""
 _PART = re.compile(r"children-(\d+)-(\d+)\.parquet")
-_OURS = (INFO, "ranking.parquet", "ranking.csv", "ranking.html")
+_OURS = ("ranking.parquet", "ranking.csv", "ranking.html")
 
 
-class RankFolder:
+class RankFolder(ClaimedFolder):
     """Holds what a ranking has found so far.
 
     ``children/location=L/seed=S/children-FIRST-LAST.parquet`` is there whole or not at all: whoever finds it
     need not run these children again. Tracks are written before the children that they belong to.
     """
 
-    def __init__(self, path: Path, configuration: Mapping[str, Any], *, overwrite: bool = False) -> None:
-        """Claim a folder.
-
-        Raises:
-            ResultError: it holds something else, cannot be written, or another process writes it.
-        """
-        self.path = path
-        self.identity = hashlib.sha256(_json(configuration).encode()).hexdigest()
-        self._locked = False
-        try:
-            self._claim(overwrite)
-            self._parts = dict(self._scan())
-        except OSError as error:
-            self.close()
-            raise ResultError(f"{path}: cannot write the ranking: {error.strerror or error}") from None
-        except ResultError:
-            self.close()
-            raise
-
-    def _claim(self, overwrite: bool) -> None:
-        found = found_identity(self.path, (_PENDING, INFO))
-        if found != self.identity:
-            if found is not None and not overwrite:
-                raise ResultError(
-                    f"{self.path}: holds another ranking, of other recordings or with other options; give "
-                    "another folder with -o, or --overwrite to replace it"
-                )
-            if found is None and self.path.is_dir() and any(self.path.iterdir()):
-                raise ResultError(
-                    f"{self.path}: not empty, and no ranking of scex-sumo; give another folder with -o"
-                )
-        self.path.mkdir(parents=True, exist_ok=True)
-        lock(self.path)
-        self._locked = True
-        if found != self.identity:
-            self._clear()
-        write_atomic(self.path / _PENDING, _json({"identity": self.identity}).encode())
-        (self.path / INFO).unlink(missing_ok=True)
-        for name in (_CHILDREN, _SEEDS, _FAILED):
-            (self.path / name).mkdir(exist_ok=True)
+    info, what = INFO, "ranking"
+    another = "another ranking, of other recordings or with other options"
 
     def _clear(self) -> None:
-        """Remove what an earlier ranking wrote, and nothing else."""
         for name in _OURS:
             (self.path / name).unlink(missing_ok=True)
         for name in (_CHILDREN, _TRACKS, _SEEDS, _FAILED, REPORTS):
             shutil.rmtree(self.path / name, ignore_errors=True)
+
+    def _prepare(self) -> None:
+        for name in (_CHILDREN, _SEEDS, _FAILED):
+            (self.path / name).mkdir(exist_ok=True)
+        self._parts = dict(self._scan())
 
     def _scan(self) -> Iterator[tuple[str, dict[int, int]]]:
         """Parts by moment; those that cannot be read whole are removed, their children run again."""
@@ -97,18 +61,6 @@ class RankFolder:
                 elif named:
                     spans[int(named[1])] = int(named[2]) + 1
             yield folder.name.removeprefix("seed="), spans
-
-    def close(self) -> None:
-        """Let go of the folder."""
-        if self._locked:
-            unlock(self.path)
-            self._locked = False
-
-    def __enter__(self) -> RankFolder:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def listing(self, recording: str) -> Listing | None:
         """The moments of a recording, or None where it has not been looked at."""
@@ -125,7 +77,7 @@ class RankFolder:
         """Keep the moments of a recording."""
         rows = [as_row(ref) for ref in listing.moments]
         content = {"recording": listing.recording, "seeds": rows, "failure": None}
-        write_atomic(self._listing_file(listing.recording), _json(content).encode())
+        write_atomic(self._listing_file(listing.recording), as_json(content).encode())
 
     def _listing_file(self, recording: str) -> Path:
         return self.path / _SEEDS / f"{plain(recording)}.json"
@@ -162,7 +114,7 @@ class RankFolder:
 
     def fail(self, failure: Failure) -> None:
         """Record that a moment has no result."""
-        write_atomic(self._failure_file(failure.moment), _json(as_row(failure)).encode())
+        write_atomic(self._failure_file(failure.moment), as_json(as_row(failure)).encode())
 
     def failures(self) -> dict[str, Failure]:
         """What failed, by moment."""
@@ -181,13 +133,6 @@ class RankFolder:
     def _failure_file(self, moment: str) -> Path:
         return self.path / _FAILED / f"{moment}.json"
 
-    def finish(self, info: Mapping[str, Any]) -> None:
-        """Write ``rank.json``: from now on the folder is a result."""
-        content = _json({**info, "identity": self.identity}, indent=2)
-        write_atomic(self.path / INFO, content.encode())
-        with contextlib.suppress(FileNotFoundError):
-            (self.path / _PENDING).unlink()
-
 
 def _is_whole(file: Path, first: int, last: int) -> bool:
     """Whether a part holds the children that its name says."""
@@ -196,17 +141,6 @@ def _is_whole(file: Path, first: int, last: int) -> bool:
     except (OSError, pa.ArrowException, ValueError):
         return False
     return "child" in table.column_names and table["child"].to_pylist() == list(range(first, last + 1))
-
-
-def found_identity(folder: Path, names: Iterable[str]) -> str | None:
-    """Identity that the first of some files in a folder tells; empty for one that cannot be read."""
-    for file in (folder / name for name in names):
-        if file.is_file():
-            try:
-                return str(json.loads(file.read_text())["identity"])
-            except (ValueError, KeyError, TypeError):
-                return ""
-    return None
 
 
 def children_table(part: MomentPart) -> pa.Table:
@@ -237,7 +171,3 @@ def _write(path: Path, table: pa.Table) -> None:
     sink = io.BytesIO()
     pq.write_table(table, sink, compression="zstd", write_statistics=False, store_schema=False)
     write_atomic(path, sink.getvalue())
-
-
-def _json(content: Mapping[str, Any], indent: int | None = None) -> str:
-    return json.dumps(content, sort_keys=indent is None, indent=indent, default=str) + "\n"

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -16,77 +14,35 @@ import pyarrow.parquet as pq
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import ResultError
-from scex_sumo.files import lock, remove_unfinished, replacing, unlock, write_atomic
+from scex_sumo.files import remove_unfinished, replacing
+from scex_sumo.results.claimed import ClaimedFolder
 from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 
-_PENDING = "incomplete.json"
 
-
-class ResultFolder:
+class ResultFolder(ClaimedFolder):
     """Writes a run into a folder.
 
-    Until :meth:`finish`, the folder has ``incomplete.json`` and no ``run.json``; finished batches of children
-    lie in a hidden folder, from which the same run goes on after an interruption.
+    Finished batches of children lie in a hidden folder, from which the same run goes on after an
+    interruption.
     """
 
-    def __init__(self, path: Path, configuration: Mapping[str, Any], *, overwrite: bool = False) -> None:
-        self.path = path
-        self.identity = hashlib.sha256(_json(configuration).encode()).hexdigest()
-        self._claim(overwrite)
-
-    def _claim(self, overwrite: bool) -> None:
-        try:
-            str(self.path).encode()  # SUMO and Arrow write to no other paths
-            self.path.mkdir(parents=True, exist_ok=True)
-            lock(self.path)
-            found = self._found_identity()
-            if found != self.identity:
-                if found is not None and not overwrite:
-                    raise ResultError(
-                        f"{self.path}: holds the result of another run; give another folder with -o, "
-                        "or --overwrite to replace it"
-                    )
-                if found is None and any(self.path.iterdir()):
-                    raise ResultError(
-                        f"{self.path}: not empty, and no result of scex-sumo; give another folder with -o"
-                    )
-                self._clear()
-            (self.path / PARTS).mkdir(exist_ok=True)
-            remove_unfinished(self.path)
-            remove_broken(self.path)
-            (self.path / "sumo").mkdir(exist_ok=True)
-            write_atomic(self.path / _PENDING, _json({"identity": self.identity}).encode())
-            (self.path / "run.json").unlink(missing_ok=True)
-        except UnicodeEncodeError:
-            raise ResultError(f"{self.path}: this path is not UTF-8; give another folder with -o") from None
-        except OSError as error:
-            unlock(self.path)
-            raise ResultError(f"{self.path}: cannot write the result: {error.strerror or error}") from None
-        except ResultError:
-            unlock(self.path)
-            raise
-
-    def _found_identity(self) -> str | None:
-        for name in (_PENDING, "run.json"):
-            file = self.path / name
-            if file.is_file():
-                try:
-                    content = json.loads(file.read_text())
-                    return str(content.get("identity", ""))
-                except (ValueError, AttributeError):
-                    return ""
-        return None
+    info, what, another = "run.json", "result", "the result of another run"
 
     def _clear(self) -> None:
-        """Remove what an earlier run wrote, and nothing else."""
-        for name in ("run.json", _PENDING, "seed.csv", "report.html", *_TABLES):
+        for name in ("seed.csv", "report.html", *_TABLES):
             (self.path / name).unlink(missing_ok=True)
         for pattern in _PATTERNS:
             for file in self.path.glob(pattern):
                 file.unlink()
         for name in (PARTS, "sumo", "baseline", "reference"):
             shutil.rmtree(self.path / name, ignore_errors=True)
+
+    def _prepare(self) -> None:
+        for name in (PARTS, "sumo"):
+            (self.path / name).mkdir(exist_ok=True)
+        remove_unfinished(self.path)
+        remove_broken(self.path)
 
     def in_order(self, children: int, *, size: int) -> Iterator[Part]:
         """All children in order, whatever the batches they ran in; some at a time, to spare memory.
@@ -132,12 +88,11 @@ class ResultFolder:
                 if file is not None:
                     file.close()
 
-    def finish(self, info: Mapping[str, Any]) -> None:
+    def finish(self, info: Mapping[str, Any], *, allow_nan: bool = False) -> None:
         """Write ``run.json``: from now on the folder is a result."""
-        write_atomic(self.path / "run.json", _json({**info, "identity": self.identity}, indent=2).encode())
-        (self.path / _PENDING).unlink(missing_ok=True)
+        super().finish(info, allow_nan=allow_nan)
         shutil.rmtree(self.path / PARTS, ignore_errors=True)
-        unlock(self.path)
+        self.close()
 
 
 def _parquet(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
@@ -244,7 +199,3 @@ def assignments_table(scene: SeedScene, assignment: IntArray, names: Sequence[st
             "model": models.cast(pa.string()),
         }
     )
-
-
-def _json(content: Mapping[str, Any], indent: int | None = None) -> str:
-    return json.dumps(content, sort_keys=indent is None, indent=indent, default=str, allow_nan=False) + "\n"

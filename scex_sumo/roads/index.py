@@ -18,13 +18,11 @@ class RoadIndex:
 
     Attributes:
         lane_id: (L,) ascending; the other tables count lanes in this order.
-        length: (L,) of the centreline, m.
         speed_limit: (L,) m/s.
         relations: how each lane relates to each other one.
     """
 
     lane_id: IntArray
-    length: FloatArray
     speed_limit: FloatArray
     relations: LaneRelations
 
@@ -33,10 +31,8 @@ class RoadIndex:
 def road_index(road: Road) -> RoadIndex:
     """The index of a road, kept with it."""
     lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: lane.lane_id)
-    relations = lane_relations(lanes)
     return RoadIndex(
         lane_id=np.array([lane.lane_id for lane in lanes], dtype=np.int64),
-        length=relations.length,
         speed_limit=np.array([lane.speed_limit_mps for lane in lanes], dtype=np.float64),
-        relations=relations,
+        relations=lane_relations(lanes),
     )

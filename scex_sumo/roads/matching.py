@@ -132,11 +132,6 @@ class LaneMatcher:
     angle: FloatArray
     grid: Grid
 
-    @property
-    def nbytes(self) -> int:
-        """Memory that the tables take."""
-        return self.grid.first.nbytes + self.grid.segment.nbytes + self.angle.nbytes * 8
-
     def match(self, x: FloatArray, y: FloatArray, heading: FloatArray) -> Matches:
         """The lanes that vehicles may be on, see `match`."""
         pose, segment, cost, t, offset, error = self._possible(x, y, heading)

@@ -50,11 +50,6 @@ class LaneRelations:
     stretch_b: FloatArray
     meeting: FloatArray
 
-    @property
-    def nbytes(self) -> int:
-        """Memory that the tables take."""
-        return sum(table.nbytes for table in vars(self).values())
-
 
 def lane_relations(lanes: Sequence[Lane]) -> LaneRelations:
     """Relate all lanes to each other.

@@ -40,6 +40,7 @@ __all__ = [
 
 CHANGE_LENGTH_M = 40.0  # lane change at the end of a lane
 MAX_ROUTES = 32
+HORIZON_M, HORIZON_S = 80.0, 6.0  # of a candidate path
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,19 +129,15 @@ def _turn(road: Road, lane: int, other: int) -> float:
     return turns[lane, other]
 
 
-def candidate_paths(
-    road: Road, scene: SeedScene, *, horizon_m: float = 80.0, horizon_s: float = 6.0
-) -> tuple[tuple[CandidatePath, ...], ...]:
+def candidate_paths(road: Road, scene: SeedScene) -> tuple[tuple[CandidatePath, ...], ...]:
     """Paths that each vehicle of a seed scene can take, from its pose at that moment.
 
-    The horizon is `horizon_m` or `horizon_s` at the vehicle's speed, whichever is longer. Paths are
-    ordered from left to right: by falling angle from the vehicle to the path's end, then by lane ids.
+    A path is 80 m long, or 6 s at the vehicle's speed where that is longer. Paths are ordered from left to
+    right: by falling angle from the vehicle to the path's end, then by lane ids.
 
     Args:
         road: the map.
         scene: the seed scene.
-        horizon_m: least length of a path, m.
-        horizon_s: least duration of a path at constant speed, s.
 
     Returns:
         (V,) paths of each vehicle; none for a vehicle off the mapped lanes.
@@ -151,7 +148,7 @@ def candidate_paths(
     for v in range(scene.vehicles):
         mine = np.flatnonzero(found.vehicle == v)
         pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
-        horizon = max(horizon_m, horizon_s * float(now.speed[v]))
+        horizon = max(HORIZON_M, HORIZON_S * float(now.speed[v]))
         starts = _starts(road, found, mine, _past(scene, v))
         total = sum(p for _, _, p in starts)
         paths = [

@@ -2,62 +2,34 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.errors import ResultError
-from scex_sumo.files import lock, replacing, unlock, write_atomic
-from scex_sumo.ranking.folder import found_identity
+from scex_sumo.files import replacing, write_atomic
 from scex_sumo.ranking.moments import Failure, MomentRef, as_row, from_row
+from scex_sumo.results.claimed import ClaimedFolder
 from scex_sumo.validation.moment import Forecast
 
 INFO = "validate.json"
-_PENDING = "incomplete.json"
 _TABLES = ("vehicles", "encounters", "realism", "children")  # the last one says that all are there
 _MOMENTS, _FAILED = "moments", "failed"
 
 
-class ForecastFolder:
+class ForecastFolder(ClaimedFolder):
     """Holds the forecasts of the moments that have run: ``moments/NAME/children.parquet`` and three more."""
 
-    def __init__(self, path: Path, configuration: Mapping[str, Any], *, overwrite: bool = False) -> None:
-        """Claim a folder.
+    info, what, another = INFO, "validation", "another validation"
 
-        Raises:
-            ResultError: it holds something else, cannot be written, or another process writes it.
-        """
-        self.path = path
-        text = json.dumps(configuration, sort_keys=True, default=str)
-        self.identity = hashlib.sha256(text.encode()).hexdigest()
-        try:
-            found = found_identity(path, (_PENDING, INFO))
-            if found != self.identity and path.is_dir() and any(path.iterdir()):
-                if found is None or not overwrite:
-                    what = "not empty, and no validation" if found is None else "holds another validation"
-                    remedy = "" if found is None else ", or --overwrite to replace it"
-                    raise ResultError(f"{path}: {what}; give another folder with -o{remedy}")
-                for name in (_MOMENTS, _FAILED):
-                    shutil.rmtree(path / name, ignore_errors=True)
-            path.mkdir(parents=True, exist_ok=True)
-            lock(path)
-            write_atomic(path / _PENDING, json.dumps({"identity": self.identity}).encode())
-            (path / INFO).unlink(missing_ok=True)
-            (path / _FAILED).mkdir(exist_ok=True)
-        except OSError as error:
-            raise ResultError(f"{path}: cannot write the validation: {error.strerror or error}") from None
+    def _clear(self) -> None:
+        for name in (_MOMENTS, _FAILED):
+            shutil.rmtree(self.path / name, ignore_errors=True)
 
-    def __enter__(self) -> ForecastFolder:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        unlock(self.path)
+    def _prepare(self) -> None:
+        (self.path / _FAILED).mkdir(exist_ok=True)
 
     def has(self, ref: MomentRef) -> bool:
         """Whether a moment has run."""
@@ -95,9 +67,3 @@ class ForecastFolder:
         files = sorted((self.path / _FAILED).glob("*.json"))
         found = [Failure(**from_row(json.loads(file.read_text()))) for file in files]
         return {failure.moment: failure for failure in found}
-
-    def finish(self, info: Mapping[str, Any]) -> None:
-        """Write ``validate.json``: from now on the folder is a result."""
-        text = json.dumps({**info, "identity": self.identity}, indent=2, default=str) + "\n"
-        write_atomic(self.path / INFO, text.encode())
-        (self.path / _PENDING).unlink(missing_ok=True)

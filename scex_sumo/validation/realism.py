@@ -14,7 +14,7 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.learned.seen.surface import surface_of
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.statistics.scores import histogram_log_likelihood
@@ -141,23 +141,12 @@ def _nearest(states: States, length: FloatArray, width: FloatArray) -> tuple[Flo
         if not rest.any():
             break
         own = (slice(None), slice(None), slice(v, v + 1))
-        dx, dy = states.x[:, :, rest] - states.x[own], states.y[:, :, rest] - states.y[own]
-        shape = dx.shape
-        size = [np.broadcast_to(a, shape) for a in (length[v], width[v], length[rest], width[rest])]
-        gap[:, :, v] = rectangle_distance(
-            dx=dx.ravel(),
-            dy=dy.ravel(),
-            cos_1=np.broadcast_to(cos[own], shape).ravel(),
-            sin_1=np.broadcast_to(sin[own], shape).ravel(),
-            cos_2=cos[:, :, rest].ravel(),
-            sin_2=sin[:, :, rest].ravel(),
-            length_1=size[0].ravel(),
-            width_1=size[1].ravel(),
-            length_2=size[2].ravel(),
-            width_2=size[3].ravel(),
-        ).reshape(shape).min(axis=2)  # fmt: skip
-        way = cos[own] * dx + sin[own] * dy - (size[0] + size[2]) / 2
-        beside = np.abs(cos[own] * dy - sin[own] * dx) - (size[1] + size[3]) / 2
+        one = Rectangles.of(states[own], length[v], width[v])
+        others_at = Rectangles.of(states[:, :, rest], length[rest], width[rest])
+        gap[:, :, v] = rectangle_distance(one, others_at).min(axis=2)
+        dx, dy = others_at.x - one.x, others_at.y - one.y
+        way = cos[own] * dx + sin[own] * dy - (length[v] + length[rest]) / 2
+        beside = np.abs(cos[own] * dy - sin[own] * dx) - (width[v] + width[rest]) / 2
         turned = np.abs(wrap(states.heading[:, :, rest] - states.heading[own]))
         leads = (way > 0) & (beside < 0) & (turned < MOST_TURN_RAD)
         room = np.where(leads, way, np.inf)

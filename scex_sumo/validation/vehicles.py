@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.statistics.scores import covered, crps, rank_among
 
@@ -117,20 +117,8 @@ def _near_pairs(children: States, judged: BoolArray) -> tuple[IntArray, IntArray
 
 def _least_gap(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> FloatArray:
     """(C, P) least distance of the rectangles of pairs over all steps, m."""
-    cos, sin = np.cos(states.heading), np.sin(states.heading)
     least = np.empty((states.shape[0], len(first)))
-    for k, (i, j) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
-        size = np.ones(states.x[:, :, i].size)
-        least[:, k] = rectangle_distance(
-            dx=(states.x[:, :, j] - states.x[:, :, i]).ravel(),
-            dy=(states.y[:, :, j] - states.y[:, :, i]).ravel(),
-            cos_1=cos[:, :, i].ravel(),
-            sin_1=sin[:, :, i].ravel(),
-            cos_2=cos[:, :, j].ravel(),
-            sin_2=sin[:, :, j].ravel(),
-            length_1=scene.length[i] * size,
-            width_1=scene.width[i] * size,
-            length_2=scene.length[j] * size,
-            width_2=scene.width[j] * size,
-        ).reshape(states.shape[:2]).min(axis=1)  # fmt: skip
+    for k, pair in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
+        one, two = (Rectangles.of(states[:, :, v], scene.length[v], scene.width[v]) for v in pair)
+        least[:, k] = rectangle_distance(one, two).min(axis=1)
     return least

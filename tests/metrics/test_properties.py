@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
 from scex_sumo.metrics.formulas.drac import deceleration_to_avoid_crash
@@ -215,14 +215,14 @@ def test_wttc_is_the_first_touch(
 def test_rectangle_distance_does_not_care_who_is_first(
     dx: float, dy: float, one: float, two: float, size_1: tuple[float, float], size_2: tuple[float, float]
 ) -> None:
-    def arrays(*values: float) -> list[Any]:
-        return [np.array([v]) for v in values]
+    def rectangle(x: float, y: float, heading: float, size: tuple[float, float]) -> Rectangles:
+        values = (np.array([v]) for v in (x, y, heading, size[0] / 2, size[1] / 2))
+        return Rectangles(
+            **dict(zip(("x", "y", "heading", "half_length", "half_width"), values, strict=True))
+        )
 
-    names = ("dx", "dy", "cos_1", "sin_1", "cos_2", "sin_2", "length_1", "width_1", "length_2", "width_2")
-    c_1, s_1, c_2, s_2 = math.cos(one), math.sin(one), math.cos(two), math.sin(two)
-    there = arrays(dx, dy, c_1, s_1, c_2, s_2, *size_1, *size_2)
-    back = arrays(-dx, -dy, c_2, s_2, c_1, s_1, *size_2, *size_1)
-    distances = [rectangle_distance(**dict(zip(names, a, strict=True)))[0] for a in (there, back)]
+    first, second = rectangle(0.0, 0.0, one, size_1), rectangle(dx, dy, two, size_2)
+    distances = [rectangle_distance(*pair)[0] for pair in ((first, second), (second, first))]
     assert distances[0] == pytest.approx(distances[1], abs=1e-9)
     centres = math.hypot(dx, dy)
     assert distances[0] <= centres + 1e-9

@@ -6,7 +6,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.derived import derived
-from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.scene import SeedScene
 
 FAR_M = 25.0  # centres of vehicles whose boxes may touch are nearer
@@ -18,11 +18,7 @@ def box_distances(scene: SeedScene) -> FloatArray:
     now, length, width = scene.now, scene.length, scene.width
     dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
     i, j = np.nonzero(np.hypot(dx, dy) < FAR_M)
-    cos, sin = np.cos(now.heading), np.sin(now.heading)
+    one, two = (Rectangles.of(now[side], length[side], width[side]) for side in (i, j))
     distance = np.full(dx.shape, np.inf)
-    distance[i, j] = rectangle_distance(
-        dx=dx[i, j], dy=dy[i, j],
-        cos_1=cos[i], sin_1=sin[i], cos_2=cos[j], sin_2=sin[j],
-        length_1=length[i], width_1=width[i], length_2=length[j], width_2=width[j],
-    )  # fmt: skip
+    distance[i, j] = rectangle_distance(one, two)
     return distance

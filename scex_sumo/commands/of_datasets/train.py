@@ -13,6 +13,7 @@ from typer import Argument, Option
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import Seed
 from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.files import cache_folder
 
 if TYPE_CHECKING:
     from scex_sumo.converters.datasets.recordings import Recording
@@ -55,14 +56,14 @@ def train_command(
         raise UsageError("train: --epochs needs at least 1, --rounds at least 0")
     check_libraries("train")
     from scex_sumo.training.closed_loop import closed_loop
-    from scex_sumo.training.data.dataset import SampleOptions, default_cache, make_dataset
+    from scex_sumo.training.data.dataset import SampleOptions, make_dataset
     from scex_sumo.training.options import TrainOptions
     from scex_sumo.training.train import Trainer, device_of
 
     where = device_of(device)
     recordings, sampling = _recordings(data or [], leave_out or []), SampleOptions(every_s=every)
     with progress_bar("samples") as tick:
-        dataset = make_dataset(recordings, sampling, cache=cache or default_cache(), tick=tick)
+        dataset = make_dataset(recordings, sampling, cache=cache or cache_folder(), tick=tick)
     options = TrainOptions(
         kind=kind,  # type: ignore[arg-type]  # checked above
         seed=seed,

@@ -19,50 +19,25 @@ from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 
-
-@dataclass(frozen=True, kw_only=True)
-class AlignLimits:
-    """How an offset is estimated, and when it is believed.
-
-    Attributes:
-        moving_mps: slower samples tell nothing about lanes.
-        every_m: one sample for so much driven path.
-        most_samples: more are thinned out evenly.
-        own_tracks: with fewer tracks other recordings of the site are asked too ...
-        enough_tracks: ... until there are so many.
-        min_samples: with fewer samples nothing is done ...
-        min_tracks: ... nor with fewer tracks.
-        direction_share: so much of the evidence must drive more than 45° off the main direction: on a road
-            of one direction an offset cannot be told from a habit of driving beside the middle.
-        lane_sigma_m: how far from the middle drivers keep; samples farther off count ever less.
-        shift_sigma_m: what offsets are usual; decides where the lanes say nothing (along a straight road) ...
-        turn_sigma_rad: ... as this does for rotations.
-        independent: the evidence counts as at most so many independent observations: samples of one track are
-            off alike, and tracks of one lane share the map's own error there.
-        least_m: offsets that move the samples by less, across their lanes, are left.
-        least_gain: share by which the median deviation from how vehicles usually keep in their lanes must
-            shrink, for tracks that the offset was not estimated from.
-        most_m: a larger offset is no residual one: the map's origin is wrong.
-    """
-
-    moving_mps: float = 2.0
-    every_m: float = 1.0
-    most_samples: int = 2000
-    own_tracks: int = 100
-    enough_tracks: int = 200
-    min_samples: int = 500
-    min_tracks: int = 20
-    direction_share: float = 0.1
-    lane_sigma_m: float = 0.5
-    shift_sigma_m: float = 1.0
-    turn_sigma_rad: float = math.radians(1.5)
-    independent: int = 30
-    least_m: float = 0.3
-    least_gain: float = 0.2
-    most_m: float = 3.0
-
-
-LIMITS = AlignLimits()
+MOVING_MPS = 2.0  # slower samples tell nothing about lanes
+EVERY_M = 1.0  # one sample for so much driven path
+MOST_SAMPLES = 2000  # more are thinned out evenly
+OWN_TRACKS, ENOUGH_TRACKS = 100, 200  # with fewer, other recordings of the site are asked, until so many
+MIN_SAMPLES, MIN_TRACKS = 500, 20  # with fewer nothing is done
+# So much of the evidence must drive more than 45° off the main direction: on a road of one direction an
+# offset cannot be told from a habit of driving beside the middle.
+DIRECTION_SHARE = 0.1
+LANE_SIGMA_M = 0.5  # how far from the middle drivers keep; samples farther off count ever less
+SHIFT_SIGMA_M = 1.0  # usual offsets; they decide where the lanes say nothing (along a straight road) ...
+TURN_SIGMA_RAD = math.radians(1.5)  # ... as this does for rotations
+# The evidence counts as at most so many independent observations: samples of one track are off alike, and
+# tracks of one lane share the map's own error there.
+INDEPENDENT = 30
+LEAST_M = 0.3  # offsets that move the samples by less, across their lanes, are left
+# Share by which the median deviation from how vehicles usually keep in their lanes must shrink, for tracks
+# that the offset was not estimated from.
+LEAST_GAIN = 0.2
+MOST_M = 3.0  # a larger offset is no residual one: the map's origin is wrong
 _ROUNDS, _STILL_M, _STILL_RAD = 6, 0.005, 1e-4
 
 
@@ -137,9 +112,9 @@ def align_tracks(
     """
     own = evidence(table.vehicles)
     parts = [(table.path.name, own)]
-    if own.tracks < LIMITS.own_tracks:
+    if own.tracks < OWN_TRACKS:
         for sibling in siblings:
-            if sum(part.tracks for _, part in parts) >= LIMITS.enough_tracks:
+            if sum(part.tracks for _, part in parts) >= ENOUGH_TRACKS:
                 break
             parts.append(sibling)
     # By name: the same recordings in any order give the same bits.
@@ -162,8 +137,8 @@ def evidence(rows: TrackRows) -> Evidence:
     """One pose for every metre that vehicles drive."""
     joined = np.diff(rows.segment) == 0
     step = np.where(joined, np.hypot(np.diff(rows.x), np.diff(rows.y)), 0.0)
-    mark = np.floor(np.append(0.0, np.cumsum(step)) / LIMITS.every_m)
-    keep = np.append(True, ~joined | (np.diff(mark) > 0.0))[: len(rows)] & (rows.speed > LIMITS.moving_mps)
+    mark = np.floor(np.append(0.0, np.cumsum(step)) / EVERY_M)
+    keep = np.append(True, ~joined | (np.diff(mark) > 0.0))[: len(rows)] & (rows.speed > MOVING_MPS)
     track = np.unique(rows.track[keep], return_inverse=True)[1].astype(np.int64)
     return Evidence(x=rows.x[keep], y=rows.y[keep], heading=rows.psi_rad[keep], track=track)
 
@@ -174,18 +149,18 @@ def find_alignment(samples: Evidence, road: Road) -> tuple[Alignment, float, flo
     Returns:
         None where there are too few samples or directions, or the offset is too small or explains too little.
     """
-    if len(samples.x) < LIMITS.min_samples or samples.tracks < LIMITS.min_tracks or _one_way(samples.heading):
+    if len(samples.x) < MIN_SAMPLES or samples.tracks < MIN_TRACKS or _one_way(samples.heading):
         return None
     fit = _fit(samples, road)
     stay = replace(fit, dx=0.0, dy=0.0, turn=0.0)
     before, after = _offsets(samples, road, stay), _offsets(samples, road, fit)
     moved_m = float(np.median(np.abs(_across(samples, fit))))
-    if moved_m < LIMITS.least_m or math.hypot(fit.dx, fit.dy) > LIMITS.most_m:
+    if moved_m < LEAST_M or math.hypot(fit.dx, fit.dy) > MOST_M:
         return None
     # The gain must show on tracks that the estimate has not seen.
     even: BoolArray = samples.track % 2 == 0
     unseen = [_offsets(samples.take(~half), road, _fit(samples.take(half), road)) for half in (even, ~even)]
-    if _spread(np.concatenate(unseen)) > (1.0 - LIMITS.least_gain) * _spread(before):
+    if _spread(np.concatenate(unseen)) > (1.0 - LEAST_GAIN) * _spread(before):
         return None
     return fit, float(np.median(np.abs(before))), float(np.median(np.abs(after)))
 
@@ -211,9 +186,9 @@ def _fit(samples: Evidence, road: Road) -> Alignment:
     centre = float(samples.x.mean()), float(samples.y.mean())
     found = Alignment(dx=0.0, dy=0.0, turn=0.0, centre=centre)
     habit = 0.0
-    shift, turn = LIMITS.shift_sigma_m**-2.0, LIMITS.turn_sigma_rad**-2.0
-    prior = np.diag([shift, shift, turn, LIMITS.lane_sigma_m**-2.0])
-    independent = min(samples.tracks, LIMITS.independent)
+    shift, turn = SHIFT_SIGMA_M**-2.0, TURN_SIGMA_RAD**-2.0
+    prior = np.diag([shift, shift, turn, LANE_SIGMA_M**-2.0])
+    independent = min(samples.tracks, INDEPENDENT)
     for _ in range(_ROUNDS):
         x, y, u, who, offset = _matched(samples, road, found)
         if not len(who):
@@ -225,10 +200,10 @@ def _fit(samples: Evidence, road: Road) -> Alignment:
         step = np.zeros(4)
         for _ in range(3):
             rest = offset + habit + slopes @ step
-            weight = 1.0 / (1.0 + (rest / LIMITS.lane_sigma_m) ** 2)
+            weight = 1.0 / (1.0 + (rest / LANE_SIGMA_M) ** 2)
             of_track = np.bincount(samples.track[who], weight, samples.tracks)
             weight = weight / np.sqrt(np.maximum(of_track, 1e-9))[samples.track[who]]
-            weight *= independent / (weight.sum() * LIMITS.lane_sigma_m**2)
+            weight *= independent / (weight.sum() * LANE_SIGMA_M**2)
             left = (slopes * weight[:, None]).T
             step = np.linalg.solve(left @ slopes + prior, -left @ (offset + habit) - prior @ now)
         dx, dy, turn, habit = (float(value) for value in now + step)
@@ -271,7 +246,7 @@ def _one_way(heading: FloatArray) -> bool:
     bins = np.bincount((np.floor(heading / (np.pi / 8.0)).astype(np.int64)) % 16, minlength=16)
     main = (np.argmax(bins) + 0.5) * np.pi / 8.0
     elsewhere = np.abs(wrap(heading - main)) > np.pi / 4.0
-    return bool(elsewhere.mean() < LIMITS.direction_share)
+    return bool(elsewhere.mean() < DIRECTION_SHARE)
 
 
 def _pooled(parts: Sequence[Evidence]) -> Evidence:
@@ -284,7 +259,7 @@ def _pooled(parts: Sequence[Evidence]) -> Evidence:
     )
 
 
-def _thinned(samples: Evidence, most: int = LIMITS.most_samples) -> Evidence:
+def _thinned(samples: Evidence, most: int = MOST_SAMPLES) -> Evidence:
     if len(samples.x) <= most:
         return samples
     chosen = np.zeros(len(samples.x), bool)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,41 +14,20 @@ from scex_sumo.converters.cleaning.plausible import drop_implausible
 from scex_sumo.converters.cleaning.smooth import derivative, position_noise, smooth
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 
-
-@dataclass(frozen=True, kw_only=True)
-class RepairLimits:
-    """When a sample or track counts as defective.
-
-    Attributes:
-        jump_m: a step this long is a jump ...
-        jump_excess_m: ... if it is also this much longer than the track's usual step there.
-        shortest_piece: samples that a piece between jumps needs to be kept.
-        frozen_steps: a tracker still warms up where so many of a track's first five steps have exactly the
-            same position though the speed says that it moves ...
-        warm_up_rise_mps: ... and the speed rises by more than this within its first second.
-        warm_up_s: what is dropped then.
-        velocity_ratio: velocities whose integral is off the motion by more than this factor contradict it.
-        velocity_cosine: so do velocities that point elsewhere: cosine between integral and motion.
-        judged_path_m: displacements summed over a track's seconds must reach this to judge velocities.
-        noise_m: positions with more white noise than this per axis are smoothed.
-    """
-
-    jump_m: float = 3.0
-    jump_excess_m: float = 1.5
-    shortest_piece: int = 5
-    frozen_steps: int = 2
-    warm_up_rise_mps: float = 0.5
-    warm_up_s: float = 2.0
-    velocity_ratio: float = 1.2
-    velocity_cosine: float = 0.9
-    judged_path_m: float = 3.0
-    noise_m: float = 0.02
+# A step this long is a jump, if it is also so much longer than the track's usual step there.
+JUMP_M, JUMP_EXCESS_M = 3.0, 1.5
+SHORTEST_PIECE = 5  # samples that a piece between jumps needs to be kept
+# A tracker still warms up where so many of a track's first five steps have exactly the same position though
+# the speed says that it moves, and the speed rises by more than this within its first second.
+FROZEN_STEPS, WARM_UP_RISE_MPS = 2, 0.5
+WARM_UP_S = 2.0  # what is dropped then
+# Velocities contradict the motion if their integral is off by more than this factor, or points elsewhere.
+VELOCITY_RATIO, VELOCITY_COSINE = 1.2, 0.9
+JUDGED_PATH_M = 3.0  # displacements summed over a track's seconds must reach this to judge velocities
+NOISE_M = 0.02  # positions with more white noise than this per axis are smoothed
 
 
-LIMITS = RepairLimits()
-
-
-def repair_tracks(table: TrackTable, limits: RepairLimits = LIMITS) -> tuple[TrackTable, tuple[str, ...]]:
+def repair_tracks(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
     """Repair a recording (or one case of a file of cases).
 
     In this order: samples with the stamp of another, tracker warm-up, jumps, velocities and noise, headings,
@@ -58,26 +37,24 @@ def repair_tracks(table: TrackTable, limits: RepairLimits = LIMITS) -> tuple[Tra
         The repaired table, and one phrase with counts for each kind of defect of the vehicles; one more
         where the others have defects.
     """
-    vehicles, findings = _repair(table.vehicles, table, limits, FORWARD_MPS)
+    vehicles, findings = _repair(table.vehicles, table, FORWARD_MPS)
     # Pedestrians and cyclists face where they go.
-    others, more = _repair(table.others, table, limits, STANDING_MPS)
+    others, more = _repair(table.others, table, STANDING_MPS)
     if more:
         both = "likewise repaired" if findings else "; ".join(more)
         findings.append(f"pedestrians and cyclists: {both}")
     return replace(table, vehicles=vehicles, others=others), tuple(findings)
 
 
-def _repair(
-    rows: TrackRows, table: TrackTable, limits: RepairLimits, forward_mps: float
-) -> tuple[TrackRows, list[str]]:
+def _repair(rows: TrackRows, table: TrackTable, forward_mps: float) -> tuple[TrackRows, list[str]]:
     findings: list[str] = []
     if not len(rows):
         return rows, findings
     steps: tuple[Callable[[TrackRows], tuple[TrackRows, list[str]]], ...] = (
         drop_copies,
-        lambda rows: (rows, []) if table.has_cases else _drop_warm_up(rows, limits),
-        lambda rows: _cut_jumps(rows, limits),
-        lambda rows: _renew_motion(rows, limits),
+        lambda rows: (rows, []) if table.has_cases else _drop_warm_up(rows),
+        _cut_jumps,
+        _renew_motion,
         lambda rows: repair_headings(rows, forward_mps),
         drop_implausible,
     )
@@ -89,7 +66,7 @@ def _repair(
     return rows, findings
 
 
-def _drop_warm_up(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
+def _drop_warm_up(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     """Drop the start of tracks whose filter had not yet met the vehicle.
 
     Such a filter starts from standstill: for some steps the position stays exactly the same while the speed
@@ -102,22 +79,22 @@ def _drop_warm_up(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, lis
     still = (np.diff(rows.x) == 0.0) & (np.diff(rows.y) == 0.0) & ~start[1:] & (since[1:] <= 5)
     faster = np.diff(rows.speed) > 0.0
     moving = (rows.speed[1:] + rows.speed[:-1]) / 2.0 > 0.15
-    frozen = np.bincount(piece[1:][still & faster & moving], minlength=piece[-1] + 1) >= limits.frozen_steps
+    frozen = np.bincount(piece[1:][still & faster & moving], minlength=piece[-1] + 1) >= FROZEN_STEPS
     age_ms = rows.timestamp_ms - rows.timestamp_ms[start][piece]
     soon = np.maximum.reduceat(np.where(age_ms <= 1000.0, rows.speed, 0.0), np.flatnonzero(start))
-    frozen &= soon - rows.speed[start] > limits.warm_up_rise_mps
+    frozen &= soon - rows.speed[start] > WARM_UP_RISE_MPS
     if not frozen.any():
         return rows, []
-    keep = ~frozen[piece] | (age_ms >= 1000.0 * limits.warm_up_s)
+    keep = ~frozen[piece] | (age_ms >= 1000.0 * WARM_UP_S)
     cold = len(np.unique(rows.track[start][frozen]))
     return rows.take(keep), [
-        f"tracker warm-up: first {limits.warm_up_s:g} s of {cold} of {rows.tracks} tracks dropped"
+        f"tracker warm-up: first {WARM_UP_S:g} s of {cold} of {rows.tracks} tracks dropped"
     ]
 
 
-def _cut_jumps(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
+def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     """Drop single samples far off; cut a track where it goes on elsewhere."""
-    jump = _jumps(rows, limits)
+    jump = _jumps(rows)
     if not jump.any():
         return rows, []
     joined = np.diff(rows.segment) == 0
@@ -138,14 +115,14 @@ def _cut_jumps(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[s
     segment = rows.segment + np.cumsum(cut)
     size = np.bincount(segment[~drop], minlength=segment[-1] + 1)
     touched = np.isin(rows.segment, rows.segment[cut])
-    drop |= touched & (size[segment] < limits.shortest_piece)
+    drop |= touched & (size[segment] < SHORTEST_PIECE)
     cut &= ~drop & np.append(False, ~drop[:-1])
     found = []
     if drop.any():
-        found.append(f"{int(drop.sum())} samples at jumps over {limits.jump_m:g} m dropped")
+        found.append(f"{int(drop.sum())} samples at jumps over {JUMP_M:g} m dropped")
     if cut.any():
         tracks = len(np.unique(rows.track[cut]))
-        found.append(f"{tracks} tracks cut at jumps over {limits.jump_m:g} m")
+        found.append(f"{tracks} tracks cut at jumps over {JUMP_M:g} m")
     rows = rows.with_columns(segment=segment).take(~drop)
     # A dropped sample may leave a gap that is too long; cuts stay.
     new = np.append(0, np.cumsum((np.diff(rows.segment) != 0) | _gap(rows)))
@@ -156,7 +133,7 @@ def _gap(rows: TrackRows) -> BoolArray:
     return np.asarray(np.diff(segments_of(rows.track, rows.timestamp_ms)) != 0)
 
 
-def _jumps(rows: TrackRows, limits: RepairLimits) -> BoolArray:
+def _jumps(rows: TrackRows) -> BoolArray:
     """(N - 1,) True where the step to the next row of the segment is a jump."""
     joined: BoolArray = np.diff(rows.segment) == 0
     if not joined.any():
@@ -166,24 +143,24 @@ def _jumps(rows: TrackRows, limits: RepairLimits) -> BoolArray:
     around = np.lib.stride_tricks.sliding_window_view(
         np.pad(np.where(joined, length, np.inf), 5, constant_values=np.inf), 11
     )
-    far = joined & (length > limits.jump_m) & (length - around.min(axis=1) > limits.jump_excess_m)
+    far = joined & (length > JUMP_M) & (length - around.min(axis=1) > JUMP_EXCESS_M)
     elapsed = np.diff(rows.timestamp_ms) / 1000.0
     jump = np.zeros(len(length), bool)
     for i in np.flatnonzero(far):
         window = slice(max(0, i - 5), i + 6)
         same = joined[window] & (rows.segment[:-1][window] == rows.segment[i])
         usual = np.median(length[window][same] / elapsed[window][same])
-        jump[i] = length[i] - usual * elapsed[i] > limits.jump_excess_m
+        jump[i] = length[i] - usual * elapsed[i] > JUMP_EXCESS_M
     return jump
 
 
-def _renew_motion(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, list[str]]:
+def _renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     """Take velocities from the positions where both contradict; smooth positions that jitter."""
     if not (np.diff(rows.segment) == 0).any():
         return rows, []
     time_s = rows.timestamp_ms / 1000.0
     points = np.stack((rows.x, rows.y), axis=1)
-    judged, wrong, factor = _contradictions(rows, points, time_s, limits)
+    judged, wrong, factor = _contradictions(rows, points, time_s)
     noise = position_noise(points, time_s, rows.segment)
     found = []
     if wrong.any():
@@ -191,7 +168,7 @@ def _renew_motion(rows: TrackRows, limits: RepairLimits) -> tuple[TrackRows, lis
             f"velocities of {int(wrong.sum())} of {int(judged.sum())} moving tracks contradict the motion"
             f" ({_how_wrong(factor[wrong])}): recomputed from positions"
         )
-    jitter = noise > limits.noise_m
+    jitter = noise > NOISE_M
     # Most tracks wrong: then also those that are too short or too slow to judge.
     everything = jitter or 2 * wrong.sum() > judged.sum()
     if not everything and not wrong.any():
@@ -228,7 +205,7 @@ def _accelerations(velocity: FloatArray, time_s: FloatArray, rows: TrackRows) ->
 
 
 def _contradictions(
-    rows: TrackRows, points: FloatArray, time_s: FloatArray, limits: RepairLimits
+    rows: TrackRows, points: FloatArray, time_s: FloatArray
 ) -> tuple[BoolArray, BoolArray, FloatArray]:
     """Compare displacements over up to one second with the integral of the velocities.
 
@@ -252,10 +229,10 @@ def _contradictions(
     dv = np.bincount(rows.track, np.sum(moved * said, axis=1), tracks)
     path = np.bincount(rows.track, np.hypot(*moved.T), tracks) * weight
     said_path = np.bincount(rows.track, np.hypot(*said.T), tracks) * weight
-    judged = np.maximum(path, said_path) > limits.judged_path_m
+    judged = np.maximum(path, said_path) > JUDGED_PATH_M
     cosine = dv / np.sqrt(np.maximum(dd * vv, 1e-12))
-    factor = np.where(cosine < limits.velocity_cosine, 0.0, dv / np.maximum(vv, 1e-12))
-    wrong = judged & ((factor > limits.velocity_ratio) | (factor < 1.0 / limits.velocity_ratio))
+    factor = np.where(cosine < VELOCITY_COSINE, 0.0, dv / np.maximum(vv, 1e-12))
+    wrong = judged & ((factor > VELOCITY_RATIO) | (factor < 1.0 / VELOCITY_RATIO))
     return judged, wrong, factor
 
 

@@ -6,15 +6,13 @@ standard library, so that all that is sound in it counts.
 
 from __future__ import annotations
 
-import gzip
 import math
-import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
 from scex_sumo.converters.formats import number
-from scex_sumo.converters.lanelet.file import list_ids
+from scex_sumo.converters.lanelet.file import Findings, parse_xml
 from scex_sumo.errors import MapError
 
 SUFFIXES = (".xml", ".xml.gz")
@@ -28,28 +26,22 @@ _ROOTS = {
 
 
 @dataclass(kw_only=True, eq=False)
-class CommonRoadFile:
+class CommonRoadFile(Findings):
     """The contents of one CommonRoad file.
 
     Attributes:
         path: where it was read.
         root: its XML.
-        found: what was mended or left out, by sentence; the ids follow it in the note.
         remarks: further notes, as they are.
     """
 
     path: Path
     root: ElementTree.Element
-    found: dict[str, set[int | str]] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
 
-    def note(self, sentence: str, element_id: int | str) -> None:
-        """Remember what was found about one element."""
-        self.found.setdefault(sentence, set()).add(element_id)
-
     def notes(self) -> tuple[str, ...]:
-        """One short sentence for each thing found, naming ids."""
-        return (*(f"{sentence}: {list_ids(ids)}" for sentence, ids in self.found.items()), *self.remarks)
+        """One short sentence for each thing found, naming ids, and the remarks."""
+        return (*super().notes(), *self.remarks)
 
     def elements(self, tag: str) -> dict[int, ElementTree.Element]:
         """Elements of a tag right below the root by id, ascending; the first of those with one id."""
@@ -96,7 +88,7 @@ def parse_commonroad(path: Path) -> ElementTree.Element:
     Raises:
         MapError: the file is missing, not XML, no CommonRoad file, or of an unknown version.
     """
-    root = _parse(path)
+    root = parse_xml(path, "CommonRoad", ".xml")
     if root.tag != "commonRoad":
         what = _ROOTS.get(root.tag, "name a CommonRoad scenario")
         raise MapError(f"{path}: no CommonRoad file, its root is <{root.tag}>: {what}")
@@ -120,19 +112,3 @@ def coordinate(text: str | None) -> float:
     """Number that a text is, or nan; no coordinate, time or size of a scenario is 1e9 or more."""
     value = number(text)
     return value if abs(value) < 1e9 else math.nan
-
-
-def _parse(path: Path) -> ElementTree.Element:
-    if path.is_dir():
-        raise MapError(f"{path}: is a folder; name the CommonRoad .xml file in it")
-    if not path.is_file():
-        raise MapError(f"{path}: no such map; name a CommonRoad .xml file")
-    try:
-        content = path.read_bytes()
-        return ElementTree.fromstring(gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content)
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise MapError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
-    except ElementTree.ParseError as error:
-        raise MapError(f"{path}: not XML ({error}); name a CommonRoad .xml file") from None
-    except (OSError, ValueError, LookupError) as error:
-        raise MapError(f"{path}: cannot be read ({error}); name a CommonRoad .xml file") from None

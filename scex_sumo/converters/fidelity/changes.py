@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.arrays import BoolArray
-from scex_sumo.converters.fidelity.conflicts import NEAR_M
+from scex_sumo.converters.fidelity.conflicts import NEAR_M, near_runs
 from scex_sumo.road import Lane
 
 ROOM_M = 7.5  # a car and its gap: SUMO changes lanes on edges alone, and an edge must not lie in a crossing
@@ -24,8 +24,9 @@ def changes_inside(lanes: Mapping[int, Lane]) -> set[tuple[int, int]]:
     found: set[tuple[int, int]] = set()
     for group in _groups(lanes):
         free = np.logical_and.reduce([_free(lanes, i, group) for i in group])
+        longest = max((end - start + 1 for start, end in near_runs(free)), default=0)
         length = float(np.mean([shapely.LineString(lanes[i].centreline).length for i in group]))
-        if _longest(free) / FRACTIONS * length < ROOM_M:
+        if longest / FRACTIONS * length < ROOM_M:
             found |= {(i, j) for i in group for j in (lanes[i].left, lanes[i].right) if j in group}
     return found
 
@@ -50,9 +51,3 @@ def _free(lanes: Mapping[int, Lane], lane_id: int, group: set[int]) -> BoolArray
         return np.ones(FRACTIONS, dtype=np.bool_)
     lines = shapely.MultiLineString([lanes[i].centreline for i in others])
     return np.asarray(shapely.distance(points, lines) > NEAR_M)
-
-
-def _longest(free: BoolArray) -> int:
-    """Length of the longest run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], free.astype(np.int8), [0]])))
-    return int((edges[1::2] - edges[::2]).max(initial=0))

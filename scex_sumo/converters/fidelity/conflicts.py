@@ -93,7 +93,9 @@ def _beside(one: Lane, other: Lane) -> bool:
 
 def _classify(lanes: Mapping[int, Lane], one: _Trace, other: _Trace) -> JudgedConflict | None:
     off = one.near(other.line)
-    runs = [(_kind_of_run(lanes, one, other, start, end), start, end) for start, end in _runs(off <= NEAR_M)]
+    runs = [
+        (_kind_of_run(lanes, one, other, start, end), start, end) for start, end in near_runs(off <= NEAR_M)
+    ]
     kind = next((k for k in ("cross", "merge", "overlap") if any(k == run[0] for run in runs)), None)
     if kind is None:
         return None
@@ -110,7 +112,7 @@ def _classify(lanes: Mapping[int, Lane], one: _Trace, other: _Trace) -> JudgedCo
     return JudgedConflict(first=one.lane.lane_id, second=other.lane.lane_id, kind=kind, turn_rad=turned)
 
 
-def _runs(near: BoolArray) -> list[tuple[int, int]]:
+def near_runs(near: BoolArray) -> list[tuple[int, int]]:
     """First and last index of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(np.int8), [0]])))
     return [(int(start), int(end) - 1) for start, end in edges.reshape(-1, 2)]

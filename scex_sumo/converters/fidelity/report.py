@@ -7,7 +7,7 @@ optional, so nets from any other converter are judged by the same figures.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -77,10 +77,6 @@ class FidelityReport:
     def to_dict(self) -> dict[str, Any]:
         """Every figure by its name, in one flat mapping that JSON takes."""
         return {**self.figures, **({"driving": self.driving.to_dict()} if self.driving else {})}
-
-    def with_driving(self, driving: DrivingReport) -> FidelityReport:
-        """The same report with how vehicles fared on the net."""
-        return replace(self, driving=driving)
 
     def problems(self) -> list[str]:
         """What the net misses, one line each, with the ids; empty for a faithful net."""

@@ -21,6 +21,7 @@ from scex_sumo.errors import MapError
 from scex_sumo.files import quoted
 
 Tags = Mapping[str, str]
+NAMED = 5  # ids named in one message; the rest are counted
 _ID = re.compile(r"-?[0-9]{1,18}")  # what fits Lanelet2's 64 bit ids
 _EARTH = {"lat": 90.0, "lon": 180.0}
 _Element = TypeVar("_Element")
@@ -88,12 +89,54 @@ class MapFile:
         return dict(sorted(found.items()))
 
 
-def list_ids(ids: Iterable[int | str], limit: int = 5) -> str:
+def list_ids(ids: Iterable[int | str]) -> str:
     """Write ids for a message: the first few, then how many more there are."""
     ordered = sorted(set(ids), key=lambda i: (isinstance(i, str), i))
-    shown = ", ".join(str(i) for i in ordered[:limit])
-    rest = len(ordered) - limit
+    shown = ", ".join(str(i) for i in ordered[:NAMED])
+    rest = len(ordered) - NAMED
     return f"{shown} and {rest} more" if rest > 0 else shown
+
+
+def parse_xml(path: Path, kind: str, ending: str) -> ElementTree.Element:
+    """Root of a map's XML, which may be packed.
+
+    Args:
+        path: the file.
+        kind: of map that is wanted, in words.
+        ending: of the names of such files.
+
+    Raises:
+        MapError: the file is missing, is no file, or is not XML.
+    """
+    if path.is_dir():
+        raise MapError(f"{path}: is a folder; name the {ending} file in it")
+    if not path.is_file():
+        raise MapError(f"{path}: no such map; name a {kind} {ending} file")
+    try:
+        with open_binary(path) as file:
+            return ElementTree.parse(file).getroot()
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise MapError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
+    except ElementTree.ParseError as error:
+        raise MapError(f"{path}: not XML ({error}); name a {kind} {ending} file") from None
+    except (OSError, ValueError, LookupError) as error:
+        raise MapError(f"{path}: cannot be read ({error}); name a {kind} {ending} file") from None
+
+
+@dataclass(kw_only=True, eq=False)
+class Findings:
+    """What was found in a map: ids of elements by sentence, which they follow in a note."""
+
+    found: dict[str, set[int | str]] = field(default_factory=dict)
+
+    def note(self, sentence: str, *ids: int | str) -> None:
+        """Remember what was found about some elements, if any."""
+        if ids:
+            self.found.setdefault(sentence, set()).update(ids)
+
+    def notes(self) -> tuple[str, ...]:
+        """One short sentence for each thing found, naming ids."""
+        return tuple(f"{sentence}: {list_ids(ids)}" for sentence, ids in self.found.items())
 
 
 def read_map_file(path: str | Path) -> MapFile:
@@ -112,9 +155,10 @@ def read_map_file(path: str | Path) -> MapFile:
     nodes: dict[int, MapPoint] = {}
     ways: dict[int, Way] = {}
     relations: dict[int, Relation] = {}
-    unreadable: list[str] = []
-    twice: list[str] = []
-    root = _parse(path)
+    findings = Findings()
+    root = parse_xml(path, "Lanelet2", ".osm")
+    if root.tag != "osm":
+        raise MapError(f"{path}: no Lanelet2 map: its root is <{root.tag}>, not <osm>; name an .osm file")
     for element in root:
         if element.get("action") == "delete":
             continue
@@ -130,20 +174,15 @@ def read_map_file(path: str | Path) -> MapFile:
             else:
                 continue
         except ValueError:
-            unreadable.append(name)
+            findings.note("left out, no usable id or coordinates", name)
             continue
         if not new:
-            twice.append(name)
+            findings.note("ids used twice, the first element kept", name)
     if not nodes and any(element.get("x") for element in root.iter("node")):
         raise MapError(
             f"{path}: its nodes have x, y instead of lat, lon; name the .osm file it was made from"
         )
-    notes = []
-    if unreadable:
-        notes.append(f"left out, no usable id or coordinates: {list_ids(unreadable)}")
-    if twice:
-        notes.append(f"ids used twice, the first element kept: {list_ids(twice)}")
-    return MapFile(path=path, nodes=nodes, ways=ways, relations=relations, notes=tuple(notes))
+    return MapFile(path=path, nodes=nodes, ways=ways, relations=relations, notes=findings.notes())
 
 
 def write_map_file(map_file: MapFile, path: Path) -> None:
@@ -165,25 +204,6 @@ def write_map_file(map_file: MapFile, path: Path) -> None:
 
 def _tag_lines(tags: Tags) -> list[str]:
     return [f"<tag k={quoted(key)} v={quoted(value)}/>" for key, value in tags.items()]
-
-
-def _parse(path: Path) -> ElementTree.Element:
-    if path.is_dir():
-        raise MapError(f"{path}: is a folder; name the .osm file in it")
-    if not path.is_file():
-        raise MapError(f"{path}: no such map; name a Lanelet2 .osm file")
-    try:
-        with open_binary(path) as file:
-            root = ElementTree.parse(file).getroot()
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise MapError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
-    except ElementTree.ParseError as error:
-        raise MapError(f"{path}: not XML ({error}); name a Lanelet2 .osm file") from None
-    except (OSError, ValueError, LookupError) as error:
-        raise MapError(f"{path}: cannot be read ({error}); name a Lanelet2 .osm file") from None
-    if root.tag != "osm":
-        raise MapError(f"{path}: no Lanelet2 map: its root is <{root.tag}>, not <osm>; name an .osm file")
-    return root
 
 
 def _put(elements: dict[int, _Element], element_id: int, element: _Element) -> bool:

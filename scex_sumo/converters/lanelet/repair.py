@@ -4,32 +4,16 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TypeAlias
 
-from scex_sumo.converters.lanelet.file import MapFile, Member, Relation, Way, list_ids
+from scex_sumo.converters.lanelet.file import Findings, MapFile, Member, Relation, Way
 from scex_sumo.errors import MapError
 
 Place: TypeAlias = tuple[float, float]  # latitude and longitude, degrees
 METRES_PER_DEGREE = 111_195.0  # of latitude, on the sphere of 6371 km
 STRAY_M = 50_000.0  # a recorded site spans a few km; one UTM zone 300 km to either side
 SIDES = ("left", "right")
-
-
-@dataclass(kw_only=True)
-class _Repair:
-    """What was found, by sentence; the ids follow it in the note."""
-
-    found: dict[str, set[int]] = field(default_factory=dict)
-
-    def note(self, sentence: str, ids: Iterable[int]) -> None:
-        ids = set(ids)
-        if ids:
-            self.found.setdefault(sentence, set()).update(ids)
-
-    def notes(self) -> tuple[str, ...]:
-        return tuple(f"{sentence}: {list_ids(ids)}" for sentence, ids in self.found.items())
 
 
 def repair(map_file: MapFile) -> tuple[MapFile, bool]:
@@ -41,10 +25,10 @@ def repair(map_file: MapFile) -> tuple[MapFile, bool]:
     Returns:
         The map, its notes naming what was done, and whether it differs from its file.
     """
-    done = _Repair()
+    done = Findings()
     nodes = map_file.nodes
     stray = _stray_nodes(map_file)
-    done.note("nodes over 50 km away from the map, left out", stray)
+    done.note("nodes over 50 km away from the map, left out", *stray)
     nodes = {i: node for i, node in nodes.items() if i not in stray}
     map_file = replace(map_file, nodes=nodes)
     map_file = replace(map_file, ways=_ways(map_file, done))
@@ -79,7 +63,7 @@ def _stray_nodes(map_file: MapFile) -> set[int]:
     return {i for i, n in map_file.nodes.items() if distance_m((n.lat, n.lon), centre) > STRAY_M}
 
 
-def _ways(map_file: MapFile, done: _Repair) -> dict[int, Way]:
+def _ways(map_file: MapFile, done: Findings) -> dict[int, Way]:
     """Ways with only nodes that exist; a way without any is left out. Borders are lines, never areas."""
     known = map_file.nodes.keys()
     borders = {
@@ -92,18 +76,18 @@ def _ways(map_file: MapFile, done: _Repair) -> dict[int, Way]:
     for i, way in map_file.ways.items():
         if not known >= set(way.nodes):
             way = replace(way, nodes=tuple(n for n in way.nodes if n in known))
-            done.note("ways that refer to missing nodes, drawn without them", [i])
+            done.note("ways that refer to missing nodes, drawn without them", i)
         if not way.nodes:
-            done.note("ways without a node, left out", [i])
+            done.note("ways without a node, left out", i)
             continue
         if i in borders and way.tags.get("area") in ("yes", "true", "1"):
             way = replace(way, tags={k: v for k, v in way.tags.items() if k != "area"})
-            done.note("bounds tagged area=yes, taken as lines", [i])
+            done.note("bounds tagged area=yes, taken as lines", i)
         ways[i] = way
     return ways
 
 
-def _lanelets(map_file: MapFile, done: _Repair) -> tuple[dict[int, Relation], dict[int, Way]]:
+def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], dict[int, Way]]:
     """Lanelets with two usable bounds, and the ways that were joined from pieces for them."""
     lanelets: dict[int, Relation] = {}
     joined: dict[int, Way] = {}
@@ -115,24 +99,24 @@ def _lanelets(map_file: MapFile, done: _Repair) -> tuple[dict[int, Relation], di
             nodes = chain([map_file.ways[ref].nodes for ref in pieces])
             if nodes is None or not _is_line(nodes, map_file):
                 done.note(
-                    "lanelets left out, their bounds are missing, in pieces or shorter than two points", [i]
+                    "lanelets left out, their bounds are missing, in pieces or shorter than two points", i
                 )
                 break
             if len(pieces) > 1:
-                done.note("lanelets with bounds in several pieces, joined", [i])
+                done.note("lanelets with bounds in several pieces, joined", i)
                 joined[next_id] = Way(nodes=nodes, tags=map_file.ways[pieces[0]].tags)
                 pieces, next_id = [next_id], next_id + 1
             bounds.append(Member(kind="way", ref=pieces[0], role=side))
         if len(bounds) < 2:
             continue
         if bounds[0].ref == bounds[1].ref:
-            done.note("lanelets left out, one way is both their bounds", [i])
+            done.note("lanelets left out, one way is both their bounds", i)
             continue
         lanelets[i] = replace(lanelet, members=(*bounds, *_other_members(i, lanelet, map_file, done)))
     return lanelets, joined
 
 
-def _other_members(i: int, lanelet: Relation, map_file: MapFile, done: _Repair) -> list[Member]:
+def _other_members(i: int, lanelet: Relation, map_file: MapFile, done: Findings) -> list[Member]:
     """Members of a lanelet besides its bounds; a centreline counts only where there is just one to be had."""
     rest = [m for m in lanelet.members if m.role not in SIDES]
     centres = [m for m in rest if m.role == "centerline"]
@@ -141,7 +125,7 @@ def _other_members(i: int, lanelet: Relation, map_file: MapFile, done: _Repair) 
     way = map_file.ways.get(centres[0].ref) if centres[0].kind == "way" else None
     if len(centres) == 1 and way is not None and _is_line(way.nodes, map_file):
         return rest
-    done.note("lanelets with a broken centreline, computed from their bounds", [i])
+    done.note("lanelets with a broken centreline, computed from their bounds", i)
     return [m for m in rest if m.role != "centerline"]
 
 
@@ -171,7 +155,7 @@ def chain(parts: list[tuple[int, ...]]) -> tuple[int, ...] | None:
     return line
 
 
-def _members(map_file: MapFile, done: _Repair) -> dict[int, Relation]:
+def _members(map_file: MapFile, done: Findings) -> dict[int, Relation]:
     """Relations with only members that exist, areas only with all their bounds."""
     known = {
         "node": map_file.nodes.keys(),
@@ -184,10 +168,10 @@ def _members(map_file: MapFile, done: _Repair) -> dict[int, Relation]:
         kind = relation.tags.get("type")
         if len(members) < len(relation.members):
             if kind == "multipolygon":
-                done.note("areas left out, part of their outline is missing", [i])
+                done.note("areas left out, part of their outline is missing", i)
                 continue
             done.note(
-                f"{_NAMES.get(kind or '', 'relations')} that refer to missing elements, used without", [i]
+                f"{_NAMES.get(kind or '', 'relations')} that refer to missing elements, used without", i
             )
             relation = replace(relation, members=members)
         relations[i] = relation

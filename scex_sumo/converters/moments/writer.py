@@ -12,7 +12,7 @@ from scex_sumo.errors import ResultError
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
 
-def write_tracks(path: str | Path, scene: SeedScene, *, case_id: str = "1.0") -> Path:
+def write_tracks(path: str | Path, scene: SeedScene) -> Path:
     """Write a seed scene and its recorded future as one INTERACTION v1.2 case.
 
     Frame 10 (1000 ms) is the moment; frame 0 to 9 the ten previous steps where they were recorded, so that
@@ -21,7 +21,6 @@ def write_tracks(path: str | Path, scene: SeedScene, *, case_id: str = "1.0") ->
     Args:
         path: CSV file; replaced whole, never left half written.
         scene: the seed scene.
-        case_id: value of the ``case_id`` column.
 
     Raises:
         ResultError: the file cannot be written.
@@ -42,7 +41,7 @@ def write_tracks(path: str | Path, scene: SeedScene, *, case_id: str = "1.0") ->
         o = scene.obstacles
         parts.append(_columns(list(o.ids), o.types, o.length, o.width, o.states, o.present))
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    table = pa.table({"case_id": [case_id] * len(columns["x"]), **columns})
+    table = pa.table({"case_id": ["1.0"] * len(columns["x"]), **columns})
     partial = path.with_name(path.name + ".partial")
     try:
         csv.write_csv(table, partial, csv.WriteOptions(quoting_style="none", quoting_header="none"))

@@ -23,6 +23,7 @@ import numpy as np
 
 from scex_sumo.converters.net.lane_table import LaneTable
 from scex_sumo.converters.net.sumo_net import SumoNet, net_file
+from scex_sumo.files import cache_folder
 from scex_sumo.road import Loss, Road
 from scex_sumo.version import __version__
 
@@ -50,11 +51,6 @@ def converted(road: Road, net_path: Path, *, keep: bool = True) -> SumoNet:
         with contextlib.suppress(OSError):  # a full disk, or a home that cannot be written, stops no run
             _put(place, net)
     return net
-
-
-def cache_folder() -> Path:
-    """Where things are kept between runs: ``~/.cache/scex-sumo``, or as ``XDG_CACHE_HOME`` says."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scex-sumo"
 
 
 def _key(road: Road) -> str:

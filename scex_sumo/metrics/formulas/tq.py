@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.metrics.pairs.gap import least_gap
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 DISTANCE_SCALE_M = 5.0
@@ -13,46 +13,6 @@ SMALLEST_MEAN_SPEED = 1e-5
 WINDOW_S = 2.0
 REFERENCE_ACCELERATION = 1.5
 REFERENCE_SPEED = 13.89
-
-
-def smallest_rectangle_distance(scenes: Scenes) -> FloatArray:
-    """(C, T) smallest distance between the rectangles of any two vehicles, m; inf for fewer than two.
-
-    Only pairs that can be the nearest are evaluated: the circles around and within the rectangles bound their
-    distance from both sides.
-    """
-    first, second = scenes.pairs
-    outer = np.hypot(scenes.length, scenes.width) / 2
-    inner = np.minimum(scenes.length, scenes.width) / 2
-    centres = np.where(scenes.both_present, scenes.distance, np.inf)
-    least = centres - (outer[first] + outer[second])
-    most = np.maximum(centres - (inner[first] + inner[second]), 0.0)
-    bound: FloatArray = most.min(axis=0, initial=np.inf)
-    # A margin for rounding, so that the nearest pair is never lost.
-    pair, child, step = np.nonzero((least <= bound + 1e-6) & np.isfinite(centres))
-    if pair.size == 0:
-        return bound
-    one, two = first[pair], second[pair]
-
-    def size(array: FloatArray, vehicle: IntArray) -> FloatArray:
-        per_child: FloatArray = array[vehicle, child if array.shape[1] > 1 else 0, 0]
-        return per_child
-
-    gap = rectangle_distance(
-        dx=scenes.dx[pair, child, step],
-        dy=scenes.dy[pair, child, step],
-        cos_1=scenes.cos[one, child, step],
-        sin_1=scenes.sin[one, child, step],
-        cos_2=scenes.cos[two, child, step],
-        sin_2=scenes.sin[two, child, step],
-        length_1=size(scenes.length, one),
-        width_1=size(scenes.width, one),
-        length_2=size(scenes.length, two),
-        width_2=size(scenes.width, two),
-    )
-    nearest = np.full(scenes.shape, np.inf)
-    np.minimum.at(nearest, (child, step), gap)
-    return nearest
 
 
 def _variation(speed: FloatArray, member: BoolArray) -> FloatArray:
@@ -111,6 +71,8 @@ def tq(scenes: Scenes) -> Samples:
         near = apart[vehicle] <= radius[vehicle]
         micro[vehicle] = near.sum(axis=0) / np.maximum(count, 1)
         nano[vehicle] = _variation(speed, near)
-    closeness = np.exp(-smallest_rectangle_distance(scenes) / DISTANCE_SCALE_M)
+    gaps = least_gap(scenes)
+    nearest = np.where(gaps.defined, gaps.value, np.inf).min(axis=0, initial=np.inf)
+    closeness = np.exp(-nearest / DISTANCE_SCALE_M)
     value = closeness * np.sqrt(macro**2 + micro**2 + nano**2 + individual(scenes) ** 2)
     return Samples(value=value, defined=present & (count >= 2), row=np.arange(vehicles), other=None)

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.geometry.overlap import axis_separations, relative_pose
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.geometry.rectangles import axis_separations, relative_pose
 from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.outlines.motion import Moves, near_moves
 
@@ -80,21 +80,18 @@ class Collisions:
         return hit
 
 
-def find_collisions(tracks: SceneTracks, *, overlap_m2: float = OVERLAP_M2) -> Collisions:
+def find_collisions(tracks: SceneTracks) -> Collisions:
     """The first collision of every pair in every child.
 
     Args:
         tracks: what the vehicles did; the seed moment is the last step of the history, or the first step
             where there is none. A pair is judged from the first step on at which it is near and present.
-        overlap_m2: overlap above which it is a collision, m².
     """
     start = max(tracks.first - 1, 0)
     moves = _contacts(near_moves(tracks, start))
-    share, found = _exceeding(moves, overlap_m2)
-    moves, share, found = _first_of_pair(moves, share, found)
-    hits, at = moves.take(found), share
-    impact_move, impact = _impact(hits, at, start, overlap_m2)
-    return _described(impact_move, impact, hits, at, start)
+    at, found = _first_of_pair(moves, *_exceeding(moves))
+    hits = moves.take(found)
+    return _described(*_impact(hits, at), hits, at, start)
 
 
 def _contacts(moves: Moves) -> Moves:
@@ -105,8 +102,8 @@ def _contacts(moves: Moves) -> Moves:
     return moves.take(np.flatnonzero(ends <= gap_way))
 
 
-def _exceeding(moves: Moves, limit: float) -> tuple[FloatArray, IntArray]:
-    """A share of the step at which the overlap exceeds a limit, for the moves that have one.
+def _exceeding(moves: Moves) -> tuple[FloatArray, IntArray]:
+    """A share of the step at which the overlap exceeds `OVERLAP_M2`, for the moves that have one.
 
     Branch and bound: a part of a step is halved as long as what the overlaps at its ends and the way between
     leave open may exceed the limit.
@@ -117,23 +114,23 @@ def _exceeding(moves: Moves, limit: float) -> tuple[FloatArray, IntArray]:
     count = moves.child.size
     share = np.full(count, np.inf)
     start, end = moves.overlap(np.zeros(count)), moves.overlap(np.ones(count))
-    share[end > limit] = 1.0
-    share[start > limit] = 0.0
+    share[end > OVERLAP_M2] = 1.0
+    share[start > OVERLAP_M2] = 0.0
     gap_way, corner_way = moves.way()
     small = np.minimum(*(np.hypot(*moves.half_sizes(v)) for v in (moves.first, moves.second)))
     growth = 2 * np.pi * small * corner_way  # no outline within the smaller one is longer
-    move = np.flatnonzero((share > 0) & (start + end + growth > 2 * limit))
+    move = np.flatnonzero((share > 0) & (start + end + growth > 2 * OVERLAP_M2))
     low, width = np.zeros(move.size), 1.0
     ends = start[move], end[move]
     for _ in range(_SPLITS):
         width /= 2
         part, middle = moves.take(move), low + width
         area, gap = part.overlap(middle), part.separation(middle)
-        np.minimum.at(share, move[area > limit], middle[area > limit])
+        np.minimum.at(share, move[area > OVERLAP_M2], middle[area > OVERLAP_M2])
         # Whoever is apart in the middle by more than half the way touches nowhere in this part.
         close = gap <= gap_way[move] * width
         rise = growth[move] * width
-        left, right = (close & (e + area + rise > 2 * limit) for e in ends)
+        left, right = (close & (e + area + rise > 2 * OVERLAP_M2) for e in ends)
         move, low, ends = (
             np.concatenate([move[left], move[right]]),
             np.concatenate([low[left], middle[right]]),
@@ -150,8 +147,8 @@ def _exceeding(moves: Moves, limit: float) -> tuple[FloatArray, IntArray]:
     return share[found], found
 
 
-def _first_of_pair(moves: Moves, share: FloatArray, found: IntArray) -> tuple[Moves, FloatArray, IntArray]:
-    """Of every pair the first move that exceeds the limit, unless the pair began so."""
+def _first_of_pair(moves: Moves, share: FloatArray, found: IntArray) -> tuple[FloatArray, IntArray]:
+    """Of every pair the share and index of the first such move, unless the pair began so."""
     vehicles = moves.tracks.states.shape[2]
     key = (moves.child[found] * vehicles + moves.first[found]) * vehicles + moves.second[found]
     order = np.lexsort((moves.step[found], key))
@@ -160,7 +157,7 @@ def _first_of_pair(moves: Moves, share: FloatArray, found: IntArray) -> tuple[Mo
     chosen = order[first]
     began = (share[chosen] == 0) & _is_seen_first(moves.take(found[chosen]))
     chosen = chosen[~began]
-    return moves, share[chosen], found[chosen]
+    return share[chosen], found[chosen]
 
 
 def _is_seen_first(moves: Moves) -> BoolArray:
@@ -174,7 +171,7 @@ def _is_seen_first(moves: Moves) -> BoolArray:
     return np.asarray(~seen)
 
 
-def _impact(hits: Moves, share: FloatArray, start: int, limit: float) -> tuple[Moves, FloatArray]:
+def _impact(hits: Moves, share: FloatArray) -> tuple[Moves, FloatArray]:
     """Where the contact began that grew to a collision: the move and the share of it.
 
     A pair that touched from its first step on, by less than the limit, collides where it exceeds the limit.
@@ -196,7 +193,7 @@ def _impact(hits: Moves, share: FloatArray, start: int, limit: float) -> tuple[M
     low, high = np.zeros(share.size), end
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
-        over = np.where(touching, moves.overlap(middle) > limit, moves.separation(middle) <= 0)
+        over = np.where(touching, moves.overlap(middle) > OVERLAP_M2, moves.separation(middle) <= 0)
         low, high = np.where(over, low, middle), np.where(over, middle, high)
     return moves, high
 
@@ -241,13 +238,9 @@ def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
     gaps = axis_separations(one, two)
     # Of parallel outlines two axes agree but for rounding.
     axis = np.argmax(gaps >= gaps.max(axis=0) - 1e-6, axis=0)
-    towards = []
-    for own, other in ((one, two), (two, one)):
-        x, y, cos, sin = relative_pose(own, other)
-        towards.append((x, y, cos, sin))
     sides = []
-    for index in (0, 1):
-        x, y, cos, sin = towards[index]
+    for index, pair in enumerate(((one, two), (two, one))):
+        x, y, cos, sin = relative_pose(*pair)
         own_axis = (axis >= 2) == bool(index)
         # The contact's direction in the own frame: the own side's normal, or the other's side's turned here.
         lengthwise = axis % 2 == 0

@@ -19,8 +19,8 @@ from scex_sumo.metrics.formulas.drac import deceleration_to_avoid_crash
 from scex_sumo.metrics.formulas.pet import pet
 from scex_sumo.metrics.formulas.ttc import time_to_collision
 from scex_sumo.metrics.outlines.collisions import Collisions, find_collisions
-from scex_sumo.metrics.outlines.gap import gap_bounds, gaps_of
 from scex_sumo.metrics.pairs.batches import scene_batches
+from scex_sumo.metrics.pairs.gap import gap_bounds, gaps_of
 from scex_sumo.metrics.pairs.paths_ahead import paths_ahead
 from scex_sumo.metrics.pairs.presets import preset_named
 from scex_sumo.metrics.pairs.scenes import Scenes

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.metrics.outlines.gap import in_chunks, outline_pairs, size_of
-from scex_sumo.metrics.outlines.moving import OutlinePairs
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.metrics.pairs.gap import MARGIN, in_chunks, outline_pairs, samples_of
+from scex_sumo.metrics.pairs.moving import OutlinePairs
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 MAX_ITERATIONS = 100
@@ -74,7 +74,7 @@ def worst_times_of(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArra
 
     def some(pair: IntArray, scene: IntArray) -> FloatArray:
         one, two = (side[pair] for side in scenes.pairs)
-        both = size_of(scenes, limit, one, scene) + size_of(scenes, limit, two, scene)
+        both = scenes.size_of(limit, one, scene) + scenes.size_of(limit, two, scene)
         return worst_time_of_outlines(outline_pairs(scenes, pair, scene), both)
 
     return in_chunks(pair, scene, some)
@@ -84,3 +84,32 @@ def largest_accelerations(scenes: Scenes) -> FloatArray:
     """(V, C or 1, 1) m/s²."""
     limit = scenes.parameters.accelerations(scenes.tracks.types, scenes.vehicles)
     return np.atleast_2d(limit).T[:, :, None]
+
+
+def least_wttc_path(scenes: Scenes) -> Samples:
+    """WTTC, as `wttc_path` gives them, of the pairs that can have the shortest of their scene.
+
+    Along the line of the centres the outlines come no faster together than their extents along it, which
+    bounds the time from below. The pair that is fastest by that bound is evaluated first; only pairs whose
+    bound is below its time can be faster.
+    """
+    first, second = scenes.pairs
+    apart = np.where(scenes.distance > 0, scenes.distance, 1.0)
+    nx, ny = scenes.dx / apart, scenes.dy / apart
+    near, closing = scenes.distance.copy(), np.zeros(nx.shape)
+    for side, sign in ((first, -1.0), (second, 1.0)):
+        along = nx * scenes.cos[side] + ny * scenes.sin[side]
+        across = ny * scenes.cos[side] - nx * scenes.sin[side]
+        near -= scenes.length[side] / 2 * np.abs(along) + scenes.width[side] / 2 * np.abs(across)
+        closing += sign * along * scenes.speed[side]
+    limit = largest_accelerations(scenes)
+    both = np.broadcast_to(limit[first] + limit[second], near.shape)
+    least = plane_meets_parabola(np.maximum(near, 0.0), closing, both)
+    least = np.where(scenes.both_present, np.where(near > 0, least, 0.0), np.inf)
+    if not least.size:
+        return scenes.unordered(least)
+    scene = np.arange(int(np.prod(scenes.shape)))
+    likely = least.argmin(axis=0).reshape(-1)
+    bound = np.where(scenes.both_present.any(axis=0).reshape(-1), worst_times_of(scenes, likely, scene), -1.0)
+    close: BoolArray = scenes.both_present & (least <= bound.reshape(scenes.shape) + MARGIN)
+    return samples_of(scenes, close, worst_times_of)

@@ -82,9 +82,7 @@ class _Corridors:
 
     def _size(self, array: FloatArray, vehicle: IntArray) -> FloatArray:
         """Length or width of vehicles given by flat index into (V, C, T)."""
-        number, scene = np.divmod(vehicle, self.count)
-        size: FloatArray = array[number, scene // self.scenes.shape[1] if array.shape[1] > 1 else 0, 0]
-        return size
+        return self.scenes.size_of(array, *np.divmod(vehicle, self.count))
 
     def _close_pairs(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
         """Pairs whose boxes meet: flat index of path and other, index into (2P, C, T), widest offset."""

@@ -202,6 +202,11 @@ class Scenes:
         number[self.ordered_pairs] = np.arange(self.vehicles * (self.vehicles - 1))
         return number[row, other]
 
+    def size_of(self, size: FloatArray, vehicle: IntArray, scene: IntArray) -> FloatArray:
+        """(N,) of (V, C or 1, 1) sizes those of vehicles in scenes given by flat index into (C, T)."""
+        of_vehicle: FloatArray = size[vehicle, scene // self.shape[1] if size.shape[1] > 1 else 0, 0]
+        return of_vehicle
+
     def unordered(self, value: FloatArray) -> Samples:
         """Samples of a symmetric metric defined for all present pairs, from its (P, C, T) values."""
         first, second = self.pairs

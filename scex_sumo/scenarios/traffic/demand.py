@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.converters.fidelity.net import JudgedNet, read_net
 from scex_sumo.errors import SimulationError
 from scex_sumo.geometry.loose_ends import begin_inside
 
@@ -24,23 +26,8 @@ TRUCK_SHARE = 0.08
 TRUCK_TOP_MPS = 24.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class RoutableLane:
-    """One lane of a SUMO net that cars may use.
-
-    Attributes:
-        edge: its edge.
-        index: from the right, as SUMO counts.
-        length_m: of the lane.
-        reachable: indices of the edge's lanes that can be reached from it, itself first.
-        onward: (edge, index) of the lanes that connections lead to.
-    """
-
-    edge: str
-    index: int
-    length_m: float
-    reachable: tuple[int, ...]
-    onward: tuple[tuple[str, int], ...]
+Place: TypeAlias = tuple[str, int]
+"""A lane of a net: its edge, and its number from the right."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,28 +61,22 @@ class Network:
     """
 
     def __init__(self, net_path: Path) -> None:
-        root = ElementTree.parse(net_path).getroot()
-        onward: dict[tuple[str, int], list[tuple[str, int]]] = defaultdict(list)
-        for link in root.iter("connection"):
-            start, end = link.get("from", ""), link.get("to", "")
-            if not start.startswith(":"):
-                onward[start, int(link.get("fromLane", 0))].append((end, int(link.get("toLane", 0))))
-        self._lanes: dict[tuple[str, int], RoutableLane] = {}
-        for edge in root.iter("edge"):
-            if edge.get("function") in (None, "normal"):
-                for lane in _car_lanes(edge, onward):
-                    self._lanes[lane.edge, lane.index] = lane
-        entered = {to for lane in self._lanes.values() for to, _ in lane.onward}
-        left = {lane.edge for lane in self._lanes.values() if lane.onward}
+        net = read_net(net_path)
+        self._lanes = {_place(name): lane for name, lane in net.car_lanes.items() if not lane.internal}
+        self._onward: dict[Place, list[Place]] = {place: [] for place in self._lanes}
+        for link in net.links:
+            if _place(link.from_lane) in self._lanes:
+                self._onward[_place(link.from_lane)].append(_place(link.to_lane))
+        entered = {edge for onward in self._onward.values() for edge, _ in onward}
+        left = {edge for (edge, _), onward in self._onward.items() if onward}
         self._exits = {edge for edge, _ in self._lanes if edge not in left}
-        starts = [key for key in self._lanes if key[0] not in entered and key[0] not in self._exits]
-        inside = _inside(root, starts, self._exits)
-        self.origins = sorted(key for key in starts if key not in inside)
+        starts = [place for place in self._lanes if place[0] not in entered | self._exits]
+        self.origins = sorted(set(starts) - _inside(net, starts, self._exits))
         # A net that nobody enters or leaves, such as a grid: traffic begins and ends anywhere.
         self._endless = bool(left) and not (self.origins and self._exits)
         self.origins = self.origins or (sorted(self._lanes) if self._endless else [])
 
-    def random_route(self, origin: tuple[str, int], rng: np.random.Generator) -> tuple[str, ...] | None:
+    def random_route(self, origin: Place, rng: np.random.Generator) -> tuple[str, ...] | None:
         """Edges of a random way from a lane to the edge of the map, each fork equally likely."""
         longest = ROUND_TRIP if self._endless else LONGEST_ROUTE
         for _ in range(ROUTE_TRIES):
@@ -110,17 +91,25 @@ class Network:
                 return tuple(edges)
         return None
 
-    def _next(self, here: tuple[str, int], done: list[str]) -> list[tuple[str, int]]:
+    def _next(self, here: Place, done: list[str]) -> list[Place]:
         """One lane per edge that can come next."""
-        lane = self._lanes[here]
         # Without room for a lane change, only the vehicle's own lane counts, unless it ends here.
-        lanes = lane.reachable if lane.length_m >= CHANGE_M or not lane.onward else lane.reachable[:1]
-        choices: dict[str, tuple[str, int]] = {}
-        for index in lanes:
-            for to in self._lanes[here[0], index].onward:
+        room = self._lanes[here].length_m >= CHANGE_M or not self._onward[here]
+        choices: dict[str, Place] = {}
+        for place in self._reachable(here) if room else [here]:
+            for to in self._onward[place]:
                 if to in self._lanes and to[0] not in done:
                     choices.setdefault(to[0], to)
         return list(choices.values())
+
+    def _reachable(self, here: Place) -> Iterator[Place]:
+        """The lanes of an edge that can be reached from one of them, itself first."""
+        yield here
+        for step, may_change in ((1, "change_left"), (-1, "change_right")):
+            edge, index = here
+            while (edge, index + step) in self._lanes and getattr(self._lanes[edge, index], may_change):
+                index += step
+                yield edge, index
 
 
 def random_trips(
@@ -185,54 +174,21 @@ def write_curve_limits(net_path: Path, target: Path) -> None:
     tree.write(target, encoding="utf-8")
 
 
-def _car_lanes(
-    edge: ElementTree.Element, onward: dict[tuple[str, int], list[tuple[str, int]]]
-) -> list[RoutableLane]:
-    name = edge.get("id", "")
-    lanes = {int(lane.get("index", 0)): lane for lane in edge.iter("lane") if _for_cars(lane)}
-    found = []
-    for index, lane in lanes.items():
-        reachable = [index]
-        for step, rule in ((1, "changeLeft"), (-1, "changeRight")):
-            at = index
-            while at + step in lanes and _for_cars(lanes[at], rule):
-                at += step
-                reachable.append(at)
-        found.append(
-            RoutableLane(
-                edge=name,
-                index=index,
-                length_m=float(lane.get("length", 0)),
-                reachable=tuple(reachable),
-                onward=tuple(onward[name, index]),
-            )
-        )
-    return found
+def _place(name: str) -> Place:
+    edge, _, index = name.rpartition("_")
+    return edge, int(index)
 
 
-def _for_cars(lane: ElementTree.Element, rule: str = "allow") -> bool:
-    allowed = lane.get(rule)
-    if allowed is not None:
-        return bool({"all", "passenger"} & set(allowed.split()))
-    return not {"all", "passenger"} & set(lane.get("disallow", "").split()) or rule != "allow"
-
-
-def _inside(
-    root: ElementTree.Element, starts: list[tuple[str, int]], exits: set[str]
-) -> set[tuple[str, int]]:
+def _inside(net: JudgedNet, starts: list[Place], exits: set[str]) -> set[Place]:
     """Lanes that begin on other lanes: whoever starts there stands in traffic."""
-    lanes = [lane for lane in root.iter("lane") if _for_cars(lane)]
-    shapes = {lane.get("id", ""): _points(lane) for lane in lanes}
-    names = {f"{edge}_{index}": (edge, index) for edge, index in starts}
     edges = {edge for edge, _ in starts}
-    apart = {name: {f"{edge}_{k}" for k in range(16)} for name, (edge, _) in names.items()}
-    for link in root.iter("connection"):
-        start = f"{link.get('from', '')}_{link.get('fromLane', 0)}"
-        if start in apart:
-            apart[start] |= {link.get("via", ""), f"{link.get('to', '')}_{link.get('toLane', 0)}"}
-    loose = {name for name in shapes if name.rsplit("_", 1)[0] in edges | exits}
-    found = begin_inside(shapes, starts=names, loose=loose, apart=apart)
-    return {names[name] for name in found}
+    apart = {f"{edge}_{index}": set(net.edges[edge]) for edge, index in starts}
+    for link in net.links:
+        if link.from_lane in apart:
+            apart[link.from_lane] |= {*link.via[:1], link.to_lane}
+    shapes = {name: lane.shape for name, lane in net.car_lanes.items()}
+    loose = {name for name, lane in net.car_lanes.items() if lane.edge_id in edges | exits}
+    return set(map(_place, begin_inside(shapes, starts=apart, loose=loose, apart=apart)))
 
 
 def _points(lane: ElementTree.Element) -> FloatArray:

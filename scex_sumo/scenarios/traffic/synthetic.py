@@ -10,7 +10,7 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, IntArray
 from scex_sumo.errors import SimulationError, UsageError
-from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scenarios.traffic.drive import Drive, record
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
@@ -170,18 +170,7 @@ def _overlap(scene: SeedScene) -> bool:
     """
     assert scene.future is not None
     states = States.concatenate([scene.history, scene.future[:, :CHECKED_STEPS]], 1)[:, ::CHECKED_STRIDE]
-    i, j = np.triu_indices(scene.vehicles, 1)
-    steps = states.shape[1]
-    gap = rectangle_distance(
-        dx=(states.x[j] - states.x[i]).ravel(),
-        dy=(states.y[j] - states.y[i]).ravel(),
-        cos_1=np.cos(states.heading[i]).ravel(),
-        sin_1=np.sin(states.heading[i]).ravel(),
-        cos_2=np.cos(states.heading[j]).ravel(),
-        sin_2=np.sin(states.heading[j]).ravel(),
-        length_1=np.repeat(scene.length[i], steps),
-        width_1=np.repeat(scene.width[i], steps),
-        length_2=np.repeat(scene.length[j], steps),
-        width_2=np.repeat(scene.width[j], steps),
-    )
-    return bool((gap <= 0.0).any())
+    length, width = scene.length[:, None], scene.width[:, None]
+    pairs = np.triu_indices(scene.vehicles, 1)
+    one, two = (Rectangles.of(states[side], length[side], width[side]) for side in pairs)
+    return bool((rectangle_distance(one, two) <= 0.0).any())

@@ -181,11 +181,6 @@ def _make(loaded: LoadedRecording, road: Road, options: SampleOptions, part: Par
     return TrainingSamples.concatenate(found) if found else None
 
 
-def default_cache() -> Path:
-    """Folder for samples: ``$XDG_CACHE_HOME/scex-sumo``, else ``~/.cache/scex-sumo``."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scex-sumo"
-
-
 def _key(recording: Recording, options: SampleOptions) -> str:
     """Digest of a recording's files, of the options and of the code that makes samples."""
     digest = hashlib.sha256(repr(sorted(asdict(options).items())).encode())

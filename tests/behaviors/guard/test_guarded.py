@@ -19,7 +19,7 @@ from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.geometry.rectangles import rectangle_distance
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scene import Obstacles, Plan, SceneHistory, SeedScene, States, Who
 from tests.behaviors import roads
@@ -50,17 +50,8 @@ def run(
 
 def distance(track: States, one: int = 0, other: int = 1) -> np.ndarray:
     """(T,) between the rectangles of two vehicles."""
-    a, b = track[one], track[other]
-    size = {"length_1": LENGTH, "width_1": 1.8, "length_2": LENGTH, "width_2": 1.8}
-    return rectangle_distance(
-        dx=b.x - a.x,
-        dy=b.y - a.y,
-        cos_1=np.cos(a.heading),
-        sin_1=np.sin(a.heading),
-        cos_2=np.cos(b.heading),
-        sin_2=np.sin(b.heading),
-        **{key: np.full(a.x.shape, value) for key, value in size.items()},
-    )
+    sizes = np.array(LENGTH), np.array(1.8)
+    return rectangle_distance(Rectangles.of(track[one], *sizes), Rectangles.of(track[other], *sizes))
 
 
 def accelerations(track: States) -> np.ndarray:

@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.cleaning.align import LIMITS, Evidence, align_tracks, evidence, on_lanes
+from scex_sumo.converters.cleaning.align import OWN_TRACKS, Evidence, align_tracks, evidence, on_lanes
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Lane, Road
@@ -183,7 +183,7 @@ def test_a_recording_with_evidence_of_its_own_asks_nobody() -> None:
     def nobody() -> Evidence:
         raise AssertionError("asked")
 
-    enough = displaced(tracks(ALL, each=LIMITS.own_tracks // 4), 0.7, 0.5, 1.1)
+    enough = displaced(tracks(ALL, each=OWN_TRACKS // 4), 0.7, 0.5, 1.1)
     assert align_tracks(enough, CROSSING, siblings=(("x", nobody()) for _ in range(1)))[1] is not None
 
 

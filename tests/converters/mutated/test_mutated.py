@@ -24,7 +24,7 @@ INSIDE = range(30028, 30040)  # the lanelets across the intersection
 def judged(a_road: Road, folder: Path) -> FidelityReport:
     """The report on the road's net after 120 cars have driven on it."""
     net = convert(a_road, folder / "mutated.net.xml")
-    return check_net(net.path, a_road, net.lanes).with_driving(drive_net(net.path))
+    return replace(check_net(net.path, a_road, net.lanes), driving=drive_net(net.path))
 
 
 def test_lights_that_no_lanelet_names_make_the_net_of_lights_that_are_named(tmp_path: Path) -> None:

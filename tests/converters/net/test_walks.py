@@ -141,7 +141,7 @@ def test_lane_changes_survive_a_crosswalk_over_the_whole_lanelet(tmp_path: Path)
     over = replace(lane(7, [(0, -5), (0, 9)], width=5.0, kind="pedestrian"), subtype="crosswalk")
     a_road = road([*rows, over])
     net = convert(a_road, tmp_path / "net.net.xml")
-    report = check_net(net.path, a_road, net.lanes).with_driving(drive_net(net.path))
+    report = replace(check_net(net.path, a_road, net.lanes), driving=drive_net(net.path))
     assert report.problems() == []
 
 

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.geometry.overlap import Rectangles, overlap_area
+from scex_sumo.geometry.rectangles import Rectangles, overlap_area
 from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.outlines.collisions import SIDES, find_collisions
 from scex_sumo.scene import States
@@ -186,14 +186,7 @@ def test_overlaps_are_those_of_polygons() -> None:
     polygons = np.array([outline(tracks, 0, vehicle, 0) for vehicle in range(60)])
 
     def take(index: FloatArray) -> Rectangles:
-        s = tracks.states
-        return Rectangles(
-            x=s.x[0, 0, index],
-            y=s.y[0, 0, index],
-            heading=s.heading[0, 0, index],
-            half_length=tracks.length[index] / 2,
-            half_width=tracks.width[index] / 2,
-        )
+        return Rectangles.of(tracks.states[0, 0, index], tracks.length[index], tracks.width[index])
 
     expected = shapely.area(shapely.intersection(polygons[one], polygons[two]))
     assert overlap_area(take(one), take(two)) == pytest.approx(expected, abs=1e-6)

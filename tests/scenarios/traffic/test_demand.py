@@ -19,7 +19,8 @@ from scex_sumo.scenarios.traffic.demand import (
 
 # in (two lanes, 100 m) forks: its right lane leads to "right", its left one to "left"; "bike" is no road.
 NET = """<net>
-  <edge id=":x_0" function="internal"><lane id=":x_0_0" index="0" speed="10" shape="95,-9 100,0"/></edge>
+  <edge id=":x_0" function="internal"><lane id=":x_0_0" index="0" length="10" speed="10"
+                                           shape="95,-9 100,0"/></edge>
   <edge id="in"><lane id="in_0" index="0" length="100" speed="13.9" shape="0,0 100,0" {right_lane}/>
                 <lane id="in_1" index="1" length="100" speed="13.9" shape="0,3 100,3" {left_lane}/></edge>
   <edge id="right"><lane id="right_0" index="0" length="50" speed="13.9" shape="100,0 150,0"/></edge>

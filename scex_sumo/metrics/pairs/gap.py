@@ -6,11 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.geometry.rectangles import rectangle_distance
-from scex_sumo.metrics.outlines.moving import OutlinePairs
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.geometry.rectangles import distance_apart
+from scex_sumo.metrics.pairs.moving import OutlinePairs
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
+MARGIN = 1e-6  # for rounding, so that the least pair is never lost
 CHUNK = 1 << 13  # pairs at a time: the working arrays stay in the processor's cache
 
 
@@ -22,12 +23,6 @@ def gap(scenes: Scenes) -> Samples:
     """
     pair, scene = np.divmod(np.arange(scenes.dx.size), max(int(np.prod(scenes.shape)), 1))
     return scenes.unordered(gaps_of(scenes, pair, scene).reshape(scenes.dx.shape))
-
-
-def size_of(scenes: Scenes, size: FloatArray, vehicle: IntArray, scene: IntArray) -> FloatArray:
-    """(N,) lengths or widths of vehicles in scenes given by flat index into (C, T), m."""
-    per_child: FloatArray = size[vehicle, scene // scenes.shape[1] if size.shape[1] > 1 else 0, 0]
-    return per_child
 
 
 def outline_pairs(scenes: Scenes, pair: IntArray, scene: IntArray) -> OutlinePairs:
@@ -51,10 +46,10 @@ def outline_pairs(scenes: Scenes, pair: IntArray, scene: IntArray) -> OutlinePai
         sin_1=sin_1,
         cos_2=cos_2,
         sin_2=sin_2,
-        half_length_1=size_of(scenes, scenes.length, one, scene) / 2,
-        half_width_1=size_of(scenes, scenes.width, one, scene) / 2,
-        half_length_2=size_of(scenes, scenes.length, two, scene) / 2,
-        half_width_2=size_of(scenes, scenes.width, two, scene) / 2,
+        half_length_1=scenes.size_of(scenes.length, one, scene) / 2,
+        half_width_1=scenes.size_of(scenes.width, one, scene) / 2,
+        half_length_2=scenes.size_of(scenes.length, two, scene) / 2,
+        half_width_2=scenes.size_of(scenes.width, two, scene) / 2,
     )
 
 
@@ -71,18 +66,8 @@ def gaps_of(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
 
     def some(pair: IntArray, scene: IntArray) -> FloatArray:
         pairs = outline_pairs(scenes, pair, scene)
-        return rectangle_distance(
-            dx=pairs.dx,
-            dy=pairs.dy,
-            cos_1=pairs.cos_1,
-            sin_1=pairs.sin_1,
-            cos_2=pairs.cos_2,
-            sin_2=pairs.sin_2,
-            length_1=2 * pairs.half_length_1,
-            width_1=2 * pairs.half_width_1,
-            length_2=2 * pairs.half_length_2,
-            width_2=2 * pairs.half_width_2,
-        )
+        directions = pairs.cos_1, pairs.sin_1, pairs.cos_2, pairs.sin_2
+        return distance_apart(pairs.dx, pairs.dy, *directions, pairs.own, pairs.other)
 
     return in_chunks(pair, scene, some)
 
@@ -95,3 +80,22 @@ def gap_bounds(scenes: Scenes) -> tuple[FloatArray, FloatArray]:
     least = scenes.distance - (outer[first] + outer[second])
     most = scenes.distance - (inner[first] + inner[second])
     return np.maximum(least, 0.0), np.maximum(most, 0.0)
+
+
+def least_gap(scenes: Scenes) -> Samples:
+    """Body gaps, as `gap` gives them, of the pairs that can be the nearest of their scene."""
+    least, most = gap_bounds(scenes)
+    # Of every scene the smallest most.
+    bound = np.where(scenes.both_present, most, np.inf).min(axis=0, initial=np.inf)
+    close: BoolArray = scenes.both_present & (least <= bound + MARGIN)
+    return samples_of(scenes, close, gaps_of)
+
+
+def samples_of(
+    scenes: Scenes, close: BoolArray, values: Callable[[Scenes, IntArray, IntArray], FloatArray]
+) -> Samples:
+    """Samples of some unordered pairs in their scenes, (P, C, T), with values by pair and scene."""
+    full = np.zeros(close.shape)
+    full[close] = values(scenes, *np.divmod(np.flatnonzero(close), max(int(np.prod(scenes.shape)), 1)))
+    first, second = scenes.pairs
+    return Samples(value=full, defined=close, row=first, other=second, symmetric=True)

@@ -42,6 +42,16 @@ class OutlinePairs:
     half_length_2: FloatArray
     half_width_2: FloatArray
 
+    @property
+    def own(self) -> tuple[FloatArray, FloatArray]:
+        """(N,) half length and half width of the first one, m."""
+        return self.half_length_1, self.half_width_1
+
+    @property
+    def other(self) -> tuple[FloatArray, FloatArray]:
+        """(N,) of the second one, m."""
+        return self.half_length_2, self.half_width_2
+
     def take(self, index: IntArray) -> OutlinePairs:
         """Some of them."""
         return OutlinePairs(**{field.name: getattr(self, field.name)[index] for field in fields(self)})
@@ -53,8 +63,7 @@ class OutlinePairs:
         sin = self.cos_1 * self.sin_2 - self.sin_1 * self.cos_2
         x_1, y_1 = dx * self.cos_1 + dy * self.sin_1, dy * self.cos_1 - dx * self.sin_1
         x_2, y_2 = dx * self.cos_2 + dy * self.sin_2, dy * self.cos_2 - dx * self.sin_2
-        own = self.half_length_1, self.half_width_1
-        other = self.half_length_2, self.half_width_2
+        own, other = self.own, self.other
         square_1, ax, ay = _corner_to_box(x_1, y_1, cos, sin, *other, *own)
         square_2, bx, by = _corner_to_box(x_2, y_2, cos, -sin, *own, *other)
         apart = separated(x_1, y_1, cos, sin, *other, *own) | separated(x_2, y_2, cos, sin, *own, *other)
