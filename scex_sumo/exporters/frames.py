@@ -14,9 +14,9 @@ from PIL import Image, ImageDraw, ImageFont
 from scex_sumo.arrays import FloatArray
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.views.road_lines import AREA, BORDER, STOP, SURFACE, road_lines
-from scex_sumo.world.colors import Rgb
-from scex_sumo.world.gui_drawings import OTHER_RGB
-from scex_sumo.world.gui_names import readable
+from scex_sumo.world.gui.colors import Rgb
+from scex_sumo.world.gui.drawings import OTHER_RGB
+from scex_sumo.world.gui.names import readable
 
 _FINE = 2  # drawn this much larger, to be smooth
 _MARGIN_M, _PAIR_MARGIN_M, _LEAST_HEIGHT_M = 12.0, 25.0, 50.0

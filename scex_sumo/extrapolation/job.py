@@ -29,7 +29,7 @@ from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.world.base import World
 from scex_sumo.world.checked import CheckedWorld
-from scex_sumo.world.colors import model_colors
+from scex_sumo.world.gui.colors import model_colors
 from scex_sumo.world.plain import PlainWorld
 from scex_sumo.world.sumo import TILE_SLOTS, SumoDriven, SumoWorld
 

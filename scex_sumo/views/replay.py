@@ -20,8 +20,8 @@ from scex_sumo.files import quoted
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.crop import crop_extras, crop_net
 from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
-from scex_sumo.world.colors import Rgb
-from scex_sumo.world.gui_drawings import (
+from scex_sumo.world.gui.colors import Rgb
+from scex_sumo.world.gui.drawings import (
     OTHER_RGB,
     ChildView,
     Frame,
@@ -32,8 +32,8 @@ from scex_sumo.world.gui_drawings import (
     frame_of,
     legend_entries,
 )
-from scex_sumo.world.gui_names import letter_height, readable
-from scex_sumo.world.gui_settings import write_view_settings
+from scex_sumo.world.gui.names import letter_height, readable
+from scex_sumo.world.gui.settings import write_view_settings
 from scex_sumo.world.tiles import TileLayout, TileTemplate
 from scex_sumo.world.vehicle_types import given_type
 

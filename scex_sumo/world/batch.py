@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.errors import SimulationError
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.stand_ins import StandIns
 from scex_sumo.world.tiles import tile_id
@@ -187,11 +188,24 @@ class RunningBatch:
         self.straight_on = [pose.ahead() for pose in self.straight_on]
         yield from self.straight_on
 
-    def shared_slots(self) -> list[int]:
-        """Slots of several children, one of them with drivers of SUMO's: those would meet the others."""
+    def refuse_shared_slots(self) -> None:
+        """A `SimulationError` where children share a slot, one of them with drivers of SUMO's."""
         count = Counter(self.slots)
         mixed = {slot for slot, m in zip(self.slots, self.mixed, strict=True) if m}
-        return sorted(slot for slot in mixed if count[slot] > 1)
+        if shared := sorted(slot for slot in mixed if count[slot] > 1):
+            raise SimulationError(
+                f"slots {shared} hold several children, one of them with drivers of SUMO's or somebody who "
+                "watches; give each a slot of its own"
+            )
+
+    def refuse_losses(self, held: Sequence[str]) -> None:
+        """A `SimulationError` that names who is not among the vehicles that SUMO holds."""
+        all_of_us = {*self.everybody.ids, *self.obstacles}
+        lost = sorted(all_of_us - set(held))
+        raise SimulationError(
+            f"SUMO lost {len(lost)} of {len(all_of_us)} vehicles ({', '.join(lost[:3])}, ...); "
+            "please report this with the seed scene"
+        )
 
     def _take_back(self, key: str, sumo: Any) -> None:
         x, y = sumo.vehicle.getPosition(key)

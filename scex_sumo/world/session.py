@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 from scex_sumo.errors import SimulationError
 from scex_sumo.programs import program, sumo_home
 from scex_sumo.scene import STEP_S
-from scex_sumo.world.colors import Rgb
-from scex_sumo.world.gui_drawings import draw_legend, frame_of
-from scex_sumo.world.gui_names import LETTER_M
-from scex_sumo.world.gui_settings import write_view_settings
+from scex_sumo.world.gui.colors import Rgb
+from scex_sumo.world.gui.drawings import draw_legend, frame_of
+from scex_sumo.world.gui.names import LETTER_M
+from scex_sumo.world.gui.settings import write_view_settings
 from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 

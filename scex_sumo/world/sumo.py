@@ -21,8 +21,8 @@ from scex_sumo.errors import SimulationError
 from scex_sumo.files import TemporaryFolder
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 from scex_sumo.world.batch import ANY_LANE, RunningBatch, Some, SumoDriven, new_batch, vehicle_ids
-from scex_sumo.world.colors import Rgb
 from scex_sumo.world.frame import from_sumo, to_sumo
+from scex_sumo.world.gui.colors import Rgb
 from scex_sumo.world.session import ANY_ROUTE, SumoSession, VehicleCalls, load_sumo
 from scex_sumo.world.tiles import TILE_SLOTS, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
@@ -126,11 +126,7 @@ class SumoWorld:
         offsets = [self._session.layout.offset(slot) for slot in wanted]
         batch = new_batch(start, driven, ids=ids, slots=wanted, offsets=offsets, watched=self._gui)
         self._running = batch
-        if shared := batch.shared_slots():
-            raise SimulationError(
-                f"slots {shared} hold several children, one of them with drivers of SUMO's or somebody who "
-                "watches; give each a slot of its own"
-            )
+        batch.refuse_shared_slots()
         with self._session.refusals(f"set up a batch of {len(wanted)} children"):
             poses = self._poses(start)
             self._add_vehicles(batch.part_ways(poses), driven)
@@ -275,16 +271,10 @@ class SumoWorld:
         to it. What is set here is what SUMO goes on with, and what its drivers see of a vehicle; without
         anybody in a child who looks, a vehicle's speed is none of SUMO's concern.
         """
-        held = batch.everybody.ids
-        expected = len(held) + len(batch.obstacles)
         with self._session.refusals("advance"):
             self._sumo.simulationStep()
-            if self._sumo.vehicle.getIDCount() != expected:
-                lost = sorted({*held, *batch.obstacles} - set(self._sumo.vehicle.getIDList()))
-                raise SimulationError(
-                    f"SUMO lost {len(lost)} of {expected} vehicles ({', '.join(lost[:3])}, ...); "
-                    "please report this with the seed scene"
-                )
+            if self._sumo.vehicle.getIDCount() != len(batch.everybody.ids) + len(batch.obstacles):
+                batch.refuse_losses(self._sumo.vehicle.getIDList())
             set_speed = self._call.setPreviousSpeed
             for key, speed, acceleration in self._speeds:
                 set_speed(key, speed, acceleration)

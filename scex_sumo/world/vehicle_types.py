@@ -10,7 +10,7 @@ from scex_sumo.converters.tracks.kinds import road_user
 from scex_sumo.files import quoted
 from scex_sumo.scene import SeedScene
 from scex_sumo.sumo_models import RANDOM_MODELS, RANDOM_PARAMETERS, check_driver
-from scex_sumo.world.gui_drawings import OTHER_RGB
+from scex_sumo.world.gui.drawings import OTHER_RGB
 
 _GUI_SHAPES = {"van": "delivery", "car": "passenger", "tram": "rail/railcar"}
 _CLASSES = {"truck": "truck", "bus": "bus", "motorcycle": "motorcycle"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scex_sumo.world.colors import model_colors
+from scex_sumo.world.gui.colors import model_colors
 
 
 def test_models_keep_their_colours() -> None:

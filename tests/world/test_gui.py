@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from scex_sumo.scene import States
-from scex_sumo.world.gui_drawings import ChildView, Shown, draw_children, draw_ids, draw_legend, frame_of
-from scex_sumo.world.gui_names import letter_height, readable
-from scex_sumo.world.gui_settings import write_view_settings
+from scex_sumo.world.gui.drawings import ChildView, Shown, draw_children, draw_ids, draw_legend, frame_of
+from scex_sumo.world.gui.names import letter_height, readable
+from scex_sumo.world.gui.settings import write_view_settings
 
 RED, BLUE = (214, 64, 58), (54, 124, 196)
 MAP = (0.0, 0.0, 300.0, 100.0)

@@ -28,7 +28,7 @@ from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH
 from scex_sumo.views.road_lines import road_lines
-from scex_sumo.world.colors import model_colors
+from scex_sumo.world.gui.colors import model_colors
 
 FAR_M = 1e6
 """Where vehicles are that have left."""

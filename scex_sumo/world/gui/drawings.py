@@ -11,7 +11,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
-from scex_sumo.world.colors import Rgb
+from scex_sumo.world.gui.colors import Rgb
 from scex_sumo.world.tiles import WINDOW_ASPECT, tile_id
 
 Bounds = tuple[float, float, float, float]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scex_sumo.world.gui_drawings import Frame
+from scex_sumo.world.gui.drawings import Frame
 
 _SIZE_PER_M = 10.0  # sumo-gui's text size for letters of 1 m
 GRASS = "214,219,209"
