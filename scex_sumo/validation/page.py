@@ -22,8 +22,13 @@ _EVENT_HEADS = (
     ("happened", "happened", "percent", "Share of the moments in which it was recorded"),
     ("forecast", "forecast", "percent", "Mean probability that the children gave it"),
     ("brier", "Brier", "real", "Mean squared error of the probabilities; 0 is perfect"),
-    ("brier_low", "2.5 %", "real", "95 % interval of the Brier score, recordings drawn with replacement"),
-    ("brier_high", "97.5 %", "real", "95 % interval of the Brier score, recordings drawn with replacement"),
+    (
+        "brier_low",
+        "Brier from",
+        "real",
+        "95 % interval of the Brier score, recordings drawn with replacement",
+    ),
+    ("brier_high", "to", "real", "95 % interval of the Brier score, recordings drawn with replacement"),
     (
         "reliability",
         "reliability",
@@ -92,7 +97,7 @@ def write_validation_page(
             "Is the spread right?",
             "Ranks of the recorded value among the children: flat (the line) where the children are like "
             "it, high at both ends where they spread too little, high at one where they are off.",
-            plots(*(_ranks(_named(row["column"]), row["ranks"]) for row in values)),
+            plots(*(_ranks(printed_name(row["column"]), row["ranks"]) for row in values)),
         ),
         card(
             "Positions",
@@ -136,7 +141,7 @@ def _table(heads: Sequence[tuple[str, str, str, str]], rows: Sequence[Mapping[st
     return table([head[1:] for head in heads], [[_cell(row, head[0]) for head in heads] for row in rows])
 
 
-def _named(column: str) -> str:
+def printed_name(column: str) -> str:
     """A metric column as it is printed; other values have names already."""
     return metric_title(column) if column.removesuffix("_mean") in known_metrics() else column
 
@@ -144,7 +149,7 @@ def _named(column: str) -> str:
 def _cell(row: Mapping[str, Any], key: str) -> Any:
     value = row[key]
     if key == "column":
-        return _named(value)
+        return printed_name(value)
     if isinstance(value, bool):
         return "yes" if value else "no"
     return None if isinstance(value, float) and math.isnan(value) else value

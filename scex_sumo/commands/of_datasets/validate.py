@@ -60,9 +60,11 @@ def validate_command(
 
 def _print_scores(done: Validation) -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     from scex_sumo.reports.tables.runs import print_table
+    from scex_sumo.validation.page import printed_name
 
     info = done.info
     print(
@@ -84,6 +86,7 @@ def _print_scores(done: Validation) -> None:
     for name in ("value", "cases", "CRPS skill", "within 5-95 %"):
         values.add_column(name, justify="left" if name == "value" else "right")
     for row in done.tables["values"].to_pylist():
-        values.add_row(row["column"], str(row["count"]), f"{row['crps_skill']:.2f}", f"{row['coverage']:.0%}")
+        name, share = escape(printed_name(row["column"])), f"{row['coverage']:.0%}"
+        values.add_row(name, str(row["count"]), f"{row['crps_skill']:.2f}", share)
     for each in (table, values):
         print_table(each, Console(width=None if sys.stdout.isatty() else 140))
