@@ -24,11 +24,21 @@ _LEAST = 12  # characters of a column that may take several lines
 def print_summary(run: Run, console: Console) -> None:
     """Print the table, the worst encounters, and what was planned by the path-following driver instead."""
     print_table(summary_table(run), console, breaks=(" if", " interval"))
+    if always := always_critical(run):
+        console.print(
+            Text(f"critical whoever drives, so not by the drivers: {', '.join(always)}"), soft_wrap=True
+        )
     if (run.folder / ENCOUNTERS).is_file():
         for row in run.encounters.slice(0, WORST).to_pylist():
             console.print(Text(in_words(row)), soft_wrap=True)
     for line in fallback_lines(run.info.get("fallbacks", [])):
         console.print(Text(line), soft_wrap=True)
+
+
+def always_critical(run: Run) -> list[str]:
+    """Printed names of the metrics that are critical in every child, as many are where traffic waits."""
+    columns = [c for c in critical_columns(run.columns) if c in run.thresholds]
+    return [metric_of(c).words for c in columns if run.p_critical(c).value == 1.0]
 
 
 def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -> None:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import io
+import json
+from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 from rich.table import Table
 
-from scex_sumo.reports.tables.runs import print_table
+from scex_sumo.reports.tables.runs import always_critical, print_table
+from scex_sumo.results.run import open_run
 
 
 def table(*, fold: bool = False) -> Table:
@@ -50,3 +55,12 @@ def test_a_long_name_takes_two_lines_where_it_may() -> None:
     first, second = lines[-2:]
     assert first.split() == ["traffic_quali", "0.001", "232", ":", "81x"]
     assert second.split() == ["ty"]
+
+
+def test_what_is_critical_in_every_child_is_told_apart(tmp_path: Path) -> None:
+    values = {"distance": [3.0, 4.0], "wttc": [0.1, 0.9], "ttc": [1.0, None]}
+    pq.write_table(pa.table({"child": [0, 1], **values}), tmp_path / "metrics.parquet")
+    about = {"seed_scene": {"name": "waiting", "vehicles": 2}, "children": 2}
+    limits = {"distance": 5.0, "wttc": 0.26, "ttc": 0.5}
+    (tmp_path / "run.json").write_text(json.dumps(about | {"thresholds": limits}))
+    assert always_critical(open_run(tmp_path)) == ["distance"]
