@@ -106,6 +106,7 @@ def read_parquet(path: Path) -> TrackTable:
 
     vehicles = rows(is_vehicle)
     stamps = np.diff(vehicles.timestamp_ms)[np.diff(vehicles.track) == 0]
+    stamps = stamps[stamps > 0]
     return TrackTable(
         path=path,
         cases=tuple(str(name) for name in cases.tolist()),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.csv as csv
 import pyarrow.parquet as pq
 import pytest
 
@@ -259,3 +260,11 @@ def test_real_cases_have_values(data: Path) -> None:
 def test_an_unknown_level_is_refused(two_cars: TrackTable) -> None:
     with pytest.raises(UsageError, match="known: pair, scene, scenario, worst"):
         recording_table(two_cars, level="pairs")
+
+
+def test_rows_given_twice_do_not_stop_the_clock(tmp_path: Path) -> None:
+    write_csv(tmp_path / "once.csv", [row(3, f, 1.0 * f, 0.0, 10.0) for f in range(1, 9)])
+    once = csv.read_csv(tmp_path / "once.csv").append_column("case_id", pa.array(["1"] * 8))
+    pq.write_table(once.take(np.repeat(np.arange(8), 2)), tmp_path / "twice.parquet")
+    table, _ = read_source(tmp_path / "twice.parquet", repair=False)
+    assert table.step_s == pytest.approx(0.1)
