@@ -52,7 +52,8 @@ def read_parquet(path: Path) -> TrackTable:
     """Tracks with INTERACTION columns as Parquet, as in result folders.
 
     Raises:
-        TrackError: it cannot be read, or a column is missing, of another kind, or without a value somewhere.
+        TrackError: it cannot be read, or a column is missing, of another kind, or without a value somewhere,
+            or a track is in two places at a time.
     """
     try:
         table = pq.read_table(path)
@@ -106,7 +107,8 @@ def read_parquet(path: Path) -> TrackTable:
 
     vehicles = rows(is_vehicle)
     stamps = np.diff(vehicles.timestamp_ms)[np.diff(vehicles.track) == 0]
-    stamps = stamps[stamps > 0]
+    if (stamps <= 0.0).any():
+        raise TrackError(f"{path}: {int((stamps <= 0.0).sum())} rows at a time that their track already has")
     return TrackTable(
         path=path,
         cases=tuple(str(name) for name in cases.tolist()),

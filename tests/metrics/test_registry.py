@@ -156,7 +156,7 @@ def test_a_result_is_judged_and_drawn_where_the_metric_is_not_registered(
     assert run.most_critical("speed_gap") == 2
     assert [str(cell) for cell in summary_table(run).columns[0].cells] == ["difference of speeds [m/s]"]
     svg = draw_figure(run, "density", tmp_path / "densities.svg")
-    assert "difference of speeds [m/s]" in svg.read_text()
+    assert "difference of speeds: max" in svg.read_text() and "difference of speeds [m/s]" in svg.read_text()
     with pytest.raises(UsageError, match="known from a result only"):
         evaluate(vehicles(1.0, 2.0), None, metrics=[metric_of("speed_gap")])
 
