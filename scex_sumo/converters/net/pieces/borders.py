@@ -61,12 +61,13 @@ def _groups(lanes: Mapping[int, Lane], loose: Callable[[Lane], bool], *, end: bo
             tips.append((i, tip, heading(lane.centreline, end=end, reach=1.0)))
     groups: list[list[int]] = []
     taken: set[int] = set()
+    places = np.array([tip for _, tip, _ in tips]).reshape(-1, 2)
     for i, tip, angle in tips:
         if i in taken:
             continue
         group = [
             j
-            for j, other, other_angle in tips
+            for j, other, other_angle in (tips[k] for k in _beside(places, tip))
             if j not in taken
             and math.dist(tip, other) < TOGETHER_M
             and abs(turn(angle, other_angle)) < ALIGNED
@@ -75,6 +76,12 @@ def _groups(lanes: Mapping[int, Lane], loose: Callable[[Lane], bool], *, end: bo
             groups.append(group)
             taken.update(group)
     return groups
+
+
+def _beside(places: FloatArray, tip: FloatArray) -> list[int]:
+    """Indices of the places (N, 2) that may lie together with one."""
+    found: list[int] = np.flatnonzero((np.abs(places - tip) < TOGETHER_M).all(axis=1)).tolist()
+    return found
 
 
 def _prolonged(line: FloatArray) -> FloatArray:
