@@ -57,8 +57,14 @@ class Sampled:
         return found
 
 
-def conflicts(lanes: Mapping[int, Lane]) -> list[Conflict]:
-    """All conflict stretches between lanes, ordered by lane ids."""
+def conflicts(lanes: Mapping[int, Lane], *, border_forks: bool = False) -> list[Conflict]:
+    """All conflict stretches between lanes, ordered by lane ids.
+
+    Args:
+        lanes: by id.
+        border_forks: also those of lanes that come apart from the map's border on. They have no common
+            approach where a junction could begin, and whoever puts vehicles there must look at both.
+    """
     pairs = {(min(i, j), max(i, j)) for i, lane in lanes.items() for j in lane.conflicts if j in lanes}
     pairs -= {(i, j) for i, j in pairs if i == j}
     found: list[Conflict] = []
@@ -67,9 +73,7 @@ def conflicts(lanes: Mapping[int, Lane]) -> list[Conflict]:
         if _neighbours(lanes[i], lanes[j]) or j in lanes[i].successors or i in lanes[j].successors:
             continue
         found += _stretches(lanes[i], lanes[j], sampled[i], sampled[j])
-    # Lanes that fork at the map's border have no common approach where a junction could begin: they stay
-    # road, and whoever puts vehicles there must look at both.
-    border = {i for i, lane in lanes.items() if not lane.predecessors}
+    border = {i for i, lane in lanes.items() if not lane.predecessors and not border_forks}
     return [c for c in _kin(lanes, found) if not (c.kind == "diverge" and border.issuperset(c.lanes))]
 
 
