@@ -10,6 +10,7 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.geometry.polylines import length_of, project
 
 INSIDE_M = 1.5  # nearer than this to another centreline a car stands in its traffic
+SHORT_M = 2.5  # on a shorter lane a car stands at its end
 END_M = 3.0  # so near to a loose end of the other lane both may well begin or end at the map's border
 
 
@@ -32,10 +33,13 @@ def begin_inside(
     high = {name: line.max(axis=0) + INSIDE_M for name, line in shapes.items()}
     found = set()
     for start in starts:
-        tip = shapes[start][0]
+        stub = length_of(shapes[start]) < SHORT_M
+        tips = shapes[start][[0, -1] if stub else [0]]
         for name, line in shapes.items():
-            near = name != start and bool(np.all(low[name] <= tip) and np.all(tip <= high[name]))
-            if near and name not in apart.get(start, ()) and is_on(line, tip, loose_ends=name in loose):
+            if name == start or name in apart.get(start, ()):
+                continue
+            near = [tip for tip in tips if np.all(low[name] <= tip) and np.all(tip <= high[name])]
+            if any(is_on(line, tip, loose_ends=name in loose) for tip in near):
                 found.add(start)
                 break
     return found

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
+import shapely
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.geometry.polylines import along, length_of, project_near, samples
@@ -15,8 +15,7 @@ from scex_sumo.road import Lane
 
 CLEARANCE_M = 2.4  # centreline distance under which a wide car and a car do not pass each other
 STEP_M = 0.25
-
-_Samples: TypeAlias = tuple[FloatArray, FloatArray]  # arc lengths and points of a centreline
+SLACK_M = 1e-3  # boxes are wider by this, so that rounding hides no crossing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,19 +34,46 @@ class Conflict:
     spans: tuple[tuple[float, float], tuple[float, float]]
 
 
-def conflicts(lanes: Mapping[int, Lane]) -> list[Conflict]:
-    """All conflict stretches between lanes, ordered by lane ids."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sampled:
+    """A polyline with points along it, at most 0.25 m apart: arc lengths (N,) in m and positions (N, 2)."""
+
+    s: FloatArray
+    points: FloatArray
+    line: shapely.LineString
+    on_line: FloatArray
+
+    @classmethod
+    def of(cls, line: FloatArray) -> Sampled:
+        """Sample a polyline (P, 2)."""
+        s, points = samples(line, STEP_M)
+        whole = shapely.LineString(line)
+        shapely.prepare(whole)
+        return cls(s=s, points=points, line=whole, on_line=shapely.points(points))
+
+    def near(self, other: Sampled, reach_m: float) -> BoolArray:
+        """(N,) whether each of the points is nearer than this to another polyline."""
+        found: BoolArray = shapely.dwithin(other.line, self.on_line, np.nextafter(reach_m, 0.0))
+        return found
+
+
+def conflicts(lanes: Mapping[int, Lane], *, border_forks: bool = False) -> list[Conflict]:
+    """All conflict stretches between lanes, ordered by lane ids.
+
+    Args:
+        lanes: by id.
+        border_forks: also those of lanes that come apart from the map's border on. They have no common
+            approach where a junction could begin, and whoever puts vehicles there must look at both.
+    """
     pairs = {(min(i, j), max(i, j)) for i, lane in lanes.items() for j in lane.conflicts if j in lanes}
     pairs -= {(i, j) for i, j in pairs if i == j}
     found: list[Conflict] = []
-    sampled = {i: samples(lanes[i].centreline, STEP_M) for i in {i for pair in pairs for i in pair}}
+    sampled = {i: Sampled.of(lanes[i].centreline) for i in {i for pair in pairs for i in pair}}
     for i, j in sorted(pairs):
         if _neighbours(lanes[i], lanes[j]) or j in lanes[i].successors or i in lanes[j].successors:
             continue
         found += _stretches(lanes[i], lanes[j], sampled[i], sampled[j])
-    # Lanes that fork at the map's border have no common approach where a junction could begin: they stay
-    # road, and whoever puts vehicles there must look at both.
-    border = {i for i, lane in lanes.items() if not lane.predecessors}
+    border = {i for i, lane in lanes.items() if not lane.predecessors and not border_forks}
     return [c for c in _kin(lanes, found) if not (c.kind == "diverge" and border.issuperset(c.lanes))]
 
 
@@ -63,18 +89,19 @@ def _kin(lanes: Mapping[int, Lane], found: list[Conflict]) -> list[Conflict]:
         forks = {c.lanes for c in found if c.kind == "diverge"}
         merges = {c.lanes for c in found if c.kind == "merge"}
         for k, c in enumerate(found):
-            if c.kind != "cross" or lines_cross(*(lanes[i].centreline for i in c.lanes)):
+            if c.kind != "cross":
                 continue
             a, b = (lanes[i] for i in c.lanes)
-            if max(c.spans[0][0], c.spans[1][0]) < 2 * STEP_M and _related(
-                a.predecessors, b.predecessors, forks
-            ):
-                found[k] = replace(c, kind="diverge")
-            elif max(
-                length_of(x.centreline) - s[1] for x, s in zip((a, b), c.spans, strict=True)
-            ) < 2 * STEP_M and _related(a.successors, b.successors, merges):
-                found[k] = replace(c, kind="merge")
-            changed |= found[k] is not c
+            rests = [length_of(x.centreline) - s[1] for x, s in zip((a, b), c.spans, strict=True)]
+            if max(s[0] for s in c.spans) < 2 * STEP_M and _related(a.predecessors, b.predecessors, forks):
+                kind = "diverge"
+            elif max(rests) < 2 * STEP_M and _related(a.successors, b.successors, merges):
+                kind = "merge"
+            else:
+                continue
+            if not lines_cross(a.centreline, b.centreline):
+                found[k] = replace(c, kind=kind)
+                changed = True
     return found
 
 
@@ -84,8 +111,12 @@ def _related(a: tuple[int, ...], b: tuple[int, ...], pairs: set[tuple[int, int]]
 
 def lines_cross(a: FloatArray, b: FloatArray) -> bool:
     """Whether two polylines cross, common end points aside."""
-    p, q = a[:-1, None], b[None, :-1]
-    u, v = np.diff(a, axis=0)[:, None], np.diff(b, axis=0)[None]
+    ends = np.array([a[0], a[-1], b[0], b[-1]])
+    low, high = np.maximum(a.min(axis=0), b.min(axis=0)), np.minimum(a.max(axis=0), b.max(axis=0))
+    (p, u), (q, v) = (_segments_in(line, low - SLACK_M, high + SLACK_M) for line in (a, b))
+    if not (len(p) and len(q)):
+        return False
+    p, q, u, v = p[:, None], q[None], u[:, None], v[None]
     cross = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         w = q - p
@@ -93,28 +124,33 @@ def lines_cross(a: FloatArray, b: FloatArray) -> bool:
         s = (w[..., 0] * u[..., 1] - w[..., 1] * u[..., 0]) / cross
     hit = (cross != 0) & (t >= 0) & (t <= 1) & (s >= 0) & (s <= 1)
     points = (p + np.where(hit, t, 0.0)[..., None] * u)[hit]
-    ends = np.array([a[0], a[-1], b[0], b[-1]])
     return bool(
         np.any(np.hypot(*np.moveaxis(points[:, None] - ends[None], 2, 0)).min(axis=1, initial=np.inf) > 0.1)
     )
+
+
+def _segments_in(line: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(S, 2) starts and steps of the segments of a polyline whose boxes reach into a box."""
+    start, end = line[:-1], line[1:]
+    meets = ((np.maximum(start, end) >= low) & (np.minimum(start, end) <= high)).all(axis=1)
+    return start[meets], (end - start)[meets]
 
 
 def _neighbours(a: Lane, b: Lane) -> bool:
     return b.lane_id in (a.left, a.right, a.adjacent_left, a.adjacent_right)
 
 
-def _stretches(a: Lane, b: Lane, samples_a: _Samples, samples_b: _Samples) -> list[Conflict]:
+def _stretches(a: Lane, b: Lane, one: Sampled, other: Sampled) -> list[Conflict]:
     clearance = min(CLEARANCE_M, 0.45 * (a.width_m + b.width_m))
-    (sa, pa), (sb, pb) = samples_a, samples_b
-    on_b, gap_a = project_near(pa, b.centreline, clearance)
+    on_b, gap_a = project_near(one.points, b.centreline, clearance)
     if not (gap_a < clearance).any():
         return []
-    _, gap_b = project_near(pb, a.centreline, clearance)
+    close_b = other.near(one, clearance)
     found = []
     for first, last in runs(gap_a < clearance):
         low, high = sorted((float(on_b[first : last + 1].min()), float(on_b[first : last + 1].max())))
-        span_b = _run_around(sb, gap_b < clearance, low, high)
-        span_a = (float(sa[first]), float(sa[last]))
+        span_b = _run_around(other.s, close_b, low, high)
+        span_a = (float(one.s[first]), float(one.s[last]))
         kind = _kind(a, b, span_a, span_b, gap_a[first : last + 1])
         found.append(Conflict(kind=kind, lanes=(a.lane_id, b.lane_id), spans=(span_a, span_b)))
     return found

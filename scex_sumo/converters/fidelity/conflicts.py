@@ -20,7 +20,7 @@ NEAR_M = 1.5  # centrelines this near: two cars (1.8 m wide) cannot pass there s
 JOINT_M = 0.3  # ends that coincide; mapped ends of one fork or merge share nodes, repaired ones nearly
 BACK_TO_BACK_RAD = np.deg2rad(150.0)  # from here on two lanelets run against each other
 LOOK_M = 0.25  # sampling of the centrelines
-CHAIN = 4  # lanelets to follow back to a fork or ahead to a merge
+CHAIN = 8  # lanelets to follow back to a fork or ahead to a merge
 BRUSH_M = 1.0  # lanelets before a merge that come near for less than this only brush it
 OVERLAP_M2 = 2.0  # shared area below which lanelets touch
 

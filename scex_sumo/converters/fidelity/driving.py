@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import subprocess
-from collections import defaultdict
 from dataclasses import asdict, dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -15,13 +13,12 @@ import shapely
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.fidelity.net import JudgedNet, read_net
+from scex_sumo.converters.fidelity.routes import LENGTH_M, WIDTH_M, border_routes
 from scex_sumo.errors import SimulationError
 from scex_sumo.files import TemporaryFolder
-from scex_sumo.geometry.loose_ends import begin_inside
 from scex_sumo.programs import program
 
-LENGTH_M = 4.7
-WIDTH_M = 1.8
+RUN_UP_M = 20.0  # braking distance at 50 km/h
 STEP_S = 0.1
 LOOK_S = 0.2  # footprints are compared this often
 WAIT_S = 300.0  # SUMO's own: standing longer than this ends in a teleport, a deadlock
@@ -103,7 +100,7 @@ def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0) ->
     order = np.random.default_rng(SEED).permutation(np.arange(vehicles) % len(routes))
     with TemporaryFolder() as folder:
         demand = Path(folder) / "demand.rou.xml"
-        demand.write_text(_demand([routes[k] for k in order], headway_s), encoding="utf-8")
+        demand.write_text(_demand(net, [routes[k] for k in order], headway_s), encoding="utf-8")
         said = _simulate(net_path, demand, Path(folder), vehicles * headway_s + DRAIN_S)
         overlaps = _overlaps(Path(folder) / "fcd.xml")
         counts = ElementTree.parse(Path(folder) / "statistics.xml").getroot()
@@ -124,79 +121,15 @@ def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0) ->
     )
 
 
-def border_routes(net: JudgedNet) -> list[tuple[str, ...]]:
-    """Shortest route in edges for every pair of border edges that lanes lead between.
-
-    Cars change lanes where the net permits; a net without borders starts and ends anywhere. Edges that begin
-    on another lane are no border: whoever starts there stands in its traffic.
-    """
-    edges = {lane.edge_id for lane in net.car_lanes.values() if not lane.internal}
-    entered = {net.lanes[link.to_lane].edge_id for link in net.car_links}
-    left = {net.lanes[link.from_lane].edge_id for link in net.car_links}
-    starts, ends = (
-        edges - entered - _inside(net, edges - entered, edges - left) or edges,
-        edges - left or edges,
-    )
-    moves = _lane_moves(net)
-    alone = edges - entered - left
-    return [
-        path
-        for start in sorted(starts)
-        for end, path in sorted(_paths(net, moves, start).items())
-        if end in ends and (end != start or start in alone)
-    ]
-
-
-def _inside(net: JudgedNet, starts: set[str], ends: set[str]) -> set[str]:
-    """Edges among some without predecessors that begin on other lanes."""
-    cars = net.car_lanes
-    beside = {name: set(net.edges[lane.edge_id]) for name, lane in cars.items() if lane.edge_id in starts}
-    for link in net.car_links:
-        if link.from_lane in beside:
-            beside[link.from_lane] |= {*link.via, link.to_lane}
-    found = begin_inside(
-        {name: lane.shape for name, lane in cars.items()},
-        starts=beside,
-        loose={name for name, lane in cars.items() if lane.edge_id in starts | ends},
-        apart=beside,
-    )
-    return {cars[name].edge_id for name in found}
-
-
-def _lane_moves(net: JudgedNet) -> dict[str, list[str]]:
-    moves: dict[str, list[str]] = defaultdict(list)
-    for link in net.car_links:
-        moves[link.from_lane].append(link.to_lane)
-    for names in net.edges.values():
-        for right, left in pairwise(net.lanes[name] for name in names):
-            if right.cars and left.cars and not right.internal:
-                moves[right.lane_id] += [left.lane_id] if right.change_left else []
-                moves[left.lane_id] += [right.lane_id] if left.change_right else []
-    return moves
-
-
-def _paths(net: JudgedNet, moves: dict[str, list[str]], start: str) -> dict[str, tuple[str, ...]]:
-    """Edges passed from a start edge to every edge in reach, fewest moves first."""
-    queue = [name for name in net.edges[start] if net.lanes[name].cars]
-    passed: dict[str, tuple[str, ...]] = {name: (start,) for name in queue}
-    paths: dict[str, tuple[str, ...]] = {start: (start,)}
-    for name in queue:
-        for ahead in moves.get(name, ()):
-            edge = net.lanes[ahead].edge_id
-            if ahead not in passed:
-                passed[ahead] = passed[name] if edge == passed[name][-1] else (*passed[name], edge)
-                paths.setdefault(edge, passed[ahead])
-                queue.append(ahead)
-    return paths
-
-
-def _demand(routes: list[tuple[str, ...]], headway_s: float) -> str:
+def _demand(net: JudgedNet, routes: list[tuple[str, ...]], headway_s: float) -> str:
+    """SUMO's routes file; who starts just before a junction starts there from rest."""
     size = f'length="{LENGTH_M}" width="{WIDTH_M}"'
     lines = [f'<routes><vType id="car" vClass="passenger" {size} sigma="0.5"/>']
     for number, edges in enumerate(routes):
+        speed = "max" if net.lanes[net.edges[edges[0]][0]].length_m > RUN_UP_M else "0"
         lines.append(
             f'<vehicle id="v{number}" type="car" depart="{number * headway_s}" departLane="best"'
-            f' departSpeed="max"><route edges="{" ".join(edges)}"/></vehicle>'
+            f' departSpeed="{speed}"><route edges="{" ".join(edges)}"/></vehicle>'
         )
     return "\n".join([*lines, "</routes>"])
 

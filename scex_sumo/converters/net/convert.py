@@ -20,7 +20,7 @@ from scex_sumo.converters.net.elements import NetLayout
 from scex_sumo.converters.net.extras import extras_text
 from scex_sumo.converters.net.lane_table import LaneTable, lane_table, read_ends
 from scex_sumo.converters.net.lights import Programme, fixed_programmes
-from scex_sumo.converters.net.pieces.borders import add_entries
+from scex_sumo.converters.net.pieces.borders import add_approaches, add_entries
 from scex_sumo.converters.net.pieces.rows import build_rows
 from scex_sumo.converters.net.pieces.topology import Topology, cut_lanes
 from scex_sumo.converters.net.plan import plan_net
@@ -63,7 +63,9 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     if points:
         raise MapError(f"{road.name}: lanelets without length: {', '.join(map(str, points[:5]))}; drop them")
     lanes = add_entries(lanes, road.lanes)
-    found = conflicts(lanes)
+    found = conflicts(lanes, border_forks=True)
+    if (approached := add_approaches(lanes, found, road.lanes)).keys() != lanes.keys():
+        lanes, found = approached, conflicts(approached, border_forks=True)
     ways = footways(road.lanes, lanes)
     topology, lost = cut_lanes(lanes, found, crossed_zones(ways))
     layout = plan_net(topology, road.regulations, found)

@@ -7,42 +7,52 @@ together without a common target; and one point is not enough where they run aga
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TypeAlias
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.elements import Connection, NetLane, Node
-from scex_sumo.geometry.polylines import project_near, samples
-from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, lines_cross, opposed
+from scex_sumo.roads.conflicts import CLEARANCE_M, Sampled, lines_cross, opposed
 
 # SUMO takes a stretch for real only if it begins or ends strictly within the lane.
 INSET_M = 0.5
 
+_Span: TypeAlias = tuple[float, float]  # m along an internal lane
 
-def stretches(node: Node) -> Iterator[tuple[Connection, Connection, tuple[float, float]]]:
+
+def stretches(node: Node) -> Iterator[tuple[Connection, Connection, _Span]]:
     """Pairs of connections that SUMO must be told about, with the stretch of the first one, m."""
     links = node.connections
-    sampled = {c.internal.name: samples(c.internal.shape, STEP_M) for c in links if c.link.foes}
-    for a in links:
-        for j in sorted(a.link.foes):
-            b = links[j]
-            if (a.to_edge, a.to_lane) == (b.to_edge, b.to_lane):
-                continue  # SUMO knows how to merge
-            span = _close(a.internal, b.internal, *sampled[a.internal.name])
-            other = _close(b.internal, a.internal, *sampled[b.internal.name]) if span is not None else None
-            if span is None or other is None:
-                continue
-            crossing = lines_cross(a.internal.shape, b.internal.shape)
-            if not crossing or opposed(a.internal.shape, b.internal.shape, span, other):
-                yield a, b, span
+    sampled = {i: Sampled.of(c.internal.shape) for i, c in enumerate(links) if c.link.foes}
+    spans: dict[tuple[int, int], _Span] = {}
+    for i in sampled:
+        for j in sorted(links[i].link.foes):
+            if i < j:
+                both = _unseen(links[i], links[j], sampled[i], sampled[j])
+                spans |= zip(((i, j), (j, i)), both, strict=True) if both else ()
+            if (i, j) in spans:
+                yield links[i], links[j], spans[i, j]
 
 
-def _close(a: NetLane, b: NetLane, s: FloatArray, points: FloatArray) -> tuple[float, float] | None:
-    """First and last position on a lane, sampled at arc lengths, within the clearance of another."""
-    clearance = min(CLEARANCE_M, 0.45 * (a.width + b.width))
-    near = np.flatnonzero(project_near(points, b.shape, clearance)[1] < clearance)
+def _unseen(a: Connection, b: Connection, on_a: Sampled, on_b: Sampled) -> tuple[_Span, _Span] | None:
+    """Where two foes are in each other's way, on either one, unless SUMO finds that by itself."""
+    if (a.to_edge, a.to_lane) == (b.to_edge, b.to_lane):
+        return None  # SUMO knows how to merge
+    span = _close(a.internal, b.internal, on_a, on_b)
+    other = _close(b.internal, a.internal, on_b, on_a) if span is not None else None
+    if span is None or other is None:
+        return None
+    crossing = lines_cross(a.internal.shape, b.internal.shape)
+    told = not crossing or opposed(a.internal.shape, b.internal.shape, span, other)
+    return (span, other) if told else None
+
+
+def _close(lane: NetLane, other: NetLane, sampled: Sampled, beside: Sampled) -> _Span | None:
+    """First and last position on a lane within the clearance of another, m."""
+    clearance = min(CLEARANCE_M, 0.45 * (lane.width + other.width))
+    near = np.flatnonzero(sampled.near(beside, clearance))
     if not len(near):
         return None
-    inset = min(INSET_M, a.length / 4)
-    start, end = max(float(s[near[0]]), inset), min(float(s[near[-1]]), a.length - inset)
+    inset = min(INSET_M, lane.length / 4)
+    start, end = max(float(sampled.s[near[0]]), inset), min(float(sampled.s[near[-1]]), lane.length - inset)
     return (start, end) if end > start else None

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from shapely import Polygon
+
 from scex_sumo.geometry.polylines import cut, length_of, nearest
 from scex_sumo.road import Lane, Road
 
@@ -21,7 +23,7 @@ def cut_road(road: Road, parts: int) -> Road:
         i: replace(
             lane,
             predecessors=tuple(j for j in lanes if i in lanes[j].successors),
-            conflicts=tuple(j for j in lane.conflicts if _near(lane, lanes[j])),
+            conflicts=tuple(j for j in lane.conflicts if overlap(lane, lanes[j])),
         )
         for i, lane in lanes.items()
     }
@@ -65,8 +67,7 @@ def _part(lane: Lane, k: int, parts: int) -> Lane:
     )
 
 
-def _near(one: Lane, other: Lane) -> bool:
-    from shapely import Polygon
-
+def overlap(one: Lane, other: Lane) -> bool:
+    """Whether the areas of two lanes share more than a touch."""
     areas = [Polygon([*lane.left_bound, *lane.right_bound[::-1]]).buffer(0.0) for lane in (one, other)]
     return float(areas[0].intersection(areas[1]).area) > 0.01

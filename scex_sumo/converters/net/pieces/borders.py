@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.converters.net.pieces.rows import SHORTEST_M, STUB_M
 from scex_sumo.geometry.polylines import cut, heading, length_of, turn
 from scex_sumo.road import Lane
+from scex_sumo.roads.conflicts import Conflict
 
 # Such lanes overlap from the border on. Without a common approach SUMO would not notice, and vehicles would
 # be put inside each other. Of the lanes themselves the shortest edge that SUMO takes is enough, which keeps
 # the geometry; vehicles that enter get some room before the border.
 ENTRY = "entry"  # subtype of such a lane
-ENTRY_M = 0.1
 ROOM_M = 1.9
 TOGETHER_M = 0.1
 ALIGNED = math.radians(20.0)
@@ -30,43 +31,82 @@ def add_entries(lanes: Mapping[int, Lane], taken: Collection[int] = ()) -> dict[
     where they are entries; their ids are new, and none of those taken by lanes of other kinds.
     """
     result = dict(lanes)
-    ids = (i for i in count(max([0, *lanes]) + 1) if i not in taken)
+    ids = _fresh(lanes, taken)
     for group in _groups(lanes, lambda lane: not lane.predecessors, end=False):
-        first, fresh = result[group[0]], next(ids)
-        line = _prolonged(cut(first.centreline, 0.0, ENTRY_M))
-        result[fresh] = _piece(first, fresh, line, successors=tuple(group))
-        for i in group:
-            line = result[i].centreline
-            rest = cut(line, ENTRY_M, length_of(line))
-            result[i] = replace(result[i], centreline=rest, predecessors=(fresh,))
+        result |= _entered(result, group, next(ids))
     for group in _groups(result, lambda lane: not lane.successors, end=True):
         line = result[group[0]].centreline
-        last, fresh = cut(line, length_of(line) - ENTRY_M, length_of(line)), next(ids)
+        last, fresh = cut(line, length_of(line) - SHORTEST_M, length_of(line)), next(ids)
         result[fresh] = _piece(result[group[0]], fresh, last, predecessors=tuple(group))
         for i in group:
             line = result[i].centreline
-            rest = cut(line, 0.0, length_of(line) - ENTRY_M)
+            rest = cut(line, 0.0, length_of(line) - SHORTEST_M)
             result[i] = replace(result[i], centreline=rest, successors=(fresh,))
     return result
+
+
+def add_approaches(
+    lanes: Mapping[int, Lane], found: Iterable[Conflict], taken: Collection[int] = ()
+) -> dict[int, Lane]:
+    """The lanes, with an entry before each that begins in the way of another.
+
+    Whoever enters waits before the lane, and the whole conflict lies in a junction.
+    """
+    result = dict(lanes)
+    changing = _changing(lanes)
+    ids = _fresh(lanes, taken)
+    blocked = {
+        lane
+        for c in found
+        for lane, (start, _) in zip(c.lanes, c.spans, strict=True)
+        if start < STUB_M and not lanes[lane].predecessors and lane not in changing
+    }
+    for lane in sorted(blocked):
+        if length_of(lanes[lane].centreline) > 10 * SHORTEST_M:
+            result |= _entered(result, [lane], next(ids))
+    return result
+
+
+def _entered(lanes: Mapping[int, Lane], group: Sequence[int], fresh: int) -> dict[int, Lane]:
+    """A group of lanes that begin together, and the entry before them."""
+    first = lanes[group[0]]
+    line = _prolonged(cut(first.centreline, 0.0, SHORTEST_M))
+    result = {fresh: _piece(first, fresh, line, successors=tuple(group))}
+    for i in group:
+        line = lanes[i].centreline
+        rest = cut(line, SHORTEST_M, length_of(line))
+        result[i] = replace(lanes[i], centreline=rest, predecessors=(fresh,))
+    return result
+
+
+def _fresh(lanes: Collection[int], taken: Collection[int]) -> Iterator[int]:
+    """Ids that no lane has."""
+    return (i for i in count(max([0, *lanes]) + 1) if i not in taken)
+
+
+def _changing(lanes: Mapping[int, Lane]) -> set[int]:
+    """Lanes that may be left for a neighbour, or entered from one."""
+    beside = {i for lane in lanes.values() for i in (lane.left, lane.right) if i is not None}
+    return beside | {i for i, lane in lanes.items() if lane.left is not None or lane.right is not None}
 
 
 def _groups(lanes: Mapping[int, Lane], loose: Callable[[Lane], bool], *, end: bool) -> list[list[int]]:
     """Lanes without neighbours to change to that begin (end) together, aligned, at the map's border."""
     tips: list[tuple[int, FloatArray, float]] = []
-    beside = {i for lane in lanes.values() for i in (lane.left, lane.right)}
+    changing = _changing(lanes)
     for i, lane in sorted(lanes.items()):
-        changing = lane.left is not None or lane.right is not None or i in beside
-        if loose(lane) and not changing and length_of(lane.centreline) > 10 * ENTRY_M:
+        if loose(lane) and i not in changing and length_of(lane.centreline) > 10 * SHORTEST_M:
             tip = lane.centreline[-1 if end else 0]
             tips.append((i, tip, heading(lane.centreline, end=end, reach=1.0)))
     groups: list[list[int]] = []
     taken: set[int] = set()
+    places = np.array([tip for _, tip, _ in tips]).reshape(-1, 2)
     for i, tip, angle in tips:
         if i in taken:
             continue
         group = [
             j
-            for j, other, other_angle in tips
+            for j, other, other_angle in (tips[k] for k in _beside(places, tip))
             if j not in taken
             and math.dist(tip, other) < TOGETHER_M
             and abs(turn(angle, other_angle)) < ALIGNED
@@ -75,6 +115,12 @@ def _groups(lanes: Mapping[int, Lane], loose: Callable[[Lane], bool], *, end: bo
             groups.append(group)
             taken.update(group)
     return groups
+
+
+def _beside(places: FloatArray, tip: FloatArray) -> list[int]:
+    """Indices of the places (N, 2) that may lie together with one."""
+    found: list[int] = np.flatnonzero((np.abs(places - tip) < TOGETHER_M).all(axis=1)).tolist()
+    return found
 
 
 def _prolonged(line: FloatArray) -> FloatArray:

@@ -19,6 +19,7 @@ from scex_sumo.roads.conflicts import Conflict
 Piece: TypeAlias = tuple[int, int, int]  # row, piece of the row, lane within the row
 
 STUB_M = 2.0  # longest road piece cut off a junction piece where a lane begins or ends inside a conflict
+SHORTEST_M = 0.1  # edge that SUMO takes
 SNAP_M = 0.3  # road pieces shorter than this are left to the junction piece beside them
 
 
@@ -154,10 +155,13 @@ def lay_zones(rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Co
 def _tidy(
     zones: list[tuple[float, float]], size: float, *, begins: bool, ends: bool
 ) -> list[tuple[float, float]]:
-    """Merge zones, close gaps too short to matter, and keep stubs free at the map's border."""
-    stub = min(STUB_M, size / 3) / size
-    low, high = (stub if begins else 0.0), (1.0 - stub if ends else 1.0)
-    gap = SNAP_M / size
+    """Merge zones, close gaps too short to matter, and keep stubs free at the map's border.
+
+    A stub that would hold a zone whole is as short as SUMO takes it.
+    """
+    stub, least, gap = (min(length, size / 3) / size for length in (STUB_M, SHORTEST_M, SNAP_M))
+    low = (stub if all(end > stub + gap for _, end in zones) else least) if begins else 0.0
+    high = 1.0 - (stub if all(start < 1.0 - stub - gap for start, _ in zones) else least) if ends else 1.0
     merged: list[tuple[float, float]] = []
     for start, end in sorted(zones):
         start, end = (low if start < low + gap else start), (high if end > high - gap else end)

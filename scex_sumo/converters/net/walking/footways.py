@@ -80,14 +80,16 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
         driven: those for vehicles, as the net has them.
     """
     walked = {i: x for i, x in lanes.items() if x.kind == "pedestrian" and _long(x)}
-    crossed = {i: list(_crossed(x, driven)) for i, x in walked.items()}
+    roads = shapely.STRtree([shapely.LineString(x.centreline) for x in driven.values()])
+    crossed = {i: list(_crossed(x, driven, roads)) for i, x in walked.items()}
+    ids, grounds = list(walked), shapely.STRtree([_ground(x) for x in walked.values()])
     meetings = _Meetings()
     for i, lane in walked.items():
         for s in (0.0, length_of(lane.centreline), *_kerbs(lane, crossed[i])):
             meetings.root((i, s))
         for s in (0.0, length_of(lane.centreline)):
-            for j, other in walked.items():
-                if i != j and (at := _meets(lane, s, other, whole=_marked(other))) is not None:
+            for j in (ids[k] for k in grounds.query(_tip(lane, s))):
+                if i != j and (at := _meets(lane, s, walked[j], whole=_marked(walked[j]))) is not None:
                     meetings.unite((i, s), (j, at))
     places = {root: k for k, root in enumerate(sorted({meetings.root(s) for s in list(meetings.parent)}))}
     found = []
@@ -126,6 +128,18 @@ def _long(lane: Lane) -> bool:
     return length_of(lane.centreline) >= SHORTEST_M
 
 
+def _ground(lane: Lane) -> shapely.Geometry:
+    """A box around a footway and what may meet it."""
+    points = np.vstack([lane.left_bound, lane.right_bound, lane.centreline])
+    return shapely.box(*(points.min(axis=0) - MEET_M), *(points.max(axis=0) + MEET_M))
+
+
+def _tip(lane: Lane, s: float) -> shapely.Geometry:
+    """The corners and the middle of a footway's beginning or end."""
+    at = -1 if s else 0
+    return shapely.MultiPoint([lane.left_bound[at], lane.right_bound[at], lane.centreline[at]]).envelope
+
+
 def _meets(lane: Lane, s: float, other: Lane, *, whole: bool) -> float | None:
     """Where on another footway a footway's beginning or end comes in, m, or None where it does not.
 
@@ -154,16 +168,13 @@ def _marked(lane: Lane) -> bool:
     return lane.subtype == "crosswalk"
 
 
-def _crossed(footway: Lane, driven: Mapping[int, Lane]) -> Iterator[_Crossed]:
-    """Vehicle lanes that run across a footway."""
+def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Iterator[_Crossed]:
+    """Vehicle lanes that run across a footway; ``lines`` are their centrelines."""
     area, middle = _area(footway), shapely.LineString(footway.centreline)
-    low, high = np.reshape(area.bounds, (2, 2))
-    for i, lane in driven.items():
-        if (lane.centreline.max(axis=0) < low).any() or (lane.centreline.min(axis=0) > high).any():
-            continue
-        line = shapely.LineString(lane.centreline)
-        if not area.intersects(line):
-            continue
+    ids = list(driven)
+    for k in np.sort(lines.query(area, predicate="intersects")).tolist():
+        i, line = ids[k], lines.geometries[k]
+        lane = driven[i]
         for part in shapely.get_parts(area.intersection(line)):
             across = part.length < ALONG * footway.width_m and part.intersects(middle)
             if part.length < SHORTEST_M or not (_marked(footway) or across):
