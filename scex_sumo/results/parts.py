@@ -85,7 +85,7 @@ def remove_broken(folder: Path) -> None:
 def _is_whole(file: Path) -> bool:
     """Whether a part can be read, and has all arrays for each of its children."""
     try:
-        with np.load(file) as data:
+        with file.open("rb") as opened, np.load(opened) as data:
             arrays = {name: data[name] for name in data}
             [_unpacked(arrays[name]) for name in TABLES if name in arrays]
             rows = {arrays[name].shape[0] for name in ("children", *_STATES, "values", "defined")}
