@@ -13,6 +13,8 @@ from scex_sumo.scene import SeedScene
 
 CHILDREN = 117
 """Children of a reference: a 95 % interval of at most +-9 % around a share."""
+STEPS = 30
+"""Steps of a child at which all of these are run, however few children the run itself has."""
 
 SHARED = ("steps", "replan", "seed", "preset", "metrics", "thresholds", "reflect")
 """Settings that a reference has from its run; it draws all its vehicles, none is assigned or under test."""
@@ -54,11 +56,21 @@ def add_reference(
         progress=progress,
         command=command,
         models=mix,
-        children=CHILDREN,
+        children=reference_children(run.children, run.info["steps"]),
         keep_plans=False,
         world="plain" if settings.get("world") == "plain" else "checked",
         **shared,
     )
+
+
+def reference_children(children: int, steps: int) -> int:
+    """Children of a reference: fewer where they would cost more than the run and than `STEPS` steps of all.
+
+    Args:
+        children: of the run.
+        steps: of a child.
+    """
+    return min(CHILDREN, max(children, CHILDREN * STEPS // steps))
 
 
 def drop_reference(run: Run) -> None:

@@ -6,7 +6,8 @@ import io
 import json
 import re
 import shutil
-from collections.abc import Iterator
+import zlib
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import pyarrow.parquet as pq
 from scex_sumo.arrays import IntArray
 from scex_sumo.errors import ResultError
 from scex_sumo.files import write_atomic
-from scex_sumo.ranking.moments import Failure, Listing, MomentRef, as_row, from_row, plain
+from scex_sumo.ranking.moments import Failure, Listing, MomentRef, as_row, from_row, plain, read_failures
 from scex_sumo.ranking.run_moment import MomentPart
 from scex_sumo.results.claimed import ClaimedFolder, as_json
 
@@ -68,7 +69,10 @@ class RankFolder(ClaimedFolder):
         if not file.is_file():
             return None
         try:
-            rows = json.loads(file.read_text())["seeds"]
+            content = json.loads(file.read_text())
+            rows = content["seeds"]
+            if content["check"] != _check(rows):
+                return None
             return Listing(recording=recording, moments=tuple(MomentRef(**from_row(row)) for row in rows))
         except (ValueError, KeyError, TypeError):
             return None  # cut short or edited: looked at again
@@ -76,7 +80,7 @@ class RankFolder(ClaimedFolder):
     def save_listing(self, listing: Listing) -> None:
         """Keep the moments of a recording."""
         rows = [as_row(ref) for ref in listing.moments]
-        content = {"recording": listing.recording, "seeds": rows, "failure": None}
+        content = {"recording": listing.recording, "seeds": rows, "check": _check(rows)}
         write_atomic(self._listing_file(listing.recording), as_json(content).encode())
 
     def _listing_file(self, recording: str) -> Path:
@@ -118,13 +122,7 @@ class RankFolder(ClaimedFolder):
 
     def failures(self) -> dict[str, Failure]:
         """What failed, by moment."""
-        found = []
-        for file in sorted((self.path / _FAILED).glob("*.json")):
-            try:
-                found.append(Failure(**from_row(json.loads(file.read_text()))))
-            except (ValueError, KeyError, TypeError):
-                file.unlink()  # cut short or edited: the moment is tried again
-        return {failure.moment: failure for failure in found}
+        return read_failures(self.path / _FAILED)
 
     def clear_failure(self, moment: str) -> None:
         """Let a moment be tried again."""
@@ -134,13 +132,19 @@ class RankFolder(ClaimedFolder):
         return self.path / _FAILED / f"{moment}.json"
 
 
+def _check(rows: Sequence[dict[str, Any]]) -> int:
+    """Checksum of a listing's rows."""
+    return zlib.crc32(as_json({"seeds": rows}).encode())
+
+
 def _is_whole(file: Path, first: int, last: int) -> bool:
     """Whether a part holds the children that its name says."""
     try:
         table = pq.ParquetFile(file).read()
     except (OSError, pa.ArrowException, ValueError):
         return False
-    return "child" in table.column_names and table["child"].to_pylist() == list(range(first, last + 1))
+    known = {"child", "fallbacks", "kept", "track_id", "model", "critical_pairs"}.issubset(table.column_names)
+    return known and table["child"].to_pylist() == list(range(first, last + 1))
 
 
 def children_table(part: MomentPart) -> pa.Table:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scex_sumo.errors import one_line
@@ -82,6 +84,17 @@ def as_row(known: MomentRef | Failure) -> dict[str, Any]:
 def from_row(row: dict[str, Any]) -> dict[str, Any]:
     """Arguments of `MomentRef` or `Failure`: the reverse of `as_row`."""
     return {"moment": row["seed"], **{name: value for name, value in row.items() if name != "seed"}}
+
+
+def read_failures(folder: Path) -> dict[str, Failure]:
+    """Failures kept in a folder, by moment; files cut short or edited go, these moments are tried again."""
+    found = []
+    for file in sorted(folder.glob("*.json")):
+        try:
+            found.append(Failure(**from_row(json.loads(file.read_text()))))
+        except (ValueError, KeyError, TypeError):
+            file.unlink()
+    return {failure.moment: failure for failure in found}
 
 
 def list_moments(recording: Recording, moments: Sequence[Moment], *, min_vehicles: int) -> Listing:

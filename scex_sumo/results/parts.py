@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,13 +78,20 @@ def remove_broken(folder: Path) -> None:
     """Remove the parts of an interrupted run that cannot be read whole; their children run again."""
     remove_unfinished(folder / PARTS)
     for file in (folder / PARTS).glob("*.npz"):
-        try:
-            with zipfile.ZipFile(file) as archive:
-                whole = archive.testzip() is None and "children.npy" in archive.namelist()
-        except (zipfile.BadZipFile, EOFError, zlib.error):
-            whole = False
-        if not whole:
+        if not _is_whole(file):
             file.unlink()
+
+
+def _is_whole(file: Path) -> bool:
+    """Whether a part can be read, and has all arrays for each of its children."""
+    try:
+        with file.open("rb") as opened, np.load(opened) as data:
+            arrays = {name: data[name] for name in data}
+            [_unpacked(arrays[name]) for name in TABLES if name in arrays]
+            rows = {arrays[name].shape[0] for name in ("children", *_STATES, "values", "defined")}
+    except Exception:  # whatever the bytes happen to say to zipfile, numpy and Arrow
+        return False
+    return "worst" in arrays and len(rows) == 1
 
 
 def _unpacked(data: NDArray[np.uint8]) -> pa.Table:

@@ -22,6 +22,7 @@ from scex_sumo.results.tables import (
     as_pandas,
     kept_scene,
     read_metrics,
+    read_states,
     read_table,
     states_of,
     with_own_collisions,
@@ -101,9 +102,8 @@ class Run:
     @cached_property
     def tracks(self) -> pa.Table:
         """States of all children in INTERACTION columns; ``case_id`` is the child."""
-        columns = ("case_id", "track_id", "x", "y", "vx", "vy", "psi_rad")
         vehicles, frames = int(self.info["seed_scene"]["vehicles"]), LOGGED_HISTORY + int(self.info["steps"])
-        return self.table("tracks.parquet", columns=columns, rows=self.children * vehicles * frames)
+        return read_states(self.folder / "tracks.parquet", rows=self.children * vehicles * frames)
 
     @cached_property
     def worst(self) -> pa.Table:

@@ -15,6 +15,9 @@ from scex_sumo.errors import ResultError, UsageError, one_line
 from scex_sumo.metrics.registry import COLLISION, metric_of
 from scex_sumo.scene import SeedScene, States
 
+LARGEST_STATE = 1e8
+"""Of positions in m and all else; larger ones are refused in recordings, too."""
+
 
 def read_table(file: Path, *, columns: Sequence[str] = (), rows: int | None = None) -> pa.Table:
     """A Parquet file of a result; arguments and errors as `Run.table`."""
@@ -42,6 +45,17 @@ def read_metrics(file: Path, *, rows: int | None) -> pa.Table:
         if not (pa.types.is_floating(kind) or pa.types.is_null(kind)):
             raise ResultError(f"{file}: column {name[:40]} holds no numbers; run again")
         metric_of(name)
+    return table
+
+
+def read_states(file: Path, *, rows: int) -> pa.Table:
+    """``tracks.parquet``: states that are numbers, and no larger than those of a recording."""
+    columns = ("x", "y", "vx", "vy", "psi_rad")
+    table = read_table(file, columns=("case_id", "track_id", *columns), rows=rows)
+    for name in columns:
+        numbers = pa.types.is_floating(table.schema.field(name).type)
+        if not numbers or not (np.abs(np.asarray(table[name])) <= LARGEST_STATE).all():
+            raise ResultError(f"{file}: column {name} holds what no run writes; run again")
     return table
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
+from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.errors import ResultError
 from scex_sumo.files import replacing, write_atomic
-from scex_sumo.ranking.moments import Failure, MomentRef, as_row, from_row
+from scex_sumo.ranking.moments import Failure, MomentRef, as_row, read_failures
 from scex_sumo.results.claimed import ClaimedFolder
-from scex_sumo.validation.moment import Forecast
+from scex_sumo.validation.moment import CONSTANT_VELOCITY, RECORDED, SEED_MOMENT, Forecast
 
 INFO = "validate.json"
 _TABLES = ("vehicles", "encounters", "realism", "children")  # the last one says that all are there
@@ -29,11 +30,15 @@ class ForecastFolder(ClaimedFolder):
             shutil.rmtree(self.path / name, ignore_errors=True)
 
     def _prepare(self) -> None:
+        """Moments and failures that cannot be read whole are removed, and run again."""
         (self.path / _FAILED).mkdir(exist_ok=True)
+        for folder in (self.path / _MOMENTS).glob("*/"):
+            if not _is_whole(folder):
+                shutil.rmtree(folder)
 
     def has(self, ref: MomentRef) -> bool:
         """Whether a moment has run."""
-        return (self.path / _MOMENTS / ref.moment / f"{_TABLES[-1]}.parquet").is_file()
+        return (self.path / _MOMENTS / ref.moment).is_dir()
 
     def append(self, ref: MomentRef, forecast: Forecast) -> None:
         """Add the forecast of a moment."""
@@ -41,7 +46,7 @@ class ForecastFolder(ClaimedFolder):
         folder.mkdir(parents=True, exist_ok=True)
         for name in _TABLES:
             with replacing(folder / f"{name}.parquet") as file:
-                pq.write_table(getattr(forecast, name), file, compression="zstd")
+                pq.write_table(getattr(forecast, name), file, compression="zstd", write_page_checksum=True)
 
     def read(self, ref: MomentRef) -> Forecast:
         """The forecast of a moment that has run.
@@ -52,7 +57,7 @@ class ForecastFolder(ClaimedFolder):
         folder, tables = self.path / _MOMENTS / ref.moment, dict[str, pa.Table]()
         for name in _TABLES:
             try:
-                tables[name] = pq.ParquetFile(folder / f"{name}.parquet").read()
+                tables[name] = _read(folder / f"{name}.parquet")
             except (OSError, pa.ArrowException) as error:
                 raise ResultError(f"{folder}: cannot be read: {error}; remove it and run again") from None
         return Forecast(**tables)
@@ -64,6 +69,19 @@ class ForecastFolder(ClaimedFolder):
 
     def failures(self) -> dict[str, Failure]:
         """What failed, by moment."""
-        files = sorted((self.path / _FAILED).glob("*.json"))
-        found = [Failure(**from_row(json.loads(file.read_text()))) for file in files]
-        return {failure.moment: failure for failure in found}
+        return read_failures(self.path / _FAILED)
+
+
+def _read(file: Path) -> pa.Table:
+    return pq.ParquetFile(file, page_checksum_verification=True).read()
+
+
+def _is_whole(folder: Path) -> bool:
+    """Whether all tables of a moment can be read, with its children and what they are compared to."""
+    try:
+        tables = {name: _read(folder / f"{name}.parquet") for name in _TABLES}
+        rows = tables["children"]["child"].to_pylist()
+        known = len(tables["realism"]["realism"]) == 1
+    except (OSError, KeyError, ValueError, pa.ArrowException):
+        return False
+    return known and rows == [*range(len(rows) - 3), RECORDED, CONSTANT_VELOCITY, SEED_MOMENT]

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import itertools
 import tempfile
 import time
 from collections import Counter
 from pathlib import Path
 
-from tests.fuzz.cases import KINDS, Fuzzer
+import typer.main
+
+from scex_sumo.cli import app
+from tests.fuzz.cases import KINDS, OFTEN, Fuzzer
 
 
 def main() -> int:
@@ -22,23 +26,28 @@ def main() -> int:
     given = parser.parse_args()
     kinds = given.kind or list(KINDS)
     ended: Counter[tuple[str, str]] = Counter()
-    started, longest = time.monotonic(), 0.0
+    started, longest, bad = time.monotonic(), 0.0, 0
     folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
     fuzzer = Fuzzer(folder, given.seed)
-    every = ((number, kind) for number in itertools.count(given.first) for kind in kinds)
-    for number, kind in itertools.islice(every, given.cases):
-        case = fuzzer.case(kind, number)
+    typer.main.get_command = functools.cache(typer.main.get_command)  # built once, not in every process
+    typer.main.get_command(app)
+    numbers = {kind: itertools.count(given.first) for kind in kinds}
+    every = itertools.cycle(given.kind or OFTEN)
+    for done, kind in enumerate(itertools.islice(every, given.cases), 1):
+        case = fuzzer.case(kind, next(numbers[kind]))
         ended[kind, case.ended.verdict] += 1
         longest = max(longest, case.ended.seconds)
         if not case.ended.fine:
+            bad += 1
             how = f"{case.ended.verdict} ({case.ended.status}): {case.how}"
-            print(f"{kind} {number}: {how}: {case.command[:120]}")
+            print(f"{kind} {case.number}: {how}: {case.command[:120]}")
             print("   ", " | ".join(case.ended.said.strip().splitlines()[-3:])[-400:], flush=True)
+        if done % 1000 == 0:
+            print(f"{done} cases, {bad} findings, {time.monotonic() - started:.0f} s", flush=True)
     verdicts = sorted({verdict for _, verdict in ended}, key=lambda v: (v not in ("result", "one line"), v))
     print(f"| files | {' | '.join(verdicts)} |\n|---|{'---|' * len(verdicts)}")
     for kind in kinds:
         print(f"| {kind} | {' | '.join(str(ended[kind, verdict]) for verdict in verdicts)} |")
-    bad = sum(count for (_, verdict), count in ended.items() if verdict not in ("result", "one line"))
     took = time.monotonic() - started
     print(f"{given.cases} cases, {bad} findings, {took:.0f} s, the longest {longest:.1f} s; kept in {folder}")
     return int(bad > 0)

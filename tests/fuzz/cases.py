@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
 from typing import Final
 
-import scex_sumo
 from tests.converters.commonroad.commonroad_maps import Lanelet, Vehicle, write_scenario
-from tests.fuzz.forked import Ended, preload, run_forked
-from tests.fuzz.mutations import NUMBERS, mutated
+from tests.converters.datasets.levelx_files import Mover, write_highd
+from tests.fuzz.forked import Ended, run_forked
+from tests.fuzz.mutations import NUMBERS, bytes_changed, mutated
+from tests.fuzz.sources import EXAMPLES, KEPT, Sources
 
-EXAMPLES = Path(scex_sumo.__file__).parent / "scenarios/data"
 MAPS = ("roundabout", "urban_intersection", "motorway_merge")
 RUN = ("--children", "2", "--steps", "5", "--no-plots", "-o", "new")
+REFERENCE_EVERY = 8
+"""Of so many cases of `run`, one runs the 117 children of the reference, too."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,38 +38,23 @@ class Fuzzer:
 
     def __init__(self, folder: Path, seed: int = 0) -> None:
         self._folder, self._seed = folder, seed
-        self._result: Path | None = None
-        preload()
+        self.sources = Sources(folder)
 
     def case(self, kind: str, number: int) -> Case:
         """Make a case and run it."""
         rng = Random(f"{self._seed} {kind} {number}")
         work = self._folder / f"{kind}{number}"
         work.mkdir()
-        how, arguments = KINDS[kind](self, work, rng)
+        how, arguments = KINDS[kind](self.sources, work, rng)
+        if arguments[0] == "run" and number % REFERENCE_EVERY and "--reference" not in arguments:
+            arguments += ["--reference", "none"]
         ended = run_forked(arguments, work)
+        if kind == "kept" and ended.fine:
+            same = ended.verdict == "result" and self.sources.is_finished(arguments[0], work)
+            ended = ended if same else replace(ended, verdict="not resumed")
         if ended.fine:
             shutil.rmtree(work, ignore_errors=True)
         return Case(kind=kind, number=number, how=how, command=" ".join(arguments), ended=ended)
-
-    def result(self) -> Path:
-        """A result folder, made once by a process of its own, so that nothing here has threads to lose."""
-        if self._result is None:
-            self._result = self._folder / "result"
-            map_path = EXAMPLES / "urban_intersection.osm"
-            command = [
-                "run",
-                str(map_path),
-                "--children",
-                "3",
-                "--steps",
-                "5",
-                "--no-plots",
-                "-o",
-                str(self._result),
-            ]
-            subprocess.run([sys.executable, "-m", "scex_sumo", *command], check=True, capture_output=True)
-        return self._result
 
 
 def _twice(file: Path, rng: Random) -> str:
@@ -85,7 +71,7 @@ def _copied(work: Path, name: str) -> tuple[Path, Path]:
     return work / f"{name}.osm", work / f"{name}.csv"
 
 
-def _tracks(fuzzer: Fuzzer, work: Path, rng: Random) -> tuple[str, list[str]]:
+def _tracks(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     map_path, tracks = _copied(work, rng.choice(MAPS))
     how = _twice(tracks, rng)
     return how, rng.choice(
@@ -93,13 +79,13 @@ def _tracks(fuzzer: Fuzzer, work: Path, rng: Random) -> tuple[str, list[str]]:
     )
 
 
-def _map(fuzzer: Fuzzer, work: Path, rng: Random) -> tuple[str, list[str]]:
+def _map(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     map_path, _ = _copied(work, rng.choice(MAPS))
     how = _twice(map_path, rng)
     return how, rng.choice((["run", map_path.name, *RUN], ["convert", map_path.name, "-o", "new.net.xml"]))
 
 
-def _commonroad(fuzzer: Fuzzer, work: Path, rng: Random) -> tuple[str, list[str]]:
+def _commonroad(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     file = write_scenario(
         work / "two.xml",
         [
@@ -115,8 +101,8 @@ def _commonroad(fuzzer: Fuzzer, work: Path, rng: Random) -> tuple[str, list[str]
     return how, rng.choice((["run", file.name, *RUN], ["convert", file.name, "-o", "new.net.xml"]))
 
 
-def _folder(fuzzer: Fuzzer, work: Path, rng: Random) -> tuple[str, list[str]]:
-    shutil.copytree(fuzzer.result(), work / "out")
+def _folder(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    shutil.copytree(sources.result(), work / "out")
     files = sorted(file for file in (work / "out").rglob("*") if file.is_file() and file.suffix in _FILES)
     file = rng.choice(files)
     if rng.random() < 0.1:
@@ -131,7 +117,7 @@ def _folder(fuzzer: Fuzzer, work: Path, rng: Random) -> tuple[str, list[str]]:
         ["export", "out", "--child", "1", "-o", "child.csv"],
         ["metrics", "out"],
         ["explain", "out", "--no-plots"],
-        ["compare", "out", str(fuzzer.result())],
+        ["compare", "out", str(sources.result())],
     )
     return f"{file.relative_to(work / 'out')}: {how}", rng.choice(commands)
 
@@ -139,7 +125,45 @@ def _folder(fuzzer: Fuzzer, work: Path, rng: Random) -> tuple[str, list[str]]:
 _FILES = (".json", ".parquet", ".csv", ".xml")
 
 
-def _weights(fuzzer: Fuzzer, work: Path, rng: Random) -> tuple[str, list[str]]:
+def _kept(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """Something that an interrupted command kept is damaged; the same command must end as if nothing was."""
+    command = rng.choice((*18 * ("run",), "rank", "validate"))
+    shutil.copytree(sources.interrupted(command), work, dirs_exist_ok=True)
+    place = {"run": ".parts/*", "rank": "[cs]*s/**/*", "validate": "moments/*/*"}[command]
+    files = sorted(file for file in (work / "out").glob(place) if file.is_file())
+    file = rng.choice(files)
+    how = bytes_changed(file, rng, ("zero", "cut", "drop", "double", "garbage", "empty", "flip"))
+    return f"{file.name}: {how}", list(KEPT[command])
+
+
+def _highway(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """A recording of highD's form, whose meta data are the map."""
+    movers = [
+        Mover(number=n, x=60.0 * n, y=-23.0 - 4.0 * (n % 2), speed=25.0, first=10 * n) for n in range(1, 5)
+    ]
+    movers += [Mover(number=9, x=300.0, y=-11.0, heading=math.pi, speed=30.0, kind="truck", length=12.0)]
+    write_highd(work, movers)
+    file = work / f"01_{rng.choice(('tracks', 'tracks', 'tracksMeta', 'recordingMeta'))}.csv"
+    how = _twice(file, rng)
+    return f"{file.name}: {how}", rng.choice(
+        (["run", "01_recordingMeta.csv", "--time", "2", *RUN], ["metrics", "01_tracks.csv"])
+    )
+
+
+def _simulation(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """A SUMO net, floating car data or a saved state."""
+    shutil.copytree(sources.simulation(), work, dirs_exist_ok=True)
+    file = work / rng.choice(("g.net.xml", "g.fcd.xml", "s.xml"))
+    how = _twice(file, rng)
+    wanted = {
+        "g.net.xml": rng.choice((["--synthetic", "4"], ["--fcd", "g.fcd.xml"])),
+        "g.fcd.xml": ["--fcd", "g.fcd.xml"],
+        "s.xml": ["--state", "s.xml"],
+    }
+    return f"{file.name}: {how}", ["run", "g.net.xml", *wanted[file.name], *RUN]
+
+
+def _weights(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     from tests.fuzz.weights import write_mutated
 
     map_path, _ = _copied(work, "urban_intersection")
@@ -147,7 +171,7 @@ def _weights(fuzzer: Fuzzer, work: Path, rng: Random) -> tuple[str, list[str]]:
     return how, ["run", map_path.name, *RUN, "--models", "graph_predictor:weights=w.pt"]
 
 
-def _options(fuzzer: Fuzzer, work: Path, rng: Random) -> tuple[str, list[str]]:
+def _options(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     map_path, _ = _copied(work, "urban_intersection")
     option = rng.choice(_OPTIONS)
     value = rng.choice((*NUMBERS, "all", "ttc=1", "1/TTC=nan", "3=replay", "5", "100000000", "x" * 3000))
@@ -160,11 +184,16 @@ _OPTIONS: Final = (
     "--tracks",
 )
 
-KINDS: Final[Mapping[str, Callable[[Fuzzer, Path, Random], tuple[str, list[str]]]]] = {
+KINDS: Final[Mapping[str, Callable[[Sources, Path, Random], tuple[str, list[str]]]]] = {
     "tracks": _tracks,
     "maps": _map,
     "commonroad": _commonroad,
     "weights": _weights,
     "folders": _folder,
     "options": _options,
+    "kept": _kept,
+    "highways": _highway,
+    "simulations": _simulation,
 }
+OFTEN: Final = (*2 * ("tracks", "maps", "commonroad", "weights", "folders", "options"), *KINDS)
+"""Kinds in the order of a run: those whose cases are quick come more often."""

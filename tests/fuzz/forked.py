@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import resource
@@ -9,6 +10,7 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +18,8 @@ LIMIT_S, LIMIT_BYTES = 60.0, 2 << 30
 MAPPED_BYTES = 4 << 30
 """More address space than is used, for threads and libraries reserve it."""
 LONGEST_LINE = 700
+IMPORTED = "imported.txt"
+"""File in a case's folder: the modules that its process imported."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,12 +45,6 @@ class Ended:
         return self.verdict in ("result", "one line")
 
 
-def preload() -> None:
-    """Import what commands import, so that forked processes need not; unused, it starts no threads."""
-    for name in ("libsumo", "lanelet2", "pyarrow.csv", "pyarrow.parquet", "scipy.signal", "shapely"):
-        importlib.import_module(name)
-
-
 def run_forked(arguments: Sequence[str], folder: Path) -> Ended:
     """Run a command of scex-sumo in a forked process, in a folder."""
     started = time.monotonic()
@@ -55,6 +53,7 @@ def run_forked(arguments: Sequence[str], folder: Path) -> Ended:
     if child == 0:
         _run(arguments, folder, errors)
     status, usage, hang = _wait(child, started)
+    _learn(folder / IMPORTED)
     said = errors.read_text(errors="replace")
     code = -os.WTERMSIG(status) if os.WIFSIGNALED(status) else os.WEXITSTATUS(status)
     verdict = "hang" if hang else _verdict(code, said, usage.ru_maxrss * 1024)
@@ -63,7 +62,7 @@ def run_forked(arguments: Sequence[str], folder: Path) -> Ended:
 
 def _run(arguments: Sequence[str], folder: Path, errors: Path) -> None:
     """The child: never returns."""
-    status = 70
+    status, before = 70, set(sys.modules)
     try:
         os.setsid()
         os.chdir(folder)
@@ -86,9 +85,20 @@ def _run(arguments: Sequence[str], folder: Path, errors: Path) -> None:
 
         traceback.print_exc()
     finally:
+        with suppress(OSError, MemoryError):
+            (folder / IMPORTED).write_text("\n".join(name for name in sys.modules if name not in before))
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)
+
+
+def _learn(imported: Path) -> None:
+    """Import what a case had to import, so that the cases after it need not."""
+    if imported.exists():
+        for name in imported.read_text().split():
+            with suppress(Exception):
+                importlib.import_module(name)
+        gc.freeze()
 
 
 def _wait(child: int, started: float) -> tuple[int, resource.struct_rusage, bool]:

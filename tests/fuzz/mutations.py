@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -31,28 +31,34 @@ VALUES: tuple[Any, ...] = (
 def mutated(file: Path, rng: Random) -> str:
     """Mutate a file in place once; says how."""
     kind = file.name.removesuffix(".gz").rpartition(".")[2]
-    ways: list[Callable[[Path, Random], str]] = [_bytes]
+    ways: list[Callable[[Path, Random], str]] = [bytes_changed]
     if kind in ("csv", "osm", "xml"):
-        ways = [_bytes, _text, _text, _text, _text]
+        ways = [bytes_changed, _text, _text, _text, _text]
     if kind == "csv":
         ways += [_column] * 6
     elif kind == "json":
-        ways = [_bytes, *[_json] * 6]
+        ways = [bytes_changed, *[_json] * 6]
     elif kind == "parquet":
-        ways = [_bytes, *[_table] * 6]
+        ways = [bytes_changed, *[_table] * 6]
     try:
         return rng.choice(ways)(file, rng)
     except (ValueError, LookupError, OSError, pa.ArrowException):  # the first mutation left no such structure
-        return _bytes(file, rng)
+        return bytes_changed(file, rng)
 
 
-def _bytes(file: Path, rng: Random) -> str:
+BYTES = ("flip", "cut", "drop", "double", "garbage", "empty", "pack")
+
+
+def bytes_changed(file: Path, rng: Random, ways: Sequence[str] = BYTES) -> str:
+    """Change a file's bytes in one of some ways, whatever they mean; says how."""
     content = bytearray(file.read_bytes())
     at, size = rng.randrange(len(content) + 1), rng.choice((1, 4, 100, 5000))
-    what = rng.choice(("flip", "cut", "drop", "double", "garbage", "empty", "pack"))
+    what = rng.choice(ways)
     if what == "flip":
         for _ in range(min(size, len(content))):
             content[rng.randrange(len(content))] = rng.randrange(256)
+    elif what == "zero":
+        content[at : at + size] = bytes(len(content[at : at + size]))
     elif what == "cut":
         del content[at:]
     elif what == "drop":

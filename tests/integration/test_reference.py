@@ -6,9 +6,15 @@ import json
 from pathlib import Path
 
 import pyarrow.parquet as pq
+import pytest
 
 from scex_sumo.extrapolation.extrapolate import extrapolate
-from scex_sumo.extrapolation.reference import CHILDREN, add_reference, drop_reference
+from scex_sumo.extrapolation.reference import (
+    CHILDREN,
+    add_reference,
+    drop_reference,
+    reference_children,
+)
 from scex_sumo.reports.tables.runs import summary_table
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
@@ -30,3 +36,13 @@ def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Pat
     assert "P likely" in headers and "P possible" in headers
     drop_reference(again)
     assert type(run)(tmp_path).reference is None
+
+
+@pytest.mark.parametrize(
+    ("children", "steps", "expected"),
+    [(2, 5, 117), (2, 30, 117), (385, 30, 117), (2, 60, 58), (385, 980, 117), (40, 980, 40), (2, 980, 3)],
+)
+def test_a_reference_costs_no_more_than_the_run_or_a_short_one(
+    children: int, steps: int, expected: int
+) -> None:
+    assert reference_children(children, steps) == expected

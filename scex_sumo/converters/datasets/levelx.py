@@ -26,12 +26,15 @@ from scex_sumo.converters.formats import (
     read_rows,
     recording_file,
 )
+from scex_sumo.converters.tracks.check import LARGEST
 from scex_sumo.converters.tracks.kinds import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
 from scex_sumo.geometry.polylines import wrap
 
 _IND = ("trackId", "frame", "xCenter", "yCenter", "heading", "width", "length", "xVelocity", "yVelocity")
+_LARGEST = dict.fromkeys(("id", "trackId"), 2**63) | {"frame": 1e9}
+_LARGEST |= dict.fromkeys(("x", "y", "xCenter", "yCenter"), LARGEST["x"])
 _HIGHD = ("id", "frame", "x", "y", "width", "height", "xVelocity", "yVelocity")
 
 
@@ -195,8 +198,9 @@ def _read_columns(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
     if not arrow.num_rows:
         raise TrackError(f"{path}: a header and no rows; give a file with tracks")
     for name, values in columns.items():
-        bad = ~np.isfinite(values)
+        largest = _LARGEST.get(name, LARGEST["vx"])
+        bad = ~(np.abs(values) <= largest)
         if bad.any():
-            line = int(np.argmax(bad)) + 2
-            raise TrackError(f"{path}: line {line}: {name} is missing or not finite; repair or drop the row")
+            line, what = int(np.argmax(bad)) + 2, f"missing, not finite or beyond {largest:g}"
+            raise TrackError(f"{path}: line {line}: {name} is {what}; repair or drop the row")
     return columns

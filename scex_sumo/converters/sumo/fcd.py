@@ -15,6 +15,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.converters.formats import open_binary
+from scex_sumo.converters.tracks.check import LARGEST
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
 from scex_sumo.geometry.polylines import wrap
@@ -38,7 +39,9 @@ _CAR, _PERSON = (5.0, 1.8), (0.215, 0.478)
 _KINDS = {"trailer": "truck", "coach": "bus", "delivery": "van", "moped": "motorcycle", "bike": "bicycle"}
 _OTHERS = ("bicycle", "tram", "pedestrian")
 _COLUMNS = ("time", "x", "y", "angle", "speed", "length", "width")
-_LONGEST_STEP_S = 0.5  # longer ones are filled in here: on curves a straight line between them is no path
+_LARGEST = (LARGEST["timestamp_ms"] / 1000.0, LARGEST["x"], LARGEST["y"], 1e4, LARGEST["vx"], 1e4, 1e4)
+_FILLED_FROM_S = 0.5  # longer steps are filled in here: on curves a straight line between them is no path
+SHORTEST_STEP_S, LONGEST_STEP_S = 0.001, 2.0
 
 
 def read_fcd(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
@@ -76,14 +79,21 @@ def tracks_of(
 
     Returns:
         The recording, and one phrase for each thing that had to be guessed.
+
+    Raises:
+        TrackError: a value is missing or beyond what it can be, or samples are too far apart.
     """
+    _check(path, names, table)
     findings = _fill_sizes(table, kinds)
     labels, track = np.unique(names, return_inverse=True)
     order = np.lexsort((table[:, 0], track))
     track, table = track[order].astype(np.int64), table[order]
     words = np.array([_word(kind) for kind in kinds])[order]
     step_s = _step(track, table[:, 0])
-    if step_s > _LONGEST_STEP_S:
+    if not SHORTEST_STEP_S <= step_s <= LONGEST_STEP_S:
+        limits = f"{SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s"
+        raise TrackError(f"{path}: simulated in steps of {step_s:g} s, {limits} are read; simulate again")
+    if step_s > _FILLED_FROM_S:
         track, table, words = _filled(track, table, words, step_s)
         findings.append(f"simulated in steps of {step_s:g} s: filled in to {STEP_S:g} s along curves")
         step_s = STEP_S
@@ -101,6 +111,17 @@ def tracks_of(
         ),
         tuple(findings),
     )
+
+
+def _check(path: Path, names: Sequence[str], table: FloatArray) -> None:
+    """Raise a `TrackError` for the first row whose values no simulation has; sizes may be missing."""
+    wrong = ~(np.abs(table) <= _LARGEST)
+    wrong[:, 5:] &= ~np.isnan(table[:, 5:])
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        what = "missing" if np.isnan(table[row, column]) else f"{table[row, column]:g}"
+        name, when = f"{names[row]:.24}", f"{table[row, 0]:g} s"
+        raise TrackError(f"{path}: {_COLUMNS[column]} of vehicle {name} at {when} is {what}; write it again")
 
 
 def _fill_sizes(table: FloatArray, kinds: Sequence[str]) -> list[str]:

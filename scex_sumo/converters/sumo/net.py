@@ -15,13 +15,14 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.formats import map_name, open_binary
 from scex_sumo.converters.sumo.lanelets import lanelet_places, named_parts, put_together
 from scex_sumo.converters.sumo.rules import junction_rules
-from scex_sumo.errors import MapError
+from scex_sumo.errors import MapError, reason_of
 from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.road import Area, Lane, Marking, Road
 from scex_sumo.roads.overlaps import overlapping
 
 WIDTH_M = 3.2  # SUMO's where a net gives none
 SHORTEST_M = 0.05  # lanes of no length are drawn out to this
+LARGEST_M, WIDEST_M, FASTEST_MPS = 1e8, 100.0, 1000.0  # of coordinates, lanes and speed limits
 SHARPEST = 3.0  # corners of borders reach out at most this many times the half width
 CHANGED = "the net was converted by scex-sumo and changed since: its lanes are read as they are now"
 _DRIVEN = ("normal", "", None, "internal")
@@ -133,9 +134,23 @@ def _open(path: Path) -> tuple[Any, set[tuple[str, int]]]:
         if (allowed := lane.get(rule)) is not None and not {"all", "passenger"} & set(allowed.split())
     }
     try:
-        return sumolib.net.readNet(str(path), withInternal=True, withFoes=True), forbidden
-    except (SAXException, KeyError, ValueError, IndexError) as error:
-        raise MapError(f"{path}: sumolib cannot read it: {error!r}; build it again with netconvert") from None
+        net = sumolib.net.readNet(str(path), withInternal=True, withFoes=True)
+        for name in lane_names(path):
+            _check_lane(net.getLane(name))
+    except (SAXException, LookupError, ValueError, AttributeError, TypeError) as error:
+        raise MapError(
+            f"{path}: sumolib cannot read it: {reason_of(error)[:200]}; build it again with netconvert"
+        ) from None
+    return net, forbidden
+
+
+def _check_lane(lane: Any) -> None:
+    """Raise a `ValueError` for a lane of impossible shape, width or speed."""
+    shape = np.array(lane.getShape3D(), dtype=np.float64)
+    if not len(shape) or not (np.abs(shape) <= LARGEST_M).all():
+        raise ValueError(f"lane {lane.getID()} has no shape")
+    if not lane.getWidth() <= WIDEST_M or not 0.0 <= lane.getSpeed() <= FASTEST_MPS:
+        raise ValueError(f"lane {lane.getID()} is {lane.getWidth()} m wide, for {lane.getSpeed()} m/s")
 
 
 def _following(lane: Any, numbers: Mapping[str, int]) -> tuple[int, ...]:

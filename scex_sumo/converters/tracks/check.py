@@ -14,6 +14,10 @@ from scex_sumo.errors import TrackError
 
 BASE_COLUMNS = ("track_id", "timestamp_ms", "agent_type", "x", "y", "vx", "vy")
 SHAPE_COLUMNS = ("psi_rad", "length", "width")
+WALKERS = ("pedestrian_tracks", "Ped_smoothed_tracks")
+"""How the names of files begin whose tracks need neither heading nor size."""
+HEADINGS = ("yaw_rad", "heading_rad")
+"""Other names of ``psi_rad``, the first one's first: SinD has both, ``heading_rad`` is the course there."""
 MISSING = ("", "NA", "N/A", "#N/A", "NULL", "null", "None", "NaN", "nan", "n/a")
 """Words for a value that is not there."""
 
@@ -58,12 +62,16 @@ def _check_names(path: Path, line: str) -> list[str]:
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if line.count(mark) > line.count(","):
             raise TrackError(f"{path}: columns are separated by {name}; save it with commas")
-    header = [name.strip().strip('"') for name in line.split(",")]
     known = (*BASE_COLUMNS, *SHAPE_COLUMNS, "frame_id", "case_id")
+    header = [name.strip().strip("\"'").strip() for name in line.split(",")]
+    header = [name.lower() if name.lower() in (*known, *HEADINGS) else name for name in header]
+    heading = next((name for name in HEADINGS if name in header), "")
+    if "psi_rad" not in header and heading:
+        header[header.index(heading)] = "psi_rad"
     twice = [name for name in known if header.count(name) > 1]
     if twice:
         raise TrackError(f"{path}: column {', '.join(twice)} is there twice; keep one")
-    shapes = () if path.name.startswith("pedestrian_tracks") else SHAPE_COLUMNS
+    shapes = () if path.name.startswith(WALKERS) else SHAPE_COLUMNS
     missing = [name for name in (*BASE_COLUMNS, *shapes) if name not in header]
     if missing:
         found = ", ".join(header[:14]) + (", ..." if len(header) > 14 else "")

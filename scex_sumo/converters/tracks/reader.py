@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.converters.tracks.check import WALKERS
 from scex_sumo.converters.tracks.columns import read_columns
 from scex_sumo.converters.tracks.kinds import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
 from scex_sumo.converters.tracks.rows import (
@@ -22,21 +23,25 @@ from scex_sumo.converters.tracks.rows import (
 from scex_sumo.errors import TrackError, listed
 
 
+_BESIDE = (("vehicle_tracks", WALKERS[0]), ("Veh_smoothed_tracks", WALKERS[1]))
+
+
 def read_tracks(path: str | Path) -> TrackTable:
     """Read a recording in INTERACTION format; nothing is repaired.
 
     Rows may come in any order, unknown columns are ignored, single rows without a value left out. Pedestrians
     and cyclists of INTERACTION v1.0 are read from ``pedestrian_tracks_*.csv`` beside
-    ``vehicle_tracks_*.csv``.
+    ``vehicle_tracks_*.csv``, those of SinD from ``Ped_smoothed_tracks.csv`` beside ``Veh_smoothed_tracks.csv``.
 
     Raises:
         TrackError: file missing or no CSV, column missing, value missing or not a number, no rows.
     """
     path = Path(path)
     files = [path]
-    beside = path.with_name(path.name.replace("vehicle_tracks", "pedestrian_tracks"))
-    if beside != path and beside.is_file():
-        files.append(beside)
+    for vehicles, walkers in _BESIDE:
+        beside = path.with_name(path.name.replace(vehicles, walkers))
+        if beside != path and beside.is_file():
+            files.append(beside)
     read = [read_columns(file) for file in files]
     columns, cases, labels, types = _merge([part for part, _ in read])
     of_track = _majority_type(columns["track"], columns["agent_type"], len(labels))

@@ -1,0 +1,91 @@
+"""Sources of cases: files that commands and SUMO wrote, made once by processes of their own."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+import scex_sumo
+from scex_sumo.programs import environment, program
+
+EXAMPLES = Path(scex_sumo.__file__).parent / "scenarios/data"
+RUN: Final = ("--children", "3", "--steps", "5", "--no-plots", "--reference", "none")
+KEPT: Final = {
+    "run": ("run", "data/urban_intersection.osm", *RUN, "--batch", "1", "-o", "out"),
+    "rank": ("rank", "data", "--every", "4", "--children", "4", "--first", "2", "--top", "1", "-o", "out"),
+    "validate": ("validate", "data", "--every", "4", "--children", "4", "-o", "out"),
+}
+"""Commands that keep what is finished; they run in a folder that has the recording in ``data``."""
+RESULTS: Final = {"run": "metrics.parquet", "rank": "ranking.csv", "validate": "values.parquet"}
+"""A file of theirs that an interruption does not change."""
+_INTERRUPTED = (
+    "from scex_sumo.results.claimed import ClaimedFolder as F; from scex_sumo.cli import main; import sys\n"
+    "def stop(*_, **__): raise KeyboardInterrupt\n"
+    "F.finish = stop; sys.argv = ['scex-sumo', *sys.argv[1:]]; main()"
+)
+_FLOWS = """<routes>
+ <vType id="car" vClass="passenger"/><vType id="truck" vClass="truck"/>
+ <flow id="f" type="car" begin="0" end="30" period="3" from="A0A1" to="C1C2" departLane="best"/>
+ <flow id="t" type="truck" begin="0" end="30" period="7" from="C0B0" to="A1A2"/>
+</routes>"""
+
+
+class Sources:
+    """Folders with files to be mutated; each is made when it is first asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    @cache  # noqa: B019
+    def result(self) -> Path:
+        """A result folder."""
+        folder = self._folder / "result"
+        command = ("run", str(EXAMPLES / "urban_intersection.osm"), *RUN, "-o", str(folder))
+        subprocess.run([sys.executable, "-m", "scex_sumo", *command], check=True, capture_output=True)
+        return folder
+
+    @cache  # noqa: B019
+    def finished(self, command: str) -> bytes:
+        """What a command of `KEPT` ends with where nothing is broken."""
+        folder = self._recording(f"finished-{command}")
+        words = [sys.executable, "-m", "scex_sumo", *KEPT[command]]
+        subprocess.run(words, cwd=folder, check=True, capture_output=True)
+        return (folder / "out" / RESULTS[command]).read_bytes()
+
+    def is_finished(self, command: str, folder: Path) -> bool:
+        """Whether a command of `KEPT` ended in a folder as where nothing is broken."""
+        return (folder / "out" / RESULTS[command]).read_bytes() == self.finished(command)
+
+    @cache  # noqa: B019
+    def interrupted(self, command: str) -> Path:
+        """What a command of `KEPT` leaves that is interrupted before its last step."""
+        folder = self._recording(f"interrupted-{command}")
+        words = [sys.executable, "-c", _INTERRUPTED, *KEPT[command]]
+        status = subprocess.run(words, cwd=folder, check=False, capture_output=True).returncode
+        assert status == 130, f"{command} ended with {status}, not as interrupted"
+        return folder
+
+    @cache  # noqa: B019
+    def simulation(self) -> Path:
+        """Traffic on a grid: the net, its state at 12 s and floating car data."""
+        folder = self._folder / "simulation"
+        folder.mkdir()
+        (folder / "r.rou.xml").write_text(_FLOWS)
+        grid = ["--grid", "--grid.number", "3", "--grid.length", "80", "-L", "2", "-o", "g.net.xml"]
+        files = ["-n", "g.net.xml", "-r", "r.rou.xml", "--fcd-output", "g.fcd.xml"]
+        files += ["--save-state.files", "s.xml", "--save-state.times", "12", "--end", "16"]
+        for name, options in (("netgenerate", grid), ("sumo", [*files, "--step-length", "0.5"])):
+            words = [program(name), *options]
+            subprocess.run(words, cwd=folder, check=True, capture_output=True, env=environment())
+        return folder
+
+    def _recording(self, name: str) -> Path:
+        folder = self._folder / name
+        (folder / "data").mkdir(parents=True)
+        for ending in ("osm", "csv"):
+            shutil.copy(EXAMPLES / f"urban_intersection.{ending}", folder / "data")
+        return folder
