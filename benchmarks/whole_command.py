@@ -38,11 +38,13 @@ RANK = ["--models", "rules", "--every", "5", "--children", str(RANKED), "--first
 def spent(command: list[str], tree: Path = HERE.parent) -> tuple[float, float, str]:
     """Processor time and wall time of a command and all that it starts, s, and what it printed.
 
-    It runs as installed: with the package of ``tree``, and with bytecode kept between runs.
+    It runs as installed: with the package of ``tree``, and with bytecode kept between runs. Its folder is
+    ``tree`` as well, since Python looks for packages there before anywhere else.
     """
     kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    done = subprocess.run(command, capture_output=True, text=True, env={**kept, "PYTHONPATH": str(tree)})
+    environment = {**kept, "PYTHONPATH": str(tree)}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=tree)
     wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode:
         raise SystemExit(f"{' '.join(command)}\n{done.stderr}")
@@ -57,22 +59,26 @@ def plain_loop(map_path: Path, vehicles: int) -> float:
 
 
 def ranked(dataset: Path, tree: Path, out: Path, extra: list[str]) -> float:
-    """Vehicle-steps that ``rank`` runs and measures per second of processor time."""
+    """Vehicle-steps that ``rank`` runs and measures per second of processor time; ``out`` is a new folder."""
     command = [sys.executable, "-m", "scex_sumo", "rank", str(dataset), *RANK, *extra]
-    seconds = spent([*command, "-o", str(out), "--overwrite"], tree)[0]
+    seconds = spent([*command, "-o", str(out)], tree)[0]
     with (out / "ranking.csv").open() as file:
         rows = list(csv.DictReader(file))
     return sum(int(row["vehicles"]) * int(row["children"] or 0) * STEPS for row in rows) / seconds
 
 
+def _absolute(path: str) -> Path:
+    return Path(path).resolve()
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("map", type=Path, nargs="?", default=DEFAULT_MAP)
+    parser.add_argument("map", type=_absolute, nargs="?", default=DEFAULT_MAP)
     parser.add_argument("--synthetic", type=int, help="vehicles that SUMO places on the map")
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--workers", type=int, default=0, help="also the wall time with so many processes")
-    parser.add_argument("--dataset", type=Path, help="also ranks these recordings")
-    parser.add_argument("--before", type=Path, help="an older checkout, to rank with as well")
+    parser.add_argument("--dataset", type=_absolute, help="also ranks these recordings")
+    parser.add_argument("--before", type=_absolute, help="an older checkout, to rank with as well")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         commands(options, Path(folder))
@@ -129,7 +135,7 @@ def ranking(options: argparse.Namespace, folder: Path) -> None:
     rates: dict[str, list[float]] = {name: [] for name in trees}
     for turn in range(options.repeat + 1):
         for name, (tree, extra) in trees.items():
-            rate = ranked(options.dataset, tree, folder / name, extra)
+            rate = ranked(options.dataset, tree, folder / f"{name}{turn}", extra)
             if turn:
                 rates[name].append(rate)
     print(f"\nrank {options.dataset.name} {' '.join(RANK)} --preset paper")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -45,10 +46,13 @@ def random_assignments(
     return np.searchsorted(upper, draws, side="right").astype(np.int64)
 
 
+@lru_cache(maxsize=32)
 def designed_assignments(
-    weights: Sequence[float], children: int, vehicles: int, *, seed: int, design: str
+    weights: tuple[float, ...], children: int, vehicles: int, *, seed: int, design: str
 ) -> IntArray:
     """Models for the vehicles of all children together, spread more evenly than independent draws.
+
+    Kept, and not to be changed: moments of a ranking with as many vehicles have the same ones.
 
     Args:
         weights: (M,) relative frequency of each model, not all zero.
@@ -137,7 +141,8 @@ def assignments(
         free = [v for v, t in enumerate(ids) if t not in fixed]
         result = np.zeros((children, len(ids)), dtype=np.int64)
         if free:
-            result[:, free] = designed_assignments(weights, children, len(free), seed=seed, design=design)
+            each = tuple(weights)
+            result[:, free] = designed_assignments(each, children, len(free), seed=seed, design=design)
     for track, model in fixed.items():
         result[:, ids.index(track)] = model
     return result

@@ -52,6 +52,7 @@ def extrapolate(
     batch: int | None = None,
     gui: bool = False,
     cache: bool = True,
+    compared: bool = True,
     progress: Progress | None = None,
     command: Sequence[str] | None = None,
     **settings: Any,
@@ -68,6 +69,7 @@ def extrapolate(
             on it.
         gui: show the run live in sumo-gui.
         cache: keep the converted net in ``~/.cache/scex-sumo`` for the next run on the same map.
+        compared: whether a checked world is compared with SUMO's; if not, it has been elsewhere.
         progress: called with (steps done, steps in all) as the run advances.
         command: the command line, for ``run.json``.
         settings: all that decides on the values, each of the attributes of
@@ -102,7 +104,7 @@ def extrapolate(
         assert scene.road is not None
         net = converted(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml", keep=cache)
         watch.lap("convert")
-        job = Job(scene, net, wanted, models, assignment, folder.path, gui)
+        job = Job(scene, net, wanted, models, assignment, folder.path, gui, compared=compared)
         first = _part_of(progress, 0, 2) if wanted.compared else progress
         job, band = _run_children(job, partial(_run_all, workers=pool, batch=batch, progress=first))
         if wanted.compared and not (folder.path / BASELINE / "run.json").is_file():

@@ -53,6 +53,7 @@ class Job:
         folder: the result folder.
         gui: show the run live in sumo-gui.
         counted: (T, V) steps in which a vehicle counts in metrics; None: all.
+        compared: whether a checked world is compared with SUMO's; if not, it has been elsewhere.
     """
 
     scene: SeedScene
@@ -63,6 +64,7 @@ class Job:
     folder: Path
     gui: bool = False
     counted: BoolArray | None = None
+    compared: bool = True
 
     @property
     def road(self) -> Road:
@@ -90,8 +92,10 @@ class Job:
 
     @property
     def world(self) -> str:
-        """As the settings have it; SUMO's where only that does."""
-        return "sumo" if self.settings.world == "checked" and self.apart else self.settings.world
+        """As the settings have it; SUMO's where only that does, arrays alone where nothing is compared."""
+        if self.settings.world != "checked":
+            return self.settings.world
+        return "sumo" if self.apart else "checked" if self.compared else "plain"
 
     def slots(self, children: IntArray) -> IntArray:
         """(C,) tile slot of each child: its own, or that of all."""
@@ -143,15 +147,14 @@ def batch_runner(job: Job, slots: Sequence[int]) -> Iterator[Callable[[IntArray,
 
 
 @contextmanager
-def sumo_of(job: Job, slots: Sequence[int], *, compared: bool = True) -> Iterator[SumoWorld | None]:
+def sumo_of(job: Job, slots: Sequence[int]) -> Iterator[SumoWorld | None]:
     """SUMO's world of a job, for `run_batch`; None where arrays do.
 
     Args:
         job: the run.
         slots: the tile slots of all children that may come.
-        compared: whether a checked world is compared with SUMO's here; it has been elsewhere in the run.
     """
-    if job.world == "plain" or (job.world == "checked" and not compared):
+    if job.world == "plain":
         yield None
         return
     names = job.models.names
@@ -160,11 +163,11 @@ def sumo_of(job: Job, slots: Sequence[int], *, compared: bool = True) -> Iterato
         yield world
 
 
-def parts_in_memory(job: Job, children: Sequence[int], *, compared: bool) -> list[Part]:
-    """Children of a job, run in this process and kept nowhere; ``compared`` as in `sumo_of`."""
+def parts_in_memory(job: Job, children: Sequence[int]) -> list[Part]:
+    """Children of a job, run in this process and kept nowhere."""
     batches = batches_of(children, batch_size(job), apart=job.apart)
     slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
-    with sumo_of(job, slots, compared=compared) as world:
+    with sumo_of(job, slots) as world:
         return [run_batch(job, world, batch) for batch in batches]
 
 

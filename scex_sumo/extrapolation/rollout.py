@@ -10,7 +10,7 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
 from scex_sumo.errors import ScexError
-from scex_sumo.extrapolation.situations import plan_once
+from scex_sumo.extrapolation.situations import plans_of
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, Who
 from scex_sumo.world.base import World
@@ -119,11 +119,9 @@ def roll_out(
     for step in range(steps):
         if step % replan == 0:
             history = history_at(scene, window, cast.children, cast.route_draw, step=step)
-            for index, who in enumerate(groups):
-                if len(who):
-                    made = plan_once(cast.models[index], history, road, who, cast.generators)
-                    _take(made, plan, who, cast.names[index])
-                    replaced += _replaced(made, who, cast, step)
+            for index, made in plans_of(cast.models, groups, history, road, cast.generators):
+                _take(made, plan, groups[index], cast.names[index])
+                replaced += _replaced(made, groups[index], cast, step)
             plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]
             plan_y[:, step // replan] = plan.y[:, :, :PLAN_STEPS]
         world.move(plan[:, :, step % replan], override)

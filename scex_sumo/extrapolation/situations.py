@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +10,43 @@ import numpy as np
 from scex_sumo.arrays import IntArray, distinct
 from scex_sumo.behaviors.base import Behavior, Sight
 from scex_sumo.behaviors.driving.distinct import handed_out, own_motion
+from scex_sumo.behaviors.driving.together import Drive, DrivesAlong, driven
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.plug_in.fallback import Fallible
 from scex_sumo.derived import derived
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
+
+
+def plans_of(
+    models: Sequence[Behavior],
+    groups: Sequence[Who],
+    history: SceneHistory,
+    road: Road,
+    rng: Sequence[np.random.Generator],
+) -> Iterator[tuple[int, Plan]]:
+    """What `Behavior.plan` of each model gives for its group, where that is not empty.
+
+    Models of ours that drive along paths do so side by side; every other one is asked by itself.
+    """
+    some = [index for index, who in enumerate(groups) if len(who)]
+    along = {index: one for index in some if (one := _drive(models[index], history, road, groups[index]))}
+    together = dict(zip(along, driven(history, list(along.values())), strict=True))
+    for index in some:
+        made = together.get(index)
+        yield index, plan_once(models[index], history, road, groups[index], rng) if made is None else made
+
+
+def _drive(model: Behavior, history: SceneHistory, road: Road, who: Who) -> Drive | None:
+    """The drives that a model wants, one for all vehicles in equal situations; None for another's model."""
+    sight = sight_of(model)
+    if sight is None or not isinstance(model, DrivesAlong):
+        return None
+    if sight == "itself":
+        first, kind = distinct(own_motion(history, who))
+    else:
+        first, kind = distinct(np.stack([_alike(history)[who.child], who.vehicle], axis=1).astype(np.float64))
+    return model.intend(history, road, _some(who, first)).of(kind)
 
 
 def plan_once(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scex_sumo.errors import ScexError
-from scex_sumo.extrapolation.extrapolate import extrapolate
+from scex_sumo.extrapolation.extrapolate import SETTINGS, extrapolate
 from scex_sumo.extrapolation.workers.pool import Workers
 from scex_sumo.files import TemporaryFolder, write_atomic
 from scex_sumo.ranking.run_moment import MomentTask, unpack_road
@@ -40,15 +40,13 @@ def write_moment_report(
     """
     assert task.road is not None
     scene = dataclasses.replace(task.scene, road=unpack_road(task.road))
-    settings = {
-        f.name: getattr(task.settings.run, f.name) for f in dataclasses.fields(task.settings.run) if f.init
-    }
+    settings = {name: getattr(task.settings.run, name) for name in SETTINGS}
     folder = TemporaryFolder()
     with folder:
         try:
             out = Path(folder.name) / "run"
             settings["children"] = len(task.children)
-            run = extrapolate(scene, out=out, workers=workers, **settings)
+            run = extrapolate(scene, out=out, workers=workers, compared=False, **settings)
         except ScexError:
             return None
         info, arrays = report_contents(run, scene)

@@ -53,8 +53,9 @@ def pack_road(road: Road) -> bytes:
     return zlib.compress(pickle.dumps(road, protocol=pickle.HIGHEST_PROTOCOL))
 
 
+@lru_cache(maxsize=8)
 def unpack_road(packed: bytes) -> Road:
-    """The reverse of `pack_road`."""
+    """The reverse of `pack_road`; one road for all moments of a map, which share what follows from it."""
     road = pickle.loads(zlib.decompress(packed))
     assert isinstance(road, Road)
     return road
@@ -162,8 +163,7 @@ def _run(task: MomentTask, road: Road, net: SumoNet) -> MomentPart:
     if len(off) == scene.vehicles:
         raise TrackError(f"none of its {scene.vehicles} vehicles is on a mapped lane; check the map's origin")
     job = _job(task, scene, net)
-    parts = parts_in_memory(job, task.children, compared=compared(net, task.ref))
-    return _collected(task, job, parts)
+    return _collected(task, job, parts_in_memory(job, task.children))
 
 
 def compared(net: SumoNet, ref: MomentRef) -> bool:
@@ -188,6 +188,7 @@ def _job(task: MomentTask, scene: SeedScene, net: SumoNet) -> Job:
             scene.track_ids, children=task.children.stop, seed=run.seed, design=run.design
         ),
         folder=net.path.parent,
+        compared=compared(net, task.ref),
     )
 
 

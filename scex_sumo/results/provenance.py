@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import platform
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -50,4 +51,9 @@ def versions(*, learned: bool = False) -> dict[str, str]:
     """Versions of what the numbers depend on; with learned models, of PyTorch as well."""
     names = ["libsumo", "eclipse-sumo", "lanelet2", "numpy", "scipy", "shapely", "pyarrow"]
     names += ["torch"] if learned else []
-    return {"python": platform.python_version(), **{n: importlib.metadata.version(n) for n in names}}
+    return {"python": platform.python_version(), **{n: _version(n) for n in names}}
+
+
+@cache
+def _version(name: str) -> str:
+    return importlib.metadata.version(name)

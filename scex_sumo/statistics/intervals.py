@@ -146,6 +146,8 @@ class DesignIntervals:
         if not self.balanced:
             return number
         some = np.flatnonzero(spread > 0)
+        if not len(some):
+            return number
         seen = self.count / (self.count + _PRIOR_CHILDREN)
         typical = spread[some] * float(self._weight() @ self._blocks[0].of_orders(_TYPICAL))
         variance = seen * self.variance(critical[:, some]) + (1 - seen) * typical

@@ -102,8 +102,8 @@ def _run(
     models.try_on(scene, seed=settings.seed)
     drawn = models.draw(scene.track_ids, children=count, seed=settings.seed, design=settings.design)
     counted = recorded_steps_of(scene, settings.steps)
-    job = Job(scene, net, settings, models, drawn, net.path.parent, counted=counted)
-    parts = parts_in_memory(job, range(count), compared=compared)
+    job = Job(scene, net, settings, models, drawn, net.path.parent, counted=counted, compared=compared)
+    parts = parts_in_memory(job, range(count))
     hit = [
         np.asarray(part.collisions["child"], dtype=np.int64) for part in parts if part.collisions is not None
     ]

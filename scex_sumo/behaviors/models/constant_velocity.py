@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.behaviors.base import Sight
-from scex_sumo.behaviors.driving.motion import drive_along
-from scex_sumo.behaviors.driving.paths import PathChoice
+from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
+from scex_sumo.behaviors.driving.together import Drive, driven
 from scex_sumo.behaviors.parameters import check_path
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
@@ -42,6 +42,11 @@ class ConstantVelocity:
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
+        return driven(history, [self.intend(history, road, who)])[0]
+
+    def intend(self, history: SceneHistory, road: Road, who: Who) -> Drive:
+        """See `DrivesAlong`."""
+        paths, row = chosen_paths(history, road, who, self.profile.path)
         target = np.maximum(history.scene.now.speed[who.vehicle], 0.0)
         # Zero but for rounding, unless something else moved the vehicle before.
-        return drive_along(history, road, who, self.profile.path, lambda _, v, *__: (target - v) / STEP_S)
+        return Drive(who=who, paths=paths, row=row, accelerate=lambda _, v, *__: (target - v) / STEP_S)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.behaviors.base import Sight
-from scex_sumo.behaviors.driving.motion import drive_along
-from scex_sumo.behaviors.driving.paths import PathChoice
+from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
+from scex_sumo.behaviors.driving.together import Drive, driven
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
@@ -45,5 +45,10 @@ class EmergencyBrake:
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
+        return driven(history, [self.intend(history, road, who)])[0]
+
+    def intend(self, history: SceneHistory, road: Road, who: Who) -> Drive:
+        """See `DrivesAlong`."""
+        paths, row = chosen_paths(history, road, who, self.profile.path)
         braking = np.full(len(who), -self.profile.deceleration)
-        return drive_along(history, road, who, self.profile.path, lambda *_: braking)
+        return Drive(who=who, paths=paths, row=row, accelerate=lambda *_: braking)

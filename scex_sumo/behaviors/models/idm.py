@@ -9,11 +9,12 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray, distinct
 from scex_sumo.behaviors.base import Sight
-from scex_sumo.behaviors.driving.distinct import handed_out, own_motion
+from scex_sumo.behaviors.driving.distinct import own_motion
 from scex_sumo.behaviors.driving.leaders import find_leaders
-from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, curve_speeds, drive
+from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, Accelerate, curve_speeds
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
+from scex_sumo.behaviors.driving.together import Drive, driven
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.derived import derived
 from scex_sumo.road import Road
@@ -181,11 +182,14 @@ class IdmDriver:
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
-        paths, row = chosen_paths(history, road, who, self.profile.path)
-        return self.follow(history, who, paths, row)
+        return driven(history, [self.intend(history, road, who)])[0]
 
-    def follow(self, history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray) -> Plan:
-        """Plan 3 s along given paths: (n,) rows of `paths`."""
+    def intend(self, history: SceneHistory, road: Road, who: Who) -> Drive:
+        """See `DrivesAlong`."""
+        return self.follow(history, who, *chosen_paths(history, road, who, self.profile.path))
+
+    def follow(self, history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray) -> Drive:
+        """The drive along given paths: (n,) rows of `paths`."""
         profile = self.profile
         own = history.now[who.child, who.vehicle]
         s_centre, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
@@ -203,10 +207,11 @@ class IdmDriver:
         seen = np.stack([row, leaders.gap, leaders.speed], axis=1)
         first, kind = distinct(np.concatenate([own_motion(history, who), seen], axis=1))
         some = Who(child=who.child[first], vehicle=who.vehicle[first])
-        made = self._drive(history, some, paths, row[first], leaders.gap[first], leaders.speed[first])
-        return handed_out(made, kind)
+        behind = (leaders.gap[first], leaders.speed[first])
+        accelerate = self._accelerate(history, some, paths, row[first], *behind)
+        return Drive(who=some, paths=paths, row=row[first], accelerate=accelerate, kind=kind)
 
-    def _drive(
+    def _accelerate(
         self,
         history: SceneHistory,
         who: Who,
@@ -214,8 +219,8 @@ class IdmDriver:
         row: IntArray,
         leader_gap: FloatArray,
         leader_speed: FloatArray,
-    ) -> Plan:
-        """Plan 3 s behind leaders that keep their speeds: (n,) gaps in m and speeds along the path in m/s."""
+    ) -> Accelerate:
+        """Behind leaders that keep their speeds: (n,) gaps in m and speeds along the path in m/s."""
         profile = self.profile
         wished = desired_speeds(paths, profile.speed, profile.speed_factor)
         curves = (
@@ -224,13 +229,12 @@ class IdmDriver:
             else None
         )
         habit = seed_motion(history, who)
-        base = row * paths.samples
-        ahead = (
-            REAR_AXLE_SHARE * history.scene.length[who.vehicle]
-        )  # of the rear axle, which follows the table
+        base, last = row * paths.samples, paths.samples - 1.0
+        # The centre's place: it is the rear axle that follows the table.
+        ahead = REAR_AXLE_SHARE * history.scene.length[who.vehicle]
 
         def at(s: FloatArray) -> IntArray:
-            return base + np.clip((s + ahead) * (1 / DS_M), 0, paths.samples - 1).astype(np.int64)
+            return base + clipped((s + ahead) * (1 / DS_M), 0.0, last).astype(np.int64)
 
         def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
             gap = leader_gap + leader_speed * (step * STEP_S) - travelled
@@ -243,7 +247,7 @@ class IdmDriver:
                 a = np.minimum(a, np.maximum(slowing, -profile.comfort_deceleration))
             return a
 
-        return drive(history, who, paths, row, accelerate)
+        return accelerate
 
 
 def seed_motion(history: SceneHistory, who: Who) -> tuple[FloatArray, FloatArray]:

@@ -8,6 +8,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.driving.together import driven
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -30,7 +31,7 @@ def follow_path(history: SceneHistory, road: Road, who: Who) -> Plan:
     """
     paths, straight = chosen_paths(history, road, who, "straight")
     row, off = _nearest_path(history, who, paths, straight)
-    made = IdmDriver(CALIBRATED).follow(history, who, paths, row)
+    made = driven(history, [IdmDriver(CALIBRATED).follow(history, who, paths, row)])[0]
     made.assign(off, _straight_on(history, who[off]))
     return made
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import fftconvolve
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.cleaning.align import Evidence, on_lanes
@@ -55,6 +54,8 @@ def _course(heading: FloatArray) -> FloatArray:
 
 def _best_shift(samples: Evidence, road: Road) -> tuple[float, float] | None:
     """The shift in m that brings most poses onto lanes of their direction; None where all is too large."""
+    from scipy.signal import fftconvolve  # as slow to import as all the rest, and hardly ever needed
+
     lines = [lane.centreline for lane in road.lanes.values() if lane.kind == "vehicle"]
     lanes = [_dense(line) for line in lines if len(line) > 1]
     if not lanes:
