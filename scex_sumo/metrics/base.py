@@ -18,6 +18,32 @@ from scex_sumo.errors import InputError
 from scex_sumo.scene import STEP_S, States
 
 
+def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: float) -> FloatArray:
+    """Backward difference of the speed over the time since a vehicle's previous sample.
+
+    Args:
+        speed: (C, T, V) m/s.
+        present: (C, T, V) where the vehicle was seen; None for everywhere.
+        step_s: time between two steps, s.
+
+    Returns:
+        (C, T, V) m/s²; 0 for the first sample of a track and where a vehicle is not present.
+    """
+    change = np.zeros_like(speed)
+    if present is None:
+        change[:, 1:] = (speed[:, 1:] - speed[:, :-1]) / step_s
+        return change
+    step = np.broadcast_to(np.arange(speed.shape[1])[:, None], speed.shape)
+    last_seen = np.maximum.accumulate(np.where(present, step, -1), axis=1)
+    previous = np.full(speed.shape, -1)
+    previous[:, 1:] = last_seen[:, :-1]
+    has_previous = present & (previous >= 0)
+    before = np.take_along_axis(speed, np.maximum(previous, 0), axis=1)
+    elapsed = np.where(has_previous, step - previous, 1) * step_s
+    np.divide(speed - before, elapsed, out=change, where=has_previous)
+    return change
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneTracks:
     """What the vehicles of C children (or recordings) did.

@@ -14,6 +14,7 @@ from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, SceneT
 from scex_sumo.metrics.extrema import SceneValues, Worst, extrema, scene_mean
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.pairs.batches import scene_batches
+from scex_sumo.metrics.pairs.entries import Entries
 from scex_sumo.metrics.pairs.presets import preset_named
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 from scex_sumo.metrics.registry import columns_of, metrics_named
@@ -99,8 +100,8 @@ def evaluate(
     for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
         for metric in chosen:
             samples = _samples(metric, scenes, quick=vehicles is None)
-            wanted = samples if vehicles is None else _of_vehicles(samples, vehicles)
-            parts[metric.name].append(extrema(metric, wanted, tracks.first))
+            wanted = samples if vehicles is None else _of_vehicles(samples, vehicles, scenes)
+            parts[metric.name].append(extrema(metric, wanted, scenes))
         if also is not None:
             also(start, scenes)
     scene = {name: _joined([p[0] for p in part]) for name, part in parts.items()}
@@ -135,11 +136,11 @@ def evaluate_pairs(
     for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
         for metric in chosen:
             samples = _samples(metric, scenes, quick=False)
-            parts[metric.name].append(_rows(samples, start, tracks.first))
+            parts[metric.name].append(_rows(_dense(samples, scenes), start, tracks.first))
     return {name: _joined(part) for name, part in parts.items()}
 
 
-def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples:
+def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entries:
     """Values of a metric; ``quick``: those of pairs that cannot be a scene's extremum may be left out."""
     function = metric.quick if quick and metric.quick is not None else metric.evaluate
     samples = function(scenes if metric.preset is None else scenes.under(preset_named(metric.preset)))
@@ -147,8 +148,10 @@ def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples:
     return samples
 
 
-def _check_samples(metric: Metric, samples: Samples, scenes: Scenes) -> None:
+def _check_samples(metric: Metric, samples: Samples | Entries, scenes: Scenes) -> None:
     """Raise an `InputError` where a metric's function did not return what it is to return."""
+    if isinstance(samples, Entries):
+        return
     if not isinstance(samples, Samples):
         raise InputError(f"metric {metric.name}: returned {type(samples).__name__}, needs Samples")
     shape = (len(samples.row), *scenes.shape)
@@ -159,8 +162,14 @@ def _check_samples(metric: Metric, samples: Samples, scenes: Scenes) -> None:
         )
 
 
-def _of_vehicles(samples: Samples, vehicles: Collection[int]) -> Samples:
+def _dense(samples: Samples | Entries, scenes: Scenes) -> Samples:
+    """The same as arrays of all rows, children and steps."""
+    return scenes.scattered(samples.where, samples.value) if isinstance(samples, Entries) else samples
+
+
+def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: Scenes) -> Samples:
     """The rows that involve one of some vehicles."""
+    samples = _dense(samples, scenes)
     wanted = np.array(sorted(vehicles), dtype=np.int64)
     keep: BoolArray = np.isin(samples.row, wanted)
     if samples.other is not None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.metric import Metric
-from scex_sumo.metrics.pairs.scenes import Samples
+from scex_sumo.metrics.pairs.entries import Entries
+from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,44 +46,103 @@ class Worst:
     other: IntArray | None
 
 
-def extrema(metric: Metric, samples: Samples, first_step: int) -> tuple[SceneValues, Worst]:
+def extrema(metric: Metric, samples: Samples | Entries, scenes: Scenes) -> tuple[SceneValues, Worst]:
     """Extremum of every scene, then of every child, with its origin."""
     sign = 1.0 if metric.critical == "min" else -1.0
-    value, defined = samples.value, samples.defined
+    value = samples.value
     if metric.inverse:
         with np.errstate(divide="ignore"):
             value = 1.0 / value
-    infinite: BoolArray | None = None
-    if metric.finite:
-        infinite = np.any(defined, axis=0)
-        defined = defined & np.isfinite(value)
-    # The smallest cost is the most critical; inf is a value, so undefined needs its own mask.
-    cost = np.where(defined, sign * value, np.inf)
-    scene_defined: BoolArray = np.any(defined, axis=0)
-    scene_cost = cost.min(axis=0, initial=np.inf)
-    scene_value = np.where(scene_defined, sign * scene_cost, np.nan)
-    if infinite is not None:
-        scene_value = np.where(infinite & ~scene_defined, np.inf, scene_value)
-    children, steps = scene_cost.shape
-    child = np.arange(children)
-    child_defined: BoolArray = np.any(scene_defined, axis=1)
-    if steps == 0 or len(samples.row) == 0:
-        nobody = np.zeros(children, dtype=np.int64)
-        other = None if samples.other is None else nobody
-        worst = Worst(
-            value=np.full(children, np.nan), defined=child_defined, step=nobody, vehicle=nobody, other=other
-        )
-        return SceneValues(value=scene_value, defined=scene_defined), worst
-    step = _first_smallest(scene_cost, scene_defined)
-    entry = _first_smallest(cost[:, child, step].T, defined[:, child, step].T)
+    cost = sign * value  # the smallest is the most critical
+    if isinstance(samples, Entries):
+        least = _least_of_entries(samples.where, cost, scenes, finite=metric.finite)
+    else:
+        least = _least_of_all(samples, cost, finite=metric.finite)
+    scene_value = np.where(least.defined, sign * least.cost, np.nan)
+    scene_value = np.where(least.infinite & ~least.defined, np.inf, scene_value)
+    child, child_defined = np.arange(len(scene_value)), np.any(least.defined, axis=1)
+    row, other = (samples.row, samples.other) if isinstance(samples, Samples) else scenes.ordered_pairs
+    if least.cost.shape[1] == 0 or len(row) == 0:
+        nobody = np.zeros(len(child), dtype=np.int64)
+        second = None if other is None else nobody
+        nowhere = np.full(len(child), np.nan)
+        worst = Worst(value=nowhere, defined=child_defined, step=nobody, vehicle=nobody, other=second)
+        return SceneValues(value=scene_value, defined=least.defined), worst
+    step = _first_smallest(least.cost, least.defined)
+    entry = least.origin(step)
     worst = Worst(
         value=np.where(child_defined, scene_value[child, step], np.nan),
         defined=child_defined,
-        step=step + first_step,
-        vehicle=samples.row[entry],
-        other=None if samples.other is None else samples.other[entry],
+        step=step + scenes.tracks.first,
+        vehicle=row[entry],
+        other=None if other is None else other[entry],
     )
-    return SceneValues(value=scene_value, defined=scene_defined), worst
+    return SceneValues(value=scene_value, defined=least.defined), worst
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Least:
+    """Least costs of scenes.
+
+    Attributes:
+        cost: (C, T); inf where undefined, and inf is a value.
+        defined: (C, T).
+        infinite: (C, T) where infinite values were left out.
+        origin: (C,) first row with the least cost, given a step of each child.
+    """
+
+    cost: FloatArray
+    defined: BoolArray
+    infinite: BoolArray
+    origin: Callable[[IntArray], IntArray]
+
+
+def _least_of_all(samples: Samples, cost: FloatArray, *, finite: bool) -> _Least:
+    """Of (K, C, T) costs."""
+    defined = samples.defined & np.isfinite(cost) if finite else samples.defined
+    infinite = np.any(samples.defined, axis=0) if finite else np.zeros(cost.shape[1:], dtype=bool)
+    cost = np.where(defined, cost, np.inf)
+
+    def origin(step: IntArray) -> IntArray:
+        child = np.arange(len(step))
+        return _first_smallest(cost[:, child, step].T, defined[:, child, step].T)
+
+    return _Least(
+        cost=cost.min(axis=0, initial=np.inf),
+        defined=np.any(defined, axis=0),
+        infinite=infinite,
+        origin=origin,
+    )
+
+
+def _least_of_entries(where: IntArray, cost: FloatArray, scenes: Scenes, *, finite: bool) -> _Least:
+    """Of (N,) costs at flat indices into (2P, C, T)."""
+    children, steps = scenes.shape
+    count = max(children * steps, 1)
+    infinite, defined = np.zeros((2, children * steps), dtype=bool)
+    if finite:
+        infinite[where % count] = True
+        known = np.flatnonzero(np.isfinite(cost))
+        where, cost = where[known], cost[known]
+    row, scene = np.divmod(where, count)
+    defined[scene] = True
+    least = np.full(children * steps, np.inf)
+    np.minimum.at(least, scene, cost)
+
+    def origin(step: IntArray) -> IntArray:
+        at = np.zeros(children * steps, dtype=bool)
+        at[np.arange(children) * steps + step] = True
+        best = np.flatnonzero(at[scene] & (cost == least[scene]))
+        rows = np.full(children, len(scenes.ordered_pairs[0]))
+        np.minimum.at(rows, scene[best] // steps, row[best])
+        return np.where(rows < len(scenes.ordered_pairs[0]), rows, 0)
+
+    return _Least(
+        cost=least.reshape(children, steps),
+        defined=defined.reshape(children, steps),
+        infinite=infinite.reshape(children, steps),
+        origin=origin,
+    )
 
 
 def _first_smallest(cost: FloatArray, defined: BoolArray) -> IntArray:

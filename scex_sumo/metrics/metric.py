@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from scex_sumo.errors import UsageError
+from scex_sumo.metrics.pairs.entries import Entries
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 
@@ -35,7 +36,7 @@ class Metric:
 
     name: str
     critical: Literal["min", "max"]
-    evaluate: Callable[[Scenes], Samples]
+    evaluate: Callable[[Scenes], Samples | Entries]
     unit: str = ""
     inverse: bool = False
     finite: bool = False
@@ -92,5 +93,5 @@ class Metric:
 _CODE = ("evaluate", "quick")  # attributes that are functions
 
 
-def _elsewhere(scenes: Scenes) -> Samples:
+def _elsewhere(scenes: Scenes) -> Samples | Entries:
     raise UsageError("metrics: this metric is known from a result only; register its function to evaluate it")

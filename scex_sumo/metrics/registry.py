@@ -21,10 +21,11 @@ from scex_sumo.metrics.formulas.ttc import ttc
 from scex_sumo.metrics.formulas.wttc import wttc
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.outlines.wttc_path import least_wttc_path, wttc_path
+from scex_sumo.metrics.pairs.entries import Entries
 from scex_sumo.metrics.pairs.gap import gap, least_gap
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
-F = TypeVar("F", bound=Callable[[Scenes], Samples])
+F = TypeVar("F", bound=Callable[[Scenes], Samples | Entries])
 
 _BY_HEADING = (
     Metric(name="distance", unit="m", critical="min", evaluate=distance, threshold=5.0),

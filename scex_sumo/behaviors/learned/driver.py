@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray, distinct
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.learned.decoding import plan_along, plan_freely
 from scex_sumo.behaviors.learned.networks.graph import GraphPredictorNet, Modes
@@ -188,9 +188,10 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
 
 def _image(history: SceneHistory, image: MapImage, who: Who) -> ImageBatch:
     own = history.now[who.child, who.vehicle]
-    pose = torch.from_numpy(np.stack([own.x, own.y, own.heading], 1))
-    none = torch.zeros(len(who), dtype=torch.int64)
-    return ImageBatch((image,), none, pose, torch.arange(len(who)))
+    pose = np.stack([own.x, own.y, own.heading], 1)
+    first, place = distinct(pose)  # many children have a vehicle at the same place
+    none = torch.zeros(len(first), dtype=torch.int64)
+    return ImageBatch((image,), none, torch.from_numpy(pose[first]), torch.from_numpy(place))
 
 
 @contextmanager

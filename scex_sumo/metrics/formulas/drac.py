@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.pairs.entries import Entries
+from scex_sumo.metrics.pairs.scenes import Scenes
 
 
 def deceleration_to_avoid_crash(*, gap: FloatArray, closing_speed: FloatArray) -> FloatArray:
@@ -27,8 +28,8 @@ def deceleration_to_avoid_crash(*, gap: FloatArray, closing_speed: FloatArray) -
     return rate
 
 
-def drac(scenes: Scenes) -> Samples:
+def drac(scenes: Scenes) -> Entries:
     """DRAC of all car-following pairs, m/s²; undefined for the other pairs. Larger is more critical."""
     pairs = scenes.following
     rate = deceleration_to_avoid_crash(gap=pairs.gap, closing_speed=pairs.follower_speed - pairs.leader_speed)
-    return scenes.scattered(pairs.where, rate)
+    return Entries(where=pairs.where, value=rate)

@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.metrics.pairs.entries import Entries
 from scex_sumo.metrics.pairs.paths_ahead import Crossings, first_on_own_path, paths_ahead
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.pairs.scenes import Scenes
 
 
 def gap_time_at(
@@ -82,25 +83,25 @@ def area_reach(scenes: Scenes, crossing: Crossings) -> tuple[FloatArray, FloatAr
     return own_reach, other_reach
 
 
-def gap_time(scenes: Scenes) -> Samples:
+def gap_time(scenes: Scenes) -> Entries:
     """Gap time of all ordered pairs whose planned paths cross ahead of both, s.
 
     Undefined without a crossing, after one of them has passed it, and where one of them stands. Preset
     ``path`` takes the conflict area in place of the crossing point.
     """
-    size = len(scenes.ordered_pairs[0]) * int(np.prod(scenes.shape))
-    if scenes.planned is None or size == 0:
-        return scenes.scattered(np.empty(0, dtype=np.int64), np.empty(0))
-    crossing = first_on_own_path(paths_ahead(scenes).crossings, size)
-    pair, scene = np.divmod(crossing.where, int(np.prod(scenes.shape)))
-    row, other = scenes.ordered_pairs
-    speed = scenes.speed.reshape(scenes.vehicles, -1)
-    own_speed, other_speed = speed[row[pair], scene], speed[other[pair], scene]
-    if not scenes.preset.conflict_area:
-        time = gap_time_at(
-            own=crossing.own, other=crossing.other, own_speed=own_speed, other_speed=other_speed
-        )
-        return scenes.scattered(crossing.where, time)
+    if scenes.planned is None or len(scenes.pairs[0]) == 0:
+        return Entries(where=np.empty(0, dtype=np.int64), value=np.empty(0))
+    return scenes.of_ordered_pairs(_at_areas if scenes.preset.conflict_area else _at_points)
+
+
+def _at_points(scenes: Scenes) -> Entries:
+    crossing, own_speed, other_speed = _next_crossings(scenes)
+    time = gap_time_at(own=crossing.own, other=crossing.other, own_speed=own_speed, other_speed=other_speed)
+    return Entries(where=crossing.where, value=time)
+
+
+def _at_areas(scenes: Scenes) -> Entries:
+    crossing, own_speed, other_speed = _next_crossings(scenes)
     own_reach, other_reach = area_reach(scenes, crossing)
     time = gap_time_of_area(
         own=crossing.own,
@@ -110,4 +111,11 @@ def gap_time(scenes: Scenes) -> Samples:
         own_speed=own_speed,
         other_speed=other_speed,
     )
-    return scenes.scattered(crossing.where, time)
+    return Entries(where=crossing.where, value=time)
+
+
+def _next_crossings(scenes: Scenes) -> tuple[Crossings, FloatArray, FloatArray]:
+    """Of every ordered pair the first crossing on its own path, and both speeds, m/s."""
+    crossing = first_on_own_path(paths_ahead(scenes).crossings, 2 * scenes.distance.size)
+    speed, (own, other) = scenes.speed.reshape(-1), scenes.flat_of(crossing.where)
+    return crossing, speed[own], speed[other]

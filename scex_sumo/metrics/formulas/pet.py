@@ -7,8 +7,9 @@ import numpy as np
 from scex_sumo.arrays import FloatArray
 from scex_sumo.metrics.base import PlannedPaths
 from scex_sumo.metrics.formulas.gap_time import area_reach
-from scex_sumo.metrics.pairs.paths_ahead import PathsAhead, first_on_own_path
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.pairs.entries import Entries
+from scex_sumo.metrics.pairs.paths_ahead import Crossings, PathsAhead, first_on_own_path
+from scex_sumo.metrics.pairs.scenes import Scenes
 
 
 def post_encroachment_time(
@@ -32,7 +33,7 @@ def post_encroachment_time(
     return np.where(np.isneginf(gap), gap, np.maximum(gap, 0.0))
 
 
-def pet(scenes: Scenes) -> Samples:
+def pet(scenes: Scenes) -> Entries:
     """PET of all ordered pairs whose driven tracks cross ahead of both, s.
 
     It looks at the tracks that were driven, in child scenarios too, from each step on. Preset ``paper`` takes
@@ -41,23 +42,31 @@ def pet(scenes: Scenes) -> Samples:
     Undefined without a crossing, after one of them has passed it, and where the recording ends before the
     first one has left it.
     """
-    size = len(scenes.ordered_pairs[0]) * int(np.prod(scenes.shape))
-    if size == 0:
-        return scenes.scattered(np.empty(0, dtype=np.int64), np.empty(0))
+    if len(scenes.pairs[0]) == 0:
+        return Entries(where=np.empty(0, dtype=np.int64), value=np.empty(0))
+    return scenes.of_ordered_pairs(_at_areas if scenes.preset.conflict_area else _at_points)
+
+
+def _at_points(scenes: Scenes) -> Entries:
     paths = scenes.once(_driven_paths)
-    crossings = paths.crossings
-    if scenes.preset.conflict_area:
-        least = np.sin(min(scenes.parameters.following_angle, np.pi / 2))
-        crossings = crossings.take(np.flatnonzero(crossings.sine >= least))
-    crossing = first_on_own_path(crossings, size)
-    own_reach = other_reach = np.zeros(crossing.where.size)
-    if scenes.preset.conflict_area:
-        own_reach, other_reach = area_reach(scenes, crossing)
-    pair, scene = np.divmod(crossing.where, int(np.prod(scenes.shape)))
-    times = []
-    sides = zip(scenes.ordered_pairs, ((crossing.own, own_reach), (crossing.other, other_reach)), strict=True)
-    for vehicles, (arc, reach) in sides:
-        at = vehicles[pair] * int(np.prod(scenes.shape)) + scene
+    crossing = first_on_own_path(paths.crossings, 2 * scenes.distance.size)
+    nowhere = np.zeros(crossing.where.size)
+    return _passed(scenes, crossing, nowhere, nowhere)
+
+
+def _at_areas(scenes: Scenes) -> Entries:
+    crossings = scenes.once(_driven_paths).crossings
+    least = np.sin(min(scenes.parameters.following_angle, np.pi / 2))
+    crossings = crossings.take(np.flatnonzero(crossings.sine >= least))
+    crossing = first_on_own_path(crossings, 2 * scenes.distance.size)
+    return _passed(scenes, crossing, *area_reach(scenes, crossing))
+
+
+def _passed(scenes: Scenes, crossing: Crossings, own_reach: FloatArray, other_reach: FloatArray) -> Entries:
+    """PET at crossings, with how far from them either vehicle's centre still is in the way, (X,) m."""
+    paths, times = scenes.once(_driven_paths), []
+    sides = ((crossing.own, own_reach), (crossing.other, other_reach))
+    for at, (arc, reach) in zip(scenes.flat_of(crossing.where), sides, strict=True):
         line = paths.line.reshape(-1)[at]
         along = arc - paths.offset.reshape(-1)[at]
         # A track has one column per step.
@@ -68,7 +77,7 @@ def pet(scenes: Scenes) -> Samples:
     own_in, own_out, other_in, other_out = times
     time = post_encroachment_time(own_in=own_in, own_out=own_out, other_in=other_in, other_out=other_out)
     known = np.flatnonzero(np.isfinite(time))
-    return scenes.scattered(crossing.where[known], time[known])
+    return Entries(where=crossing.where[known], value=time[known])
 
 
 def _driven_paths(scenes: Scenes) -> PathsAhead:

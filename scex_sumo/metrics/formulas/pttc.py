@@ -6,7 +6,8 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.metrics.formulas.ttc import time_to_collision
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.pairs.entries import Entries
+from scex_sumo.metrics.pairs.scenes import Scenes
 
 
 def potential_time_to_collision(
@@ -46,7 +47,7 @@ def potential_time_to_collision(
     return time
 
 
-def pttc(scenes: Scenes) -> Samples:
+def pttc(scenes: Scenes) -> Entries:
     """PTTC of all car-following pairs, s; undefined for the other pairs."""
     pairs = scenes.following
     time = potential_time_to_collision(
@@ -55,4 +56,4 @@ def pttc(scenes: Scenes) -> Samples:
         leader_speed=pairs.leader_speed,
         leader_acceleration=pairs.leader_acceleration,
     )
-    return scenes.scattered(pairs.where, time)
+    return Entries(where=pairs.where, value=time)

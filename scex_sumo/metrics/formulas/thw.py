@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.pairs.entries import Entries
+from scex_sumo.metrics.pairs.scenes import Scenes
 
 
 def time_headway(*, gap: FloatArray, follower_speed: FloatArray) -> FloatArray:
@@ -21,9 +22,9 @@ def time_headway(*, gap: FloatArray, follower_speed: FloatArray) -> FloatArray:
     return gap / follower_speed
 
 
-def thw(scenes: Scenes) -> Samples:
+def thw(scenes: Scenes) -> Entries:
     """THW of all car-following pairs, s; undefined for the other pairs and for standing followers."""
     pairs = scenes.following
     moving = pairs.follower_speed > scenes.parameters.standing_speed
     time = time_headway(gap=pairs.gap[moving], follower_speed=pairs.follower_speed[moving])
-    return scenes.scattered(pairs.where[moving], time)
+    return Entries(where=pairs.where[moving], value=time)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.pairs.entries import Entries
+from scex_sumo.metrics.pairs.scenes import Scenes
 
 NOT_CLOSING_MPS = 1e-9
 
@@ -29,8 +30,8 @@ def time_to_collision(*, gap: FloatArray, closing_speed: FloatArray) -> FloatArr
     return time
 
 
-def ttc(scenes: Scenes) -> Samples:
+def ttc(scenes: Scenes) -> Entries:
     """TTC of all car-following pairs, s; undefined for the other pairs."""
     pairs = scenes.following
     time = time_to_collision(gap=pairs.gap, closing_speed=pairs.follower_speed - pairs.leader_speed)
-    return scenes.scattered(pairs.where, time)
+    return Entries(where=pairs.where, value=time)

@@ -186,6 +186,11 @@ def wttc(scenes: Scenes) -> Samples:
     Returns:
         (P, C, T) of unordered pairs. Smaller is more critical.
     """
+    return scenes.unordered(scenes.of_pairs(_times))
+
+
+def _times(scenes: Scenes) -> FloatArray:
+    """(P, C, T) s."""
     first, second = scenes.pairs
     radius = np.hypot(scenes.length / 2, scenes.width / 2)
     limit = np.atleast_2d(scenes.parameters.accelerations(scenes.tracks.types, scenes.vehicles)).T[:, :, None]
@@ -199,4 +204,4 @@ def wttc(scenes: Scenes) -> Samples:
         radius=np.broadcast_to(radius[first] + radius[second], shape).reshape(-1),
         acceleration=np.broadcast_to(limit[first] + limit[second], shape).reshape(-1),
     )
-    return scenes.unordered(time.reshape(shape))
+    return time.reshape(shape)

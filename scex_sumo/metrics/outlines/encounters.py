@@ -118,9 +118,8 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int) -> Encount
     hits = collisions.take(np.flatnonzero(inside))
     first, second = scenes.pairs
     size = len(first) * children
-    gap, gap_step = _least_gaps(scenes)
+    gap, gap_step, least_pet, cross = scenes.of_pairs(_meetings).reshape(size, 4).T
     ttc, ttc_step, drac, towards = _on_paths(scenes)
-    least_pet = _least_pet(scenes)
     kind = np.full(size, NO_COLLISION)
     impact, x, y, speed = np.zeros((4, size))
     low, high = np.minimum(hits.first, hits.second), np.maximum(hits.first, hits.second)
@@ -131,12 +130,12 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int) -> Encount
     hit_by = (hits.first_side == 0).astype(np.int64) - (hits.second_side == 0)  # who touches with the front
     towards[at] = np.where(hits.first == low, hit_by, -hit_by)
     # Steps are counted from the first evaluated one, times from the seed moment before it.
-    critical = np.where(ttc < CRITICAL_TTC_S, ttc_step, np.where(np.isfinite(gap), gap_step, ttc_step))
+    near = np.where(np.isfinite(gap), gap_step.astype(np.int64), ttc_step)
+    critical = np.where(ttc < CRITICAL_TTC_S, ttc_step, near)
     after = 1 if scenes.tracks.first else 0
     time = np.where(kind != NO_COLLISION, impact, (critical + after) * scenes.tracks.step_s)
-    rows = np.flatnonzero(
-        np.isfinite(gap) | (kind != NO_COLLISION) | (ttc_step >= 0) | np.isfinite(least_pet) | _cross(scenes)
-    )
+    met = np.isfinite(gap) | np.isfinite(least_pet) | (cross > 0)
+    rows = np.flatnonzero(met | (kind != NO_COLLISION) | (ttc_step >= 0))
     pair, child = np.divmod(rows, children)
     step = np.clip(critical[rows], 0, max(steps - 1, 0))
     x[rows] = (scenes.x[first[pair], child, step] + scenes.x[second[pair], child, step]) / 2
@@ -159,6 +158,18 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int) -> Encount
         relative_speed=speed[rows],
         towards=towards[rows],
     )
+
+
+def _meetings(scenes: Scenes) -> FloatArray:
+    """(P, C, 4) least body gap below 10 m, inf else, its step, least PET, whether plans cross."""
+    children, steps = scenes.shape
+    size = len(scenes.pairs[0]) * children
+    gap, gap_step = _least_gaps(scenes)
+    found = pet(scenes)
+    time = np.full(2 * size, np.inf)
+    np.minimum.at(time, found.where // max(steps, 1), found.value)
+    least_pet = np.minimum(time[:size], time[size:])
+    return np.stack([gap, gap_step, least_pet, _cross(scenes)], axis=1).reshape(-1, children, 4)
 
 
 def _least_gaps(scenes: Scenes) -> tuple[FloatArray, IntArray]:
@@ -201,14 +212,6 @@ def _extremum(key: IntArray, step: IntArray, value: FloatArray, size: int) -> tu
     best = np.flatnonzero(value == least[key])
     np.minimum.at(first, key[best], step[best])
     return least, np.where(first == np.iinfo(np.int64).max, 0, first)
-
-
-def _least_pet(scenes: Scenes) -> FloatArray:
-    """(P * C) least PET over the steps and both orders, s; inf where undefined."""
-    pairs = len(scenes.pairs[0])
-    samples = pet(scenes)
-    time = np.where(samples.defined, samples.value, np.inf).min(axis=2, initial=np.inf)
-    return np.asarray(np.minimum(time[:pairs], time[pairs:]).reshape(-1))
 
 
 def _cross(scenes: Scenes) -> BoolArray:

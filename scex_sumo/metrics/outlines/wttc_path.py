@@ -64,8 +64,9 @@ def wttc_path(scenes: Scenes) -> Samples:
     Returns:
         (P, C, T) of unordered pairs. Smaller is more critical.
     """
-    pair, scene = np.divmod(np.arange(scenes.dx.size), max(int(np.prod(scenes.shape)), 1))
-    return scenes.unordered(worst_times_of(scenes, pair, scene).reshape(scenes.dx.shape))
+    pair, scene = np.divmod(np.arange(scenes.distance.size), max(int(np.prod(scenes.shape)), 1))
+    times = scenes.at_pairs(worst_times_of, pair, scene)
+    return scenes.unordered(times.reshape(scenes.distance.shape))
 
 
 def worst_times_of(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
@@ -93,6 +94,19 @@ def least_wttc_path(scenes: Scenes) -> Samples:
     bounds the time from below. The pair that is fastest by that bound is evaluated first; only pairs whose
     bound is below its time can be faster.
     """
+    least = scenes.of_pairs(_earliest)
+    if not least.size:
+        return scenes.unordered(least)
+    scene = np.arange(int(np.prod(scenes.shape)))
+    likely = least.argmin(axis=0).reshape(-1)
+    first = scenes.at_pairs(worst_times_of, likely, scene)
+    bound = np.where(scenes.both_present.any(axis=0).reshape(-1), first, -1.0)
+    close: BoolArray = scenes.both_present & (least <= bound.reshape(scenes.shape) + MARGIN)
+    return samples_of(scenes, close, worst_times_of)
+
+
+def _earliest(scenes: Scenes) -> FloatArray:
+    """(P, C, T) s, a bound from below; inf where one is absent."""
     first, second = scenes.pairs
     apart = np.where(scenes.distance > 0, scenes.distance, 1.0)
     nx, ny = scenes.dx / apart, scenes.dy / apart
@@ -105,11 +119,4 @@ def least_wttc_path(scenes: Scenes) -> Samples:
     limit = largest_accelerations(scenes)
     both = np.broadcast_to(limit[first] + limit[second], near.shape)
     least = plane_meets_parabola(np.maximum(near, 0.0), closing, both)
-    least = np.where(scenes.both_present, np.where(near > 0, least, 0.0), np.inf)
-    if not least.size:
-        return scenes.unordered(least)
-    scene = np.arange(int(np.prod(scenes.shape)))
-    likely = least.argmin(axis=0).reshape(-1)
-    bound = np.where(scenes.both_present.any(axis=0).reshape(-1), worst_times_of(scenes, likely, scene), -1.0)
-    close: BoolArray = scenes.both_present & (least <= bound.reshape(scenes.shape) + MARGIN)
-    return samples_of(scenes, close, worst_times_of)
+    return np.where(scenes.both_present, np.where(near > 0, least, 0.0), np.inf)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.metrics.pairs.kinds import shared_pairs
 from scex_sumo.metrics.pairs.presets import preset_named
 from scex_sumo.metrics.pairs.scenes import Scenes
 
 BATCH_PAIR_STEPS = 1 << 16  # unordered pair-steps per batch
+SHARED_PAIR_STEPS = 1 << 21  # of the children that share what equal pairs of tracks have in common; 0: never
 
 
 def scene_batches(
@@ -23,14 +26,21 @@ def scene_batches(
     if planned is not None:
         planned.check_fit(tracks)
     per_child = max(tracks.steps * vehicles * (vehicles - 1) // 2, 1)
-    size = max(BATCH_PAIR_STEPS // per_child, 1)
-    for start in range(0, max(children, 1), size):
-        part = slice(start, start + size)
-        scenes = Scenes(
-            tracks=tracks.children(part),
-            planned=None if planned is None else planned.children(part),
-            parameters=parameters,
-            preset=rules,
-        )
-        yield start, scenes
-        scenes.release()
+    size, most = (max(limit // per_child, 1) for limit in (BATCH_PAIR_STEPS, SHARED_PAIR_STEPS))
+    for begin in range(0, max(children, 1), most):
+        group = slice(begin, begin + most)
+        some, plans = tracks.children(group), None if planned is None else planned.children(group)
+        shared = shared_pairs(some, plans, preset=rules, parameters=parameters)
+        for start in range(0, max(some.states.shape[0], 1), size):
+            part = slice(start, start + size)
+            scenes = Scenes(
+                tracks=some.children(part),
+                planned=None if plans is None else plans.children(part),
+                parameters=parameters,
+                preset=rules,
+                shared=None if shared is None else replace(shared, row=shared.row[:, part]),
+            )
+            yield begin + start, scenes
+            scenes.release()
+        if shared is not None:
+            shared.scenes.release()

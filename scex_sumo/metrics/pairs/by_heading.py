@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.metrics.pairs.scenes import Following, Scenes
+from scex_sumo.metrics.pairs.entries import Following
+from scex_sumo.metrics.pairs.scenes import Scenes
 
 # Headings that differ by exactly the limit must not depend on how the scene is rotated.
 ROUNDING = 1e-12
@@ -18,6 +19,10 @@ def following_by_heading(scenes: Scenes) -> Following:
     coordinate in the follower's frame is positive; the gap is the distance of the centres. Two vehicles side
     by side that turn towards each other can each be the other's leader.
     """
+    return scenes.of_ordered_pairs(_alike_and_ahead)
+
+
+def _alike_and_ahead(scenes: Scenes) -> Following:
     first, second = scenes.pairs
     cos, sin = scenes.cos, scenes.sin
     alignment = cos[first] * cos[second]
@@ -39,11 +44,7 @@ def following_by_heading(scenes: Scenes) -> Following:
 
 def gather(scenes: Scenes, where: IntArray, gap: FloatArray) -> Following:
     """Speeds and accelerations of pairs at flat indices of (2P, C, T)."""
-    scene_count = max(int(np.prod(scenes.shape)), 1)
-    pair, scene = np.divmod(where, scene_count)
-    row, other = scenes.ordered_pairs
-    follower = row[pair] * scene_count + scene
-    leader = other[pair] * scene_count + scene
+    follower, leader = scenes.flat_of(where)
     speed = scenes.speed.reshape(-1)
     return Following(
         where=where,

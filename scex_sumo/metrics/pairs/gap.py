@@ -9,7 +9,7 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.geometry.rectangles import distance_apart
 from scex_sumo.metrics.pairs.moving import OutlinePairs
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.pairs.scenes import PairValues, Samples, Scenes
 
 MARGIN = 1e-6  # for rounding, so that the least pair is never lost
 CHUNK = 1 << 13  # pairs at a time: the working arrays stay in the processor's cache
@@ -21,8 +21,8 @@ def gap(scenes: Scenes) -> Samples:
     Returns:
         (P, C, T) of unordered pairs. Smaller is more critical.
     """
-    pair, scene = np.divmod(np.arange(scenes.dx.size), max(int(np.prod(scenes.shape)), 1))
-    return scenes.unordered(gaps_of(scenes, pair, scene).reshape(scenes.dx.shape))
+    pair, scene = np.divmod(np.arange(scenes.distance.size), max(int(np.prod(scenes.shape)), 1))
+    return scenes.unordered(scenes.at_pairs(gaps_of, pair, scene).reshape(scenes.distance.shape))
 
 
 def outline_pairs(scenes: Scenes, pair: IntArray, scene: IntArray) -> OutlinePairs:
@@ -34,12 +34,13 @@ def outline_pairs(scenes: Scenes, pair: IntArray, scene: IntArray) -> OutlinePai
         scene: (N,) flat index into (C, T).
     """
     one, two = (side[pair] for side in scenes.pairs)
-    cos, sin, speed = (a.reshape(scenes.vehicles, -1) for a in (scenes.cos, scenes.sin, scenes.speed))
+    arrays = scenes.x, scenes.y, scenes.cos, scenes.sin, scenes.speed
+    x, y, cos, sin, speed = (a.reshape(scenes.vehicles, -1) for a in arrays)
     cos_1, sin_1, cos_2, sin_2 = cos[one, scene], sin[one, scene], cos[two, scene], sin[two, scene]
     speed_1, speed_2 = speed[one, scene], speed[two, scene]
     return OutlinePairs(
-        dx=scenes.dx.reshape(len(scenes.pairs[0]), -1)[pair, scene],
-        dy=scenes.dy.reshape(len(scenes.pairs[0]), -1)[pair, scene],
+        dx=x[two, scene] - x[one, scene],
+        dy=y[two, scene] - y[one, scene],
         dvx=speed_2 * cos_2 - speed_1 * cos_1,
         dvy=speed_2 * sin_2 - speed_1 * sin_1,
         cos_1=cos_1,
@@ -74,16 +75,19 @@ def gaps_of(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
 
 def gap_bounds(scenes: Scenes) -> tuple[FloatArray, FloatArray]:
     """(P, C, T) least and most that the body gap can be, from circles around and within the outlines, m."""
-    first, second = scenes.pairs
     outer = np.hypot(scenes.length, scenes.width) / 2
     inner = np.minimum(scenes.length, scenes.width) / 2
-    least = scenes.distance - (outer[first] + outer[second])
-    most = scenes.distance - (inner[first] + inner[second])
-    return np.maximum(least, 0.0), np.maximum(most, 0.0)
+    first, second = scenes.pairs
+    least, most = (scenes.distance - (radius[first] + radius[second]) for radius in (outer, inner))
+    return np.maximum(least, 0.0, out=least), np.maximum(most, 0.0, out=most)
 
 
 def least_gap(scenes: Scenes) -> Samples:
     """Body gaps, as `gap` gives them, of the pairs that can be the nearest of their scene."""
+    return scenes.once(_least_gap)
+
+
+def _least_gap(scenes: Scenes) -> Samples:
     least, most = gap_bounds(scenes)
     # Of every scene the smallest most.
     bound = np.where(scenes.both_present, most, np.inf).min(axis=0, initial=np.inf)
@@ -91,11 +95,10 @@ def least_gap(scenes: Scenes) -> Samples:
     return samples_of(scenes, close, gaps_of)
 
 
-def samples_of(
-    scenes: Scenes, close: BoolArray, values: Callable[[Scenes, IntArray, IntArray], FloatArray]
-) -> Samples:
+def samples_of(scenes: Scenes, close: BoolArray, values: PairValues) -> Samples:
     """Samples of some unordered pairs in their scenes, (P, C, T), with values by pair and scene."""
     full = np.zeros(close.shape)
-    full[close] = values(scenes, *np.divmod(np.flatnonzero(close), max(int(np.prod(scenes.shape)), 1)))
+    at = np.flatnonzero(close)
+    full.reshape(-1)[at] = scenes.at_pairs(values, *np.divmod(at, max(int(np.prod(scenes.shape)), 1)))
     first, second = scenes.pairs
     return Samples(value=full, defined=close, row=first, other=second, symmetric=True)

@@ -8,13 +8,16 @@ ends before it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.geometry.crossings import boxes_meet, meeting_segments, octagon
+from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.geometry.crossings import meeting_segments, octagon
 from scex_sumo.metrics.pairs.by_heading import ROUNDING, gather
-from scex_sumo.metrics.pairs.paths_ahead import PathsAhead, paths_ahead
-from scex_sumo.metrics.pairs.scenes import Following, Scenes
+from scex_sumo.metrics.pairs.entries import Following, Placed
+from scex_sumo.metrics.pairs.paths_ahead import PathsAhead, meeting_pairs, paths_ahead
+from scex_sumo.metrics.pairs.scenes import Scenes
 
 SHORTEST_PATH_M = 0.1  # a shorter path has no direction of its own, the heading has
 
@@ -23,18 +26,34 @@ def following_on_path(scenes: Scenes) -> Following:
     """The next vehicle ahead of every vehicle on its own path, bumper to bumper along it."""
     if scenes.planned is None or len(scenes.pairs[0]) == 0:
         return gather(scenes, np.empty(0, dtype=np.int64), np.empty(0))
-    paths = paths_ahead(scenes)
-    corridors = _Corridors(scenes, paths)
-    where, along, gap = corridors.vehicles_on_paths()
-    scene_count = int(np.prod(scenes.shape))
-    follower = scenes.ordered_pairs[0][where // scene_count] * scene_count + where % scene_count
+    found = scenes.of_ordered_pairs(_on_paths)
+    follower, _ = scenes.flat_of(found.where)
     # The next one: the smallest arc length to its centre, the first of equals.
-    order = np.lexsort((where, along, follower))
-    first = np.ones(order.size, dtype=bool)
-    first[1:] = np.diff(follower[order]) != 0
-    chosen = np.sort(order[first])
-    chosen = chosen[np.argsort(where[chosen], kind="stable")]
-    return gather(scenes, where[chosen], gap[chosen])
+    nearest = np.full(scenes.x.size, np.inf)
+    np.minimum.at(nearest, follower, found.along)
+    near = np.flatnonzero(found.along == nearest[follower])
+    first = np.full(scenes.x.size, follower.size)
+    np.minimum.at(first, follower[near], near)
+    chosen = near[first[follower[near]] == near]
+    return gather(scenes, found.where[chosen], found.gap[chosen])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _OnPaths(Placed):
+    """Vehicles on the paths of others.
+
+    Attributes:
+        along: (N,) arc length of the path to the vehicle's centre, m.
+        gap: (N,) between the bumpers, m.
+    """
+
+    along: FloatArray
+    gap: FloatArray
+
+
+def _on_paths(scenes: Scenes) -> _OnPaths:
+    where, along, gap = _Corridors(scenes, paths_ahead(scenes)).vehicles_on_paths()
+    return _OnPaths(where=where, along=along, gap=gap)
 
 
 class _Corridors:
@@ -61,7 +80,7 @@ class _Corridors:
         self.last = (end_x, end_y, along_x * reach, along_y * reach, length)
 
     def vehicles_on_paths(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Flat index into (2P, C, T), arc length to the other's centre, gap between the bumpers."""
+        """Ascending flat index into (2P, C, T), arc length to the other's centre, gap of the bumpers."""
         row, other, where, near = self._close_pairs()
         found = [self._on_straight(piece, row, other) for piece in (self.first, self.last)]
         found.append(self._on_plan(row, other))
@@ -95,17 +114,8 @@ class _Corridors:
         boxes = np.stack([low - 2 * half, high + 2 * half], axis=1)
         centre = octagon(scenes.x, scenes.y)
         points = np.stack([centre - 2 * half, centre + 2 * half], axis=1)
-        rows, others, keys = [], [], []
-        for vehicle in range(scenes.vehicles):
-            meet: BoolArray = boxes_meet(boxes[:, :, vehicle, None], points)
-            meet &= scenes.present[vehicle] & scenes.present
-            meet[vehicle] = False
-            flat = np.flatnonzero(meet)
-            other, scene = np.divmod(flat, self.count)
-            rows.append(vehicle * self.count + scene)
-            others.append(flat)
-            keys.append(scenes.ordered_index(np.full(other.size, vehicle), other) * self.count + scene)
-        row, other, where = np.concatenate(rows), np.concatenate(others), np.concatenate(keys)
+        where = meeting_pairs(scenes, boxes, points, scenes.present, scenes.present)
+        row, other = scenes.flat_of(where)
         near = (self._size(scenes.width, row) + self._size(scenes.width, other)) / 2
         return row, other, where, near
 

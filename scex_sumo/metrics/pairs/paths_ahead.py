@@ -157,12 +157,10 @@ class PathsAhead:
     def _with_first_segments(self) -> tuple[Crossings, Crossings]:
         """Crossings of a vehicle's first segment with the other's first segment and plan."""
         scenes, lines = self.scenes, self.lines
-        row, step_of, other = self._near_first_segments()
-        vehicle, scene = np.divmod(row, int(np.prod(scenes.shape)))
+        where = meeting_pairs(scenes, self.first_boxes, self.boxes_ahead(), self.ahead, self.ahead)
+        row, theirs = scenes.flat_of(where)
         x, y, dx, dy = (a.reshape(-1) for a in (scenes.x, scenes.y, self.dx, self.dy))
         mine = x[row], y[row], dx[row], dy[row]
-        theirs = other * int(np.prod(scenes.shape)) + scene
-        where = scenes.ordered_index(vehicle, other) * int(np.prod(scenes.shape)) + scene
         first_length, offset = self.first_length.reshape(-1), self.offset.reshape(-1)
         hits = intersect(*mine, x[theirs], y[theirs], dx[theirs], dy[theirs])
         at = hits.which
@@ -181,7 +179,9 @@ class PathsAhead:
             other=offset[theirs[at]] + lines.arc_at(line[at], segment, hits.second),
             sine=hits.sine,
         )
-        return between_firsts, with_plan.take(np.flatnonzero(segment >= self.column[step_of[at]]))
+        return between_firsts, with_plan.take(
+            np.flatnonzero(segment >= self.column[where[at] % scenes.shape[1]])
+        )
 
     def boxes_ahead(self) -> FloatArray:
         """(4, 2, V, C, T) octagons around each path ahead, first segment included."""
@@ -204,18 +204,48 @@ class PathsAhead:
             np.maximum(boxes[axis, 1], high[axis][at], out=boxes[axis, 1], where=self.has_path)
         return boxes
 
-    def _near_first_segments(self) -> tuple[IntArray, IntArray, IntArray]:
-        """First segments as flat index into (V, C, T), their step, and vehicles whose path may meet them."""
-        scenes, first, path = self.scenes, self.first_boxes, self.boxes_ahead()
-        rows, steps, others = [], [], []
-        for vehicle in range(scenes.vehicles):
-            meet = boxes_meet(first[:, :, vehicle, None], path) & self.ahead[vehicle] & self.ahead
-            meet[vehicle] = False
-            other, child, step = np.nonzero(meet)
-            rows.append((vehicle * scenes.shape[0] + child) * scenes.shape[1] + step)
-            steps.append(step)
-            others.append(other)
-        return np.concatenate(rows), np.concatenate(steps), np.concatenate(others)
+
+def meeting_pairs(
+    scenes: Scenes, own: FloatArray, others: FloatArray, present: BoolArray, others_present: BoolArray
+) -> IntArray:
+    """Ordered pairs whose octagons meet, the first one's own and the other's.
+
+    Args:
+        scenes: the batch.
+        own: (4, 2, V, C, T) octagons.
+        others: (4, 2, V, C, T) octagons of the same vehicles as the second of a pair.
+        present: (V, C, T) where there is an own octagon.
+        others_present: (V, C, T) the same of the others.
+
+    Returns:
+        Flat indices into (2P, C, T), ascending.
+    """
+    children, steps = scenes.shape
+    own, others = (_absent_nowhere(b, p) for b, p in ((own, present), (others, others_present)))
+    # First whether they meet over all steps together, then at each.
+    whole = [
+        np.stack([b[:, 0].min(axis=-1, initial=np.inf), b[:, 1].max(axis=-1, initial=-np.inf)], axis=1)
+        for b in (own, others)
+    ]
+    row, other = scenes.ordered_pairs
+    near = np.flatnonzero(boxes_meet(whole[0][:, :, row], whole[1][:, :, other]))
+    pair, child = np.divmod(near, max(children, 1))
+    one, two = row[pair] * children + child, other[pair] * children + child
+    meet = np.ones((near.size, steps), dtype=bool)
+    for axis in range(4):
+        for low, high, first, second in ((own, others, one, two), (others, own, two, one)):
+            meet &= low[axis, 0].reshape(-1, steps)[first] <= high[axis, 1].reshape(-1, steps)[second]
+    entry, step = np.nonzero(meet)
+    return near[entry] * steps + step
+
+
+def _absent_nowhere(boxes: FloatArray, present: BoolArray) -> FloatArray:
+    """Octagons that meet nothing where they are absent."""
+    if present.all():
+        return boxes
+    boxes = boxes.copy()
+    boxes[0, 0][~present] = np.inf
+    return boxes
 
 
 def first_on_own_path(crossings: Crossings, size: int) -> Crossings:

@@ -9,40 +9,15 @@ import copy
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks, backward_acceleration
+from scex_sumo.metrics.pairs.entries import E, Following, Known, dealt
 
 T = TypeVar("T")
-
-
-def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: float) -> FloatArray:
-    """Backward difference of the speed over the time since a vehicle's previous sample.
-
-    Args:
-        speed: (C, T, V) m/s.
-        present: (C, T, V) where the vehicle was seen; None for everywhere.
-        step_s: time between two steps, s.
-
-    Returns:
-        (C, T, V) m/s²; 0 for the first sample of a track and where a vehicle is not present.
-    """
-    change = np.zeros_like(speed)
-    if present is None:
-        change[:, 1:] = (speed[:, 1:] - speed[:, :-1]) / step_s
-        return change
-    step = np.broadcast_to(np.arange(speed.shape[1])[:, None], speed.shape)
-    last_seen = np.maximum.accumulate(np.where(present, step, -1), axis=1)
-    previous = np.full(speed.shape, -1)
-    previous[:, 1:] = last_seen[:, :-1]
-    has_previous = present & (previous >= 0)
-    before = np.take_along_axis(speed, np.maximum(previous, 0), axis=1)
-    elapsed = np.where(has_previous, step - previous, 1) * step_s
-    np.divide(speed - before, elapsed, out=change, where=has_previous)
-    return change
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,13 +32,17 @@ class Scenes:
         planned: current plans, for metrics that need them; None where there are none.
         parameters: constants of the metrics.
         preset: who follows whom, and what a crossing is.
+        chosen: (P,) first and (P,) second vehicle of the pairs; None for all pairs.
+        shared: what is made once for all children in which two tracks are the same; None for nothing.
     """
 
     tracks: SceneTracks
     planned: PlannedPaths | None
     parameters: MetricParameters
     preset: Preset
-    _derived: dict[Callable[[Scenes], Any], Any] = field(default_factory=dict, repr=False)
+    chosen: tuple[IntArray, IntArray] | None = None
+    shared: Shared | None = None
+    _derived: dict[Callable[[Scenes], Any] | str, Any] = field(default_factory=dict, repr=False)
 
     def _evaluated(self, array: FloatArray) -> FloatArray:
         array = array[:, self.tracks.first :]
@@ -142,6 +121,8 @@ class Scenes:
     @cached_property
     def pairs(self) -> tuple[IntArray, IntArray]:
         """(P,) first and (P,) second vehicle of every unordered pair."""
+        if self.chosen is not None:
+            return self.chosen
         first, second = np.triu_indices(self.vehicles, 1)
         return first.astype(np.int64), second.astype(np.int64)
 
@@ -170,7 +151,7 @@ class Scenes:
     @cached_property
     def distance(self) -> FloatArray:
         """(P, C, T) between centres, m."""
-        return np.sqrt(self.dx * self.dx + self.dy * self.dy)
+        return self.of_pairs(_distance)
 
     @property
     def following(self) -> Following:
@@ -181,9 +162,12 @@ class Scenes:
         """The same scenes by another preset; what was derived from them is shared."""
         if preset is self.preset:
             return self
-        other = copy.copy(self)
-        object.__setattr__(other, "preset", preset)
-        return other
+        if preset.name not in self._derived:
+            other = copy.copy(self)
+            object.__setattr__(other, "preset", preset)
+            self._derived[preset.name] = other
+        made: Scenes = self._derived[preset.name]
+        return made
 
     def once(self, make: Callable[[Scenes], T]) -> T:
         """What ``make`` derives from these scenes, made at most once for all metrics."""
@@ -196,11 +180,33 @@ class Scenes:
         """Forget what was derived and knows these scenes: else the memory is free only when cycles are."""
         self._derived.clear()
 
-    def ordered_index(self, row: IntArray, other: IntArray) -> IntArray:
-        """(N,) number of each ordered pair of vehicles in the order of ``ordered_pairs``."""
-        number = np.zeros((self.vehicles, self.vehicles), dtype=np.int64)
-        number[self.ordered_pairs] = np.arange(self.vehicles * (self.vehicles - 1))
-        return number[row, other]
+    def of_pairs(self, make: Callable[[Scenes], FloatArray]) -> FloatArray:
+        """(P, C, T) values that the two tracks of a pair alone decide on, made once for each two tracks."""
+        if self.shared is None:
+            return make(self)
+        table = self.shared.scenes.under(self.preset).once(make)
+        return np.take(table.reshape(len(table), -1), self.shared.row, axis=0)
+
+    def of_ordered_pairs(self, make: Callable[[Scenes], E]) -> E:
+        """Entries of ordered pairs that their two tracks alone decide on, made once for each two tracks."""
+        if self.shared is None:
+            return self.once(make)
+        found = self.shared.scenes.under(self.preset).once(make)
+        return dealt(found, self.shared.bounds(make, found.where), self.shared.row, self.shape[1])
+
+    def at_pairs(self, values: PairValues, pair: IntArray, scene: IntArray) -> FloatArray:
+        """(N,) values, likewise, of (N,) pairs in scenes given by (N,) flat index into (C, T)."""
+        if self.shared is None:
+            return values(self, pair, scene)
+        child, step = np.divmod(scene, max(self.shape[1], 1))
+        return self.shared.looked_up(values, self.shared.row[pair, child], step)
+
+    def flat_of(self, where: IntArray) -> tuple[IntArray, IntArray]:
+        """Flat indices into (V, C, T) of both vehicles of entries at flat indices into (2P, C, T)."""
+        count = max(int(np.prod(self.shape)), 1)
+        pair, scene = np.divmod(where, count)
+        row, other = self.ordered_pairs
+        return row[pair] * count + scene, other[pair] * count + scene
 
     def size_of(self, size: FloatArray, vehicle: IntArray, scene: IntArray) -> FloatArray:
         """(N,) of (V, C or 1, 1) sizes those of vehicles in scenes given by flat index into (C, T)."""
@@ -220,6 +226,41 @@ class Scenes:
         full.reshape(-1)[where] = value
         defined.reshape(-1)[where] = True
         return Samples(value=full, defined=defined, row=row, other=other)
+
+
+PairValues: TypeAlias = Callable[[Scenes, IntArray, IntArray], FloatArray]
+
+
+def _distance(scenes: Scenes) -> FloatArray:
+    return np.sqrt(scenes.dx * scenes.dx + scenes.dy * scenes.dy)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shared:
+    """Pairs of tracks of several children, each that differs once.
+
+    Attributes:
+        scenes: one child with all tracks that differ and all pairs of them that are together in a child.
+        row: (P, C) number of each pair of a batch of children among those.
+    """
+
+    scenes: Scenes
+    row: IntArray
+    _bounds: dict[Any, IntArray] = field(default_factory=dict, repr=False)
+    _known: dict[Any, Known] = field(default_factory=dict, repr=False)
+
+    def bounds(self, make: Any, where: IntArray) -> IntArray:
+        """(2P + 1,) at which of ascending flat indices the entries of each ordered pair begin."""
+        if make not in self._bounds:
+            count = 2 * len(self.scenes.pairs[0])
+            self._bounds[make] = np.searchsorted(where, np.arange(count + 1) * self.scenes.shape[1])
+        return self._bounds[make]
+
+    def looked_up(self, values: PairValues, pair: IntArray, step: IntArray) -> FloatArray:
+        """(N,) values of pairs at steps, each computed when it is asked for first."""
+        pairs, steps = len(self.scenes.pairs[0]), self.scenes.shape[1]
+        known = self._known.setdefault(values, Known(pairs * steps))
+        return known.at(pair * steps + step, lambda at: values(self.scenes, *np.divmod(at, max(steps, 1))))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -254,22 +295,3 @@ class Preset:
     name: str
     leaders: Callable[[Scenes], Following]
     conflict_area: bool
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Following:
-    """All F car-following pairs of a batch of scenes.
-
-    Attributes:
-        where: (F,) flat indices into (2P, C, T) of ordered pairs (follower, leader), ascending.
-        gap: (F,) distance from follower to leader, m.
-        follower_speed: (F,) m/s.
-        leader_speed: (F,) m/s.
-        leader_acceleration: (F,) m/s².
-    """
-
-    where: IntArray
-    gap: FloatArray
-    follower_speed: FloatArray
-    leader_speed: FloatArray
-    leader_acceleration: FloatArray

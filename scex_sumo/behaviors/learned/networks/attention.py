@@ -45,16 +45,20 @@ class EdgeAttention(nn.Module):
                 nn.init.uniform_(layer.bias, -1 / math.sqrt(inner), 1 / math.sqrt(inner))
         _draw(self.att)
 
-    def forward(self, node: Tensor, edge_index: Tensor, edge: Tensor) -> Tensor:
-        """(N, heads * each) from (N, inner) nodes, (2, E) sources and targets, and (E, columns) edges."""
+    def forward(self, node: Tensor, edge_index: Tensor, edge: Tensor, asking: Tensor | None = None) -> Tensor:
+        """(N, heads * each) from (N, inner) nodes, (2, E) sources and targets, and (E, columns) edges.
+
+        With ``asking``, (N, inner) of those nodes that targets are among, it is theirs that is returned.
+        """
         heads, each = self.att.shape[1:]
         source, target = edge_index
+        asking = node if asking is None else asking
         given = self.lin_l(node).view(-1, heads, each).index_select(0, source)
-        asked = self.lin_r(node).view(-1, heads, each).index_select(0, target)
+        asked = self.lin_r(asking).view(-1, heads, each).index_select(0, target)
         mixed = asked + given + self.lin_edge(edge).view(-1, heads, each)
         score = (nn.functional.leaky_relu(mixed, SLOPE) * self.att).sum(dim=-1)
-        weight = _softmax(score, target, len(node))
-        taken = _sum(given * weight.unsqueeze(-1), target, len(node))
+        weight = _softmax(score, target, len(asking))
+        taken = _sum(given * weight.unsqueeze(-1), target, len(asking))
         out: Tensor = taken.view(-1, heads * each) + self.bias
         return out
 

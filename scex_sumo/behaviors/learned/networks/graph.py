@@ -113,14 +113,29 @@ class SceneEncoder(nn.Module):
         )
         self.norm = nn.ModuleList(nn.LayerNorm(sizes.hidden) for _ in range(layers + 1))
 
-    def forward(self, scene: SceneBatch) -> Tensor:
-        """(N, hidden)."""
-        history = self.history_scale(scene.history.flatten(1))
-        h: Tensor = self.norm[0](self.embed(torch.cat([self.node_scale(scene.node), history], 1)))
-        edge = snapped(self.edge_scale(scene.edge)) if len(self.attend) else scene.edge
-        for attend, norm in zip(self.attend, list(self.norm)[1:], strict=True):
-            h = norm(h + torch.relu(attend(snapped(h), scene.edge_index, edge)))
-        return h
+    def forward(self, scene: SceneBatch, wanted: Tensor) -> Tensor:
+        """(n, hidden) of (n,) wanted nodes; what does not reach them through the layers is left out."""
+        needed, reach = torch.zeros(len(scene.node), dtype=torch.bool, device=wanted.device), []
+        needed[wanted] = True
+        for _ in self.attend:
+            edges = torch.nonzero(needed[scene.edge_index[1]])[:, 0]
+            reach.append((needed, edges))
+            needed = needed.index_fill(0, scene.edge_index[0, edges], True)
+        history = self.history_scale(scene.history[needed].flatten(1))
+        h: Tensor = self.norm[0](self.embed(torch.cat([self.node_scale(scene.node[needed]), history], 1)))
+        for attend, norm, (asking, edges) in zip(self.attend, list(self.norm)[1:], reach[::-1], strict=True):
+            source, target = scene.edge_index[:, edges]
+            index = torch.stack([_numbers(needed)[source], _numbers(asking)[target]])
+            edge, kept = snapped(self.edge_scale(scene.edge[edges])), asking[needed]
+            seen = snapped(h)
+            h = norm(h[kept] + torch.relu(attend(seen, index, edge, seen[kept])))
+            needed = asking
+        return h[_numbers(needed)[wanted]]
+
+
+def _numbers(some: Tensor) -> Tensor:
+    """(N,) number of each node among some, which are given as (N,) whether it is one."""
+    return torch.cumsum(some, 0) - 1
 
 
 class PlanHead(nn.Module):
@@ -195,6 +210,6 @@ class GraphPredictorNet(nn.Module):
     def forward(self, scene: SceneBatch, path: PathBatch) -> Modes:
         """Modes of n pairs."""
         way = torch.relu(self.path(self.path_scale(path.features)))
-        h = torch.cat([self.scene(scene)[path.node], way], 1)
+        h = torch.cat([self.scene(scene, path.node), way], 1)
         modes: Modes = self.head(h, path.features)
         return modes

@@ -163,7 +163,7 @@ class GraphImageNet(nn.Module):
         features = self.path_scale(path.features)
         alone = features[:, : -len(LEADER_COLUMNS)]
         way, own = torch.relu(self.path(features)), torch.relu(self.own(alone))
-        g = torch.relu(self.graph_branch(torch.cat([self.scene(scene)[path.node], way], 1)))
+        g = torch.relu(self.graph_branch(torch.cat([self.scene(scene, path.node), way], 1)))
         m = torch.relu(self.image_branch(torch.cat([self.image(image)[image.place], own], 1)))
         w = attention[:, None]
         modes: Modes = self.head(torch.cat([w * g, (1 - w) * m], 1), path.features)
