@@ -110,7 +110,7 @@ def run_command(
     if until_band is not None and children is None:
         children = str(MOST_CHILDREN)
     given = {"models": models, "children": children, "design": design}
-    settings = {
+    settings: dict[str, Any] = {
         **{name: value for name, value in given.items() if value is not None},
         "assign": parse_assign(assign or ()),
         "under_test": parse_under_test(under_test or ()),
