@@ -10,7 +10,7 @@ import numpy as np
 from scex_sumo.arrays import IntArray, distinct
 from scex_sumo.behaviors.base import Behavior, Sight
 from scex_sumo.behaviors.driving.distinct import handed_out, own_motion
-from scex_sumo.behaviors.driving.together import Drive, DrivesAlong, driven
+from scex_sumo.behaviors.driving.together import DrivesAlong, Intent, driven
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.plug_in.fallback import Fallible
 from scex_sumo.derived import derived
@@ -30,14 +30,14 @@ def plans_of(
     Models of ours that drive along paths do so side by side; every other one is asked by itself.
     """
     some = [index for index, who in enumerate(groups) if len(who)]
-    along = {index: one for index in some if (one := _drive(models[index], history, road, groups[index]))}
+    along = {index: one for index in some if (one := _intent(models[index], history, road, groups[index]))}
     together = dict(zip(along, driven(history, list(along.values())), strict=True))
     for index in some:
         made = together.get(index)
         yield index, plan_once(models[index], history, road, groups[index], rng) if made is None else made
 
 
-def _drive(model: Behavior, history: SceneHistory, road: Road, who: Who) -> Drive | None:
+def _intent(model: Behavior, history: SceneHistory, road: Road, who: Who) -> Intent | None:
     """The drives that a model wants, one for all vehicles in equal situations; None for another's model."""
     sight = sight_of(model)
     if sight is None or not isinstance(model, DrivesAlong):

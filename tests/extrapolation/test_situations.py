@@ -15,7 +15,7 @@ from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.behaviors.registry import LEARNED, build, parse_models
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.situations import plan_once, sight_of
+from scex_sumo.extrapolation.situations import plan_once, plans_of, sight_of
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
 from tests.behaviors import roads
@@ -70,6 +70,22 @@ def test_plans_are_the_same_to_the_bit(model: Behavior, whole: SceneHistory) -> 
             np.testing.assert_array_equal(once.fallback, each.fallback)
 
 
+@pytest.mark.parametrize("whole", [alike(), history(7)], ids=["alike", "apart"])
+def test_models_side_by_side_plan_what_each_plans_alone(whole: SceneHistory) -> None:
+    names = ["standard_driver", "risky_driver", "emergency_brake", "constant_velocity:path=-1", "replay"]
+    models = [build(parse_models(name)[0]) for name in [*names, "calibrated_driver:guard=true"]]
+    drawn = np.random.default_rng(3).integers(len(models), size=whole.now.shape)
+    groups = [Who(child=c, vehicle=v) for c, v in (np.nonzero(drawn == m) for m in range(len(models)))]
+    groups[2] = Who(child=groups[2].child[:0], vehicle=groups[2].vehicle[:0])
+    rng = [np.random.default_rng(c) for c in range(len(whole.children))]
+    made = dict(plans_of(models, groups, whole, ROAD, rng))
+    assert list(made) == [0, 1, 3, 4, 5]
+    for index, plan in made.items():
+        alone = models[index].plan(whole, ROAD, groups[index], rng)
+        for key in ("x", "y", "heading", "speed"):
+            np.testing.assert_array_equal(getattr(plan, key), getattr(alone, key))
+
+
 class Counting(ConstantVelocity):
     """Counts the vehicles that it is asked for."""
 
@@ -92,7 +108,8 @@ def test_the_first_plan_is_one_for_each_vehicle(monkeypatch: pytest.MonkeyPatch)
 def test_a_users_model_is_asked_for_everybody_even_where_it_takes_after_one_of_ours() -> None:
     model, whole = Counting(), roads.present(SCENE, 7)
     asked(model, whole, everybody(whole))
-    assert model.asked == [7 * SCENE.vehicles, 7 * SCENE.vehicles]
+    list(plans_of([model], [everybody(whole)], whole, ROAD, []))
+    assert model.asked == [7 * SCENE.vehicles] * 3
 
 
 @pytest.mark.parametrize("name", RANDOM)

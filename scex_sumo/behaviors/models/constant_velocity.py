@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.behaviors.base import Sight
 from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
-from scex_sumo.behaviors.driving.together import Drive, driven
+from scex_sumo.behaviors.driving.together import Intent, driven
 from scex_sumo.behaviors.parameters import check_path
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
@@ -44,9 +44,9 @@ class ConstantVelocity:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
         return driven(history, [self.intend(history, road, who)])[0]
 
-    def intend(self, history: SceneHistory, road: Road, who: Who) -> Drive:
+    def intend(self, history: SceneHistory, road: Road, who: Who) -> Intent:
         """See `DrivesAlong`."""
         paths, row = chosen_paths(history, road, who, self.profile.path)
         target = np.maximum(history.scene.now.speed[who.vehicle], 0.0)
         # Zero but for rounding, unless something else moved the vehicle before.
-        return Drive(who=who, paths=paths, row=row, accelerate=lambda _, v, *__: (target - v) / STEP_S)
+        return Intent(who=who, paths=paths, row=row, accelerate=lambda _, v, *__: (target - v) / STEP_S)

@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.behaviors.base import Sight
 from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
-from scex_sumo.behaviors.driving.together import Drive, driven
+from scex_sumo.behaviors.driving.together import Intent, driven
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
@@ -47,8 +47,8 @@ class EmergencyBrake:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
         return driven(history, [self.intend(history, road, who)])[0]
 
-    def intend(self, history: SceneHistory, road: Road, who: Who) -> Drive:
+    def intend(self, history: SceneHistory, road: Road, who: Who) -> Intent:
         """See `DrivesAlong`."""
         paths, row = chosen_paths(history, road, who, self.profile.path)
         braking = np.full(len(who), -self.profile.deceleration)
-        return Drive(who=who, paths=paths, row=row, accelerate=lambda *_: braking)
+        return Intent(who=who, paths=paths, row=row, accelerate=lambda *_: braking)

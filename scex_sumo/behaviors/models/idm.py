@@ -14,7 +14,7 @@ from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, Accelerate, curve_speeds
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
-from scex_sumo.behaviors.driving.together import Drive, driven
+from scex_sumo.behaviors.driving.together import Intent, driven
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.derived import derived
 from scex_sumo.road import Road
@@ -184,11 +184,11 @@ class IdmDriver:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
         return driven(history, [self.intend(history, road, who)])[0]
 
-    def intend(self, history: SceneHistory, road: Road, who: Who) -> Drive:
+    def intend(self, history: SceneHistory, road: Road, who: Who) -> Intent:
         """See `DrivesAlong`."""
         return self.follow(history, who, *chosen_paths(history, road, who, self.profile.path))
 
-    def follow(self, history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray) -> Drive:
+    def follow(self, history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray) -> Intent:
         """The drive along given paths: (n,) rows of `paths`."""
         profile = self.profile
         own = history.now[who.child, who.vehicle]
@@ -209,7 +209,7 @@ class IdmDriver:
         some = Who(child=who.child[first], vehicle=who.vehicle[first])
         behind = (leaders.gap[first], leaders.speed[first])
         accelerate = self._accelerate(history, some, paths, row[first], *behind)
-        return Drive(who=some, paths=paths, row=row[first], accelerate=accelerate, kind=kind)
+        return Intent(who=some, paths=paths, row=row[first], accelerate=accelerate, kind=kind)
 
     def _accelerate(
         self,
