@@ -16,14 +16,15 @@ from scex_sumo.geometry.polylines import cut, heading, length_of
 
 LENGTH_M = 4.7  # of a car
 WIDTH_M = 1.8
+CHANGE_M = 10.0  # on a shorter edge two cars that want each other's lanes do not get past one another
 HEAD_ON_RAD = np.deg2rad(150.0)
 
 
 def border_routes(net: JudgedNet) -> list[tuple[str, ...]]:
     """Shortest route in edges for every pair of border edges that lanes lead between.
 
-    Cars change lanes where the net permits; a net without borders starts and ends anywhere. No route begins
-    where a car would stand in the way of others.
+    Cars change lanes where the net permits and leaves room; a net without borders starts and ends anywhere.
+    No route begins where a car would stand in the way of others.
     """
     edges = {lane.edge_id for lane in net.car_lanes.values() if not lane.internal}
     entered = {net.lanes[link.to_lane].edge_id for link in net.car_links}
@@ -84,7 +85,7 @@ def _standing(line: FloatArray) -> FloatArray:
     if length >= LENGTH_M:
         return cut(line, 0.0, LENGTH_M)
     angle = heading(line, end=False)
-    back = (LENGTH_M - length) * np.array([np.cos(angle), np.sin(angle)])
+    back = LENGTH_M * np.array([np.cos(angle), np.sin(angle)])
     return np.vstack([line[0] - back, line])
 
 
@@ -103,7 +104,7 @@ def _lane_moves(net: JudgedNet) -> dict[str, list[str]]:
         moves[link.from_lane].append(link.to_lane)
     for names in net.edges.values():
         for right, left in pairwise(net.lanes[name] for name in names):
-            if right.cars and left.cars and not right.internal:
+            if right.cars and left.cars and not right.internal and right.length_m >= CHANGE_M:
                 moves[right.lane_id] += [left.lane_id] if right.change_left else []
                 moves[left.lane_id] += [right.lane_id] if left.change_right else []
     return moves
