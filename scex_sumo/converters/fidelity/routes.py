@@ -66,7 +66,10 @@ def _beside(
 ) -> dict[str, set[str]]:
     """For each lane with a standing car, the lanes of others that pass too near; of two of these, both."""
     names, order = list(cars), list(standing)
-    tree = shapely.STRtree([shapely.LineString(lane.shape) for lane in cars.values()])
+    driven = [
+        np.vstack([*([standing[i][:1]] if i in standing else []), lane.shape]) for i, lane in cars.items()
+    ]
+    tree = shapely.STRtree([shapely.LineString(line) for line in driven])
     stands = [shapely.LineString(line) for line in standing.values()]
     found: dict[str, set[str]] = {name: set() for name in order}
     for k, j in tree.query(stands, predicate="dwithin", distance=WIDTH_M).T.tolist():
