@@ -115,6 +115,7 @@ def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], d
     """Lanelets with two usable bounds, and the ways that were joined from pieces for them."""
     lanelets: dict[int, Relation] = {}
     joined: dict[int, Way] = {}
+    drawn: set[tuple[int, int, str]] = set()
     next_id = max([0, *map(abs, (*map_file.ways, *map_file.relations, *map_file.nodes))]) + 1
     for i, lanelet in map_file.of_type("lanelet").items():
         bounds = []
@@ -136,6 +137,10 @@ def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], d
         if bounds[0].ref == bounds[1].ref:
             done.note("lanelets left out, one way is both their bounds", i)
             continue
+        if (same := (bounds[0].ref, bounds[1].ref, lanelet.tags.get("subtype", ""))) in drawn:
+            done.note("lanelets left out, drawn twice between the same bounds", i)
+            continue
+        drawn.add(same)
         lanelets[i] = replace(lanelet, members=(*bounds, *_other_members(i, lanelet, map_file, done)))
     return lanelets, joined
 
