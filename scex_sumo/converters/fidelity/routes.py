@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -53,7 +53,13 @@ def _in_the_way(net: JudgedNet, starts: set[str]) -> set[str]:
         if link.from_lane in apart:
             apart[link.from_lane] |= {*link.via, link.to_lane}
     order = sorted(apart, key=lambda name: (-cars[name].length_m, name))
-    beside = _beside(cars, {name: _standing(cars[name].shape) for name in order}, apart)
+    source = {via: link.from_lane for link in net.car_links if link.from_lane in apart for via in link.via}
+    beside: dict[str, set[str]] = {name: set() for name in order}
+    for name, other in _too_near(cars, {i: _standing(cars[i].shape) for i in order}, apart):
+        passing = source.get(other, other)
+        beside[name].add(passing)
+        if passing in beside:
+            beside[passing].add(name)
     allowed: set[str] = set()
     for name in order:
         if not beside[name] - (apart.keys() - allowed):
@@ -61,25 +67,20 @@ def _in_the_way(net: JudgedNet, starts: set[str]) -> set[str]:
     return {cars[name].edge_id for name in apart.keys() - allowed}
 
 
-def _beside(
+def _too_near(
     cars: Mapping[str, JudgedLane], standing: Mapping[str, FloatArray], apart: Mapping[str, Iterable[str]]
-) -> dict[str, set[str]]:
-    """For each lane with a standing car, the lanes of others that pass too near; of two of these, both."""
+) -> Iterator[tuple[str, str]]:
+    """Lanes with a standing car, each with the lanes of others that pass too near to it."""
     names, order = list(cars), list(standing)
     driven = [
         np.vstack([*([standing[i][:1]] if i in standing else []), lane.shape]) for i, lane in cars.items()
     ]
     tree = shapely.STRtree([shapely.LineString(line) for line in driven])
     stands = [shapely.LineString(line) for line in standing.values()]
-    found: dict[str, set[str]] = {name: set() for name in order}
     for k, j in tree.query(stands, predicate="dwithin", distance=WIDTH_M).T.tolist():
         name, other = order[k], names[j]
-        if other in apart[name] or _head_on(standing[name], cars[other].shape):
-            continue
-        found[name].add(other)
-        if other in found:
-            found[other].add(name)
-    return found
+        if other not in apart[name] and not _head_on(standing[name], cars[other].shape):
+            yield name, other
 
 
 def _standing(line: FloatArray) -> FloatArray:
