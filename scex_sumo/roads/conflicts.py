@@ -35,7 +35,7 @@ class Conflict:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sampled:
+class SampledLine:
     """A polyline with points along it, at most 0.25 m apart: arc lengths (N,) in m and positions (N, 2)."""
 
     s: FloatArray
@@ -44,14 +44,14 @@ class Sampled:
     on_line: FloatArray
 
     @classmethod
-    def of(cls, line: FloatArray) -> Sampled:
+    def of(cls, line: FloatArray) -> SampledLine:
         """Sample a polyline (P, 2)."""
         s, points = samples(line, STEP_M)
         whole = shapely.LineString(line)
         shapely.prepare(whole)
         return cls(s=s, points=points, line=whole, on_line=shapely.points(points))
 
-    def near(self, other: Sampled, reach_m: float) -> BoolArray:
+    def near(self, other: SampledLine, reach_m: float) -> BoolArray:
         """(N,) whether each of the points is nearer than this to another polyline."""
         found: BoolArray = shapely.dwithin(other.line, self.on_line, np.nextafter(reach_m, 0.0))
         return found
@@ -68,7 +68,7 @@ def conflicts(lanes: Mapping[int, Lane], *, border_forks: bool = False) -> list[
     pairs = {(min(i, j), max(i, j)) for i, lane in lanes.items() for j in lane.conflicts if j in lanes}
     pairs -= {(i, j) for i, j in pairs if i == j}
     found: list[Conflict] = []
-    sampled = {i: Sampled.of(lanes[i].centreline) for i in {i for pair in pairs for i in pair}}
+    sampled = {i: SampledLine.of(lanes[i].centreline) for i in {i for pair in pairs for i in pair}}
     for i, j in sorted(pairs):
         if _neighbours(lanes[i], lanes[j]) or j in lanes[i].successors or i in lanes[j].successors:
             continue
@@ -140,7 +140,7 @@ def _neighbours(a: Lane, b: Lane) -> bool:
     return b.lane_id in (a.left, a.right, a.adjacent_left, a.adjacent_right)
 
 
-def _stretches(a: Lane, b: Lane, one: Sampled, other: Sampled) -> list[Conflict]:
+def _stretches(a: Lane, b: Lane, one: SampledLine, other: SampledLine) -> list[Conflict]:
     clearance = min(CLEARANCE_M, 0.45 * (a.width_m + b.width_m))
     on_b, gap_a = project_near(one.points, b.centreline, clearance)
     if not (gap_a < clearance).any():

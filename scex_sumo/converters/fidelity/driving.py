@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.fidelity.net import JudgedNet, read_net
+from scex_sumo.converters.fidelity.net import JudgedLink, JudgedNet, read_net
 from scex_sumo.converters.fidelity.routes import LENGTH_M, WIDTH_M, border_routes
 from scex_sumo.errors import SimulationError
 from scex_sumo.files import TemporaryFolder
@@ -122,16 +122,30 @@ def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0) ->
 
 
 def _demand(net: JudgedNet, routes: list[tuple[str, ...]], headway_s: float) -> str:
-    """SUMO's routes file; who starts just before a junction starts there from rest."""
+    """SUMO's routes file.
+
+    Who starts just before a crossing or a merge starts from rest; on an edge shorter than a car, at its
+    beginning, for SUMO leaves no gap to a car before that has turned elsewhere.
+    """
     size = f'length="{LENGTH_M}" width="{WIDTH_M}"'
     lines = [f'<routes><vType id="car" vClass="passenger" {size} sigma="0.5"/>']
+    waiting = {
+        net.lanes[link.from_lane].edge_id
+        for link in net.car_links
+        if net.lanes[link.from_lane].length_m < RUN_UP_M and link.row >= 0 and _has_foes(net, link)
+    }
     for number, edges in enumerate(routes):
-        speed = "max" if net.lanes[net.edges[edges[0]][0]].length_m > RUN_UP_M else "0"
+        speed = "0" if edges[0] in waiting else "max"
+        place = "0" if net.lanes[net.edges[edges[0]][0]].length_m < LENGTH_M else "base"
         lines.append(
             f'<vehicle id="v{number}" type="car" depart="{number * headway_s}" departLane="best"'
-            f' departSpeed="{speed}"><route edges="{" ".join(edges)}"/></vehicle>'
+            f' departPos="{place}" departSpeed="{speed}"><route edges="{" ".join(edges)}"/></vehicle>'
         )
     return "\n".join([*lines, "</routes>"])
+
+
+def _has_foes(net: JudgedNet, link: JudgedLink) -> bool:
+    return bool(net.junctions[link.junction].foes[link.row].any())
 
 
 def _simulate(net_path: Path, demand: Path, folder: Path, end_s: float) -> list[str]:

@@ -9,8 +9,9 @@ import numpy as np
 import shapely
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.fidelity.matching import COVERED, Matching, sample_line
+from scex_sumo.converters.fidelity.matching import COVERED, Matching, Stretch, sample_line
 from scex_sumo.converters.fidelity.net import JudgedLane, JudgedNet
+from scex_sumo.road import Lane
 
 PRESENT_M = (
     1.0  # a lanelet is there when SUMO lanes pass this near; how near exactly is the deviation's affair
@@ -27,8 +28,9 @@ Lanes = Mapping[int, list[JudgedLane]]
 def judge_geometry(matching: Matching) -> dict[str, Any]:
     """Compare shapes, widths and speeds lanelet by lanelet.
 
-    The deviation goes from lanelet centreline to SUMO lane and back, sampled every 0.5 m, as do widths; the
-    floor of the width error is what the best constant width of each lanelet would leave.
+    The deviation goes from lanelet centreline to SUMO lane and back, sampled every 0.5 m. Widths are compared
+    at the same places, each with the lane that lies there; the floor of the width error is what the best
+    constant width of each lanelet would leave.
     """
     net, road = matching.net, matching.road
     vehicle = road.vehicle_lanes
@@ -107,17 +109,29 @@ def _wrong_speed(matching: Matching, lane_id: int, lanes: list[JudgedLane]) -> l
 
 def _widths(matching: Matching, present: Lanes) -> tuple[FloatArray, FloatArray]:
     errors, floors = [], []
-    for lane_id, lanes in present.items():
+    for lane_id in present:
         lane = matching.road.lanes[lane_id]
         points = shapely.points(sample_line(lane.centreline))
         left, right = (
             shapely.distance(points, shapely.LineString(b)) for b in (lane.left_bound, lane.right_bound)
         )
         width = left + right
-        errors += [np.abs(width - sumo_lane.width_m) for sumo_lane in lanes]
+        at = np.linspace(0.0, shapely.LineString(lane.centreline).length, len(points))
+        for stretch in matching.by_lanelet[lane_id]:
+            if (sumo_lane := matching.net.lanes[stretch.sumo_lane]).cars:
+                low, high = _covered(lane, sumo_lane, stretch)
+                beside = (at >= low - 1e-6) & (at <= high + 1e-6)
+                errors.append(np.abs(width[beside] - sumo_lane.width_m))
         floors.append(np.abs(width - np.median(width)))
     none = [np.zeros(1)]
     return np.concatenate(errors or none), np.concatenate(floors or none)
+
+
+def _covered(lane: Lane, sumo_lane: JudgedLane, stretch: Stretch) -> tuple[float, float]:
+    """Arc lengths on a lanelet between which a SUMO lane stands for it, m."""
+    line = shapely.LineString(lane.centreline)
+    ends = sorted(line.project(sumo_lane.line.interpolate(s)) for s in (stretch.start_m, stretch.end_m))
+    return float(ends[0]), float(ends[1])
 
 
 def _wrong_lengths(net: JudgedNet) -> tuple[tuple[str, float, float], ...]:

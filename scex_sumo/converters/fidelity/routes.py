@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -16,14 +16,15 @@ from scex_sumo.geometry.polylines import cut, heading, length_of
 
 LENGTH_M = 4.7  # of a car
 WIDTH_M = 1.8
+CHANGE_M = 10.0  # on a shorter edge two cars that want each other's lanes do not get past one another
 HEAD_ON_RAD = np.deg2rad(150.0)
 
 
 def border_routes(net: JudgedNet) -> list[tuple[str, ...]]:
     """Shortest route in edges for every pair of border edges that lanes lead between.
 
-    Cars change lanes where the net permits; a net without borders starts and ends anywhere. No route begins
-    where a car would stand in the way of others.
+    Cars change lanes where the net permits and leaves room; a net without borders starts and ends anywhere.
+    No route begins where a car would stand in the way of others.
     """
     edges = {lane.edge_id for lane in net.car_lanes.values() if not lane.internal}
     entered = {net.lanes[link.to_lane].edge_id for link in net.car_links}
@@ -52,7 +53,13 @@ def _in_the_way(net: JudgedNet, starts: set[str]) -> set[str]:
         if link.from_lane in apart:
             apart[link.from_lane] |= {*link.via, link.to_lane}
     order = sorted(apart, key=lambda name: (-cars[name].length_m, name))
-    beside = _beside(cars, {name: _standing(cars[name].shape) for name in order}, apart)
+    source = {via: link.from_lane for link in net.car_links if link.from_lane in apart for via in link.via}
+    beside: dict[str, set[str]] = {name: set() for name in order}
+    for name, other in _too_near(cars, {i: _standing(cars[i].shape) for i in order}, apart):
+        passing = source.get(other, other)
+        beside[name].add(passing)
+        if passing in beside:
+            beside[passing].add(name)
     allowed: set[str] = set()
     for name in order:
         if not beside[name] - (apart.keys() - allowed):
@@ -60,22 +67,20 @@ def _in_the_way(net: JudgedNet, starts: set[str]) -> set[str]:
     return {cars[name].edge_id for name in apart.keys() - allowed}
 
 
-def _beside(
+def _too_near(
     cars: Mapping[str, JudgedLane], standing: Mapping[str, FloatArray], apart: Mapping[str, Iterable[str]]
-) -> dict[str, set[str]]:
-    """For each lane with a standing car, the lanes of others that pass too near; of two of these, both."""
+) -> Iterator[tuple[str, str]]:
+    """Lanes with a standing car, each with the lanes of others that pass too near to it."""
     names, order = list(cars), list(standing)
-    tree = shapely.STRtree([shapely.LineString(lane.shape) for lane in cars.values()])
+    driven = [
+        np.vstack([*([standing[i][:1]] if i in standing else []), lane.shape]) for i, lane in cars.items()
+    ]
+    tree = shapely.STRtree([shapely.LineString(line) for line in driven])
     stands = [shapely.LineString(line) for line in standing.values()]
-    found: dict[str, set[str]] = {name: set() for name in order}
     for k, j in tree.query(stands, predicate="dwithin", distance=WIDTH_M).T.tolist():
         name, other = order[k], names[j]
-        if other in apart[name] or _head_on(standing[name], cars[other].shape):
-            continue
-        found[name].add(other)
-        if other in found:
-            found[other].add(name)
-    return found
+        if other not in apart[name] and not _head_on(standing[name], cars[other].shape):
+            yield name, other
 
 
 def _standing(line: FloatArray) -> FloatArray:
@@ -84,7 +89,7 @@ def _standing(line: FloatArray) -> FloatArray:
     if length >= LENGTH_M:
         return cut(line, 0.0, LENGTH_M)
     angle = heading(line, end=False)
-    back = (LENGTH_M - length) * np.array([np.cos(angle), np.sin(angle)])
+    back = LENGTH_M * np.array([np.cos(angle), np.sin(angle)])
     return np.vstack([line[0] - back, line])
 
 
@@ -103,7 +108,7 @@ def _lane_moves(net: JudgedNet) -> dict[str, list[str]]:
         moves[link.from_lane].append(link.to_lane)
     for names in net.edges.values():
         for right, left in pairwise(net.lanes[name] for name in names):
-            if right.cars and left.cars and not right.internal:
+            if right.cars and left.cars and not right.internal and right.length_m >= CHANGE_M:
                 moves[right.lane_id] += [left.lane_id] if right.change_left else []
                 moves[left.lane_id] += [right.lane_id] if left.change_right else []
     return moves

@@ -7,7 +7,6 @@ broken in it, is found here with the standard library alone.
 from __future__ import annotations
 
 import gzip
-import math
 import re
 import zlib
 from collections.abc import Iterable, Mapping
@@ -22,6 +21,7 @@ from scex_sumo.files import quoted
 
 Tags = Mapping[str, str]
 _ID = re.compile(r"-?[0-9]{1,18}")  # what fits Lanelet2's 64 bit ids
+HIGHEST_M = 10_000.0  # no road lies higher
 _EARTH = {"lat": 90.0, "lon": 180.0}
 _Element = TypeVar("_Element")
 
@@ -162,6 +162,8 @@ def read_map_file(path: str | Path) -> MapFile:
         try:
             if element.tag == "node":
                 new = _put(nodes, _id(element, "id"), _node(element))
+                if _height_m(element) is None:
+                    findings.note("heights not understood, taken for 0", name)
             elif element.tag == "way":
                 new = _put(ways, _id(element, "id"), Way(nodes=_way_nodes(element), tags=_tags(element)))
             elif element.tag == "relation":
@@ -222,11 +224,16 @@ def _node(element: ElementTree.Element) -> MapPoint:
     place = {key: float(element.get(key, "")) for key in _EARTH}
     if not all(abs(place[key]) <= limit for key, limit in _EARTH.items()):  # nan fails too
         raise ValueError("no place on Earth")
+    return MapPoint(**place, ele=_height_m(element) or 0.0)
+
+
+def _height_m(node: ElementTree.Element) -> float | None:
+    """Height of a node, 0 where none is given, None where it is none that a road has."""
+    word = next((tag.get("v", "") for tag in node.findall("tag") if tag.get("k") == "ele"), "0")
     try:
-        ele = float(next((tag.get("v", "") for tag in element.findall("tag") if tag.get("k") == "ele"), "0"))
+        return height if abs(height := float(word)) < HIGHEST_M else None  # nan fails too
     except ValueError:
-        ele = 0.0
-    return MapPoint(**place, ele=ele if math.isfinite(ele) else 0.0)
+        return None
 
 
 def _way_nodes(element: ElementTree.Element) -> tuple[int, ...]:

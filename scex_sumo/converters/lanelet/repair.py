@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import statistics
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
-from scex_sumo.converters.lanelet.file import Findings, MapFile, Member, Relation, Way
+from scex_sumo.converters.lanelet.file import Findings, MapFile, MapPoint, Member, Relation, Way
 from scex_sumo.errors import MapError
 
 Place: TypeAlias = tuple[float, float]  # latitude and longitude, degrees
@@ -19,8 +20,8 @@ SIDES = ("left", "right")
 def repair(map_file: MapFile) -> tuple[MapFile, bool]:
     """Mend or leave out what Lanelet2 would drop silently, misread or crash on.
 
-    Stray nodes (over 50 km from the map's middle) and references to nothing are dropped; bounds in several
-    pieces are joined; lanelets without two bounds are left out.
+    Stray nodes (over 50 km from the map's middle) and references to nothing are dropped; ways that end at one
+    place end in one node; bounds in several pieces are joined; lanelets without two bounds are left out.
 
     Returns:
         The map, its notes naming what was done, and whether it differs from its file.
@@ -31,7 +32,7 @@ def repair(map_file: MapFile) -> tuple[MapFile, bool]:
     done.note("nodes over 50 km away from the map, left out", *stray)
     nodes = {i: node for i, node in nodes.items() if i not in stray}
     map_file = replace(map_file, nodes=nodes)
-    map_file = replace(map_file, ways=_ways(map_file, done))
+    map_file = replace(map_file, ways=_joined_ends(map_file, _ways(map_file, done), done))
     lanelets, joined = _lanelets(map_file, done)
     others = {i: r for i, r in map_file.relations.items() if r.tags.get("type") != "lanelet"}
     map_file = replace(map_file, ways={**map_file.ways, **joined}, relations={**others, **lanelets})
@@ -87,10 +88,34 @@ def _ways(map_file: MapFile, done: Findings) -> dict[int, Way]:
     return ways
 
 
+def _joined_ends(map_file: MapFile, ways: Mapping[int, Way], done: Findings) -> dict[int, Way]:
+    """The ways, of whose ends no two at one place are two nodes, and without steps of no length.
+
+    Lanelet2 links lanelets by the nodes that they share, and finds no middle of a bound that stands still.
+    """
+    ends = {node: map_file.nodes[node] for way in ways.values() for node in (way.nodes[0], way.nodes[-1])}
+    first: dict[MapPoint, int] = {}
+    same = {node: first.setdefault(place, node) for node, place in ends.items()}
+    twins = {node for node, kept in same.items() if node != kept}
+    done.note("nodes at the place of another, taken for that one", *twins)
+    result = {}
+    for i, way in ways.items():
+        nodes = tuple(same.get(node, node) for node in way.nodes)
+        places = [map_file.nodes[node] for node in nodes]
+        inner = range(1, len(nodes) - 1)
+        steps = [nodes[k] for k in inner if places[k] != places[k + 1] and places[k] != places[0]]
+        kept = (nodes[0], *steps, *nodes[1:][-1:])
+        if len(kept) < len(nodes):
+            done.note("ways with a point twice in a row, taken once", i)
+        result[i] = replace(way, nodes=kept) if kept != way.nodes else way
+    return result
+
+
 def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], dict[int, Way]]:
     """Lanelets with two usable bounds, and the ways that were joined from pieces for them."""
     lanelets: dict[int, Relation] = {}
     joined: dict[int, Way] = {}
+    drawn: set[tuple[int, int, str]] = set()
     next_id = max([0, *map(abs, (*map_file.ways, *map_file.relations, *map_file.nodes))]) + 1
     for i, lanelet in map_file.of_type("lanelet").items():
         bounds = []
@@ -112,6 +137,10 @@ def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], d
         if bounds[0].ref == bounds[1].ref:
             done.note("lanelets left out, one way is both their bounds", i)
             continue
+        if (same := (bounds[0].ref, bounds[1].ref, lanelet.tags.get("subtype", ""))) in drawn:
+            done.note("lanelets left out, drawn twice between the same bounds", i)
+            continue
+        drawn.add(same)
         lanelets[i] = replace(lanelet, members=(*bounds, *_other_members(i, lanelet, map_file, done)))
     return lanelets, joined
 
@@ -123,7 +152,13 @@ def _other_members(i: int, lanelet: Relation, map_file: MapFile, done: Findings)
     if not centres:
         return rest
     way = map_file.ways.get(centres[0].ref) if centres[0].kind == "way" else None
-    if len(centres) == 1 and way is not None and _is_line(way.nodes, map_file):
+    bounds = {
+        map_file.ways[m.ref].nodes for m in lanelet.members if m.role in SIDES and m.ref in map_file.ways
+    }
+    drawn = (
+        way is not None and _is_line(way.nodes, map_file) and bounds.isdisjoint((way.nodes, way.nodes[::-1]))
+    )
+    if len(centres) == 1 and drawn:
         return rest
     done.note("lanelets with a broken centreline, computed from their bounds", i)
     return [m for m in rest if m.role != "centerline"]

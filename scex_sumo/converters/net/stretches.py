@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from scex_sumo.converters.net.elements import Connection, NetLane, Node
-from scex_sumo.roads.conflicts import CLEARANCE_M, Sampled, lines_cross, opposed
+from scex_sumo.roads.conflicts import CLEARANCE_M, SampledLine, lines_cross, opposed
 
 # SUMO takes a stretch for real only if it begins or ends strictly within the lane.
 INSET_M = 0.5
@@ -23,7 +23,7 @@ _Span: TypeAlias = tuple[float, float]  # m along an internal lane
 def stretches(node: Node) -> Iterator[tuple[Connection, Connection, _Span]]:
     """Pairs of connections that SUMO must be told about, with the stretch of the first one, m."""
     links = node.connections
-    sampled = {i: Sampled.of(c.internal.shape) for i, c in enumerate(links) if c.link.foes}
+    sampled = {i: SampledLine.of(c.internal.shape) for i, c in enumerate(links) if c.link.foes}
     spans: dict[tuple[int, int], _Span] = {}
     for i in sampled:
         for j in sorted(links[i].link.foes):
@@ -34,7 +34,7 @@ def stretches(node: Node) -> Iterator[tuple[Connection, Connection, _Span]]:
                 yield links[i], links[j], spans[i, j]
 
 
-def _unseen(a: Connection, b: Connection, on_a: Sampled, on_b: Sampled) -> tuple[_Span, _Span] | None:
+def _unseen(a: Connection, b: Connection, on_a: SampledLine, on_b: SampledLine) -> tuple[_Span, _Span] | None:
     """Where two foes are in each other's way, on either one, unless SUMO finds that by itself."""
     if (a.to_edge, a.to_lane) == (b.to_edge, b.to_lane):
         return None  # SUMO knows how to merge
@@ -47,7 +47,7 @@ def _unseen(a: Connection, b: Connection, on_a: Sampled, on_b: Sampled) -> tuple
     return (span, other) if told else None
 
 
-def _close(lane: NetLane, other: NetLane, sampled: Sampled, beside: Sampled) -> _Span | None:
+def _close(lane: NetLane, other: NetLane, sampled: SampledLine, beside: SampledLine) -> _Span | None:
     """First and last position on a lane within the clearance of another, m."""
     clearance = min(CLEARANCE_M, 0.45 * (lane.width + other.width))
     near = np.flatnonzero(sampled.near(beside, clearance))

@@ -238,3 +238,68 @@ def test_a_word_of_ten_thousand_letters_is_not_repeated(tmp_path: Path) -> None:
     road = read_road(written(tmp_path, draw_map([straight(1, 0, 50, rules=[90])], relations=[element])))
     assert any("a" * 60 + "…" in note for note in road.notes)
     assert all(len(note) < 300 for note in road.notes)
+
+
+def test_ways_that_end_at_one_place_in_two_nodes_are_linked(tmp_path: Path) -> None:
+    text = draw_map([straight(1, 0, 50), straight(2, 50, 90)])
+    whole = read_road(written(tmp_path, text))
+    road = read_road(written(tmp_path, _apart(text)))
+    assert [lane.successors for lane in road.lanes.values()] == [
+        lane.successors for lane in whole.lanes.values()
+    ]
+    assert one_note(road).startswith("nodes at the place of another, taken for that one: ")
+
+
+def test_a_point_twice_in_a_row_is_one(tmp_path: Path) -> None:
+    text = re.sub(r"(<nd ref=\S+?/>)", r"\1\1", two_lanes())
+    road = read_road(written(tmp_path, text))
+    assert np.allclose(
+        road.lanes[1].centreline, read_road(written(tmp_path, two_lanes())).lanes[1].centreline
+    )
+    assert one_note(road) == "ways with a point twice in a row, taken once: 200000, 200001, 200002, 200003"
+
+
+def test_a_lanelet_drawn_twice_counts_once(tmp_path: Path) -> None:
+    text = two_lanes()
+    twin = re.search(r"<relation id=.1.*?</relation>", text, re.DOTALL)
+    assert twin is not None
+    again = twin[0].replace("id='1'", "id='7'").replace('id="1"', 'id="7"')
+    road = read_road(written(tmp_path, text.replace("</osm>", f"{again}</osm>")))
+    assert list(road.lanes) == [1, 2]
+    assert one_note(road) == "lanelets left out, drawn twice between the same bounds: 7"
+    assert [str(loss) for loss in road.losses] == ["1 lanelets left out, broken: 7"]
+
+
+@pytest.mark.parametrize("height", ["nan", "1e9", "12,5", "inf"])
+def test_heights_that_no_road_has_are_taken_for_0(height: str, tmp_path: Path) -> None:
+    text = re.sub(
+        r"(<node [^>]*?)/?>(</node>)?", rf"\1><tag k='ele' v='{height}'/></node>", two_lanes(), count=1
+    )
+    road = read_road(written(tmp_path, text))
+    assert one_note(road) == "heights not understood, taken for 0: node 100000"
+    assert road.lanes[1].successors == (2,)
+
+
+def test_a_centreline_drawn_on_a_bound_is_computed(tmp_path: Path) -> None:
+    text = two_lanes().replace("<member type='way' ref='200000' role='left'/>", "", 0)
+    left = re.search(r"<member [^>]*role=.left.[^>]*/>", text)
+    assert left is not None
+    road = read_road(
+        written(tmp_path, text.replace(left[0], left[0] + left[0].replace("left", "centerline"), 1))
+    )
+    whole = read_road(written(tmp_path, two_lanes()))
+    assert np.allclose(road.lanes[1].centreline, whole.lanes[1].centreline)
+    assert one_note(road) == "lanelets with a broken centreline, computed from their bounds: 1"
+
+
+def _apart(text: str) -> str:
+    """The map with nodes of its own for the last lanelet's bounds."""
+    nodes = re.findall(r"<node .*?(?:/>|</node>)", text, re.DOTALL)
+    fresh = [re.sub(r"id=(['\"])1", r"id=\g<1>9", node, count=1) for node in nodes]
+    text = text.replace(nodes[-1], "\n".join([nodes[-1], *fresh]))
+    return re.sub(
+        r"<way id=.20000[23].*?</way>",
+        lambda way: re.sub(r"ref=(['\"])1", r"ref=\g<1>9", way[0]),
+        text,
+        flags=re.DOTALL,
+    )

@@ -20,7 +20,7 @@ from scex_sumo.roads.conflicts import Conflict
 # the geometry; vehicles that enter get some room before the border.
 ENTRY = "entry"  # subtype of such a lane
 ROOM_M = 1.9
-TOGETHER_M = 0.1
+TOGETHER_M = 0.08
 ALIGNED = math.radians(20.0)
 
 
