@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gc
+import importlib
+import importlib.util
 import io
 import os
 import signal
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -52,7 +54,7 @@ def _version(wanted: bool) -> None:
 def _root(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False,
 ) -> None:
-    pass
+    _do_without_pandas()
 
 
 COMMANDS = (
@@ -113,6 +115,29 @@ def main() -> None:
         _fail(f"error: {one_line(shown())}", 2)
     if status:  # Typer turns Ctrl-C into a status
         _fail("interrupted", int(status))
+
+
+class _NotNow:
+    """Finder of modules by which there is no pandas."""
+
+    def find_spec(self, name: str, *_: object) -> None:
+        if name == "pandas":
+            raise ModuleNotFoundError(name)
+
+
+def _do_without_pandas() -> None:
+    """Keep Arrow from importing pandas, 0.2 s, to see whether a list is one of its columns; it looks once.
+
+    Whoever asks Arrow for a data frame gets it all the same, and has it imported then.
+    """
+    if "pandas" in sys.modules or importlib.util.find_spec("pandas") is None:
+        return
+    finder: Any = _NotNow()
+    sys.meta_path.insert(0, finder)
+    try:
+        importlib.import_module("pyarrow").array([0])
+    finally:
+        sys.meta_path.remove(finder)
 
 
 def _is_out_of_memory(error: Exception) -> bool:
