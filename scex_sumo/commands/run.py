@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
+from concurrent.futures import Future
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -103,7 +104,7 @@ def run_command(
     """Let one moment of traffic run on many times, and measure every child scenario."""
     from scex_sumo.behaviors.registry import parse_models
     from scex_sumo.extrapolation.extrapolate import extrapolate, load_for
-    from scex_sumo.extrapolation.reference import add_reference, drop_reference
+    from scex_sumo.extrapolation.reference import add_reference, begin_reference, drop_reference
     from scex_sumo.extrapolation.workers.pool import Workers
     from scex_sumo.statistics.bands import MOST_CHILDREN
 
@@ -142,7 +143,14 @@ def run_command(
         )
         if reference != NO_REFERENCE:
             parse_models(reference)  # says now what is wrong with it
-        command = ["scex-sumo", *sys.argv[1:]]
+        options: dict[str, Any] = {"cache": cache, "command": ["scex-sumo", *sys.argv[1:]], **settings}
+        likely: Future[Any] | None = None
+
+        def begun(folder: Path, children: int) -> None:
+            nonlocal likely
+            if reference != NO_REFERENCE:
+                likely = begin_reference(folder, children, scene, reference, workers=pool, **options)
+
         folder = out if out is not None else Path("out") / scene.name
         with progress_bar(scene.name) as tick, resumable("children", folder):
             result = extrapolate(
@@ -152,25 +160,15 @@ def run_command(
                 workers=pool,
                 batch=batch,
                 gui=gui,
-                cache=cache,
                 progress=tick,
-                command=command,
-                **settings,
+                begun=begun,
+                **options,
             )
         if reference == NO_REFERENCE:
             drop_reference(result)
         else:
             with progress_bar("reference") as tick, resumable("children", folder):
-                add_reference(
-                    result,
-                    scene,
-                    reference,
-                    workers=pool,
-                    cache=cache,
-                    progress=tick,
-                    command=command,
-                    **settings,
-                )
+                add_reference(result, scene, reference, begun=likely, workers=pool, progress=tick, **options)
     _tell(result, scene, folder, plots=plots)
     if gui:
         view_command(folder, **_worst_option(result))

@@ -54,6 +54,7 @@ def extrapolate(
     cache: bool = True,
     progress: Progress | None = None,
     command: Sequence[str] | None = None,
+    begun: Callable[[Path, int], None] | None = None,
     **settings: Any,
 ) -> Run:
     """Let a seed scene run on many times with different drivers, and measure every child scenario.
@@ -70,6 +71,7 @@ def extrapolate(
         cache: keep the converted net in ``~/.cache/scex-sumo`` for the next run on the same map.
         progress: called with (steps done, steps in all) as the run advances.
         command: the command line, for ``run.json``.
+        begun: called with the result folder and the number of children when these begin.
         settings: all that decides on the values, each of the attributes of
             `scex_sumo.extrapolation.settings.RunSettings`: models, assign, under_test, baseline, children,
             design, until_band, steps, replan, seed, world, preset, metrics, thresholds, reflect, keep_plans.
@@ -102,6 +104,8 @@ def extrapolate(
         assert scene.road is not None
         net = converted(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml", keep=cache)
         watch.lap("convert")
+        if begun is not None:
+            begun(folder.path, len(assignment))
         job = Job(scene, net, wanted, models, assignment, folder.path, gui)
         first = _part_of(progress, 0, 2) if wanted.compared else progress
         job, band = _run_children(job, partial(_run_all, workers=pool, batch=batch, progress=first))
@@ -125,7 +129,9 @@ def extrapolate(
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *pool.deaths]
     info = _info(job, command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
     folder.finish({**info, "timings_s": watch.lap("write")})
-    return Run(folder.path, temporary)
+    run = Run(folder.path, temporary)
+    run.intervals = job.intervals
+    return run
 
 
 def load_for(settings: Mapping[str, Any]) -> None:
