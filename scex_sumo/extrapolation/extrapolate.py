@@ -121,11 +121,11 @@ def extrapolate(
                 command=command,
                 **_without_test(job),
             )
-    watch.lap("simulate_and_measure")
-    recorded = measure_recorded(
-        scene, wanted.steps, replan=wanted.replan, metrics=wanted.measured, preset=wanted.rule
-    )
-    part = write_tables(folder, job, recorded)
+        watch.lap("simulate_and_measure")
+        recorded = measure_recorded(
+            scene, wanted.steps, replan=wanted.replan, metrics=wanted.measured, preset=wanted.rule
+        )
+        part = write_tables(folder, job, recorded, workers=pool)
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *pool.deaths]
     info = _info(job, command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
     folder.finish({**info, "timings_s": watch.lap("write")})

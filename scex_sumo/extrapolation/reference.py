@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import shutil
 from collections.abc import Sequence
 from concurrent.futures import Future
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from scex_sumo.extrapolation.extrapolate import SETTINGS, Progress, extrapolate
-from scex_sumo.extrapolation.workers.pool import Workers, WorkersDied
+from scex_sumo.extrapolation.workers.pool import Workers, ended_well
 from scex_sumo.results.run import REFERENCE, Run
 from scex_sumo.scene import SeedScene
 
@@ -71,12 +70,9 @@ def add_reference(
     Returns:
         The reference.
     """
-    if begun is not None:
-        with contextlib.suppress(WorkersDied):  # by itself, perhaps: done here once more
-            begun.result()
-            return Run(run.folder / REFERENCE)
-    options = {"cache": cache, "progress": progress, "command": command}
-    _run(run.folder, scene, mix, workers=workers, **options, **settings)
+    if begun is None or not ended_well(begun):
+        options = {"cache": cache, "progress": progress, "command": command}
+        _run(run.folder, scene, mix, workers=workers, **options, **settings)
     return Run(run.folder / REFERENCE)
 
 

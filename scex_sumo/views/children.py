@@ -13,7 +13,7 @@ from scex_sumo.arrays import IntArray
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.files import write_atomic
 from scex_sumo.metrics.registry import metric_of, side_of
-from scex_sumo.results.run import Run
+from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 from scex_sumo.views.replay import ReadNet, write_view
 from scex_sumo.world.gui.colors import Rgb, model_colors
@@ -34,6 +34,11 @@ def write_critical(run: Run) -> list[Path]:
         files.append(shown[number].with_name(f"critical_{column}.sumocfg"))
         write_atomic(files[-1], shown[number].read_bytes())
     return files
+
+
+def write_critical_of(folder: Path) -> None:
+    """The same for the run in a folder, for another process."""
+    write_critical(open_run(folder))
 
 
 def write_child(run: Run, number: int) -> Path:

@@ -212,6 +212,14 @@ class Workers:
         raise WorkersDied(where, reasons)
 
 
+def ended_well(done: Future[Any]) -> bool:
+    """Wait for what was done beside; False where workers died of it, and raises what it raised."""
+    with suppress(WorkersDied):
+        done.result()
+        return True
+    return False
+
+
 @contextmanager
 def _calling(do: Callable[[], Any]) -> Iterator[Callable[[Any, OnStep], Any]]:
     """Work of one task, which is to call a function."""
