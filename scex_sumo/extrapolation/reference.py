@@ -22,7 +22,7 @@ SHARED = ("steps", "replan", "seed", "preset", "metrics", "thresholds", "reflect
 
 
 def begin_reference(
-    folder: Path, children: int, scene: SeedScene, mix: str, *, workers: Workers, **options: Any
+    folder: Path, children: int, scene: SeedScene, mix: str, /, *, workers: Workers, **options: Any
 ) -> Future[Any] | None:
     """Have a worker run the reference of a run while that one begins.
 
@@ -76,7 +76,7 @@ def add_reference(
     return Run(run.folder / REFERENCE)
 
 
-def _run(folder: Path, scene: SeedScene, mix: str, **options: Any) -> None:
+def _run(folder: Path, scene: SeedScene, mix: str, /, **options: Any) -> None:
     """Run the reference of the run in a folder; options of `extrapolate`, and settings of the run."""
     shared = {name: value for name, value in options.items() if name not in SETTINGS or name in SHARED}
     extrapolate(
