@@ -10,8 +10,9 @@ PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
+# What a run imports it compiles when it first does; to compile all that is installed takes as long as installing.
 $(STAMP): $(VENV)/bin/python pyproject.toml constraints.txt
-	$(PIP) install --quiet --constraint constraints.txt --editable .
+	$(PIP) install --quiet --no-compile --constraint constraints.txt --editable .
 	touch $@
 
 $(TEST_STAMP): $(STAMP)

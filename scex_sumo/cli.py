@@ -2,42 +2,22 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
+import importlib
+import importlib.util
 import io
 import os
 import signal
 import sys
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Any
 
 import typer
 
-from scex_sumo.commands.convert import convert_command
-from scex_sumo.commands.inspect import inspect_command
-from scex_sumo.commands.metrics import metrics_command
-from scex_sumo.commands.models import models_command
-from scex_sumo.commands.of_datasets.rank import rank_command
-from scex_sumo.commands.of_datasets.train import train_command
-from scex_sumo.commands.of_datasets.validate import validate_command
-from scex_sumo.commands.of_results.compare import compare_command
-from scex_sumo.commands.of_results.encounters import encounters_command
-from scex_sumo.commands.of_results.explain import explain_command
-from scex_sumo.commands.of_results.export import export_command
-from scex_sumo.commands.of_results.plot import plot_command
-from scex_sumo.commands.of_results.report import report_command
-from scex_sumo.commands.of_results.view import view_command
-from scex_sumo.commands.run import run_command
-from scex_sumo.commands.sample_size import sample_size_command
 from scex_sumo.errors import ScexError, UsageError, one_line
 
-GARBAGE_AFTER = 100_000  # new objects; Python's own is 700
-
-app = typer.Typer(
-    name="scex-sumo",
-    help="Hundreds of futures of one moment of traffic, and how critical it can become.",
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+GARBAGE_AFTER = 250_000  # new objects; Python's own is 700
 
 
 def _version(wanted: bool) -> None:
@@ -48,33 +28,50 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _root(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False,
 ) -> None:
-    pass
+    _do_without_pandas()
 
 
-COMMANDS = (
-    (run_command, "run k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"),
-    (convert_command, "convert DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"),
-    (inspect_command, "inspect k733.osm --tracks vehicle_tracks_000.csv --time 60"),
-    (report_command, "report out/k733"),
-    (plot_command, "plot out/k733 --metric ttc -o ttc.svg"),
-    (view_command, "view out/k733 --critical wttc"),
-    (export_command, "export out/k733 --critical ttc --top 5 --to openscenario -o critical"),
-    (encounters_command, "encounters out/k733 --pair 17,23"),
-    (metrics_command, "metrics vehicle_tracks_000.csv --level scene -o scenes.parquet"),
-    (sample_size_command, "sample-size roundabout.osm -o out/enough"),
-    (rank_command, "rank recordings/ --every 1 --workers 8 -o out/ranking"),
-    (validate_command, "validate recordings/ --models likely --workers 8 -o out/validation"),
-    (compare_command, "compare out/k733 out/k729 out/merge -o out/compared"),
-    (explain_command, "explain out/k733 --metric ttc"),
-    (train_command, "train graph --data ../shared/data/mona --data taf_bw --out mine.pt"),
-    (models_command, "models"),
-)
-for _command, _example in COMMANDS:
-    app.command(_example.split()[0], epilog=f"Example: scex-sumo {_example}")(_command)
+COMMANDS = {
+    "run": ("run", "k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"),
+    "convert": ("convert", "DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"),
+    "inspect": ("inspect", "k733.osm --tracks vehicle_tracks_000.csv --time 60"),
+    "report": ("of_results.report", "out/k733"),
+    "plot": ("of_results.plot", "out/k733 --metric ttc -o ttc.svg"),
+    "view": ("of_results.view", "out/k733 --critical wttc"),
+    "export": ("of_results.export", "out/k733 --critical ttc --top 5 --to openscenario -o critical"),
+    "encounters": ("of_results.encounters", "out/k733 --pair 17,23"),
+    "metrics": ("metrics", "vehicle_tracks_000.csv --level scene -o scenes.parquet"),
+    "sample-size": ("sample_size", "roundabout.osm -o out/enough"),
+    "rank": ("of_datasets.rank", "recordings/ --every 1 --workers 8 -o out/ranking"),
+    "validate": ("of_datasets.validate", "recordings/ --models likely --workers 8 -o out/validation"),
+    "compare": ("of_results.compare", "out/k733 out/k729 out/merge -o out/compared"),
+    "explain": ("of_results.explain", "out/k733 --metric ttc"),
+    "train": ("of_datasets.train", "graph --data ../shared/data/mona --data taf_bw --out mine.pt"),
+    "models": ("models", ""),
+}
+"""Module in `scex_sumo.commands` and example of each command; its function is ``NAME_command``."""
+
+
+def _app(arguments: Sequence[str]) -> typer.Typer:
+    """All commands, or the one that is asked for: to know the options of a command takes milliseconds."""
+    app = typer.Typer(
+        name="scex-sumo",
+        help="Hundreds of futures of one moment of traffic, and how critical it can become.",
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback()(_root)
+    for name in arguments[:1] if arguments and arguments[0] in COMMANDS else COMMANDS:
+        module, example = COMMANDS[name]
+        found = importlib.import_module(f"scex_sumo.commands.{module}")
+        app.command(name, epilog=f"Example: scex-sumo {name} {example}".rstrip())(
+            getattr(found, f"{name.replace('-', '_')}_command")
+        )
+    return app
 
 
 def main() -> None:
@@ -83,13 +80,14 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Objects of a run live as long as it does: looking for garbage among them takes a tenth of a short run.
     gc.set_threshold(GARBAGE_AFTER)
+    atexit.register(gc.freeze)  # nor does it at the end, where Python would for nothing
     # A scheduler's SIGTERM leaves what Ctrl-C leaves: finished children, and no worker behind.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without – gets ? for it
     try:
-        status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+        status = _app(sys.argv[1:])(sys.argv[1:] or ["--help"], standalone_mode=False)
     except ScexError as error:
         _fail(f"error: {one_line(error)}", 2 if isinstance(error, UsageError) else 1)
     except typer.Abort:
@@ -113,6 +111,29 @@ def main() -> None:
         _fail(f"error: {one_line(shown())}", 2)
     if status:  # Typer turns Ctrl-C into a status
         _fail("interrupted", int(status))
+
+
+class _NotNow:
+    """Finder of modules by which there is no pandas."""
+
+    def find_spec(self, name: str, *_: object) -> None:
+        if name == "pandas":
+            raise ModuleNotFoundError(name)
+
+
+def _do_without_pandas() -> None:
+    """Keep Arrow from importing pandas, 0.2 s, to see whether a list is one of its columns; it looks once.
+
+    Whoever asks Arrow for a data frame gets it all the same, and has it imported then.
+    """
+    if "pandas" in sys.modules or importlib.util.find_spec("pandas") is None:
+        return
+    finder: Any = _NotNow()
+    sys.meta_path.insert(0, finder)
+    try:
+        importlib.import_module("pyarrow").array([0])
+    finally:
+        sys.meta_path.remove(finder)
 
 
 def _is_out_of_memory(error: Exception) -> bool:

@@ -163,7 +163,7 @@ def _parse_one(text: str) -> ModelSpec:
         if not rest or "=" in rest[0]:
             raise UsageError(f"{text}: name the SUMO model, one of {', '.join(SUMO_MODELS)}, as in sumo:EIDM")
         name = f"{SUMO}:{rest.pop(0)}"
-    elif rest and name not in known_names() and is_import_path(name, rest[0]):
+    elif rest and is_import_path(name, rest[0]) and name not in known_names():
         name = f"{name}:{rest.pop(0)}"
     parameters = {}
     for item in rest:

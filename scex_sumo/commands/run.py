@@ -5,6 +5,8 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
+from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -35,7 +37,6 @@ from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
-    from scex_sumo.scene import SeedScene
 
 
 NO_REFERENCE = "none"
@@ -103,9 +104,10 @@ def run_command(
     """Let one moment of traffic run on many times, and measure every child scenario."""
     from scex_sumo.behaviors.registry import parse_models
     from scex_sumo.extrapolation.extrapolate import extrapolate, load_for
-    from scex_sumo.extrapolation.reference import add_reference, drop_reference
-    from scex_sumo.extrapolation.workers.pool import Workers
+    from scex_sumo.extrapolation.reference import add_reference, begin_reference, drop_reference
+    from scex_sumo.extrapolation.workers.pool import Workers, ended_well
     from scex_sumo.statistics.bands import MOST_CHILDREN
+    from scex_sumo.views.children import write_critical, write_critical_of
 
     if until_band is not None and children is None:
         children = str(MOST_CHILDREN)
@@ -142,7 +144,14 @@ def run_command(
         )
         if reference != NO_REFERENCE:
             parse_models(reference)  # says now what is wrong with it
-        command = ["scex-sumo", *sys.argv[1:]]
+        options: dict[str, Any] = {"cache": cache, "command": ["scex-sumo", *sys.argv[1:]], **settings}
+        likely: Future[Any] | None = None
+
+        def begun(folder: Path, children: int) -> None:
+            nonlocal likely
+            if reference != NO_REFERENCE:
+                likely = begin_reference(folder, children, scene, reference, workers=pool, **options)
+
         folder = out if out is not None else Path("out") / scene.name
         with progress_bar(scene.name) as tick, resumable("children", folder):
             result = extrapolate(
@@ -152,32 +161,33 @@ def run_command(
                 workers=pool,
                 batch=batch,
                 gui=gui,
-                cache=cache,
                 progress=tick,
-                command=command,
-                **settings,
+                begun=begun,
+                **options,
             )
+        shown = pool.beside(partial(write_critical_of, folder), where="over the views") if plots else None
         if reference == NO_REFERENCE:
             drop_reference(result)
         else:
             with progress_bar("reference") as tick, resumable("children", folder):
-                add_reference(
-                    result,
-                    scene,
-                    reference,
-                    workers=pool,
-                    cache=cache,
-                    progress=tick,
-                    command=command,
-                    **settings,
-                )
-    _tell(result, scene, folder, plots=plots)
+                add_reference(result, scene, reference, begun=likely, workers=pool, progress=tick, **options)
+        _tell(result)
+        print(f"result: {folder}")
+        if plots:
+            from scex_sumo.reports.page.report import write_report
+
+            page = write_report(result, scene)
+            if shown is None or not ended_well(shown):
+                write_critical(result)
+            print(f"report: {page}")
+    options_of_view = " ".join(f"--{name} {value}" for name, value in _worst_option(result).items())
+    print(f"look:   scex-sumo view {shlex.quote(str(folder))} {options_of_view}")
     if gui:
         view_command(folder, **_worst_option(result))
 
 
-def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
-    """Print the summary, write the report, say where the result is."""
+def _tell(run: Run) -> None:
+    """Print the summary."""
     from rich.console import Console
 
     from scex_sumo.reports.tables.runs import print_summary
@@ -186,20 +196,10 @@ def _tell(run: Run, scene: SeedScene, out: Path, *, plots: bool) -> None:
     print_summary(run, Console(width=None if sys.stdout.isatty() else 110))
     if run.info["band"] is not None:
         _print_band(run.info["band"])
-    tested = run.baseline is not None
-    if tested:
+    if run.baseline is not None:
         from scex_sumo.reports.tables.under_test import print_under_test
 
         print_under_test(run.under_test, Console(width=None if sys.stdout.isatty() else 110))
-    print(f"result: {out}")
-    if plots:
-        from scex_sumo.reports.page.report import write_report
-        from scex_sumo.views.children import write_critical
-
-        write_critical(run)
-        print(f"report: {write_report(run, scene)}")
-    options = " ".join(f"--{name} {value}" for name, value in _worst_option(run).items())
-    print(f"look:   scex-sumo view {shlex.quote(str(out))} {options}")
 
 
 def _worst_option(run: Run) -> dict[str, Any]:

@@ -55,6 +55,7 @@ def extrapolate(
     compared: bool = True,
     progress: Progress | None = None,
     command: Sequence[str] | None = None,
+    begun: Callable[[Path, int], None] | None = None,
     **settings: Any,
 ) -> Run:
     """Let a seed scene run on many times with different drivers, and measure every child scenario.
@@ -72,6 +73,7 @@ def extrapolate(
         compared: whether a checked world is compared with SUMO's; if not, it has been elsewhere.
         progress: called with (steps done, steps in all) as the run advances.
         command: the command line, for ``run.json``.
+        begun: called with the result folder and the number of children when these begin.
         settings: all that decides on the values, each of the attributes of
             `scex_sumo.extrapolation.settings.RunSettings`: models, assign, under_test, baseline, children,
             design, until_band, steps, replan, seed, world, preset, metrics, thresholds, reflect, keep_plans.
@@ -104,6 +106,8 @@ def extrapolate(
         assert scene.road is not None
         net = converted(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml", keep=cache)
         watch.lap("convert")
+        if begun is not None:
+            begun(folder.path, len(assignment))
         job = Job(scene, net, wanted, models, assignment, folder.path, gui, compared=compared)
         first = _part_of(progress, 0, 2) if wanted.compared else progress
         job, band = _run_children(job, partial(_run_all, workers=pool, batch=batch, progress=first))
@@ -119,15 +123,17 @@ def extrapolate(
                 command=command,
                 **_without_test(job),
             )
-    watch.lap("simulate_and_measure")
-    recorded = measure_recorded(
-        scene, wanted.steps, replan=wanted.replan, metrics=wanted.measured, preset=wanted.rule
-    )
-    part = write_tables(folder, job, recorded)
+        watch.lap("simulate_and_measure")
+        recorded = measure_recorded(
+            scene, wanted.steps, replan=wanted.replan, metrics=wanted.measured, preset=wanted.rule
+        )
+        part = write_tables(folder, job, recorded, workers=pool)
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *pool.deaths]
     info = _info(job, command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
     folder.finish({**info, "timings_s": watch.lap("write")})
-    return Run(folder.path, temporary)
+    run = Run(folder.path, temporary)
+    run.intervals = job.intervals
+    return run
 
 
 def load_for(settings: Mapping[str, Any]) -> None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +78,7 @@ class Job:
         drawn = self.models.draw(ids, children=children, seed=settings.seed, design=settings.design)
         return replace(self, assignment=drawn)
 
-    @property
+    @cached_property
     def intervals(self) -> DesignIntervals:
         """Of shares and distributions over the children."""
         drawn, fixed = self.models.drawn, np.isin(self.scene.track_ids, list(self.models.fixed))

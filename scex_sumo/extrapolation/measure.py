@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.models.replay import Replay, ReplayProfile
+from scex_sumo.derived import derived
 from scex_sumo.evaluation.tables import worst_table
 from scex_sumo.extrapolation.rollout import Cast, Rollout, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area
@@ -117,15 +118,16 @@ def worst_of(
     )
 
 
+@derived
 def measure_recorded(
     scene: SeedScene,
     steps: int,
     *,
     replan: int = 5,
-    metrics: Sequence[Metric] | None = None,
+    metrics: tuple[Metric, ...] | None = None,
     preset: str = PAPER_PRESET,
 ) -> Recorded | None:
-    """The same for what really happened, one row; None where no future was recorded.
+    """The same for what really happened, one row, once for a run and its reference; None where nothing was.
 
     It is what a child of `Replay` for every vehicle is, in a world of arrays: the same steps, planned paths
     and code. Vehicles count as long as they were recorded.

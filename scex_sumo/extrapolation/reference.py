@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from concurrent.futures import Future
+from functools import partial
+from pathlib import Path
 from typing import Any
 
-from scex_sumo.extrapolation.extrapolate import Progress, extrapolate
-from scex_sumo.extrapolation.workers.pool import Workers
+from scex_sumo.extrapolation.extrapolate import SETTINGS, Progress, extrapolate
+from scex_sumo.extrapolation.workers.pool import Workers, ended_well
 from scex_sumo.results.run import REFERENCE, Run
 from scex_sumo.scene import SeedScene
 
@@ -20,11 +23,33 @@ SHARED = ("steps", "replan", "seed", "preset", "metrics", "thresholds", "reflect
 """Settings that a reference has from its run; it draws all its vehicles, none is assigned or under test."""
 
 
+def begin_reference(
+    folder: Path, children: int, scene: SeedScene, mix: str, /, *, workers: Workers, **options: Any
+) -> Future[Any] | None:
+    """Have a worker run the reference of a run while that one begins.
+
+    Args:
+        folder: of the run.
+        children: of the run.
+        scene: its seed scene, with its road.
+        mix: the models that tell what is likely.
+        workers: one of them does it, if that takes it no longer than the children take the others.
+        options: the others of `add_reference`, but for ``progress``.
+
+    Returns:
+        For `add_reference`; None where nothing has begun.
+    """
+    if children < CHILDREN * (workers.processes - 1):
+        return None
+    return workers.beside(partial(_run, folder, children, scene, mix, **options), where="over the reference")
+
+
 def add_reference(
     run: Run,
     scene: SeedScene,
     mix: str,
     *,
+    begun: Future[Any] | None = None,
     workers: int | Workers = 1,
     cache: bool = True,
     progress: Progress | None = None,
@@ -36,6 +61,7 @@ def add_reference(
     Args:
         run: the finished run, whose children stay as they are.
         scene: its seed scene, with its road.
+        begun: what `begin_reference` gave.
         mix: the models that tell what is likely, as `extrapolate` takes them.
         workers: as in `extrapolate`.
         cache: likewise.
@@ -46,19 +72,23 @@ def add_reference(
     Returns:
         The reference.
     """
-    shared = {name: value for name, value in settings.items() if name in SHARED}
-    return extrapolate(
+    if begun is None or not ended_well(begun):
+        options = {"cache": cache, "progress": progress, "command": command}
+        _run(run.folder, run.children, scene, mix, workers=workers, **options, **settings)
+    return Run(run.folder / REFERENCE)
+
+
+def _run(folder: Path, children: int, scene: SeedScene, mix: str, /, **options: Any) -> None:
+    """Run the reference of a run of so many children; options of `extrapolate`, and settings of the run."""
+    shared = {name: value for name, value in options.items() if name not in SETTINGS or name in SHARED}
+    extrapolate(
         scene,
-        out=run.folder / REFERENCE,
+        out=folder / REFERENCE,
         overwrite=True,
-        workers=workers,
-        cache=cache,
-        progress=progress,
-        command=command,
         models=mix,
-        children=reference_children(run.children, run.info["steps"]),
+        children=reference_children(children, options.get("steps", STEPS)),
         keep_plans=False,
-        world="plain" if settings.get("world") == "plain" else "checked",
+        world="plain" if options.get("world") == "plain" else "checked",
         **shared,
     )
 

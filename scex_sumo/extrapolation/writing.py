@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import deque
+from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -14,24 +17,27 @@ from scex_sumo.evaluation.plans import PLANS, plans_table
 from scex_sumo.extrapolation.fallbacks import FALLBACKS
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.measure import Recorded
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.extrapolation.workers.pool import Workers, ended_well
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.densities import DENSITIES, densities_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import Part, joined_parts
 from scex_sumo.results.under_test import UNDER_TEST
-from scex_sumo.scene import LOGGED_HISTORY
+from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 from scex_sumo.statistics.intervals import DesignIntervals
 
 ROWS_AT_ONCE = 1 << 20  # of tracks, written to the disk: a row group of Parquet
 
 
-def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> Part:
+def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, workers: Workers) -> Part:
     """Write the tables of a run whose children are all in the folder.
 
     Args:
         folder: of the result.
         job: what was run.
         recorded: what really happened; None where nothing was recorded.
+        workers: if there are any, one writes the tracks meanwhile.
 
     Returns:
         The children, of their states the first step only, without plans.
@@ -39,7 +45,10 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
     Raises:
         ResultError: a file cannot be written, or children are missing.
     """
-    part, intervals = _write_tracks(folder, job), job.intervals
+    these = folder, job.scene, len(job.assignment), job.settings
+    written = workers.beside(partial(_write_tracks, *these), where="over the tracks")
+    parts = _write_each(*these) if written is None else _each(*these)
+    part, intervals = joined_parts([_first_step(part) for part in parts]), job.intervals
     columns, settings = job.settings.columns, job.settings
     metrics = values_table(columns, part.values, part.defined, part.children)
     assert part.collisions is not None and part.encounters is not None
@@ -59,6 +68,8 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
         found = recorded.values
         folder.write_table("recorded.parquet", values_table(columns, found.values, found.defined))
     write_tracks(folder.path / "seed.csv", job.scene)
+    if written is not None and not ended_well(written):
+        _write_tracks(*these)
     return part
 
 
@@ -70,14 +81,29 @@ def _encounters(job: Job, rows: pa.Table, intervals: DesignIntervals) -> pa.Tabl
     return encounters_table(found, track_ids=ids, models=models, intervals=intervals, road=job.road)
 
 
-def _write_tracks(folder: ResultFolder, job: Job) -> Part:
-    """Tracks and plans, some children at a time, so that memory does not grow with their number."""
-    left, rows = [], job.scene.vehicles * (LOGGED_HISTORY + job.settings.steps)
+def _each(folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings) -> Iterator[Part]:
+    """All children, some at a time, so that memory does not grow with their number."""
+    rows = scene.vehicles * (LOGGED_HISTORY + settings.steps)
+    return folder.in_order(children, size=max(ROWS_AT_ONCE // rows, 1))
+
+
+def _write_each(
+    folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings
+) -> Iterator[Part]:
+    """The same, whose tracks and plans have been written."""
     with folder.writer("tracks.parquet") as add_tracks, folder.writer(PLANS) as add_plans:
-        for part in folder.in_order(len(job.assignment), size=max(ROWS_AT_ONCE // rows, 1)):
-            add_tracks(tracks_table(job.scene, part))
-            if (plans := plans_table(job.scene, part, job.settings.replan)) is not None:
+        for part in _each(folder, scene, children, settings):
+            add_tracks(tracks_table(scene, part))
+            if (plans := plans_table(scene, part, settings.replan)) is not None:
                 add_plans(plans)
-            first = part.states[:, :1].map(np.copy)
-            left.append(dataclasses.replace(part, states=first, plan_x=None, plan_y=None))
-    return joined_parts(left)
+            yield part
+
+
+def _write_tracks(folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings) -> None:
+    """Tracks and plans of all children."""
+    deque(_write_each(folder, scene, children, settings), maxlen=0)
+
+
+def _first_step(part: Part) -> Part:
+    """The children with their first step only, without plans."""
+    return dataclasses.replace(part, states=part.states[:, :1].map(np.copy), plan_x=None, plan_y=None)

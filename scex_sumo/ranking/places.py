@@ -15,6 +15,7 @@ from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.ranking.moments import MomentRef
 from scex_sumo.statistics.density import CONFIDENCE
 from scex_sumo.statistics.intervals import DesignIntervals
+from scex_sumo.statistics.normal import normal_quantiles
 
 DRAWS = 200
 NEARBY_S = 3.0
@@ -89,13 +90,11 @@ def place(
 
     Source of the interval of ranks: Goldstein and Spiegelhalter 1996, 5.2.
     """
-    from scipy.special import ndtri
-
     rank = _ranks(score if severity is None else _refined(score, beaten(severity)))
     if len(score) < 2:
         return Places(score=score, rank=rank, low=rank, high=rank)
     level = (_levels(len(score), draws, seed) + 0.5) / draws
-    possible = np.maximum(score[:, None] + error[:, None] * ndtri(level), 0.0)
+    possible = np.maximum(score[:, None] + error[:, None] * normal_quantiles(level), 0.0)
     drawn = np.sort(np.stack([_ranks(possible[:, d]) for d in range(draws)]), axis=0)
     tail = (1 - CONFIDENCE) / 2
     low, high = drawn[int(tail * draws)], drawn[draws - 1 - int(tail * draws)]

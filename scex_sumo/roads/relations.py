@@ -90,18 +90,17 @@ def _loops(
 
 def _ways(lanes: Sequence[Lane], number: dict[int, int], length: FloatArray) -> FloatArray:
     """(L, L) shortest ways along successors from start to start, m."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import dijkstra
-
-    pairs = {(k, number[i]) for k, lane in enumerate(lanes) for i in lane.successors if i in number}
-    if not pairs:
-        ways = np.full((len(lanes), len(lanes)), np.inf)
-        np.fill_diagonal(ways, 0.0)
-        return ways
-    tail, head = np.array(sorted(pairs)).T
-    # A lane without length would be no connection at all in a sparse matrix.
-    links = csr_array((np.maximum(length[tail], 1e-9), (tail, head)), shape=(len(lanes), len(lanes)))
-    return np.asarray(dijkstra(links))
+    ways = np.full((len(lanes), len(lanes)), np.inf)
+    np.fill_diagonal(ways, 0.0)
+    links = {(k, number[i]) for k, lane in enumerate(lanes) for i in lane.successors if i in number}
+    shorter = bool(links)
+    while shorter:
+        shorter = False
+        for tail, head in sorted(links):
+            found = np.minimum(ways[:, head], ways[:, tail] + length[tail])
+            shorter |= bool((found < ways[:, head]).any())
+            ways[:, head] = found
+    return ways
 
 
 def _neighbours(lanes: Sequence[Lane], number: dict[int, int]) -> list[tuple[int, int, int]]:

@@ -25,11 +25,11 @@ from math import comb
 from typing import Final
 
 import numpy as np
-from scipy.special import ndtri
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import InputError
 from scex_sumo.statistics.density import CONFIDENCE, Interval, dkw_half_width
+from scex_sumo.statistics.normal import normal_quantile
 
 ORDERS: Final = 3
 """Interactions of more vehicles are not told apart from noise of single children."""
@@ -201,7 +201,7 @@ def wilson_of(share: float, number: float, confidence: float = CONFIDENCE) -> tu
     """Wilson's interval of a share of trials whose number need not be whole; inf gives the share alone."""
     if not np.isfinite(number):
         return share, share
-    z2 = float(ndtri(0.5 + confidence / 2)) ** 2
+    z2 = normal_quantile(0.5 + confidence / 2) ** 2
     centre = (share * number + z2 / 2) / (number + z2)
     half = np.sqrt(z2 * (share * (1 - share) * number + z2 / 4)) / (number + z2)
     low = 0.0 if share == 0 else max(float(centre - half), 0.0)

@@ -2,54 +2,52 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
-from functools import cache
+import sys
 from pathlib import Path
 from types import ModuleType
 
-import numpy as np
-
 from scex_sumo.arrays import FloatArray
-
-_HALF_SQRT = np.sqrt(0.5)
-_QUANTILES = {0.975: 1.959963984540054}  # what 95 % confidence asks for
 
 
 def normal_cdf(z: FloatArray) -> FloatArray:
-    """Phi(z), to the bit what `scipy.special.ndtr` gives.
+    """Phi(z), as `scipy.special.ndtr`."""
+    result: FloatArray = _functions.ndtr(z)
+    return result
 
-    Importing `scipy.special` takes as long as a hundred children; the error functions are all that is needed.
-    """
-    error = _error_functions()
-    x = z * _HALF_SQRT
-    tail = 0.5 * error.erfc(np.abs(x))
-    outside: FloatArray = np.where(x > 0, 1.0 - tail, tail)
-    return np.where(np.abs(x) < _HALF_SQRT, 0.5 + 0.5 * error.erf(x), outside)
+
+def normal_quantiles(share: FloatArray) -> FloatArray:
+    """The z with Phi(z) = ``share``, as `scipy.special.ndtri`."""
+    result: FloatArray = _functions.ndtri(share)
+    return result
 
 
 def normal_quantile(share: float) -> float:
-    """z with Phi(z) = ``share``, as `scipy.special.ndtri`."""
-    if share in _QUANTILES:
-        return _QUANTILES[share]
-    from scipy.special import ndtri
-
-    return float(ndtri(share))
+    """One z with Phi(z) = ``share``."""
+    return float(_functions.ndtri(share))
 
 
-@cache
-def _error_functions() -> ModuleType:
-    """A module with ``erf`` and ``erfc``: scipy's compiled one alone, or `scipy.special`."""
-    package = importlib.util.find_spec("scipy")
-    for folder in (package.submodule_search_locations or ()) if package else ():
-        for file in Path(folder, "special").glob("_special_ufuncs.*"):
-            spec = importlib.util.spec_from_file_location("_special_ufuncs", file)
-            if spec is None or spec.loader is None:
-                continue
-            module = importlib.util.module_from_spec(spec)
-            spec.loader.exec_module(module)
-            if hasattr(module, "erf") and hasattr(module, "erfc"):
+def _compiled() -> ModuleType:
+    """Scipy's compiled functions: by themselves, or `scipy.special` where they are not to be had so.
+
+    What that package has in Python takes as long to import as a hundred children to run. An empty one stands
+    in its place while the compiled functions are imported: when this module is, before threads import too.
+    """
+    whole = "scipy.special"
+    if whole not in sys.modules and (scipy := importlib.util.find_spec("scipy")) is not None:
+        empty = ModuleType(whole)
+        empty.__path__ = [str(Path(folder, "special")) for folder in scipy.submodule_search_locations or ()]
+        sys.modules[whole] = empty
+        try:
+            module = importlib.import_module(f"{whole}._ufuncs")
+            if hasattr(module, "ndtr") and hasattr(module, "ndtri"):
                 return module
-    import scipy.special
+        except ImportError:
+            pass
+        finally:
+            del sys.modules[whole]
+    return importlib.import_module(whole)
 
-    whole: ModuleType = scipy.special
-    return whole
+
+_functions = _compiled()

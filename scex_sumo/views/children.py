@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.compute as pc
+import pyarrow as pa
 
 from scex_sumo.arrays import IntArray
 from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.files import write_atomic
 from scex_sumo.metrics.registry import metric_of, side_of
-from scex_sumo.results.run import Run
+from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 from scex_sumo.views.replay import ReadNet, write_view
 from scex_sumo.world.gui.colors import Rgb, model_colors
@@ -21,16 +21,24 @@ from scex_sumo.world.gui.drawings import ChildView
 
 
 def write_critical(run: Run) -> list[Path]:
-    """Files for plain sumo-gui: the most critical child by each metric that is defined in any."""
+    """Files for plain sumo-gui: the most critical child by each metric that is defined in any.
+
+    A child that is so by several is shown at the worst step by the last of them.
+    """
     files, net = [], ReadNet.of(run.net.path)
-    for column in run.columns:
-        if column.endswith("_mean") or len(run.samples(column)) == 0:
-            continue
-        child = write_worst(run, column, net)
-        link = child.with_name(f"critical_{column}.sumocfg")
-        write_atomic(link, child.read_bytes())
-        files.append(link)
+    columns = [c for c in run.columns if not c.endswith("_mean") and len(run.samples(c))]
+    children = {column: run.most_critical(column) for column in columns}
+    last = {number: column for column, number in children.items()}
+    shown = {number: write_worst(run, column, net) for number, column in last.items()}
+    for column, number in children.items():
+        files.append(shown[number].with_name(f"critical_{column}.sumocfg"))
+        write_atomic(files[-1], shown[number].read_bytes())
     return files
+
+
+def write_critical_of(folder: Path) -> None:
+    """The same for the run in a folder, for another process."""
+    write_critical(open_run(folder))
 
 
 def write_child(run: Run, number: int) -> Path:
@@ -62,8 +70,9 @@ def event_of(
 
 def _worst_row(run: Run, number: int, column: str) -> dict[str, Any]:
     """Where an extremum of a child comes from; empty for a mean, which has no step of its own."""
-    rows = run.worst.filter((pc.field("child") == number) & (pc.field("metric") == column)).to_pylist()
-    return rows[0] if rows else {}
+    here = np.asarray(run.worst["child"]) == number
+    rows: list[dict[str, Any]] = run.worst.filter(pa.array(here)).to_pylist()
+    return next((row for row in rows if row["metric"] == column), {})
 
 
 def _tracks(row: dict[str, Any]) -> list[int]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,12 +50,10 @@ class ReadNet:
     Attributes:
         lanes: to be found.
         template: its extent.
-        written: names of the views whose tracks have been written; those of a child are always the same.
     """
 
     lanes: LaneFinder
     template: TileTemplate
-    written: set[str] = field(default_factory=set)
 
     @classmethod
     def of(cls, path: Path) -> ReadNet:
@@ -100,9 +98,7 @@ def write_view(
         for slot, child in enumerate(children)
     ]
     groups = [group for s in shown for group in _groups(scene, s)]
-    if name not in read.written:
-        write_fcd(folder / f"{name}.fcd.xml", groups, read.lanes)
-        read.written.add(name)
+    write_fcd(folder / f"{name}.fcd.xml", groups, read.lanes)
     entries = legend_entries(scene, [model for child in children for model in child.models], colors)
     frame = frame_of(template.bounds, [s.offset for s in shown], entries)
     if not grid:

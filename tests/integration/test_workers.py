@@ -120,7 +120,8 @@ def test_an_error_in_a_worker_arrives_with_its_traceback(tmp_path: Path) -> None
     done = ran(tmp_path, f"FLAG.touch(); {limit}")
     assert done.returncode == 1
     assert "File too large" in done.stderr.strip().splitlines()[-1]
-    assert "scex_sumo.extrapolation.workers.pool._Elsewhere" in done.stderr and "in save_part" in done.stderr
+    assert "scex_sumo.extrapolation.workers.serving._Elsewhere" in done.stderr
+    assert "in save_part" in done.stderr
     assert (tmp_path / "2" / "incomplete.json").exists()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import subprocess
 import sys
 
@@ -10,7 +11,7 @@ import pytest
 from scipy import special
 
 from scex_sumo.statistics import normal
-from scex_sumo.statistics.normal import normal_cdf, normal_quantile
+from scex_sumo.statistics.normal import normal_cdf, normal_quantile, normal_quantiles
 
 Z = np.concatenate(
     [
@@ -19,27 +20,50 @@ Z = np.concatenate(
         [0.0, -0.0, np.inf, -np.inf, np.nan, np.sqrt(0.5), 1.0, -1.0],
     ]
 )
+SHARES = np.concatenate([np.random.default_rng(0).random(100_000), [0.0, 1.0, 1e-300, np.nan]])
 
 
-def test_the_distribution_is_scipys_to_the_bit() -> None:
+def test_distribution_and_quantiles_are_scipys_to_the_bit() -> None:
     np.testing.assert_array_equal(normal_cdf(Z), special.ndtr(Z))
+    np.testing.assert_array_equal(normal_quantiles(SHARES), special.ndtri(SHARES))
 
 
-def test_it_is_so_without_the_compiled_module_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(normal, "_error_functions", lambda: special)
+def test_they_are_so_without_the_compiled_module_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(normal, "_functions", special)
     np.testing.assert_array_equal(normal_cdf(Z), special.ndtr(Z))
+    np.testing.assert_array_equal(normal_quantiles(SHARES), special.ndtri(SHARES))
 
 
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.95, 0.975, 0.995])
-def test_quantiles_are_scipys_to_the_bit(share: float) -> None:
+def test_one_quantile_is_a_plain_number(share: float) -> None:
     assert normal_quantile(share) == special.ndtri(share)
 
 
-def test_neither_takes_the_rest_of_scipy() -> None:
+@pytest.mark.parametrize("missing", [ImportError, None])
+def test_the_package_stands_in_where_its_compiled_functions_are_elsewhere(
+    monkeypatch: pytest.MonkeyPatch, missing: type[Exception] | None
+) -> None:
+    imported = importlib.import_module
+
+    def without(name: str) -> object:
+        if name.endswith("._ufuncs"):
+            if missing is not None:
+                raise missing(name)
+            return sys
+        return imported(name)
+
+    monkeypatch.delitem(sys.modules, "scipy.special")
+    monkeypatch.setattr(normal.importlib, "import_module", without)
+    assert normal._compiled().ndtri(0.5) == 0.0
+
+
+def test_neither_takes_the_rest_of_scipy_which_is_whole_when_it_is_wanted() -> None:
     code = (
         "import sys, numpy as np\n"
         "from scex_sumo.statistics.density import density, p_critical\n"
         "density([1.0, 2.0]), p_critical([1.0], 2.0)\n"
-        "assert 'scipy.special' not in sys.modules and 'scipy.linalg' not in sys.modules"
+        "assert 'scipy.special' not in sys.modules and 'scipy.linalg' not in sys.modules\n"
+        "import scipy.special\n"
+        "assert scipy.special.erfinv(0.0) == 0.0 and scipy.special.logsumexp([0.0]) == 0.0"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -39,7 +39,6 @@ from scex_sumo.behaviors.models.likely_seen import (
 from scex_sumo.behaviors.models.population import (
     MOST_ASIDE_M,
     SECONDS,
-    normals,
     population,
     students,
     uniforms,
@@ -48,6 +47,7 @@ from scex_sumo.behaviors.models.population import (
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
+from scex_sumo.statistics.normal import normal_quantiles
 
 STARTING_MPS = 0.02  # a standing vehicle that gained so much in the last step has started
 HEADWAY_S = (0.1, 4.0)  # nobody keeps less or more
@@ -140,9 +140,9 @@ class LikelyDriver:
         drawn = uniforms(history.route_draw[who.child, who.vehicle], 11, _DRIVER)
         spread, known = self.profile.spread, self.population
         seen, speed = seen_of(history.scene, paths), shown_by(history.scene).speed[who.vehicle]
-        headway = np.exp(known.headway[0] + spread * known.headway[1] * normals(drawn[:, 5]))
+        headway = np.exp(known.headway[0] + spread * known.headway[1] * normal_quantiles(drawn[:, 5]))
         shown = np.maximum(KEPT_SHARE * seen.headway[row], HEADWAY_S[0])
-        braking = np.exp(known.braking[0] + spread * known.braking[1] * normals(drawn[:, 7]))
+        braking = np.exp(known.braking[0] + spread * known.braking[1] * normal_quantiles(drawn[:, 7]))
         time_s = np.arange(history.step, history.step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
         side = spread * known.side_m * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
         right, left = (ROOM_SHARE * room_beside(history.scene)[who.vehicle]).T

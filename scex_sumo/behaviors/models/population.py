@@ -11,9 +11,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from scipy.special import ndtri
 
 from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.statistics.normal import normal_quantiles
 
 SHIPPED = Path(__file__).parents[1] / "weights" / "likely_driver.json"
 SECONDS = 3  # for so many intervals of 1 s a driver's own acceleration is drawn; the last one goes on
@@ -137,12 +137,6 @@ def uniforms(draw: FloatArray, count: int, salt: int = 0) -> FloatArray:
     return result
 
 
-def normals(uniform: FloatArray) -> FloatArray:
-    """Standard normal numbers of uniform ones, by the inverse of the distribution function."""
-    result: FloatArray = ndtri(uniform)
-    return result
-
-
 def students(uniform: FloatArray) -> FloatArray:
     """(n, 3) numbers of Student's multivariate distribution with four degrees of freedom.
 
@@ -150,5 +144,5 @@ def students(uniform: FloatArray) -> FloatArray:
         uniform: (n, 5) three for a normal vector and two for the common χ² with four degrees, -2·ln(u·u').
     """
     chi2 = -2.0 * np.log(uniform[:, 3] * uniform[:, 4])
-    result: FloatArray = normals(uniform[:, :3]) * np.sqrt(DEGREES / chi2)[:, None]
+    result: FloatArray = normal_quantiles(uniform[:, :3]) * np.sqrt(DEGREES / chi2)[:, None]
     return result

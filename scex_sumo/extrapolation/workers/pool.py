@@ -6,20 +6,18 @@ nothing but itself. A worker that dies is replaced, and the task that it had is 
 
 from __future__ import annotations
 
-import importlib
-import pickle
 import queue
 import sys
-import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager, ExitStack, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 from scex_sumo.errors import SimulationError, UsageError
-from scex_sumo.extrapolation.workers.process import DIED, WorkerProcess, pickled, served_streams, write
+from scex_sumo.extrapolation.workers import serving
+from scex_sumo.extrapolation.workers.process import DIED, WorkerProcess, pickled
 from scex_sumo.files import TemporaryFolder
 
 if TYPE_CHECKING:
@@ -180,6 +178,22 @@ class Workers:
                 idle.append(worker)
                 yield task, future
 
+    def beside(self, do: Callable[[], Any], *, where: str) -> Future[Any] | None:
+        """Have a worker do something before it takes its next task, whatever this process does meanwhile.
+
+        Args:
+            do: called in the worker.
+            where: the words for it, should the worker die.
+
+        Returns:
+            Its result to come, which raises `WorkersDied` where two workers died of it; None without workers.
+        """
+        if not self._workers:
+            return None
+        worker = self._workers[-1]
+        order = partial(worker.do, pickled(partial(_calling, do)), None, lambda children: None)
+        return worker.thread.submit(self._twice, worker, where, order)
+
     def _twice(self, worker: _Worker, where: str, order: Callable[[], Report]) -> Any:
         """What an order gives, from another process where the first one dies; raises what it raised."""
         reasons: list[str] = []
@@ -198,6 +212,20 @@ class Workers:
         raise WorkersDied(where, reasons)
 
 
+def ended_well(done: Future[Any]) -> bool:
+    """Wait for what was done beside; False where workers died of it, and raises what it raised."""
+    with suppress(WorkersDied):
+        done.result()
+        return True
+    return False
+
+
+@contextmanager
+def _calling(do: Callable[[], Any]) -> Iterator[Callable[[Any, OnStep], Any]]:
+    """Work of one task, which is to call a function."""
+    yield lambda task, on_step: do()
+
+
 def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
     """Batches that nobody else has taken, as long as there are any."""
     with suppress(IndexError):
@@ -213,7 +241,7 @@ class _Worker(WorkerProcess):
     """
 
     def __init__(self, folder: str) -> None:
-        super().__init__(__name__, folder)
+        super().__init__(serving.__name__, folder)
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")
 
     def start(self) -> None:
@@ -250,49 +278,3 @@ class _Worker(WorkerProcess):
                 self._work = self._work if report[0] == "done" else None
                 return report
             on_step(report[1])
-
-
-class _Elsewhere(Exception):
-    """The traceback of an error in a worker, as text."""
-
-    def __str__(self) -> str:
-        return f"\n{self.args[0]}"
-
-
-def serve() -> None:
-    """What a worker process does: the tasks that come in on standard input until it closes."""
-    orders, reports = served_streams()
-    from scex_sumo.world.session import load_sumo
-
-    load_sumo()  # there is time before the first task
-
-    def report(kind: str, content: Any) -> None:
-        write(reports, (kind, content))
-
-    with suppress(EOFError, BrokenPipeError), ExitStack() as opened:
-        while True:
-            kind, content = pickle.load(orders)
-            try:
-                if kind == "import":  # unasked: what is missing is said where it is used
-                    with suppress(ImportError):
-                        deque(map(importlib.import_module, content), maxlen=0)
-                elif kind == "open":
-                    opened.close()
-                    sys.path[:], packed = content
-                    do = opened.enter_context(pickle.loads(packed)())
-                    report("done", None)
-                else:
-                    report("done", do(content, partial(report, "step")))
-            except (EOFError, BrokenPipeError):
-                raise
-            except Exception as error:
-                opened.close()
-                report("failed", (_sendable(error), _Elsewhere(traceback.format_exc())))
-
-
-def _sendable(error: Exception) -> Exception:
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:  # pickling runs code of the error's own
-        return SimulationError(f"a worker failed: {type(error).__name__}: {error}")
-    return error

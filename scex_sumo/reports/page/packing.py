@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import zlib
 from collections.abc import Mapping
 from typing import Any
@@ -43,13 +44,15 @@ def pack(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
 
 def _plain(value: Any) -> Any:
     """Words and numbers as JSON has them; it knows no infinity, which becomes null."""
-    if isinstance(value, Mapping):
-        return {name: _plain(entry) for name, entry in value.items()}
+    if value is None or isinstance(value, str | int):  # most there is
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value if value is None or isinstance(value, str | int | float) else str(value)
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    return str(value)
 
 
 def unpack(text: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

@@ -10,9 +10,10 @@ import pytest
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.behaviors.models.likely_driver import LikelyDriver, LikelyProfile
 from scex_sumo.behaviors.models.likely_seen import path_edges, room_beside, seen_of, shown_by
-from scex_sumo.behaviors.models.population import normals, population, students, uniforms, way_across
+from scex_sumo.behaviors.models.population import population, students, uniforms, way_across
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import UsageError
+from scex_sumo.statistics.normal import normal_quantiles
 from tests.behaviors import roads
 
 DRIVER = LikelyDriver(LikelyProfile())
@@ -30,7 +31,7 @@ def test_numbers_from_a_draw_are_uniform_and_follow_from_it_alone() -> None:
 
 def test_normal_and_student_numbers_have_their_spread() -> None:
     draw = uniforms(np.random.default_rng(1).random(20000), 5)
-    assert normals(draw[:, 0]).std() == pytest.approx(1.0, abs=0.02)
+    assert normal_quantiles(draw[:, 0]).std() == pytest.approx(1.0, abs=0.02)
     # Quartiles of Student's distribution with four degrees of freedom: 0.741.
     assert np.quantile(students(draw), 0.75) == pytest.approx(0.741, abs=0.02)
 
