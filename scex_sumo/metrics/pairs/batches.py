@@ -10,7 +10,7 @@ from scex_sumo.metrics.pairs.kinds import shared_pairs
 from scex_sumo.metrics.pairs.presets import preset_named
 from scex_sumo.metrics.pairs.scenes import Scenes
 
-BATCH_PAIR_STEPS = 1 << 16  # unordered pair-steps per batch
+BATCH_PAIR_STEPS = 1 << 18  # unordered pair-steps per batch
 SHARED_PAIR_STEPS = 1 << 21  # of the children that share what equal pairs of tracks have in common; 0: never
 
 

@@ -115,22 +115,25 @@ class SceneEncoder(nn.Module):
 
     def forward(self, scene: SceneBatch, wanted: Tensor) -> Tensor:
         """(n, hidden) of (n,) wanted nodes; what does not reach them through the layers is left out."""
-        needed, reach = torch.zeros(len(scene.node), dtype=torch.bool, device=wanted.device), []
+        needed = torch.zeros(len(scene.node), dtype=torch.bool, device=wanted.device)
         needed[wanted] = True
+        reach = [needed]
         for _ in self.attend:
-            edges = torch.nonzero(needed[scene.edge_index[1]])[:, 0]
-            reach.append((needed, edges))
-            needed = needed.index_fill(0, scene.edge_index[0, edges], True)
+            source = scene.edge_index[0, needed[scene.edge_index[1]]]
+            needed = needed.index_fill(0, source, True)
+            reach.insert(0, needed)
         history = self.history_scale(scene.history[needed].flatten(1))
         h: Tensor = self.norm[0](self.embed(torch.cat([self.node_scale(scene.node[needed]), history], 1)))
-        for attend, norm, (asking, edges) in zip(self.attend, list(self.norm)[1:], reach[::-1], strict=True):
-            source, target = scene.edge_index[:, edges]
-            index = torch.stack([_numbers(needed)[source], _numbers(asking)[target]])
-            edge, kept = snapped(self.edge_scale(scene.edge[edges])), asking[needed]
-            seen = snapped(h)
+        edges, edge = scene.edge_index, scene.edge
+        for layer, (attend, norm) in enumerate(zip(self.attend, list(self.norm)[1:], strict=True)):
+            needed, asking = reach[layer : layer + 2]
+            some = torch.nonzero(asking[edges[1]])[:, 0]
+            edges, edge = edges[:, some], edge.index_select(0, some)
+            edge = edge if layer else snapped(self.edge_scale(edge))
+            seen, kept = snapped(h), asking[needed]
+            index = torch.stack([_numbers(needed)[edges[0]], _numbers(asking)[edges[1]]])
             h = norm(h[kept] + torch.relu(attend(seen, index, edge, seen[kept])))
-            needed = asking
-        return h[_numbers(needed)[wanted]]
+        return h[_numbers(reach[-1])[wanted]]
 
 
 def _numbers(some: Tensor) -> Tensor:
