@@ -89,7 +89,7 @@ def main() -> None:
     try:
         status = _app(sys.argv[1:])(sys.argv[1:] or ["--help"], standalone_mode=False)
     except ScexError as error:
-        _fail(f"error: {one_line(error)}", 2 if isinstance(error, UsageError) else 1)
+        _fail(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
     except typer.Abort:
         _fail("interrupted", 130)
     except KeyboardInterrupt:
@@ -108,7 +108,7 @@ def main() -> None:
         shown = getattr(error, "format_message", None)
         if shown is None:
             raise
-        _fail(f"error: {one_line(shown())}", 2)
+        _fail(f"error: {shown()}", 2)
     if status:  # Typer turns Ctrl-C into a status
         _fail("interrupted", int(status))
 
@@ -143,5 +143,5 @@ def _is_out_of_memory(error: Exception) -> bool:
 
 
 def _fail(message: str, status: int) -> None:
-    print(message, file=sys.stderr)
+    print(one_line(message), file=sys.stderr)
     raise SystemExit(status)

@@ -22,6 +22,19 @@ _REFERENCES = (
 
 
 @contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """What is written in the block is a file, or goes into a folder; errors of the system name it.
+
+    Raises:
+        ResultError: it cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise ResultError(f"{error.filename or path}: cannot write: {error.strerror or error}") from None
+
+
+@contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A file beside ``path`` to write to, which takes its place when the block ends well.
 

@@ -13,7 +13,8 @@ from typer import Argument, Option
 
 from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import Origin
-from scex_sumo.errors import MapError, ResultError, UsageError
+from scex_sumo.errors import MapError, UsageError
+from scex_sumo.files import writing
 
 if TYPE_CHECKING:
     from scex_sumo.converters.fidelity.report import FidelityReport
@@ -79,11 +80,9 @@ def _convert(road: Road, out: Path | None, *, signals: Path | None) -> SumoNet:
 
     warn(road.notes)
     net_path = out if out is not None else Path(f"{road.name}.net.xml")
-    try:
+    with writing(net_path):
         net_path.parent.mkdir(parents=True, exist_ok=True)
         net = convert(road, net_path, signals=signals)
-    except OSError as error:
-        raise ResultError(f"{net_path}: cannot write: {error.strerror or error}") from None
     warn(net.notes)
     return net
 

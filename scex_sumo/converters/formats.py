@@ -18,6 +18,7 @@ OPENDRIVE = (".xodr", ".xodr.gz")
 NET = (".net.xml", ".net.xml.gz")
 FCD = (".fcd.xml", ".fcd.xml.gz", ".parquet")
 HIGHD = "_recordingMeta.csv"
+SIND = "Veh_smoothed_tracks.csv"
 _TRACKS = "_tracks.csv"
 _BEGINNING = 2**16  # bytes; SUMO writes its configuration first
 
@@ -81,7 +82,7 @@ def _beginning(path: Path) -> bytes:
     try:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
             return file.read(_BEGINNING)
-    except (OSError, EOFError):
+    except (OSError, EOFError, zlib.error):
         return b""
 
 
@@ -103,6 +104,11 @@ def is_levelx(path: str | Path) -> bool:
     """Whether a file is the ``NN_tracks.csv`` of such a recording."""
     path = Path(path)
     return unpacked_name(path).endswith(_TRACKS) and recording_file(path, "recordingMeta").is_file()
+
+
+def is_sind(path: Path) -> bool:
+    """Whether a file is the vehicles of a recording of SinD, by its name; its folder has the recording's."""
+    return unpacked_name(path) == SIND
 
 
 def recording_file(tracks_path: Path, kind: str) -> Path:

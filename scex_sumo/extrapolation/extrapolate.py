@@ -24,7 +24,7 @@ from scex_sumo.extrapolation.notes import handover_notes, outcome_notes, recorde
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers.pool import Workers
 from scex_sumo.extrapolation.writing import write_tables
-from scex_sumo.files import TemporaryFolder
+from scex_sumo.files import TemporaryFolder, writing
 from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part, Parts
@@ -104,7 +104,9 @@ def extrapolate(
         path = Path(temporary.name) / "run" if temporary else Path(str(out))
         folder = ResultFolder(path, _identity(scene, wanted, models, assignment), overwrite=overwrite)
         assert scene.road is not None
-        net = converted(scene.road, folder.path / "sumo" / f"{scene.road.name}.net.xml", keep=cache)
+        net_path = folder.path / "sumo" / f"{scene.road.name}.net.xml"
+        with writing(net_path):
+            net = converted(scene.road, net_path, keep=cache)
         watch.lap("convert")
         if begun is not None:
             begun(folder.path, len(assignment))

@@ -216,11 +216,13 @@ def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
     spelled: dict[str, str] = {}
     for column in columns:
         words = _plain(metric_of(column).words)
+        inverted = words.removeprefix("1/")  # the table says 1/TTC
         if column.endswith("_mean"):
-            spelled |= dict.fromkeys((f"{words} mean", f"mean {words}"), column)
+            for said in (inverted, words):
+                spelled |= dict.fromkeys((f"{said} mean", f"mean {said}"), column)
             spelled[f"mean {_plain(column.removesuffix('_mean'))}"] = column
         else:
-            spelled[words] = column
+            spelled |= dict.fromkeys((inverted, words), column)
         spelled[_plain(column)] = column
     if _plain(text) not in spelled:
         raise UsageError(f"unknown metric {text[:40]!r}; known: {', '.join(columns)}")

@@ -27,7 +27,7 @@ from scex_sumo.errors import TrackError, UsageError, reason_of
 from scex_sumo.evaluation.encounters import answers_of
 from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.extrapolation.job import Job, parts_in_memory
-from scex_sumo.files import TemporaryFolder
+from scex_sumo.files import TemporaryFolder, writing
 from scex_sumo.ranking.moments import Failure, MomentRef
 from scex_sumo.ranking.settings import RankSettings, built
 from scex_sumo.results.folder import tracks_table
@@ -152,7 +152,8 @@ def check_versions(task: MomentTask) -> None:
 def road_and_net(packed: bytes, cache: bool) -> tuple[Road, SumoNet]:
     """The road and its net, whose folder goes with it; made at the first moment of a map."""
     road, folder = unpack_road(packed), TemporaryFolder()
-    net = converted(road, Path(folder.name) / "map.net.xml", keep=cache)
+    with writing(Path(folder.name)):
+        net = converted(road, Path(folder.name) / "map.net.xml", keep=cache)
     weakref.finalize(net, folder.cleanup)
     return road, net
 

@@ -219,7 +219,7 @@ class Run:
 
     def column(self, text: str) -> str:
         """The metric column that is meant by a name as it is printed; a `UsageError` where none is."""
-        return text if text in self.outcomes else column_named(text, self.columns)
+        return COLLISION if text.strip().lower() in self.outcomes else column_named(text, self.columns)
 
     def values(self, column: str) -> FloatArray:
         """(C,) values of a metric in all children, NaN where undefined; of ``collision`` 0 and 1."""

@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from scex_sumo.arrays import IntArray
 from scex_sumo.errors import ResultError, UsageError
-from scex_sumo.files import write_atomic
+from scex_sumo.files import write_atomic, writing
 from scex_sumo.metrics.registry import metric_of, side_of
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
@@ -207,4 +207,5 @@ def colors_of(run: Run) -> dict[str, Rgb]:
 
 
 def _write(run: Run, views: Sequence[ChildView], net: ReadNet | None = None) -> Path:
-    return write_view(run.net.path.parent, run.net, run.scene, views, colors_of(run), again=net)
+    with writing(run.folder):
+        return write_view(run.net.path.parent, run.net, run.scene, views, colors_of(run), again=net)

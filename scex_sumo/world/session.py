@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scex_sumo.errors import SimulationError
+from scex_sumo.files import writing
 from scex_sumo.programs import program, sumo_home
 from scex_sumo.scene import STEP_S
 from scex_sumo.world.gui.colors import Rgb
@@ -178,6 +179,10 @@ class SumoSession:
 
     def _write_files(self) -> list[str]:
         """SUMO's input; returns the options that name it."""
+        with writing(self._folder):
+            return self._written()
+
+    def _written(self) -> list[str]:
         self._folder.mkdir(parents=True, exist_ok=True)
         net, types = self._folder / "tiles.net.xml", self._folder / "types.add.xml"
         self._template.write(net, self.slots, self.layout)

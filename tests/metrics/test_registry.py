@@ -235,6 +235,8 @@ def test_values_that_do_not_fit_the_scenes_are_refused() -> None:
         ("traffic quality", "tq"),
         ("WTTC mean", "wttc_mean"),
         ("mean 1/TTC", "ttc_mean"),
+        ("mean TTC on path", "ttc_path_mean"),
+        ("TTC on path", "ttc_path"),
         ("TTC_MEAN", "ttc_mean"),
     ],
 )

@@ -22,6 +22,7 @@ from scex_sumo.version import __version__
 
 LARGEST_NUMBER = 1024
 """No number of an architecture is larger: a header that lies shall not cost memory."""
+_SWITCHES = ("edges", "free")
 FORMAT = "scex-sumo weights 1"
 KINDS: Mapping[str, type[GraphPredictorNet] | type[GraphImageNet]] = {
     "graph": GraphPredictorNet,
@@ -97,9 +98,15 @@ def _build(file: Path, kind: str, content: dict[str, Any]) -> GraphPredictorNet 
         if unknown:
             raise ValueError(f"unknown number {min(unknown)}")
         for name, number in content["architecture"].items():
-            if type(number) is not bool and (type(number) is not int or not 1 <= number <= LARGEST_NUMBER):
+            if name in _SWITCHES and type(number) is not bool:
+                raise ValueError(f"{name} is {str(number)[:20]}, yes or no expected")
+            if name not in _SWITCHES and (type(number) is not int or not 1 <= number <= LARGEST_NUMBER):
                 raise ValueError(f"{name} is {str(number)[:20]}, 1 to {LARGEST_NUMBER} expected")
-        net = KINDS[kind](Architecture(**content["architecture"]))
+        sizes = Architecture(**content["architecture"])
+        if sizes.heads > sizes.hidden or sizes.layers > len(content["state"]):
+            raise ValueError(f"{sizes.layers} layers of {sizes.heads} heads for {sizes.hidden} numbers")
+        _check_state(file, KINDS[kind], sizes, content["state"])
+        net = KINDS[kind](sizes)
         net.load_state_dict(content["state"])
     except (RuntimeError, TypeError, ValueError, KeyError, AttributeError, ArithmeticError) as error:
         words = " ".join(str(error).split())[:160]
@@ -109,6 +116,25 @@ def _build(file: Path, kind: str, content: dict[str, Any]) -> GraphPredictorNet 
     if not all(bool(torch.isfinite(value).all()) for value in net.state_dict().values()):
         raise InputError(f"{file}: has weights that are not finite; train again with: scex-sumo train {kind}")
     return net
+
+
+def _check_state(
+    file: Path, kind: type[GraphPredictorNet] | type[GraphImageNet], sizes: Architecture, state: Any
+) -> None:
+    """Raise an error for weights of other shapes than the network's, before that costs any memory."""
+    with torch.device("meta"):
+        wanted = kind(sizes).state_dict()
+    for name, weights in state.items():
+        plain = isinstance(weights, torch.Tensor) and weights.layout == torch.strided
+        if not plain or weights.is_complex():
+            raise ValueError(f"{name[:60]} holds no plain numbers")
+        if name in wanted and weights.shape != wanted[name].shape:
+            raise ValueError(f"{name} is {[*weights.shape]}, {[*wanted[name].shape]} expected")
+    missing = [name for name in wanted if name not in state]
+    if missing:
+        raise ValueError(f"no {missing[0]}")
+    if sum(weights.numel() for weights in wanted.values()) > file.stat().st_size:  # two bytes each, at least
+        raise ValueError("more weights than the file can hold")
 
 
 def _read(file: Path) -> dict[str, Any]:

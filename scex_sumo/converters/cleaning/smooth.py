@@ -17,6 +17,7 @@ Measured on k733 (2020): with it the 1st and 99th percentile of the acceleration
 -19 and +19.
 """
 
+CLOSEST_S = 1e-6
 _HUBER = 2.5  # residuals beyond so many sigmas count linearly
 
 
@@ -70,6 +71,10 @@ def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: f
 
     if len(points) < 4 or noise_m <= 0.0:
         return points.copy()
+    least = np.diff(time_s)[np.diff(segment) == 0].min(initial=np.inf)
+    close = TrackError(f"samples of a track {least:.2g} s apart: too close to smooth; leave the copies out")
+    if least < CLOSEST_S:
+        raise close
     bands = _penalty(time_s, segment) * noise_m**2 / JERK_DENSITY
     weight = np.ones(len(points))
     smoothed = points
@@ -79,10 +84,7 @@ def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: f
         try:
             smoothed = solveh_banded(system, points * weight[:, None], lower=True)
         except LinAlgError:
-            least = np.diff(time_s)[np.diff(segment) == 0].min()
-            raise TrackError(
-                f"samples of a track {least:.2g} s apart: too close to smooth; leave the copies out"
-            ) from None
+            raise close from None
         residual = np.hypot(*(points - smoothed).T)
         weight = np.minimum(1.0, _HUBER * noise_m / np.maximum(residual, 1e-12))
     return np.asarray(smoothed)

@@ -16,6 +16,7 @@ from scex_sumo.converters.formats import (
     has_lane_markings,
     is_commonroad,
     is_levelx,
+    is_sind,
     map_name,
     open_binary,
     read_meta,
@@ -135,6 +136,8 @@ def _interaction(path: Path) -> Recording | None:
     elif folder.name in ("train", "val") and stem.endswith(f"_{folder.name}"):
         map_path = folder.parent / "maps" / f"{stem.removesuffix(f'_{folder.name}')}.osm"
         map_path = there(map_path) or map_path
+    elif is_sind(path):
+        map_path = _only_map(folder)
     elif beside is not None:
         map_path = beside
     else:
@@ -146,6 +149,15 @@ def _interaction(path: Path) -> Recording | None:
         map_path=map_path,
         track_paths=(path,),
     )
+
+
+def _only_map(folder: Path) -> Path:
+    """The one Lanelet2 map in a folder, or else in that above it or the next; SinD's lie anywhere there."""
+    for place in (folder, folder.parent, folder.parent.parent):
+        maps = [*place.glob("*.osm"), *place.glob("maps/*.osm")]
+        if len(maps) == 1:
+            return maps[0]
+    return folder.parent / "maps" / "map.osm"
 
 
 def _levelx(path: Path) -> Recording:

@@ -201,6 +201,7 @@ def _read_columns(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
         largest = _LARGEST.get(name, LARGEST["vx"])
         bad = ~(np.abs(values) <= largest)
         if bad.any():
-            line, what = int(np.argmax(bad)) + 2, f"missing, not finite or beyond {largest:g}"
-            raise TrackError(f"{path}: line {line}: {name} is {what}; repair or drop the row")
+            row = int(np.argmax(bad))
+            what = f"beyond {largest:g}" if np.isfinite(values[row]) else "missing or not finite"
+            raise TrackError(f"{path}: line {row + 2}: {name} is {what}; repair or drop the row")
     return columns

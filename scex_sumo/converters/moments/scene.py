@@ -11,7 +11,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.converters.cleaning.repair import repair_tracks
-from scex_sumo.converters.formats import map_name
+from scex_sumo.converters.formats import is_sind, map_name
 from scex_sumo.converters.moments.moments import CASE_FRAME, STAMP_MS, busiest, moments
 from scex_sumo.converters.moments.sample import Sampled, sample_tracks
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, number_of
@@ -88,6 +88,8 @@ def recording_name(map_path: Path, track_paths: tuple[Path, ...]) -> str:
     """
     place = map_name(map_path)
     stem = re.sub(r"^vehicle_tracks_|_tracks$", "", map_name(track_paths[0]))
+    if is_sind(track_paths[0]):
+        stem = track_paths[0].resolve().parent.name
     if len(track_paths) > 1:
         end = re.sub(r"^.*[^0-9]", "", map_name(track_paths[-1]))
         return re.sub(r"[0-9]+$", "", stem) + end

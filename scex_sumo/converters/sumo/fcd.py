@@ -6,6 +6,7 @@ angles counter-clockwise from +x.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -142,7 +143,7 @@ def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
                 kinds.append("pedestrian" if element.tag == "person" else element.get("type", ""))
                 values = (element.get(column, "nan") for column in _COLUMNS[1:])
                 rows.append([time, *map(float, values)])
-    except (OSError, EOFError, ValueError, ElementTree.ParseError) as error:
+    except (OSError, EOFError, zlib.error, ValueError, ElementTree.ParseError) as error:
         raise TrackError(f"{path}: cannot be read as SUMO's fcd-output: {error}") from None
     return names, kinds, np.array(rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
 

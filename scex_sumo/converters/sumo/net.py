@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Container, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -109,7 +110,7 @@ def unpacked(path: Path) -> bytes:
     try:
         with open_binary(path) as file:
             return file.read()
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error) as error:
         raise MapError(f"{path}: cannot be read: {error}; check the path of the net") from None
 
 

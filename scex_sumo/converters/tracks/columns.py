@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import math
 import zlib
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ from scex_sumo.errors import TrackError
 MOST_MISSING = 0.1
 """A larger share of rows without a value is no oversight but another format."""
 LARGEST_FRAME = 1e12
+DRIVEN_MPS, ALIGNED = 3.0, 0.9
+"""Who drives so fast points where it goes: the cosine between is no less."""
 SLOWEST_S, FASTEST_S = 0.5, 0.001
 """Time between two samples of a track: neither more nor less can be milliseconds of a recording."""
 
@@ -72,7 +75,7 @@ def read_columns(path: Path) -> tuple[dict[str, Any], list[str]]:
         encoded = text.combine_chunks().dictionary_encode()
         columns[name] = encoded.indices.to_numpy().astype(np.int64), [str(n) for n in encoded.dictionary]
     columns, notes = _checked(path, header, columns)
-    return columns, [*notes, *_in_milliseconds(path, columns)]
+    return columns, [*notes, *_in_milliseconds(path, columns), *_in_radians(columns)]
 
 
 def _told_apart(header: list[str]) -> list[str]:
@@ -141,3 +144,17 @@ def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:
         f"{path}: samples of a track are {usual / 1000.0:g} s apart by timestamp_ms, {FASTEST_S:g} to "
         f"{SLOWEST_S:g} s expected; give the stamps in milliseconds"
     )
+
+
+def _in_radians(columns: dict[str, Any]) -> list[str]:
+    """Make headings in degrees radians, in place; a phrase where they were, as the driving shows."""
+    heading, (vx, vy) = columns["psi_rad"], (columns["vx"], columns["vy"])
+    driven = (np.hypot(vx, vy) > DRIVEN_MPS) & np.isfinite(heading)
+    if not driven.any() or np.abs(heading[driven]).max() < 2.0 * math.pi:
+        return []
+    course = np.arctan2(vy[driven], vx[driven])
+    fits = [float(np.median(np.cos(scale * heading[driven] - course))) for scale in (1.0, math.pi / 180.0)]
+    if fits[1] < ALIGNED or fits[0] > fits[1]:
+        return []
+    columns["psi_rad"] = np.radians(heading)
+    return ["psi_rad is in degrees: taken for such"]

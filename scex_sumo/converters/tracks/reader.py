@@ -30,16 +30,15 @@ def read_tracks(path: str | Path) -> TrackTable:
 
     Rows may come in any order, unknown columns are ignored, single rows without a value left out. Pedestrians
     and cyclists of INTERACTION v1.0 are read from ``pedestrian_tracks_*.csv`` beside
-    ``vehicle_tracks_*.csv``, those of SinD from ``Ped_smoothed_tracks.csv`` beside
-    ``Veh_smoothed_tracks.csv``.
+    ``vehicle_tracks_*.csv``, those of SinD from its ``Ped_smoothed_tracks.csv`` likewise.
 
     Raises:
         TrackError: file missing or no CSV, column missing, value missing or not a number, no rows.
     """
     path = Path(path)
     files = [path]
-    for drivers, walkers in _BESIDE:
-        beside = path.with_name(path.name.replace(drivers, walkers))
+    for driven, walked in _BESIDE:
+        beside = path.parent / path.name.replace(driven, walked)
         if beside != path and beside.is_file():
             files.append(beside)
     read = [read_columns(file) for file in files]

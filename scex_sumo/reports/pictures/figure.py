@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from scex_sumo.files import writing
 from scex_sumo.reports.pictures import sheet
 from scex_sumo.reports.pictures.runs import CRITICAL, RECORDED, cumulative_panel, density_panel
 from scex_sumo.results.run import Run
@@ -42,7 +43,8 @@ def draw_figure(run: Run, curve: str, path: Path, *, metric: str | None = None) 
         sheet.left_label(figure, "density" if curve == "density" else "cumulative density")
         # A file without a date: the same run gives the same bytes.
         metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(path.suffix)
-        figure.savefig(path, dpi=200, metadata=metadata)
+        with writing(path):
+            figure.savefig(path, dpi=200, metadata=metadata)
     return path
 
 

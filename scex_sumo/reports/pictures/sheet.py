@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.files import writing
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.reports.tables.runs import counted
 from scex_sumo.results.run import Run
@@ -39,8 +40,9 @@ def save(figure: Figure, stem: Path) -> list[Path]:
     """Write a figure as SVG and PNG; returns the paths."""
     stem.parent.mkdir(parents=True, exist_ok=True)
     files = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
-    figure.savefig(files[0], metadata={"Date": None})
-    figure.savefig(files[1], dpi=150)
+    with writing(stem.parent):
+        figure.savefig(files[0], metadata={"Date": None})
+        figure.savefig(files[1], dpi=150)
     return files
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
 
-from scex_sumo.behaviors.learned.networks.graph import GraphPredictorNet
+from scex_sumo.behaviors.learned.networks.graph import Architecture, GraphPredictorNet
 from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet
 from scex_sumo.behaviors.learned.networks.layers import make_exact
 from scex_sumo.behaviors.learned.profiles import SHIPPED
@@ -141,3 +142,29 @@ def test_the_shipped_weights_are_small_exact_and_say_what_they_are_made_from() -
         assert meta["command"].startswith(f"scex-sumo train {kind}")
         sizes += file.stat().st_size
     assert sizes <= 3_000_000
+
+
+def test_a_header_that_lies_costs_neither_memory_nor_a_warning(file: Path) -> None:
+    content = torch.load(file, weights_only=True)
+    name, weights = next(iter(content["state"].items()))
+    lies = [
+        ("architecture", "layers", 1024),
+        ("architecture", "heads", 1024),
+        ("architecture", "modes", True),
+        ("state", name, torch.zeros(1).expand(2**33)),
+        ("state", name, weights.to(torch.complex64)),
+        ("state", name, 7),
+    ]
+    for part, key, value in lies:
+        altered(file, **{part: {**content[part], key: value}})
+        assert "weights of another architecture" in refused("graph_predictor", file)
+
+
+def test_weights_that_the_file_cannot_hold_are_refused(file: Path) -> None:
+    content = torch.load(file, weights_only=True)
+    wide = asdict(Architecture(**{**content["architecture"], "hidden": 512}))
+    with torch.device("meta"):
+        shapes = GraphPredictorNet(Architecture(**wide)).state_dict()
+    drawn = {name: torch.zeros(1).expand(weights.shape) for name, weights in shapes.items()}
+    altered(file, architecture=wide, state=drawn)
+    assert "more weights than the file can hold" in refused("graph_predictor", file)
