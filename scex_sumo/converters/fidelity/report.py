@@ -90,7 +90,7 @@ class FidelityReport:
         if width > max(WIDTH_ERROR_M, floor + WIDTH_SLACK_M):
             found.append(f"mean width error {width:.2f} m, {floor:.2f} m can be reached")
         hits, probes = self["probe_hits"], self["probes"]
-        if hits < PROBE_HIT_SHARE * probes:
+        if probes - hits > max(1, (1 - PROBE_HIT_SHARE) * probes):
             lost = _list("lost (lanelet, points)", self["lost_probes"])
             found.append(f"moveToXY finds {hits} of {probes} centreline points; {lost}")
         return found + (self.driving.problems() if self.driving is not None else [])

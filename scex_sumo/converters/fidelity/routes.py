@@ -23,22 +23,26 @@ HEAD_ON_RAD = np.deg2rad(150.0)
 def border_routes(net: JudgedNet) -> list[tuple[str, ...]]:
     """Shortest route in edges for every pair of border edges that lanes lead between.
 
-    Cars change lanes where the net permits and leaves room; a net without borders starts and ends anywhere.
-    No route begins where a car would stand in the way of others.
+    Cars change lanes where the net permits and, unless there is no route then, leaves room; a net without
+    borders starts and ends anywhere. No route begins where a car would stand in the way of others.
     """
     edges = {lane.edge_id for lane in net.car_lanes.values() if not lane.internal}
     entered = {net.lanes[link.to_lane].edge_id for link in net.car_links}
     left = {net.lanes[link.from_lane].edge_id for link in net.car_links}
     first = edges - entered
     starts, ends = first - _in_the_way(net, first) or first or edges, edges - left or edges
-    moves = _lane_moves(net)
     alone = edges - entered - left
-    return [
-        path
-        for start in sorted(starts)
-        for end, path in sorted(_paths(net, moves, start).items())
-        if end in ends and (end != start or start in alone)
-    ]
+    for room_m in (CHANGE_M, 0.0):
+        moves = _lane_moves(net, room_m)
+        routes = [
+            path
+            for start in sorted(starts)
+            for end, path in sorted(_paths(net, moves, start).items())
+            if end in ends and (end != start or start in alone)
+        ]
+        if routes:
+            break
+    return routes
 
 
 def _in_the_way(net: JudgedNet, starts: set[str]) -> set[str]:
@@ -102,13 +106,13 @@ def _head_on(standing: FloatArray, line: FloatArray) -> bool:
     return bool(abs(angle_between(*map(np.float64, ways))) > HEAD_ON_RAD)
 
 
-def _lane_moves(net: JudgedNet) -> dict[str, list[str]]:
+def _lane_moves(net: JudgedNet, room_m: float) -> dict[str, list[str]]:
     moves: dict[str, list[str]] = defaultdict(list)
     for link in net.car_links:
         moves[link.from_lane].append(link.to_lane)
     for names in net.edges.values():
         for right, left in pairwise(net.lanes[name] for name in names):
-            if right.cars and left.cars and not right.internal and right.length_m >= CHANGE_M:
+            if right.cars and left.cars and not right.internal and right.length_m >= room_m:
                 moves[right.lane_id] += [left.lane_id] if right.change_left else []
                 moves[left.lane_id] += [right.lane_id] if left.change_right else []
     return moves
