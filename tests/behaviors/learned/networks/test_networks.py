@@ -208,3 +208,14 @@ def test_a_large_map_gives_the_same_features_strip_by_strip(rows: int) -> None:
     make_exact(net)
     with torch.inference_mode():
         assert torch.equal(net.image.features_in_strips(raster), net.image.features(raster))
+
+
+def test_vehicles_asked_for_alone_are_seen_as_among_all() -> None:
+    """What does not reach them through the layers is left out."""
+    net = network("graph")
+    make_exact(net)
+    scene = scene_batch(scene_graph(roads.present(SCENE, 3), ROAD))
+    with torch.inference_mode():
+        everyone = net.scene(scene, torch.arange(len(scene.node)))
+        for wanted in ([4], [8, 0, 4], [2, 2]):
+            assert torch.equal(net.scene(scene, torch.tensor(wanted)), everyone[wanted])
