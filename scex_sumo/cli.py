@@ -7,6 +7,7 @@ import io
 import os
 import signal
 import sys
+from types import FrameType
 from typing import Annotated
 
 import typer
@@ -84,7 +85,9 @@ def main() -> None:
     # Objects of a run live as long as it does: looking for garbage among them takes a tenth of a short run.
     gc.set_threshold(GARBAGE_AFTER)
     # A scheduler's SIGTERM leaves what Ctrl-C leaves: finished children, and no worker behind.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, _stop)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where it is ignored, as by nohup
+        signal.signal(signal.SIGINT, _stop)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without – gets ? for it
@@ -102,6 +105,8 @@ def main() -> None:
     except OSError as error:  # of the machine, not of the program: a full disk, a file taken away
         _fail(f"error: {error.filename or 'a file'}: {error.strerror or error}; see to it and try again", 1)
     except Exception as error:
+        if _stopped:  # while a library was being imported, which made an error of its own of it
+            _fail("interrupted", 130)
         if _is_out_of_memory(error):
             _fail(
                 "error: out of memory; ask for fewer --children, --steps or --workers, or a smaller --batch",
@@ -113,6 +118,14 @@ def main() -> None:
         _fail(f"error: {shown()}", 2)
     if status:  # Typer turns Ctrl-C into a status
         _fail("interrupted", int(status))
+
+
+def _stop(number: int, _frame: FrameType | None) -> None:
+    _stopped.append(number)
+    raise KeyboardInterrupt
+
+
+_stopped: list[int] = []  # signals that asked the process to stop
 
 
 def _is_out_of_memory(error: Exception) -> bool:
