@@ -1,5 +1,14 @@
-"""``python -m scex_sumo``."""
+"""Start of the command line: ``scex-sumo`` and ``python -m scex_sumo``."""
 
-from scex_sumo.cli import main
 
-main()
+def start() -> None:
+    """Run the command line; Ctrl-C while it is being loaded is no error either."""
+    try:
+        from scex_sumo.cli import main
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
+    main()
+
+
+if __name__ == "__main__":
+    start()

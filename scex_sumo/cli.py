@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
@@ -82,7 +83,12 @@ def main() -> None:
     gc.set_threshold(GARBAGE_AFTER)
     atexit.register(gc.freeze)  # nor does it at the end, where Python would for nothing
     # A scheduler's SIGTERM leaves what Ctrl-C leaves: finished children, and no worker behind.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, _stop)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where it is ignored, as by nohup
+        signal.signal(signal.SIGINT, _stop)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed, as some schedulers leave it
+            setattr(sys, name, io.StringIO())
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without – gets ? for it
@@ -100,6 +106,8 @@ def main() -> None:
     except OSError as error:  # of the machine, not of the program: a full disk, a file taken away
         _fail(f"error: {error.filename or 'a file'}: {error.strerror or error}; see to it and try again", 1)
     except Exception as error:
+        if _stopped:  # while a library was being imported, which made an error of its own of it
+            _fail("interrupted", 130)
         if _is_out_of_memory(error):
             _fail(
                 "error: out of memory; ask for fewer --children, --steps or --workers, or a smaller --batch",
@@ -134,6 +142,14 @@ def _do_without_pandas() -> None:
         importlib.import_module("pyarrow").array([0])
     finally:
         sys.meta_path.remove(finder)
+
+
+def _stop(number: int, _frame: FrameType | None) -> None:
+    _stopped.append(number)
+    raise KeyboardInterrupt
+
+
+_stopped: list[int] = []  # signals that asked the process to stop
 
 
 def _is_out_of_memory(error: Exception) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import subprocess
@@ -13,7 +14,7 @@ from xml.sax.saxutils import quoteattr
 import pytest
 
 from scex_sumo.errors import ResultError
-from scex_sumo.files import TemporaryFolder, lock, quoted, replacing, unlock, write_atomic
+from scex_sumo.files import TemporaryFolder, lock, quoted, replacing, unlock, write_atomic, writing
 from scex_sumo.ranking.folder import RankFolder
 from scex_sumo.results.folder import ResultFolder
 
@@ -141,3 +142,11 @@ def test_a_temporary_folder_that_is_locked_is_somebodys(
     os.close(descriptor)
     TemporaryFolder().cleanup()
     assert not theirs.exists()
+
+
+def test_what_cannot_be_written_is_named_though_the_system_names_nothing(tmp_path: Path) -> None:
+    with (
+        pytest.raises(ResultError, match=r"x\.svg: cannot write: No space left on device"),
+        writing(tmp_path / "x.svg"),
+    ):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

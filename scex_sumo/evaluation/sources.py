@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from scex_sumo.arrays import BoolArray
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.reader import read_clean
+from scex_sumo.converters.tracks.check import check_values
 from scex_sumo.converters.tracks.kinds import MOTOR_TYPES
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError, one_line
@@ -109,10 +110,12 @@ def read_parquet(path: Path) -> TrackTable:
     stamps = np.diff(vehicles.timestamp_ms)[np.diff(vehicles.track) == 0]
     if (stamps <= 0.0).any():
         raise TrackError(f"{path}: {int((stamps <= 0.0).sum())} rows at a time that their track already has")
-    return TrackTable(
+    found = TrackTable(
         path=path,
         cases=tuple(str(name) for name in cases.tolist()),
         vehicles=vehicles,
         others=rows(~is_vehicle),
         step_s=float(np.median(stamps)) / 1000 if len(stamps) else 0.1,
     )
+    check_values(found)
+    return found

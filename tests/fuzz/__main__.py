@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import functools
 import itertools
 import tempfile
 import time
 from collections import Counter
 from pathlib import Path
 
-import typer.main
-
-from scex_sumo.cli import app
 from tests.fuzz.cases import KINDS, OFTEN, Fuzzer
 
 
@@ -29,8 +25,6 @@ def main() -> int:
     started, longest, bad = time.monotonic(), 0.0, 0
     folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
     fuzzer = Fuzzer(folder, given.seed)
-    typer.main.get_command = functools.cache(typer.main.get_command)  # built once, not in every process
-    typer.main.get_command(app)
     numbers = {kind: itertools.count(given.first) for kind in kinds}
     every = itertools.cycle(given.kind or OFTEN)
     for done, kind in enumerate(itertools.islice(every, given.cases), 1):

@@ -235,13 +235,17 @@ def test_values_that_do_not_fit_the_scenes_are_refused() -> None:
         ("traffic quality", "tq"),
         ("WTTC mean", "wttc_mean"),
         ("mean 1/TTC", "ttc_mean"),
-        ("mean TTC on path", "ttc_path_mean"),
-        ("TTC on path", "ttc_path"),
         ("TTC_MEAN", "ttc_mean"),
     ],
 )
 def test_a_column_is_known_by_what_is_printed(text: str, column: str) -> None:
     assert column_named(text) == column
+
+
+def test_a_table_says_one_over_what_everybody_names() -> None:
+    along = ("ttc", "ttc_path", "ttc_path_mean", "pttc_path")
+    named = [column_named(text, along) for text in ("TTC on path", "mean TTC on path", "PTTC on path")]
+    assert named == ["ttc_path", "ttc_path_mean", "pttc_path"]
 
 
 def test_a_column_that_nobody_means_is_refused_with_the_known_ones() -> None:

@@ -89,6 +89,15 @@ def test_a_damaged_listing_or_failure_is_looked_at_again(filled: Path) -> None:
         assert folder.failures() == {}
 
 
+def test_a_listing_of_which_one_letter_was_changed_is_looked_at_again(filled: Path) -> None:
+    with RankFolder(filled, PLAN) as folder:
+        folder.save_listing(Listing(recording="r", moments=(ONE,)))
+    (file,) = filled.glob("seeds/*.json")
+    file.write_text(file.read_text().replace("one_t1.0", "one_t7.0"))
+    with RankFolder(filled, PLAN) as folder:
+        assert folder.listing("r") is None
+
+
 def test_another_ranking_is_kept_unless_told_otherwise(filled: Path) -> None:
     with pytest.raises(ResultError, match="holds another ranking"):
         RankFolder(filled, {**PLAN, "seed": 1})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import os
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from scex_sumo.errors import ResultError
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import PARTS, Part, Parts, joined_parts, save_part
 from scex_sumo.results.run import open_run
+from scex_sumo.results.tables import read_states
 from scex_sumo.scene import States
 from tests.seeds import straight_seed
 
@@ -104,16 +106,23 @@ def test_the_same_run_goes_on_after_an_interruption(tmp_path: Path) -> None:
     assert Parts(again.path).children.tolist() == [0, 1]
 
 
-@pytest.mark.parametrize("damage", ["empty", "cut", "flipped"])
+@pytest.mark.parametrize("damage", ["empty", "cut", "flipped", "shifted", "locked", "foreign"])
 def test_a_part_that_a_power_loss_left_broken_is_run_again(tmp_path: Path, damage: str) -> None:
     ResultFolder(tmp_path / "out", {"seed": 1})
     save_part(tmp_path / "out", part_of([0, 1]))
     save_part(tmp_path / "out", part_of([2, 3]))
     broken = sorted((tmp_path / "out" / PARTS).glob("*.npz"))[1]
-    content = bytearray(broken.read_bytes())
+    whole = broken.read_bytes()
+    content = bytearray(whole)
     content[len(content) // 2] ^= 0xFF
     left = {"empty": b"", "cut": bytes(content[: len(content) // 2]), "flipped": bytes(content)}
-    broken.write_bytes(left[damage])
+    flags = whole.index(b"PK\x01\x02") + 8  # of the first file of the archive
+    left |= {"shifted": whole[1:], "locked": whole[:flags] + b"\x01" + whole[flags + 1 :]}
+    if damage == "foreign":
+        with np.load(io.BytesIO(whole)) as data:
+            np.savez(broken, **{name: data[name] for name in data if name != "values"})
+    else:
+        broken.write_bytes(left[damage])
     (broken.parent / ".00000004-00000005.npz.writing").write_bytes(b"half")
     ResultFolder(tmp_path / "out", {"seed": 1})
     assert Parts(tmp_path / "out").children.tolist() == [0, 1]
@@ -208,3 +217,13 @@ def test_tables_survive_the_disk(tmp_path: Path) -> None:
 def test_a_folder_whose_path_is_not_utf8_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(ResultError, match="not UTF-8; give another folder with -o"):
         ResultFolder(tmp_path / os.fsdecode(b"k\xff"), {})
+
+
+@pytest.mark.parametrize("value", [float("nan"), 1e300])
+def test_states_that_no_run_writes_are_refused(tmp_path: Path, value: float) -> None:
+    columns = {name: [1.0, 2.0] for name in ("case_id", "track_id", "x", "y", "vx", "vy", "psi_rad")}
+    pq.write_table(pa.table(columns), tmp_path / "tracks.parquet")
+    assert read_states(tmp_path / "tracks.parquet", rows=2).num_rows == 2
+    pq.write_table(pa.table(columns | {"y": [0.0, value]}), tmp_path / "tracks.parquet")
+    with pytest.raises(ResultError, match="column y holds what no run writes"):
+        read_states(tmp_path / "tracks.parquet", rows=2)

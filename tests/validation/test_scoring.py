@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pyarrow as pa
 import pytest
 
 from scex_sumo.errors import ResultError
-from scex_sumo.ranking.moments import MomentRef
+from scex_sumo.ranking.moments import Failure, MomentRef
 from scex_sumo.scene import States
 from scex_sumo.validation.events import EVENTS
 from scex_sumo.validation.folder import ForecastFolder
@@ -127,3 +129,21 @@ def test_realism_of_nobody_is_unknown() -> None:
         motion(1.0, 2), motion(1.0, 1), np.ones(1), np.ones(1), np.array([False]), roads.straight()
     )
     assert np.isnan(realism_score(found))
+
+
+@pytest.mark.parametrize("name", ["children", "vehicles"])
+def test_a_moment_of_which_a_table_is_broken_runs_again(tmp_path: Path, name: str) -> None:
+    with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
+        for number in (0, 1):
+            folder.append(ref(number), forecast([1.0, 2.0], 3.0))
+        folder.fail(Failure.of(ref(2), "broken"))
+    table = tmp_path / "out/moments/m1" / f"{name}.parquet"
+    content = bytearray(table.read_bytes())
+    content[len(content) // 5] ^= 0xFF
+    table.write_bytes(content)
+    (tmp_path / "out/failed/m2.json").write_text("{")
+    with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
+        assert folder.has(ref(0)) and not folder.has(ref(1))
+        assert folder.failures() == {}
+        folder.append(ref(1), forecast([1.0, 2.0], 3.0))
+        assert folder.read(ref(1)).children.num_rows == 5

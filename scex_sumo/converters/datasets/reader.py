@@ -21,7 +21,7 @@ from scex_sumo.converters.moments.sample import resample_tracks
 from scex_sumo.converters.moments.scene import Clean
 from scex_sumo.converters.sumo.fcd import read_fcd
 from scex_sumo.converters.sumo.state import read_state
-from scex_sumo.converters.tracks.check import LARGEST
+from scex_sumo.converters.tracks.check import check_values
 from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.converters.tracks.rows import ROW_COLUMNS, TrackRows, TrackTable, other_rate, segments_of
 from scex_sumo.errors import ScexError, TrackError
@@ -45,13 +45,7 @@ def read_recorded(paths: Sequence[Path], net: Path | None = None) -> tuple[Track
         TrackError: it cannot be read, or has a value beyond what it can be.
     """
     table, notes = _read(paths, net)
-    for rows in (table.vehicles, table.others):
-        for name, largest in LARGEST.items():
-            wrong = ~(np.abs(getattr(rows, name)) <= largest)
-            if wrong.any():
-                row = int(np.argmax(wrong))
-                said = f"{getattr(rows, name)[row]:g}, beyond {largest:g}"
-                raise TrackError(f"{table.path}: {name} of track {rows.labels[rows.track[row]]} is {said}")
+    check_values(table)
     return table, notes
 
 

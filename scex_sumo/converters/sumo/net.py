@@ -138,6 +138,9 @@ def _open(path: Path) -> tuple[Any, set[tuple[str, int]]]:
         net = sumolib.net.readNet(str(path), withInternal=True, withFoes=True)
         for name in lane_names(path):
             _check_lane(net.getLane(name))
+        missing = [node.getID() for node in net.getNodes() if node.getType() is None]
+        if missing:
+            raise ValueError(f"no junction {missing[0]}")
     except (SAXException, LookupError, ValueError, AttributeError, TypeError) as error:
         raise MapError(
             f"{path}: sumolib cannot read it: {reason_of(error)[:200]}; build it again with netconvert"

@@ -9,7 +9,10 @@ import zlib
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from scex_sumo.converters.formats import open_binary, open_text
+from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.errors import TrackError
 
 BASE_COLUMNS = ("track_id", "timestamp_ms", "agent_type", "x", "y", "vx", "vy")
@@ -24,7 +27,25 @@ MISSING = ("", "NA", "N/A", "#N/A", "NULL", "null", "None", "NaN", "nan", "n/a")
 LARGEST = {"timestamp_ms": 1e16, "x": 1e8, "y": 1e8, "vx": 1e4, "vy": 1e4, "psi_rad": 1e4}
 """Largest magnitude that a value can have at all; sizes have 1e4."""
 
+LONGEST_H = 24.0
+"""Of a recording: a longer one has a stamp of another clock, and costs memory by its length."""
+
 _NEEDED = f"INTERACTION tracks need {', '.join((*BASE_COLUMNS, *SHAPE_COLUMNS))}"
+
+
+def check_values(table: TrackTable) -> None:
+    """Raise a `TrackError` for tracks that have values beyond what they can be, or span days."""
+    for rows in (table.vehicles, table.others):
+        for name, largest in LARGEST.items():
+            wrong = ~(np.abs(getattr(rows, name)) <= largest)
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                said = f"{getattr(rows, name)[row]:g}, beyond {largest:g}"
+                raise TrackError(f"{table.path}: {name} of track {rows.labels[rows.track[row]]} is {said}")
+        if len(rows) and float(np.ptp(rows.timestamp_ms)) > 3.6e6 * LONGEST_H:
+            ends = [rows.labels[rows.track[find(rows.timestamp_ms)]] for find in (np.argmin, np.argmax)]
+            said = f"{np.ptp(rows.timestamp_ms) / 3.6e6:.3g} hours from track {ends[0]} to {ends[1]}"
+            raise TrackError(f"{table.path}: {said}, at most {LONGEST_H:g} are read; repair the stamps")
 
 
 def check_header(path: Path) -> list[str]:

@@ -166,6 +166,7 @@ def test_highds_road_becomes_a_sumo_net(tmp_path: Path) -> None:
         ("00_tracks.csv", "xCenter", "centre", "no column xCenter; such tracks have trackId"),
         ("00_tracks.csv", "1.0", "", "line 2: .* is missing or not finite"),
         ("00_tracks.csv", "1.0", "abc", "cannot be read"),
+        ("00_tracks.csv", "1.0", "1e300", r"line 2: .* is beyond 1e\+08"),
         ("00_tracksMeta.csv", "class", "kind", "no column class"),
         ("00_tracksMeta.csv", "1,car", "5,car", "no row for track 1"),
         ("00_recordingMeta.csv", "25", "-1", "frameRate is '-1'; frames per second expected"),

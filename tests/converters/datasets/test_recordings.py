@@ -91,6 +91,15 @@ def test_the_folders_of_interaction_are_found_as_published(tmp_path: Path) -> No
     assert {r.map_path for r in found} == {tmp_path / "maps" / "town.osm"}
 
 
+def test_recordings_of_sind_are_found_by_their_folders_with_the_only_map_above(tmp_path: Path) -> None:
+    town(tmp_path / "city")
+    for name in ("8_2_1", "8_3_1"):
+        write_rows(tmp_path / "city" / name / "Veh_smoothed_tracks.csv", straight(1, range(61)))
+    found = find_recordings([tmp_path])
+    assert [r.name for r in found] == ["town_8_2_1", "town_8_3_1"]
+    assert {r.map_path for r in found} == {tmp_path / "city/maps/town.osm"}
+
+
 def test_meta_data_with_an_origin_make_it_taf_bw(tmp_path: Path) -> None:
     interaction(tmp_path)
     tracks = tmp_path / "recorded_trackfiles" / "town"

@@ -86,3 +86,26 @@ def test_what_is_no_fcd_is_refused(tmp_path: Path) -> None:
     pq.write_table(pa.table({"time": [0.0]}), tmp_path / "b.parquet")
     with pytest.raises(TrackError, match="no column id"):
         read_fcd(tmp_path / "b.parquet")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('y="5"', 'y="nan"', "y of vehicle 7 at 0 s is missing"),
+        ('x="0.0"', 'x="1e300"', r"x of vehicle 7 at 0 s is 1e\+300"),
+        ('time="0.1"', 'time="60"', "simulated in steps of 60 s, 0.001 to 2 s are read"),
+    ],
+)
+def test_implausible_data_are_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
+    file = tmp_path / "a.fcd.xml"
+    file.write_text(fcd([0.0, 0.1]).replace(old, new, 1))
+    with pytest.raises(TrackError, match=words):
+        read_fcd(file)
+
+
+def test_a_broken_archive_is_refused(tmp_path: Path) -> None:
+    packed = bytearray(gzip.compress(fcd([k / 10 for k in range(100)]).encode()))
+    packed[30:60] = bytes(30)
+    (tmp_path / "a.fcd.xml").write_bytes(packed)
+    with pytest.raises(TrackError, match="cannot be read as SUMO's fcd-output"):
+        read_fcd(tmp_path / "a.fcd.xml")

@@ -171,3 +171,18 @@ def test_nets_of_every_shape_are_populated_and_run_on(kind: str, merge: Path, tm
     run = extrapolate(scene, children=4, models=["standard_driver", "sumo:EIDM"], out=tmp_path / "out")
     assert run.children == 4 and run.scene.vehicles == 4
     assert all(np.isfinite(run.states(child).x).all() for child in range(4))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('shape="', 'shape="1e300,0 '),
+        ('speed="', 'speed="nan" was="'),
+        ('" type="priority"', 'x" type="priority"'),
+    ],
+)
+def test_a_net_that_sumolib_stumbles_over_is_refused(merge: Path, tmp_path: Path, old: str, new: str) -> None:
+    path = tmp_path / "n.net.xml"
+    path.write_text(merge.read_text().replace(old, new))
+    with pytest.raises(MapError, match=r"sumolib cannot read it: .*; build it again with netconvert"):
+        read_map(path)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.errors import TrackError
 from tests.converters.track_files import CASE_COLUMNS, COLUMNS, in_case, straight, write_rows
@@ -274,3 +275,38 @@ def test_the_sample_of_version_1_2_has_three_cases(data: Path) -> None:
     table = read_tracks(data / "interaction/cases/v12_case_format_sample.csv")
     assert table.cases == ("1.0", "2.0", "35.0")
     assert (table.vehicles.tracks, table.others.tracks) == (10, 2)
+
+
+def test_the_names_of_columns_may_be_in_any_case(tmp_path: Path) -> None:
+    path = write_rows(tmp_path / "t.csv", straight(7))
+    text = path.read_text()
+    head = text.splitlines()[0]
+    path.write_text(text.replace(head, head.upper().replace(",", " , "), 1))
+    assert read_tracks(path).vehicles.labels == ("7",)
+
+
+def test_sind_has_a_yaw_a_course_and_walkers_beside(tmp_path: Path) -> None:
+    rows = [row | {"yaw_rad": 0.1, "heading_rad": 0.2} for row in straight(7, step_ms=1000.0 / 29.97)]
+    columns = [*(name for name in COLUMNS if name != "psi_rad"), "yaw_rad", "heading_rad"]
+    path = write_rows(tmp_path / "Veh_smoothed_tracks.csv", rows, columns)
+    walk = straight("P1", speed=1.0, kind="pedestrian", y=5.0)
+    write_rows(tmp_path / "Ped_smoothed_tracks.csv", walk, COLUMNS[:8])
+    table = read_tracks(path)
+    assert set(table.vehicles.psi_rad.tolist()) == {0.1}
+    assert table.others.labels == ("P1",)
+
+
+def test_headings_in_degrees_are_told_by_the_driving(tmp_path: Path) -> None:
+    rows = straight(1, speed=-10.0, psi_rad=180.0) + straight(2, y=4.0, psi_rad=0.0)
+    table = read_tracks(write_rows(tmp_path / "t.csv", rows))
+    np.testing.assert_allclose(np.unique(table.vehicles.psi_rad), [0.0, np.pi])
+    assert table.notes == ("psi_rad is in degrees: taken for such",)
+    turned = straight(1, psi_rad=4.0 * np.pi) + straight(2, y=4.0)
+    assert read_tracks(write_rows(tmp_path / "u.csv", turned)).notes == ()
+
+
+def test_a_stamp_of_another_clock_is_refused_with_its_track(tmp_path: Path) -> None:
+    rows = straight(1) + [row | {"timestamp_ms": 1.6e12 + 100 * k} for k, row in enumerate(straight(2))]
+    path = write_rows(tmp_path / "t.csv", rows)
+    with pytest.raises(TrackError, match="hours from track 1 to 2, at most 24 are read; repair the stamps"):
+        read_recorded([path])
