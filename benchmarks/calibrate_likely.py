@@ -63,8 +63,8 @@ from scex_sumo.behaviors.models.population import (
     SHIPPED,
     Population,
     node_shares,
-    spread_of,
     population,
+    spread_of,
     students,
     way_across,
 )
@@ -74,7 +74,7 @@ STEPS = 30
 NODES = len(NODES_S)
 SPEED_EDGES = (STANDING_MPS, 3.0, 7.0, 12.0, 20.0)
 BRAKING = (0.7, 0.6)  # mean and standard deviation of log deceleration towards a leader, m/s²
-WIDER = 1.3  # of all draws: in children the leaders are drawn, too, and differ from what they did
+
 FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half
 RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
 FOLLOWING = {"speed": 3.0, "opening": 1.0, "headway": 3.0}
@@ -298,7 +298,8 @@ def accelerations_of(
     left = samples.way - drive(samples, manner, own)
     print(f"own accelerations leave {np.abs(left[:, -1]).mean():.2f} m of the way after 3 s")
     k = np.searchsorted(SPEED_EDGES, samples.speed, side="right")
-    classes, members = range(1, len(SPEED_EDGES) + 1), []
+    classes = range(1, len(SPEED_EDGES) + 1)
+    members: list[IntArray] = []
     for c in classes:
         mine = np.flatnonzero(k == c)
         members.append(mine if len(mine) >= LEAST_CLASS else members[-1])  # as the class below
@@ -307,7 +308,11 @@ def accelerations_of(
         spread = spread_of(samples.unsure, grows[:NODES], grows[NODES:])
         means, roots, rested, inverse = [], [], np.zeros_like(own), np.zeros((len(own), NODES, NODES))
         for mine in members:
-            x, y, trust = samples.features[mine], own[mine], (importance * weight)[mine, None] / spread[mine] ** 2
+            x, y, trust = (
+                samples.features[mine],
+                own[mine],
+                (importance * weight)[mine, None] / spread[mine] ** 2,
+            )
             penalty = RIDGE * np.diag([0.0, *np.ones(x.shape[1] - 1)])
             each_node = [
                 np.linalg.solve((x * w).T @ x + penalty, (x * w).T @ y[:, node])
@@ -372,7 +377,7 @@ def settled(known: Population, samples: Samples, weight: FloatArray) -> Populati
                     f"lift {lift:+.2f}, skew {skew[c]:+.2f}"
                 )
     root[0] = root[1]
-    return dataclasses.replace(known, mean=mean, root=WIDER * root, skew=skew)
+    return dataclasses.replace(known, mean=mean, root=root, skew=skew)
 
 
 def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -88,7 +88,7 @@ def smoothed(scene: SeedScene) -> SeedScene:
     vehicle, step = np.nonzero(known)
     points = np.column_stack([whole.x[known], whole.y[known]])
     x, y = whole.x.copy(), whole.y.copy()
-    x[known], y[known] = smooth(points, step * STEP_S, vehicle, SMOOTHED_M).T
+    x[known], y[known] = smooth(points, (step * STEP_S).astype(np.float64), vehicle, SMOOTHED_M).T
     dx, dy = (np.gradient(values, STEP_S, axis=1) for values in (x, y))
     moves = known & (np.hypot(dx, dy) > SLOWEST_MPS)
     moves[np.arange(len(x)), known.sum(axis=1) - 1] = False  # their next place is another track's, or none

@@ -15,7 +15,7 @@ from scex_sumo.results.claimed import ClaimedFolder
 from scex_sumo.validation.moment import Forecast
 
 INFO = "validate.json"
-_TABLES = ("vehicles", "encounters", "realism", "children")  # the last one says that all are there
+_TABLES = ("vehicles", "encounters", "realism", "seen", "children")  # the last one says that all are there
 _MOMENTS, _FAILED = "moments", "failed"
 
 
@@ -30,6 +30,11 @@ class ForecastFolder(ClaimedFolder):
 
     def _prepare(self) -> None:
         (self.path / _FAILED).mkdir(exist_ok=True)
+
+    def restart(self) -> None:
+        """Forget the moments that have run."""
+        self._clear()
+        self._prepare()
 
     def has(self, ref: MomentRef) -> bool:
         """Whether a moment has run."""

@@ -34,8 +34,8 @@ from scex_sumo.behaviors.models.likely_seen import (
     queue_place,
     room_beside,
     seen_of,
-    side_shown,
     shown_by,
+    side_shown,
 )
 from scex_sumo.behaviors.models.population import (
     MOST_ASIDE_M,

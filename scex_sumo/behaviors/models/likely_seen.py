@@ -143,7 +143,7 @@ def room_beside(scene: SeedScene) -> FloatArray:
 
 @derived
 def side_shown(scene: SeedScene) -> FloatArray:
-    """(V, 3) what the spread of places beside the path depends on: scatter, speed, room to the nearer side."""
+    """(V, 3) what the spread of places beside the path depends on: scatter, speed, least room beside."""
     shown = shown_by(scene)
     room = np.minimum(room_beside(scene).min(axis=1), WIDE_M)
     return np.column_stack([_capped(shown.scatter), np.minimum(shown.speed, FAST_MPS) / FAST_MPS, room])

@@ -5,6 +5,7 @@ The numbers are in ``behaviors/weights/likely_driver.json``, written by ``benchm
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import dataclass
 from functools import cache
@@ -84,7 +85,9 @@ class Population:
         k = self.speed_class(speed)
         drawn = np.einsum("nij,nj->ni", self.root[k], draw)
         skewed = self.skew[k] * np.sign(drawn.sum(axis=1))
-        own: FloatArray = np.einsum("nij,nj->ni", self.mean[k], features) + drawn * np.exp(skewed)[:, None] * spread_of(unsure, self.noise, self.unsure)
+        own: FloatArray = np.einsum("nij,nj->ni", self.mean[k], features) + drawn * np.exp(skewed)[
+            :, None
+        ] * spread_of(unsure, self.noise, self.unsure)
         return np.clip(own, -MOST_OWN_MPS2, MOST_OWN_MPS2)
 
 
@@ -92,7 +95,18 @@ class Population:
 def population() -> Population:
     """The shipped population."""
     given = json.loads(SHIPPED.read_text(encoding="utf-8"))
-    arrays = ("speed_edges", "mean", "root", "noise", "unsure", "skew", "keeps_side", "side_noise", "side_unsure", "path")
+    arrays = (
+        "speed_edges",
+        "mean",
+        "root",
+        "noise",
+        "unsure",
+        "skew",
+        "keeps_side",
+        "side_noise",
+        "side_unsure",
+        "path",
+    )
     standing, moving, alone = given["start_rate"]
     return Population(
         **{name: np.array(given[name]) for name in arrays},
@@ -104,7 +118,7 @@ def population() -> Population:
 
 
 def spread_of(shown: FloatArray, noise: FloatArray, unsure: FloatArray) -> FloatArray:
-    """(n, N) factor on what drivers differ by: their own differences and the noise of their boxes, as squares.
+    """(n, N) factor on what drivers differ by: of people and of the noise of their boxes, as squares.
 
     Args:
         shown: (n, 3) scatter of the accelerations, m/s², then what people differ by.
@@ -118,6 +132,11 @@ def spread_of(shown: FloatArray, noise: FloatArray, unsure: FloatArray) -> Float
 def node_shares(time_s: float) -> FloatArray:
     """(3,) share of each of `NODES_S` in what is linear between them; the last one goes on."""
     return np.array([np.interp(time_s, NODES_S, row) for row in np.eye(len(NODES_S))])
+
+
+def population_digest() -> str:
+    """SHA-256 of the shipped population."""
+    return hashlib.sha256(SHIPPED.read_bytes()).hexdigest()
 
 
 def way_across(across: FloatArray, target: FloatArray, time_s: FloatArray) -> FloatArray:
