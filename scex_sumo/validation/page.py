@@ -102,7 +102,12 @@ def write_validation_page(
             "number of seed scenes.",
             plots(*(_diagram(row) for row in usual)) if usual else "No event both happened and did not.",
         ),
-        card("Values", table_place("values")),
+        card(
+            "Values",
+            "As recorded: with errors like those of the recording's boxes put onto the children, for what was "
+            "recorded carries such errors, too.",
+            table_place("values"),
+        ),
         card(
             "Is the spread right?",
             "Ranks of the recorded value among the children: flat (the line) where the children are like "
