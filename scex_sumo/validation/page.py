@@ -104,7 +104,7 @@ def write_validation_page(
         ),
         card(
             "Values",
-            "As recorded: with errors like those of the recording's boxes put onto the children, for what was "
+            "As recorded: with errors like those of the boxes put onto the children, for what was "
             "recorded carries such errors, too.",
             table_place("values"),
         ),
