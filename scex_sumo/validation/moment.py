@@ -25,7 +25,7 @@ from scex_sumo.ranking.settings import built
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import off_road
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.validation.noise import as_recorded
+from scex_sumo.validation.noise import BoxNoise, as_recorded
 from scex_sumo.validation.realism import realism, realism_score
 from scex_sumo.validation.vehicles import gap_forecasts, position_forecasts
 
@@ -57,13 +57,13 @@ class ForecastTask(MomentTask):
     """A moment to be forecast.
 
     Attributes:
-        noise: errors of the boxes of its recording, as of `box_noise`.
+        noise: errors of the boxes of its recording.
     """
 
-    noise: FloatArray | None = None
+    noise: BoxNoise
 
     @classmethod
-    def of(cls, task: MomentTask, noise: FloatArray | None) -> ForecastTask:
+    def of(cls, task: MomentTask, noise: BoxNoise) -> ForecastTask:
         """A task of a ranking as one of a validation."""
         given = {field.name: getattr(task, field.name) for field in dataclasses.fields(task)}
         return cls(**given, noise=noise)
@@ -74,7 +74,7 @@ def validate_moment(task: ForecastTask, road: bytes | None = None) -> Forecast |
     return worked(partial(_forecast, task.noise), task, road)
 
 
-def _forecast(noise: FloatArray | None, task: MomentTask, road: Road, net: SumoNet) -> Forecast:
+def _forecast(noise: BoxNoise, task: MomentTask, road: Road, net: SumoNet) -> Forecast:
     scene = dataclasses.replace(task.scene, road=road)
     if len(off_road(road, scene)) == scene.vehicles:
         raise TrackError(f"none of its {scene.vehicles} vehicles is on a mapped lane; check the map's origin")
@@ -96,7 +96,7 @@ def _forecast(noise: FloatArray | None, task: MomentTask, road: Road, net: SumoN
     after = scene.future[:, :steps].repeat(1).swapaxes(1, 2)
     known = np.where(recorded.values.defined, recorded.values.values, np.nan)
     rng = np.random.default_rng(zlib.crc32(task.ref.moment.encode()))
-    seen = children if noise is None else _seen(scene, asked, children, noise, rng)
+    seen = _seen(scene, asked, children, noise, rng)
     own = np.arange(len(task.children))
     rows = [
         (own, children.values, children.collided),
@@ -161,7 +161,7 @@ def _seen(
     scene: SeedScene,
     settings: RunSettings,
     children: _Children,
-    noise: FloatArray,
+    noise: BoxNoise,
     rng: np.random.Generator,
 ) -> _Children:
     """Children as they would have been recorded, measured."""

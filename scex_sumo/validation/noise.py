@@ -7,9 +7,11 @@ such; pieces of it, whole, are put onto the children's courses.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.converters.cleaning.smooth import smooth
 from scex_sumo.converters.tracks.rows import TrackRows
@@ -18,35 +20,50 @@ from scex_sumo.scene import SeedScene, States
 
 STEPS = 30 + PLAN_STEPS  # after the seed scene: as far as a plan of the last second reaches
 SMOOTHED_M = 0.3  # white noise that smoothing takes for granted: a time of 0.8 s
-MOVING_MPS = 0.5  # who is slower shows no errors: boxes of those who stand are held
+MOVING_MPS = 0.5  # who is slower stands: its box creeps, or is held
 APART_ROWS = 20  # between the beginnings of two pieces of a track
 LEAST_PIECES, MOST_PIECES = 10, 200
 
 
-def box_noise(rows: TrackRows, until_s: float) -> FloatArray | None:
-    """Pieces of the errors of boxes along their way, across it, of heading and of speed, (D, 61, 4).
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BoxNoise:
+    """Pieces of the errors of boxes along their way, m, across it, m, of heading, rad, and of speed, m/s.
+
+    Attributes:
+        moving: (D, 61, 4) of vehicles that move all the time; none where there are too few.
+        standing: (D, 61, 4) of those that stand, likewise.
+    """
+
+    moving: FloatArray
+    standing: FloatArray
+
+
+def box_noise(rows: TrackRows, until_s: float) -> BoxNoise:
+    """The errors that the boxes of a recording have.
 
     Args:
         rows: vehicles at 10 Hz.
         until_s: later rows are left out, unless the others give too few pieces.
-
-    Returns:
-        m, m, rad, m/s; None where even all rows give too few pieces.
     """
+    none = np.empty((0, STEPS + 1, 4))
     if not len(rows):
-        return None
+        return BoxNoise(moving=none, standing=none)
     noise = _errors(rows)
     begin, end = rows.pieces
     starts = [np.arange(b, e - STEPS + 1, APART_ROWS) for b, e in zip(begin, end, strict=True)]
     first = np.concatenate([np.empty(0, dtype=np.int64), *starts])
     whole = first[:, None] + np.arange(STEPS + 1)
-    moving = (rows.speed[whole] > MOVING_MPS).all(axis=1)
+    moves = np.asarray(rows.speed[whole] > MOVING_MPS)
     early = rows.timestamp_ms[whole[:, -1]] <= 1000 * until_s
-    for usable in (moving & early, moving):
-        found = whole[usable]
-        if len(found) >= LEAST_PIECES:
-            return noise[found[:: -(-len(found) // MOST_PIECES)]]
-    return None
+
+    def of(kind: BoolArray) -> FloatArray:
+        for usable in (kind & early, kind):
+            found = whole[usable]
+            if len(found) >= LEAST_PIECES:
+                return np.asarray(noise[found[:: -(-len(found) // MOST_PIECES)]])
+        return none
+
+    return BoxNoise(moving=of(np.all(moves, axis=1)), standing=of(~np.any(moves, axis=1)))
 
 
 def _errors(rows: TrackRows) -> FloatArray:
@@ -61,18 +78,22 @@ def _errors(rows: TrackRows) -> FloatArray:
     return np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx, turned, faster])
 
 
-def as_recorded(scene: SeedScene, driven: Rollout, noise: FloatArray, rng: np.random.Generator) -> Rollout:
+def as_recorded(scene: SeedScene, driven: Rollout, noise: BoxNoise, rng: np.random.Generator) -> Rollout:
     """Children with errors of boxes put onto their states and plans, from none at the seed scene on.
 
     Args:
         scene: where they begin.
         driven: the children.
-        noise: pieces, as of `box_noise`; each vehicle of each child gets one.
+        noise: pieces, of which each vehicle of each child gets one, as it moves or stands in the seed scene.
         rng: draws which.
     """
     count, steps, vehicles = driven.states.shape
-    piece = noise[rng.integers(0, len(noise), (count, vehicles))]
-    piece = (piece - piece[:, :, :1]) * (scene.now.speed > MOVING_MPS)[:, None, None]
+    piece = np.zeros((count, vehicles, STEPS + 1, 4))
+    moves = scene.now.speed > MOVING_MPS
+    for kind, pieces in ((moves, noise.moving), (~moves, noise.standing)):
+        if len(pieces):
+            piece[:, kind] = pieces[rng.integers(0, len(pieces), (count, int(kind.sum())))]
+    piece -= piece[:, :, :1]
     along, across, turned, faster = piece[:, :, 1:].transpose(3, 0, 2, 1)  # each (C, T, V)
     states, soon = driven.states, slice(0, steps)
     dx, dy = _turned(states.heading, along[:, soon], across[:, soon])

@@ -13,7 +13,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scex_sumo.arrays import FloatArray
 from scex_sumo.behaviors.models.population import population_digest
 from scex_sumo.converters.datasets.recordings import (
     LoadedRecording,
@@ -34,7 +33,7 @@ from scex_sumo.scene import STEP_S
 from scex_sumo.training.data.split import PARTS, Split, split_moments
 from scex_sumo.validation.folder import INFO, ForecastFolder
 from scex_sumo.validation.moment import ForecastTask, validate_moment
-from scex_sumo.validation.noise import box_noise
+from scex_sumo.validation.noise import BoxNoise, box_noise
 from scex_sumo.validation.page import write_validation_page
 from scex_sumo.validation.scoring import (
     encounter_scores,
@@ -160,7 +159,7 @@ def _run(
 ) -> list[MomentRef]:
     """Run what is left to run; all moments."""
     refs: list[MomentRef] = []
-    noise: dict[str, FloatArray | None] = {}
+    noise: dict[str, BoxNoise] = {}
     done = 0
 
     def tasks(items: Iterator[Listing | Failure | MomentTask]) -> Iterator[ForecastTask]:

@@ -39,8 +39,8 @@ def tracks(count: int, rows: int, noise: float = 1.0, speed: float = 10.0) -> Tr
 
 
 def test_the_errors_of_boxes_are_what_a_track_differs_by_from_its_smooth_course() -> None:
-    noise = box_noise(tracks(12, 100), np.inf)
-    assert noise is not None and noise.shape[1:] == (STEPS + 1, 4)
+    noise = box_noise(tracks(12, 100), np.inf).moving
+    assert noise.shape[1:] == (STEPS + 1, 4)
     # Smoothing over 0.8 s leaves the most of it.
     assert noise[:, 10:50, :2].std(axis=(0, 1)) == pytest.approx(SIGMA, rel=0.15)
     assert np.abs(noise[:, :, 2:]).max() < 1e-6
@@ -48,16 +48,19 @@ def test_the_errors_of_boxes_are_what_a_track_differs_by_from_its_smooth_course(
 
 def test_a_smooth_recording_has_no_errors_and_a_short_one_tells_none() -> None:
     clean = box_noise(tracks(12, 100, noise=0.0), np.inf)
-    assert clean is not None and np.abs(clean).max() < 1e-6
-    assert box_noise(tracks(12, STEPS), np.inf) is None
-    assert box_noise(tracks(12, 100, speed=0.1), np.inf) is None
+    assert np.abs(clean.moving).max() < 1e-6
+    assert not len(box_noise(tracks(12, STEPS), np.inf).moving)
+
+
+def test_the_boxes_of_those_who_stand_have_errors_of_their_own() -> None:
+    noise = box_noise(tracks(12, 100, noise=0.1, speed=0.0), np.inf)
+    assert (len(noise.moving), len(noise.standing)) == (0, 24)
+    assert noise.standing[:, 10:50, 0].std() == pytest.approx(0.1 * SIGMA[0], rel=0.15)
 
 
 def test_rows_after_the_training_part_are_used_where_it_has_too_few() -> None:
     rows = tracks(12, 200)
-    early, every = box_noise(rows, 8.0), box_noise(rows, 1.0)
-    assert early is not None and every is not None
-    assert len(early) < len(every)
+    assert len(box_noise(rows, 8.0).moving) < len(box_noise(rows, 1.0).moving)
 
 
 def children(speeds: tuple[float, ...], count: int = 400) -> Rollout:
@@ -77,23 +80,21 @@ def children(speeds: tuple[float, ...], count: int = 400) -> Rollout:
 
 def test_children_get_the_errors_of_the_boxes_from_none_at_the_seed_scene_on() -> None:
     scene = roads.scene_of((0.0, 0.0, 0.0, 10.0), (0.0, 50.0, 0.0, 0.0))
-    noise = box_noise(tracks(12, 400), np.inf)
-    assert noise is not None
-    noise = noise - noise[:, :1]
+    found = box_noise(tracks(12, 400), np.inf)
+    noise = found.moving - found.moving[:, :1]
     driven = children((10.0, 0.0))
-    seen = as_recorded(scene, driven, noise, np.random.default_rng(1))
+    seen = as_recorded(scene, driven, found, np.random.default_rng(1))
     off = seen.states.x - driven.states.x, seen.states.y - driven.states.y
     assert np.sqrt((noise[:, 30, :2] ** 2).mean(axis=0)) == pytest.approx(
         [np.sqrt((d[:, 29, 0] ** 2).mean()) for d in off], rel=0.15
     )
-    assert np.abs([d[:, :, 1] for d in off]).max() == 0.0  # who stands
+    assert np.abs([d[:, :, 1] for d in off]).max() == 0.0  # who stands: nobody stood in that recording
     assert (seen.states.speed[:, :, 1] == 0.0).all()
 
 
 def test_a_plan_carries_the_errors_of_the_places_where_it_leads() -> None:
     scene = roads.scene_of((0.0, 0.0, 0.0, 10.0))
     noise = box_noise(tracks(12, 400), np.inf)
-    assert noise is not None
     driven = children((10.0,), 20)
     seen = as_recorded(scene, driven, noise, np.random.default_rng(2))
     off = seen.states.x - driven.states.x
