@@ -23,9 +23,8 @@ from pathlib import Path
 
 import numpy as np
 from calibrate import AHEAD, OFF_PATH_M, path_taken, present
-from recorded_scenes import EVERY_S, recorded_parts
+from recorded_scenes import EVERY_S, recorded_parts, smoothed
 from scipy.optimize import minimize
-from scipy.stats import t as student
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
@@ -53,31 +52,37 @@ from scex_sumo.behaviors.models.likely_seen import (
     queue_place,
     seen_of,
     shown_by,
+    side_shown,
 )
 from scex_sumo.behaviors.models.population import (
+    ASIDE_S,
     DEGREES,
     MOST_ASIDE_M,
     MOST_OWN_MPS2,
-    SECONDS,
+    NODES_S,
     SHIPPED,
     Population,
+    node_shares,
     population,
+    spread_of,
     students,
     way_across,
 )
 from scex_sumo.scene import STEP_S, SeedScene, Who
 
 STEPS = 30
+NODES = len(NODES_S)
 SPEED_EDGES = (STANDING_MPS, 3.0, 7.0, 12.0, 20.0)
 BRAKING = (0.7, 0.6)  # mean and standard deviation of log deceleration towards a leader, m/s²
-WIDER = 1.3  # of all draws: in children the leaders are drawn, too, and differ from what they did
+
 FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half
 RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
 FOLLOWING = {"speed": 3.0, "opening": 1.0, "headway": 3.0}
 DRAWS, TURNS = 40, 16  # of the settling
 LEAST_CLASS = 60  # vehicles of a class that sets a scale of its own
 STARTED_M = 0.7  # a standing vehicle that came this far has started; less is the boxes' jitter
-SMOOTH = 1.0  # m of way that a difference of 1 m/s² between two seconds must explain
+NOISY_MPS2 = 0.1  # a set whose accelerations scatter by more is noisy
+SMOOTH = 0.3  # m of way that a difference of 1 m/s² between two seconds must explain
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,6 +124,7 @@ class Samples:
         limit: (n, AHEAD) m/s.
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.
         way: (n, 30) that the vehicle really made, m.
+        side_shown: (n, 3) see there.
         side: (n,) offset of its rear axle from the path after 3 s, m.
     """
 
@@ -133,6 +139,7 @@ class Samples:
     limit: FloatArray
     curves: FloatArray
     way: FloatArray
+    side_shown: FloatArray
     side: FloatArray
 
     @classmethod
@@ -188,8 +195,20 @@ def samples_of(scene: SeedScene) -> Samples | None:
         limit=paths.speed_limit[row[:, None], at],
         curves=curves,
         way=np.stack(ways, axis=1),
+        side_shown=side_shown(scene)[vehicle],
         side=side,
     )
+
+
+def joined(scenes: Iterable[SeedScene]) -> Samples:
+    """The vehicles of seed scenes together."""
+    return Samples.joined([found for found in map(samples_of, scenes) if found is not None])
+
+
+def weighted(parts: Sequence[Samples]) -> tuple[Samples, FloatArray]:
+    """Samples together, and the weight of each: a part counts as the square root of its number."""
+    count = np.array([len(part.speed) for part in parts])
+    return Samples.joined(parts), np.repeat(1 / np.sqrt(np.maximum(count, 1)), count)
 
 
 def _leader_ways(
@@ -231,7 +250,7 @@ def drive(samples: Samples, manner: Manner, own: FloatArray) -> FloatArray:
         soon = np.clip((x + v * CURVE_TIME_S) / DS_M, 0, AHEAD - 1).astype(np.int64)
         gap, leader_speed = samples.gap[:, step] - x, samples.leader_speed[:, step]
         a = asked_acceleration(profile, v, desired, gap, leader_speed, samples.curves[i, soon])
-        more = own[:, min(int(step * STEP_S + 1e-6), SECONDS - 1)]
+        more = own @ node_shares(step * STEP_S)
         more = np.where(more > 0, more * np.clip(1 + a / RELIEF_MPS2, 0.0, 1.0), more)
         a = np.clip(a + more, HARDEST_MPS2, STRONGEST_MPS2)
         following = v + a * STEP_S
@@ -243,16 +262,13 @@ def drive(samples: Samples, manner: Manner, own: FloatArray) -> FloatArray:
 
 def own_accelerations(samples: Samples, manner: Manner) -> FloatArray:
     """(n, 3) accelerations of its own with which each vehicle goes the way that it went, m/s²."""
-    one = np.zeros((SECONDS, STEPS))
-    for k in range(SECONDS):
-        a = np.zeros(STEPS)
-        a[10 * k : 10 * (k + 1)] = 1.0
-        v = np.concatenate([[0.0], np.cumsum(a * STEP_S)])
-        one[k] = np.cumsum((v[:-1] + v[1:]) * STEP_S / 2)
+    shares = np.array([node_shares(step * STEP_S) for step in range(STEPS)]).T
+    v = np.concatenate([np.zeros((NODES, 1)), np.cumsum(shares * STEP_S, axis=1)], axis=1)
+    one = np.cumsum((v[:, :-1] + v[:, 1:]) * STEP_S / 2, axis=1)
     # Where the three seconds are told apart by noise alone they shall be alike.
     smooth = SMOOTH * np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])
     response = np.linalg.inv(one @ one.T + smooth.T @ smooth)
-    own = np.zeros((len(samples.speed), SECONDS))
+    own = np.zeros((len(samples.speed), NODES))
     for _ in range(6):
         missing = samples.way - drive(samples, manner, own)
         own = np.clip(
@@ -282,39 +298,51 @@ def accelerations_of(
     left = samples.way - drive(samples, manner, own)
     print(f"own accelerations leave {np.abs(left[:, -1]).mean():.2f} m of the way after 3 s")
     k = np.searchsorted(SPEED_EDGES, samples.speed, side="right")
-    classes, members = range(1, len(SPEED_EDGES) + 1), []
+    classes = range(1, len(SPEED_EDGES) + 1)
+    members: list[IntArray] = []
     for c in classes:
         mine = np.flatnonzero(k == c)
         members.append(mine if len(mine) >= LEAST_CLASS else members[-1])  # as the class below
-    unsure, weight = np.zeros(samples.unsure.shape[1]), np.ones(len(own))
+    grows, weight = np.array([*[1.0] * NODES, 0.0, 0.0]), np.ones(len(own))
     for _ in range(12):
-        spread = np.exp(samples.unsure @ unsure)
-        means, roots, square = [], [], np.zeros(len(own))
+        spread = spread_of(samples.unsure, grows[:NODES], grows[NODES:])
+        means, roots, rested, inverse = [], [], np.zeros_like(own), np.zeros((len(own), NODES, NODES))
         for mine in members:
-            x, y, w = samples.features[mine], own[mine], (importance * weight / spread**2)[mine, None]
-            w = w / w.mean()
+            x, y, trust = (
+                samples.features[mine],
+                own[mine],
+                (importance * weight)[mine, None] / spread[mine] ** 2,
+            )
             penalty = RIDGE * np.diag([0.0, *np.ones(x.shape[1] - 1)])
-            b = np.linalg.solve((x * w).T @ x + penalty, (x * w).T @ y)
-            rest = (y - x @ b) / spread[mine, None]
+            each_node = [
+                np.linalg.solve((x * w).T @ x + penalty, (x * w).T @ y[:, node])
+                for node, w in enumerate((trust / trust.mean(axis=0)).T[:, :, None])
+            ]
+            b = np.stack(each_node, axis=1)
+            rest = (y - x @ b) / spread[mine]
             each = importance[mine] / importance[mine].mean()
-            scale = (rest * (each * weight[mine])[:, None]).T @ rest / len(mine) + 1e-4 * np.eye(SECONDS)
+            scale = (rest * (each * weight[mine])[:, None]).T @ rest / len(mine) + 1e-4 * np.eye(NODES)
             means.append(b.T)
             roots.append(np.linalg.cholesky(scale))
-            square[mine] = np.einsum("ni,ij,nj->n", rest, np.linalg.inv(scale), rest)
-        weight = (DEGREES + SECONDS) / (DEGREES + square)
+            rested[mine], inverse[mine] = rest, np.linalg.inv(scale)
 
-        def cost(change: FloatArray, square: FloatArray = square) -> float:
-            log = samples.unsure @ change
-            far = np.log1p(square * np.exp(-2 * log) / DEGREES)
-            return float((importance * (SECONDS * log + (DEGREES + SECONDS) / 2 * far)).mean())
+        def square_of(rest: FloatArray, inverse: FloatArray = inverse) -> FloatArray:
+            return np.asarray(np.einsum("ni,nij,nj->n", rest, inverse, rest))
 
-        unsure = unsure + minimize(cost, np.zeros_like(unsure), method="L-BFGS-B").x
+        def cost(grows: FloatArray, rest: FloatArray = rested * spread) -> float:
+            spread = spread_of(samples.unsure, grows[:NODES], grows[NODES:])
+            far = np.log1p(square_of(rest / spread) / DEGREES)
+            return float((importance * (np.log(spread).sum(axis=1) + (DEGREES + NODES) / 2 * far)).mean())
+
+        weight = (DEGREES + NODES) / (DEGREES + square_of(rested))
+        limits = [(0.0, 20.0)] * NODES + [(-3.0, 3.0)] * 2
+        grows = minimize(cost, grows, method="L-BFGS-B", bounds=limits).x
     for c, mine, b, root in zip(classes, members, means, roots, strict=True):
         scale = np.sqrt(np.diag(root @ root.T)).round(2)
         print(f"class {c}: {len(mine)} vehicles, scale {scale}, mean\n{b.round(2)}")
-    print(f"spread grows with exp of {unsure.round(2)} of scatter, acceleration, leader")
+    print(f"spread grows by {grows.round(2)} of scatter (in three nodes), acceleration, leader")
     # Who stands adds nothing until it drives, and then as the slow ones do.
-    return np.array([np.zeros_like(means[0]), *means]), np.array([roots[0], *roots]), unsure
+    return np.array([np.zeros_like(means[0]), *means]), np.array([roots[0], *roots]), grows
 
 
 def settled(known: Population, samples: Samples, weight: FloatArray) -> Population:
@@ -325,7 +353,7 @@ def settled(known: Population, samples: Samples, weight: FloatArray) -> Populati
     does not see. Quartiles, for the few who do something else shall not make all others uncertain.
     """
     rng, y = np.random.default_rng(0), samples.way[:, -1]
-    draws = [students(rng.random((len(y), SECONDS + 2))) for _ in range(DRAWS)]
+    draws = [students(rng.random((len(y), NODES + 2))) for _ in range(DRAWS)]
     drivers = [Manner.of(samples.headway, known, rng.standard_normal((len(y), 2))) for _ in range(DRAWS)]
     mean, root, skew = known.mean.copy(), known.root.copy(), known.skew.copy()
     k = known.speed_class(samples.speed)
@@ -349,32 +377,38 @@ def settled(known: Population, samples: Samples, weight: FloatArray) -> Populati
                     f"lift {lift:+.2f}, skew {skew[c]:+.2f}"
                 )
     root[0] = root[1]
-    return dataclasses.replace(known, mean=mean, root=WIDER * root, skew=skew)
+    return dataclasses.replace(known, mean=mean, root=root, skew=skew)
 
 
-def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, float]:
-    """``keeps_side`` (3,) and ``side_m`` of `Population`, of who stays near its path.
+def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """``keeps_side`` (3,) and scale, noise and unsure (4,) of `Population`, of who stays near its path.
 
-    Least squares, with less weight for who is far from it; the scale so that 90 % of what is left lies within
-    90 % of the Student distribution.
+    Least squares, with less weight for who is far from it; then the Student distribution of greatest
+    likelihood of what is left.
     """
     near = np.abs(samples.side) < MOST_ASIDE_M
-    shown, share = samples.across[near], weight[near]
-    none, one = np.zeros(len(shown)), np.ones(len(shown))
-    end = np.array([float(SECONDS)])
-    by_then = way_across(0 * shown, one, end)[:, 0]
-    after = (samples.side[near] - way_across(shown, none, end)[:, 0]) / by_then
+    across, share = samples.across[near], weight[near] / weight[near].mean()
+    none, one = np.zeros(len(across)), np.ones(len(across))
+    end = np.array([ASIDE_S])
+    by_then = way_across(0 * across, one, end)[:, 0]
+    after = (samples.side[near] - way_across(across, none, end)[:, 0]) / by_then
     keeps, trust = np.zeros(3), np.ones(len(after))
     for _ in range(10):
         w = (share * trust)[:, None]
-        keeps = np.linalg.solve((shown * w).T @ shown, (shown * w).T @ after)
-        trust = 1 / (1 + ((after - shown @ keeps) / FAR_ASIDE_M) ** 2)
-    rest = np.abs(after - shown @ keeps)
-    order = np.argsort(rest)
-    passed = np.cumsum(share[order])
-    side = float(rest[order][np.searchsorted(passed, 0.9 * passed[-1])] / student.ppf(0.95, DEGREES))
-    print(f"offsets: keeps {keeps.round(2)}, rest {side:.3f} m")
-    return keeps, side
+        keeps = np.linalg.solve((across * w).T @ across, (across * w).T @ after)
+        trust = 1 / (1 + ((after - across @ keeps) / FAR_ASIDE_M) ** 2)
+    rest = after - across @ keeps
+
+    def cost(grows: FloatArray) -> float:
+        scale = np.exp(grows[0]) * spread_of(samples.side_shown[near], grows[1:2], grows[2:])[:, 0]
+        far = np.log1p((rest / scale) ** 2 / DEGREES)
+        return float((share * (np.log(scale) + (DEGREES + 1) / 2 * far)).mean())
+
+    limits = [(-4.0, 1.0), (0.0, 20.0), (-3.0, 3.0), (-3.0, 3.0)]
+    grows = minimize(cost, np.array([-1.2, 1.0, 0.0, 0.0]), method="L-BFGS-B", bounds=limits).x
+    grows[0] = np.exp(grows[0])
+    print(f"offsets: keeps {keeps.round(2)}, rest {grows[0]:.3f} m, grows {grows[1:].round(2)}")
+    return keeps, grows
 
 
 def starts_of(samples: Samples) -> list[float]:
@@ -441,41 +475,52 @@ def paths_of(scenes: Sequence[SeedScene]) -> FloatArray:
 def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
     """The population, as in `scex_sumo.behaviors.models.population.Population`.
 
-    A data set counts as the square root of its vehicles: the largest shall not decide alone.
+    A data set counts as the square root of its vehicles: the largest shall not decide alone. Accelerations of
+    noisy sets are fitted to their smoothed recordings, too: so does noise show, which the same people made
+    neither more nor less.
     """
     scenes = [scene for part in sets.values() for scene in part]
-    found = [[s for s in map(samples_of, part) if s is not None] for part in sets.values()]
-    samples = Samples.joined([s for part in found for s in part])
-    count = np.array([sum(len(s.speed) for s in part) for part in found])
-    weight = np.repeat(1 / np.sqrt(np.maximum(count, 1)), count)
+    found = [joined(part) for part in sets.values()]
+    samples, weight = weighted(found)
     print(f"{len(scenes)} moments, {len(samples.speed)} vehicles")
     log_headway = headway_of(samples)
     moving = samples.speed >= STANDING_MPS
-    driving = samples.part(moving)
+    keeps_side, side = offsets_of(samples.part(moving), weight[moving])
+    noisy = [np.median(part.unsure[part.speed >= STANDING_MPS, 0]) > NOISY_MPS2 for part in found]
+    calm = [
+        joined(map(smoothed, part)) if noise else same
+        for part, noise, same in zip(sets.values(), noisy, found, strict=True)
+    ]
+    both, share = weighted([*found, *calm])
+    moving = both.speed >= STANDING_MPS
+    driving, share = both.part(moving), share[moving]
     begun = dataclasses.replace(population(), headway=log_headway, braking=BRAKING)
     manner = Manner.of(driving.headway, begun, np.zeros((len(driving.speed), 2)))
-    mean, root, unsure = accelerations_of(driving, manner, weight[moving] / weight[moving].mean())
+    mean, root, grows = accelerations_of(driving, manner, share / share.mean())
     regressed = dataclasses.replace(
         begun,
         speed_edges=np.array(SPEED_EDGES),
         mean=mean,
         root=root,
-        unsure=unsure,
+        noise=grows[:NODES],
+        unsure=grows[NODES:],
         skew=np.zeros(len(mean)),
     )
-    known = settled(regressed, driving, weight[moving])
-    keeps_side, side = offsets_of(driving, weight[moving])
+    known = settled(regressed, driving, share)
     return {
         "speed_edges": SPEED_EDGES,
         "mean": known.mean.round(4).tolist(),
         "root": known.root.round(4).tolist(),
-        "unsure": unsure.round(4).tolist(),
+        "noise": grows[:NODES].round(4).tolist(),
+        "unsure": grows[NODES:].round(4).tolist(),
         "skew": known.skew.round(4).tolist(),
         "headway": [round(v, 4) for v in log_headway],
         "start_rate": [round(v, 4) for v in starts_of(samples)],
         "braking": [round(v, 4) for v in BRAKING],
         "keeps_side": keeps_side.round(4).tolist(),
-        "side_m": round(side, 4),
+        "side_m": round(side[0], 4),
+        "side_noise": side[1:2].round(4).tolist(),
+        "side_unsure": side[2:].round(4).tolist(),
         "path": paths_of(scenes).round(4).tolist(),
     }
 

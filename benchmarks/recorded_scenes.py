@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from scex_sumo.converters.cleaning.smooth import smooth
 from scex_sumo.converters.datasets.recordings import (
     find_recordings,
     load_recording,
@@ -14,7 +16,7 @@ from scex_sumo.converters.datasets.recordings import (
     seed_at,
 )
 from scex_sumo.errors import TrackError
-from scex_sumo.scene import STEP_S, SeedScene
+from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.training.data.split import Part, Split, split_moments
 
 SETS = ("taf_bw", "mona")
@@ -70,6 +72,29 @@ def recorded_parts(data: Path, name: str, part: Part) -> Iterator[SeedScene]:
                 last = moment.time_s
                 if moment.complete >= LEAST_MOVING:
                     yield seed_at(loaded, moment.time_s)
+
+
+SMOOTHED_M = 1.0  # noise of positions that smoothing takes for granted: a time of about 1.3 s
+SLOWEST_MPS = 0.5  # slower vehicles keep the speed that was recorded
+
+
+def smoothed(scene: SeedScene) -> SeedScene:
+    """The same seed scene as better instruments might have recorded it: its past and its future, smoothed."""
+    assert scene.future is not None and scene.future_valid is not None
+    past = scene.history.shape[1]
+    whole = States.concatenate([scene.history, scene.future], axis=1)
+    ended = np.cumprod(scene.future_valid, axis=1).astype(bool)
+    known = np.concatenate([np.ones(scene.history.shape, dtype=bool), ended], axis=1)
+    vehicle, step = np.nonzero(known)
+    points = np.column_stack([whole.x[known], whole.y[known]])
+    x, y = whole.x.copy(), whole.y.copy()
+    x[known], y[known] = smooth(points, (step * STEP_S).astype(np.float64), vehicle, SMOOTHED_M).T
+    dx, dy = (np.gradient(values, STEP_S, axis=1) for values in (x, y))
+    moves = known & (np.hypot(dx, dy) > SLOWEST_MPS)
+    moves[np.arange(len(x)), known.sum(axis=1) - 1] = False  # their next place is another track's, or none
+    speed = np.where(moves, np.cos(whole.heading) * dx + np.sin(whole.heading) * dy, whole.speed)
+    whole = States(x=x, y=y, heading=whole.heading, speed=speed)
+    return dataclasses.replace(scene, history=whole[:, :past], future=whole[:, past:])
 
 
 def ngsim_part(name: str) -> Part:

@@ -148,8 +148,14 @@ def rank_among(samples: FloatArray, outcome: float, rng: np.random.Generator) ->
 
 
 def covered(samples: FloatArray, outcome: float, share: float = 0.9) -> bool:
-    """Whether an outcome lies within the central share of samples (C,), ends included."""
-    low, high = np.quantile(samples, [(1 - share) / 2, (1 + share) / 2])
+    """Whether an outcome lies within the central share of samples (C,), ends included.
+
+    Quantiles are those of the plotting positions k / (C + 1), between which an outcome that is one of many
+    alike lies in just that share of all cases; others give (C - 1) / (C + 1) times that.
+
+    Source: Hyndman and Fan 1996, definition 6.
+    """
+    low, high = np.quantile(samples, [(1 - share) / 2, (1 + share) / 2], method="weibull")
     return bool(low <= outcome <= high)
 
 

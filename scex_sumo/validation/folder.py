@@ -16,7 +16,7 @@ from scex_sumo.results.claimed import ClaimedFolder
 from scex_sumo.validation.moment import CONSTANT_VELOCITY, RECORDED, SEED_MOMENT, Forecast
 
 INFO = "validate.json"
-_TABLES = ("vehicles", "encounters", "realism", "children")  # the last one says that all are there
+_TABLES = ("vehicles", "encounters", "realism", "seen", "children")  # the last one says that all are there
 _MOMENTS, _FAILED = "moments", "failed"
 
 
@@ -35,6 +35,11 @@ class ForecastFolder(ClaimedFolder):
         for folder in (self.path / _MOMENTS).glob("*/"):
             if not _is_whole(folder):
                 shutil.rmtree(folder)
+
+    def restart(self) -> None:
+        """Forget the moments that have run."""
+        self._clear()
+        self._prepare()
 
     def has(self, ref: MomentRef) -> bool:
         """Whether a moment has run."""

@@ -22,6 +22,7 @@ _EVENT_HEADS = (
     ("happened", "happened", "percent", "Share of the moments in which it was recorded"),
     ("forecast", "forecast", "percent", "Mean probability that the children gave it"),
     ("brier", "Brier", "real", "Mean squared error of the probabilities; 0 is perfect"),
+    ("brier_seen", "as recorded", "real", "Brier score of children as they would have been recorded"),
     (
         "brier_low",
         "Brier from",
@@ -54,7 +55,14 @@ _VALUE_HEADS = (
     ("count", "cases", "text", ""),
     ("crps", "CRPS", "real", "Distance of the children's distribution from what was recorded, in its unit"),
     ("crps_skill", "better than constant velocity", "real", "1: perfect, 0: no better, below: worse"),
-    ("coverage", "within 5 – 95 %", "percent", "Recorded values within the children's; 90 % is right"),
+    ("crps_skill_seen", "as recorded", "real", "The same of children as they would have been recorded"),
+    (
+        "coverage_driven",
+        "within 5 – 95 %",
+        "percent",
+        "Recorded values within those of the children as driven",
+    ),
+    ("coverage", "as recorded", "percent", "Within the children's as they would have been recorded"),
     ("coverage_low", "from", "percent", "95 % interval of that share"),
     ("coverage_high", "to", "percent", "95 % interval of that share"),
 )
@@ -66,8 +74,10 @@ _POSITION_HEADS = (
     ("mean_error_m", "mean", "metres", "Mean distance of a child from the recorded place"),
     ("least_error_m", "least", "metres", "Distance of the nearest child"),
     ("constant_velocity_error_m", "constant velocity", "metres", "Distance where all go on as they do"),
-    ("along_coverage", "along, within 5 – 95 %", "percent", "Recorded places within the children's"),
-    ("across_coverage", "across", "percent", "The same across the way"),
+    ("along_coverage_driven", "along, within 5 – 95 %", "percent", "Recorded places within the children's"),
+    ("along_coverage", "as recorded", "percent", "Of children as they would have been recorded"),
+    ("across_coverage_driven", "across, within 5 – 95 %", "percent", "The same across the way"),
+    ("across_coverage", "as recorded", "percent", "Of children as they would have been recorded"),
 )
 
 
@@ -92,7 +102,12 @@ def write_validation_page(
             "number of seed scenes.",
             plots(*(_diagram(row) for row in usual)) if usual else "No event both happened and did not.",
         ),
-        card("Values", table_place("values")),
+        card(
+            "Values",
+            "As recorded: with errors like those of the boxes put onto the children, for what was "
+            "recorded carries such errors, too.",
+            table_place("values"),
+        ),
         card(
             "Is the spread right?",
             "Ranks of the recorded value among the children: flat (the line) where the children are like "

@@ -39,6 +39,7 @@ class Forecasts:
         refs: (M) the moments.
         columns: metric columns, then ``collision``.
         children: (M) values (C, K) of the children; NaN where undefined.
+        seen: (M) the same as they would have been recorded.
         recorded: (M, K) what happened.
         straight: (M, K) constant velocity.
         now: (M, K) the seed moment itself.
@@ -51,6 +52,7 @@ class Forecasts:
     refs: Sequence[MomentRef]
     columns: tuple[str, ...]
     children: Sequence[FloatArray]
+    seen: Sequence[FloatArray]
     recorded: FloatArray
     straight: FloatArray
     now: FloatArray
@@ -86,6 +88,7 @@ def gathered(found: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
         refs=[ref for ref, _ in found],
         columns=columns,
         children=[values[child >= 0] for child, values in parts],
+        seen=[_matrix(forecast.seen, columns)[1] for _, forecast in found],
         recorded=row(RECORDED),
         straight=row(CONSTANT_VELOCITY),
         now=row(SEED_MOMENT),
@@ -101,11 +104,14 @@ def _matrix(table: pa.Table, columns: tuple[str, ...]) -> tuple[IntArray, FloatA
     return np.asarray(table["child"], dtype=np.int64), np.stack(values, axis=1)
 
 
-def probability(found: Forecasts, event: Event) -> tuple[FloatArray, BoolArray]:
-    """(M,) forecast probability of an event, and whether it happened."""
+def probability(found: Forecasts, event: Event) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """(M,) forecast probability of an event, as driven and as recorded, and whether it happened."""
     column = found.of(event.column)
-    forecast = np.array([event.happened(values[:, column]).mean() for values in found.children])
-    return forecast, event.happened(found.recorded[:, column])
+    driven, seen = (
+        np.array([event.happened(values[:, column]).mean() for values in children])
+        for children in (found.children, found.seen)
+    )
+    return driven, seen, event.happened(found.recorded[:, column])
 
 
 def event_scores(found: Forecasts) -> list[dict[str, Any]]:
@@ -113,7 +119,7 @@ def event_scores(found: Forecasts) -> list[dict[str, Any]]:
     rows = []
     for event in EVENTS:
         column = found.of(event.column)
-        p, o = probability(found, event)
+        p, seen, o = probability(found, event)
         parts, base = brier_parts(p, o), float(o.mean())
         straight = brier(event.happened(found.straight[:, column]).astype(np.float64), o)
         now = brier(event.happened(found.now[:, column]).astype(np.float64), o)
@@ -127,6 +133,7 @@ def event_scores(found: Forecasts) -> list[dict[str, Any]]:
                 "happened": base,
                 "forecast": float(p.mean()),
                 "brier": parts.score,
+                "brier_seen": brier(seen, o),
                 "brier_low": low,
                 "brier_high": high,
                 "reliability": parts.reliability,
@@ -157,35 +164,38 @@ def value_scores(found: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]:
     for column, name in enumerate(found.columns):
         if name == COLLISION:
             continue
-        score, plain, inside, rank, group = [], [], [], [], []
+        cases: list[tuple[Any, ...]] = []
         for m, values in enumerate(found.children):
             sample, y, straight = values[:, column], found.recorded[m, column], found.straight[m, column]
-            known = np.isfinite(sample)
-            if not (np.isfinite(y) and np.isfinite(straight)) or known.mean() < LEAST_DEFINED:
+            noisy = found.seen[m][:, column]
+            sample, noisy = sample[np.isfinite(sample)], noisy[np.isfinite(noisy)]
+            least = LEAST_DEFINED * len(values)
+            if not (np.isfinite(y) and np.isfinite(straight)) or min(len(sample), len(noisy)) < least:
                 continue
-            score.append(crps(sample[known], y))
-            plain.append(abs(straight - y))
-            inside.append(covered(sample[known], y))
-            rank.append(rank_among(sample[known], y, rng))
-            group.append(found.group[m])
-        if score:
-            rows.append({"column": name, **_of_values(score, plain, inside, rank, group)})
+            scores = crps(sample, y), crps(noisy, y), abs(straight - y), covered(sample, y), covered(noisy, y)
+            cases.append((*scores, rank_among(noisy, y, rng), found.group[m]))
+        if cases:
+            rows.append({"column": name, **_of_values(*zip(*cases, strict=True))})
     return rows
 
 
 def _of_values(
     score: Sequence[float],
+    score_seen: Sequence[float],
     plain: Sequence[float],
-    inside: Sequence[bool],
+    driven: Sequence[bool],
+    seen: Sequence[bool],
     rank: Sequence[float],
     group: Sequence[int],
 ) -> dict[str, Any]:
-    known, reference, hit = np.array(score), np.array(plain), np.array(inside, dtype=np.float64)
+    reference, hit = float(np.mean(plain)), np.array(seen, dtype=np.float64)
     low, high = group_bootstrap(lambda index: float(hit[index].mean()), np.array(group))
     return {
-        "count": len(known),
-        "crps": float(known.mean()),
-        "crps_skill": skill(float(known.mean()), float(reference.mean())),
+        "count": len(score),
+        "crps": float(np.mean(score)),
+        "crps_skill": skill(float(np.mean(score)), reference),
+        "crps_skill_seen": skill(float(np.mean(score_seen)), reference),
+        "coverage_driven": float(np.mean(driven)),
         "coverage": float(hit.mean()),
         "coverage_low": low,
         "coverage_high": high,
@@ -198,7 +208,7 @@ def encounter_scores(found: Forecasts) -> list[dict[str, Any]]:
     table = found.encounters
     if not len(table):
         return []
-    names = ("crps_m", "constant_velocity_error_m", "covered", "rank", "group")
+    names = ("crps_m", "crps_seen_m", "constant_velocity_error_m", "covered", "seen", "rank", "group")
     return [
         {"column": "least gap of an encounter", **_of_values(*(table[name].to_pylist() for name in names))}
     ]
@@ -219,8 +229,11 @@ def position_scores(found: Forecasts) -> list[dict[str, Any]]:
                     "moving": moving,
                     "vehicles": len(part),
                     **{name: float(np.mean(part[name].to_numpy())) for name in means},
-                    "along_coverage": float(np.mean(part["along_covered"].to_pylist())),
-                    "across_coverage": float(np.mean(part["across_covered"].to_pylist())),
+                    **{
+                        f"{way}_coverage{name}": float(np.mean(part[f"{way}_{column}"].to_pylist()))
+                        for way in ("along", "across")
+                        for name, column in (("", "seen"), ("_driven", "covered"))
+                    },
                     "along_ranks": np.histogram(part["along_rank"].to_numpy(), 10, (0, 1))[0].tolist(),
                 }
             )
@@ -236,6 +249,7 @@ def summary(found: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str, Any
         "seeds": len(found.refs),
         "recordings": len(set(found.group.tolist())),
         "mean_brier": float(np.mean([row["brier"] for row in papers])),
+        "mean_brier_seen": float(np.mean([row["brier_seen"] for row in papers])),
         "mean_brier_base_rate": float(np.mean([row["uncertainty"] for row in papers])),
         "p_collision": collision["forecast"],
         "recorded_overlaps": collision["happened"],

@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from scex_sumo.behaviors.models.population import population_digest
 from scex_sumo.converters.datasets.recordings import (
     LoadedRecording,
     Recording,
@@ -29,8 +31,9 @@ from scex_sumo.ranking.workers import DaskWorkers, LocalWorkers, MomentWorkers
 from scex_sumo.results.provenance import versions
 from scex_sumo.scene import STEP_S
 from scex_sumo.training.data.split import PARTS, Split, split_moments
-from scex_sumo.validation.folder import ForecastFolder
-from scex_sumo.validation.moment import validate_moment
+from scex_sumo.validation.folder import INFO, ForecastFolder
+from scex_sumo.validation.moment import ForecastTask, validate_moment
+from scex_sumo.validation.noise import BoxNoise, box_noise
 from scex_sumo.validation.page import write_validation_page
 from scex_sumo.validation.scoring import (
     encounter_scores,
@@ -91,7 +94,7 @@ def validate(
         seed: random seed.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
-        overwrite: replace another validation in ``out``.
+        overwrite: replace another validation in ``out``, or the same one once it is finished.
         command: the command line, for ``validate.json``.
         progress: called with (moments done, moments known).
 
@@ -107,11 +110,14 @@ def validate(
         models=(models,), children=children, first=children, every=every, min_vehicles=min_vehicles, seed=seed
     )
     recordings = find_recordings([roots] if isinstance(roots, str | Path) else roots)
-    identity = {**settings.to_json(recordings), "part": part}
+    identity = {**settings.to_json(recordings), "part": part, "population": population_digest()}
+    again = overwrite and (Path(out) / INFO).is_file()  # an interrupted one goes on
     at_work: MomentWorkers = (
         LocalWorkers(workers, validate_moment) if cluster is None else DaskWorkers(cluster, validate_moment)
     )
     with closing(at_work), ForecastFolder(Path(out), identity, overwrite=overwrite) as folder:
+        if again:
+            folder.restart()
         refs = _run(recordings, settings, part, folder, at_work, progress)
         failures = folder.failures()
         found = [(ref, folder.read(ref)) for ref in refs if folder.has(ref)]
@@ -153,12 +159,13 @@ def _run(
 ) -> list[MomentRef]:
     """Run what is left to run; all moments."""
     refs: list[MomentRef] = []
+    noise: dict[str, BoxNoise] = {}
     done = 0
 
-    def tasks(items: Iterator[Listing | Failure | MomentTask]) -> Iterator[MomentTask]:
+    def tasks(items: Iterator[Listing | Failure | MomentTask]) -> Iterator[ForecastTask]:
         for item in items:
             if isinstance(item, MomentTask):
-                yield item
+                yield ForecastTask.of(item, noise[item.ref.recording])
             elif isinstance(item, Failure):
                 folder.fail(item)
             else:
@@ -168,6 +175,12 @@ def _run(
         failed = folder.failures()
         return [ref for ref in listing.moments if not folder.has(ref) and ref.moment not in failed]
 
+    def chosen(loaded: LoadedRecording) -> Sequence[Moment]:
+        rows, split = loaded.table.vehicles, Split()
+        known = len(rows) and rows.stamps_ms[0] + (1 - split.validation - split.test) * np.ptp(rows.stamps_ms)
+        noise[loaded.recording.name] = box_noise(rows, float(known) / 1000)
+        return _of_part(loaded, part, settings.every)
+
     cut = moment_tasks(
         recordings,
         {},
@@ -175,7 +188,7 @@ def _run(
         range(settings.children),
         wanted=left,
         spare=lambda ref: 0,
-        choose=lambda loaded: _of_part(loaded, part, settings.every),
+        choose=chosen,
     )
     items = read_ahead(cut, _AHEAD)
     try:

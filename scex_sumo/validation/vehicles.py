@@ -16,17 +16,23 @@ ENCOUNTER_M = 10.0  # a pair that comes this near in some child is an encounter
 
 
 def position_forecasts(
-    scene: SeedScene, children: States, straight: States, judged: BoolArray, rng: np.random.Generator
+    scene: SeedScene,
+    children: States,
+    seen: States,
+    straight: States,
+    judged: BoolArray,
+    rng: np.random.Generator,
 ) -> pa.Table:
     """One row for each vehicle recorded to the end and each second.
 
     Columns: track_id, moving, second; error of the children's mean position, mean and least error of a child,
     error of constant velocity, m; for the way along the recorded heading and across it whether the recorded
-    one is within the children's 5-95 % and its rank in (0, 1).
+    one is within the 5-95 % of the children as driven and as seen, and its rank among the latter in (0, 1).
 
     Args:
         scene: with its recorded future.
         children: (C, T, V).
+        seen: (C, T, V) as they would have been recorded.
         straight: (1, T, V) constant velocity.
         judged: (V,).
         rng: breaks ties of ranks.
@@ -43,8 +49,8 @@ def position_forecasts(
             )
             dx, dy = children.x[:, step, v] - x, children.y[:, step, v] - y
             off = np.hypot(dx, dy)
-            along = np.cos(heading) * dx + np.sin(heading) * dy
-            across = np.cos(heading) * dy - np.sin(heading) * dx
+            along, across = _in_frame(dx, dy, heading)
+            ways = _in_frame(seen.x[:, step, v] - x, seen.y[:, step, v] - y, heading)
             rows.append(
                 {
                     "track_id": int(scene.track_ids[v]),
@@ -58,16 +64,25 @@ def position_forecasts(
                     ),
                     "along_covered": covered(along, 0.0),
                     "across_covered": covered(across, 0.0),
-                    "along_rank": rank_among(along, 0.0, rng),
-                    "across_rank": rank_among(across, 0.0, rng),
+                    "along_seen": covered(ways[0], 0.0),
+                    "across_seen": covered(ways[1], 0.0),
+                    "along_rank": rank_among(ways[0], 0.0, rng),
+                    "across_rank": rank_among(ways[1], 0.0, rng),
                 }
             )
     return pa.Table.from_pylist(rows)
 
 
+def _in_frame(dx: FloatArray, dy: FloatArray, heading: float) -> tuple[FloatArray, FloatArray]:
+    """Offsets along and across a heading."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
 def gap_forecasts(
     scene: SeedScene,
     children: States,
+    seen: States,
     straight: States,
     recorded: States,
     judged: BoolArray,
@@ -75,26 +90,32 @@ def gap_forecasts(
 ) -> pa.Table:
     """One row for each pair that comes within 10 m in some child: its least body gap, forecast and recorded.
 
-    Columns: first, second, recorded_m, covered, rank, crps_m, and the error of constant velocity, m.
+    Columns: first, second, recorded_m; crps_m and covered by the children as driven, crps_seen_m, seen and
+    rank as they would have been recorded; and the error of constant velocity, m.
 
     Args:
         scene: the seed scene.
         children: (C, T, V).
+        seen: (C, T, V) as they would have been recorded.
         straight: (1, T, V) constant velocity.
         recorded: (1, T, V).
         judged: (V,) vehicles recorded to the end.
         rng: breaks ties of ranks.
     """
     first, second = _near_pairs(children, judged)
-    gaps, plain, real = (_least_gap(scene, s, first, second) for s in (children, straight, recorded))
+    gaps, noisy, plain, real = (
+        _least_gap(scene, states, first, second) for states in (children, seen, straight, recorded)
+    )
     rows = [
         {
             "first": int(scene.track_ids[first[k]]),
             "second": int(scene.track_ids[second[k]]),
             "recorded_m": float(real[0, k]),
             "covered": covered(gaps[:, k], float(real[0, k])),
-            "rank": rank_among(gaps[:, k], float(real[0, k]), rng),
+            "seen": covered(noisy[:, k], float(real[0, k])),
+            "rank": rank_among(noisy[:, k], float(real[0, k]), rng),
             "crps_m": crps(gaps[:, k], float(real[0, k])),
+            "crps_seen_m": crps(noisy[:, k], float(real[0, k])),
             "constant_velocity_error_m": float(abs(plain[0, k] - real[0, k])),
         }
         for k in np.flatnonzero(gaps.min(axis=0, initial=np.inf) <= ENCOUNTER_M).tolist()

@@ -21,9 +21,13 @@ distributed = pytest.importorskip("distributed")
 OPTIONS = ("--every", "2", "--first", "4", "--children", "8", "--top", "2")
 
 
+def started(command: str, *arguments: object) -> subprocess.Popen[str]:
+    line = [sys.executable, "-m", "scex_sumo", command, *map(str, arguments)]
+    return subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
 def rank(*arguments: object) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "scex_sumo", "rank", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return started("rank", *arguments)
 
 
 def free_port() -> int:
@@ -97,6 +101,21 @@ def test_a_worker_killed_in_the_middle_changes_no_byte(
     assert result_of(tmp_path / "cluster") == result_of(tmp_path / "alone")
     table = pq.read_table(tmp_path / "cluster" / "ranking.parquet")
     assert table["failure"].null_count == table.num_rows == 7
+
+
+def test_a_validation_over_the_cluster_is_that_of_this_machine(
+    cluster: Cluster, dataset: Path, tmp_path: Path
+) -> None:
+    told = {}
+    for name, option in (("cluster", ("--cluster", cluster.address)), ("alone", ())):
+        folder = tmp_path / name
+        validation = started(
+            "validate", dataset, "--every", "2", "--children", "4", "--seed", "3", *option, "-o", folder
+        )
+        _, err = validation.communicate(timeout=120)
+        assert validation.returncode == 0, err
+        told[name] = {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.parquet")}
+    assert told["cluster"] == told["alone"]
 
 
 def test_when_the_scheduler_goes_away_one_line_says_how_to_go_on(

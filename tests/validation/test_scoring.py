@@ -36,24 +36,27 @@ def ref(number: int) -> MomentRef:
     )
 
 
-def forecast(distance: list[float], recorded: float) -> Forecast:
+def forecast(distance: list[float], recorded: float, error: float = 0.0) -> Forecast:
     child = [*range(len(distance)), RECORDED, CONSTANT_VELOCITY, SEED_MOMENT]
     values = [*distance, recorded, 20.0, 20.0]
     table = {"child": pa.array(child, pa.int32())}
     for column in COLUMNS:
         table[column] = pa.array(values if column == "distance" else [None] * len(child), pa.float64())
     table["collision"] = pa.array([False] * len(child))
+    seen = {name: values[: len(distance)] for name, values in table.items()}
     vehicles = pa.Table.from_pylist(
         [
             {
                 "track_id": 1, "moving": True, "second": 3, "error_of_mean_m": 1.0, "mean_error_m": 2.0,
                 "least_error_m": 0.5, "constant_velocity_error_m": 3.0, "along_covered": True,
-                "across_covered": False, "along_rank": 0.5, "across_rank": 0.99,
+                "across_covered": False, "along_seen": True, "across_seen": True,
+                "along_rank": 0.5, "across_rank": 0.99,
             }
         ]
     )  # fmt: skip
     return Forecast(
         children=pa.table(table),
+        seen=pa.table({**seen, "distance": pa.array([d + error for d in distance])}),
         vehicles=vehicles,
         encounters=pa.table({}),
         realism=pa.table({"realism": [0.7]}),
@@ -64,8 +67,8 @@ FOUND = [(ref(0), forecast([4.0, 4.0, 6.0, 8.0], 4.5)), (ref(1), forecast([9.0, 
 
 
 def test_the_probability_of_an_event_is_its_share_of_the_children() -> None:
-    p, o = probability(gathered(FOUND), EVENTS[0])
-    assert p.tolist() == [0.5, 0.0]
+    p, seen, o = probability(gathered(FOUND), EVENTS[0])
+    assert p.tolist() == seen.tolist() == [0.5, 0.0]
     assert o.tolist() == [True, False]
 
 
@@ -81,6 +84,15 @@ def test_a_value_is_scored_by_crps_against_constant_velocity() -> None:
     assert row["count"] == 2
     assert row["coverage"] == 1.0
     assert 0.8 < row["crps_skill"] < 1.0
+
+
+def test_children_as_they_would_have_been_recorded_are_scored_beside_those_driven() -> None:
+    found = gathered([(ref(0), forecast([4.0, 4.0, 4.1, 4.2], 3.0, error=-1.0))])
+    row = next(row for row in value_scores(found) if row["column"] == "distance")
+    assert (row["coverage_driven"], row["coverage"]) == (0.0, 1.0)
+    assert row["crps_skill_seen"] > row["crps_skill"]
+    p, seen, _ = probability(found, EVENTS[0])
+    assert (p.tolist(), seen.tolist()) == ([1.0], [1.0])
 
 
 def test_positions_are_averaged_over_vehicles() -> None:
@@ -105,6 +117,9 @@ def test_a_folder_gives_back_what_was_added_and_takes_no_other_validation(tmp_pa
         assert folder.has(ref(0)) and not folder.has(ref(1))
     with ForecastFolder(path, {"a": 1}) as folder:
         assert folder.read(ref(0)).children.equals(FOUND[0][1].children)
+    with ForecastFolder(path, {"a": 1}) as folder:
+        folder.restart()
+        assert not folder.has(ref(0))
     with pytest.raises(ResultError, match="another validation"):
         ForecastFolder(path, {"a": 2})
 

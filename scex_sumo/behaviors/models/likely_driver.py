@@ -35,11 +35,13 @@ from scex_sumo.behaviors.models.likely_seen import (
     room_beside,
     seen_of,
     shown_by,
+    side_shown,
 )
 from scex_sumo.behaviors.models.population import (
     MOST_ASIDE_M,
-    SECONDS,
+    node_shares,
     population,
+    spread_of,
     students,
     uniforms,
     way_across,
@@ -144,7 +146,8 @@ class LikelyDriver:
         shown = np.maximum(KEPT_SHARE * seen.headway[row], HEADWAY_S[0])
         braking = np.exp(known.braking[0] + spread * known.braking[1] * normal_quantiles(drawn[:, 7]))
         time_s = np.arange(history.step, history.step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
-        side = spread * known.side_m * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
+        wide = known.side_m * spread_of(side_shown(history.scene), known.side_noise, known.side_unsure)
+        side = spread * wide[who.vehicle, 0] * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
         right, left = (ROOM_SHARE * room_beside(history.scene)[who.vehicle]).T
         side = np.clip(side, -right, left)
         side = np.clip(seen.across[row] @ known.keeps_side + side, -MOST_ASIDE_M, MOST_ASIDE_M)
@@ -205,7 +208,7 @@ def _acceleration(
         gap = away + leaders.speed * (step * STEP_S) - travelled
         curve = curves[at(s + v * CURVE_TIME_S)]
         asked = asked_acceleration(profile, v, desired, gap, leaders.speed, curve)
-        own = np.where(waits > 0, 0.0, drivers.own[:, min(int(time_s + 1e-6), SECONDS - 1)])
+        own = np.where(waits > 0, 0.0, drivers.own @ node_shares(time_s))
         own = np.where(own > 0, own * np.clip(1 + asked / RELIEF_MPS2, 0.0, 1.0), own)
         still = np.clip((crawl - v) / CRAWL_S, -STRONGEST_MPS2, STRONGEST_MPS2)
         still = np.minimum(still, np.where(gap < QUEUE_GAP_M, -v / CRAWL_S, np.inf))

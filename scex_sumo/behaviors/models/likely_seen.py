@@ -25,11 +25,13 @@ from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, Who
 
 STANDING_MPS = 0.5
 CALM_MPS2 = 0.7  # accelerations that scatter this much around their mean tell half
-MOST_SCATTER_MPS2 = 0.5  # beyond this, scatter says no more of a driver
+MOST_SCATTER_MPS2 = 0.7  # beyond this, scatter says no more of a driver
 CLEARANCE_M = 1.2  # of another vehicle's centre from the line that a driver keeps to
 MOST_SWERVE = 1.5  # m/s and m/s² across a path that are believed
 MARGIN_M = -0.2  # measured boxes of who drives beside a vehicle may touch its own
 BESIDE_M = 8.0  # who is this near in front or behind, and beside the way, drives beside
+WIDE_M = 3.0  # more room beside a vehicle makes no difference
+FAST_MPS = 20.0  # nor does a higher speed
 QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
 COUPLED_M = 2.0  # who drives nearer to its leader than this, as fast as it, is taken to keep this distance
 COUPLED_MPS = (3.0, 5.0)  # at this speed and difference of speed, at least and at most
@@ -139,6 +141,14 @@ def room_beside(scene: SeedScene) -> FloatArray:
     return np.stack([each.min(axis=1, initial=np.inf) for each in near], axis=1)
 
 
+@derived
+def side_shown(scene: SeedScene) -> FloatArray:
+    """(V, 3) what the spread of places beside the path depends on: scatter, speed, least room beside."""
+    shown = shown_by(scene)
+    room = np.minimum(room_beside(scene).min(axis=1), WIDE_M)
+    return np.column_stack([_capped(shown.scatter), np.minimum(shown.speed, FAST_MPS) / FAST_MPS, room])
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:
     """What the seed scene shows along each path, (P,).
@@ -190,7 +200,7 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
         (_of_leader(leaders, near, shown.acceleration), -3.0, 3.0),
         (paths.speed_limit[row, int((BEHIND_M + 10.0) / DS_M)] - speed, -5.0, 10.0),
     )
-    scatter = np.log1p(np.minimum(shown.scatter[vehicle], MOST_SCATTER_MPS2))
+    scatter = _capped(shown.scatter[vehicle])
     return Seen(
         leader=leaders.index,
         slack=slack,
@@ -213,6 +223,10 @@ def _across(scene: SeedScene, paths: SeedPaths, vehicle: IntArray, row: IntArray
     most = np.array([MOST_ASIDE_M, MOST_SWERVE, MOST_SWERVE])
     across: FloatArray = np.clip(np.column_stack([offset, swerve, turning]), -most, most)
     return across
+
+
+def _capped(scatter: FloatArray) -> FloatArray:
+    return np.minimum(scatter, MOST_SCATTER_MPS2)
 
 
 def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ The numbers are in ``behaviors/weights/likely_driver.json``, written by ``benchm
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import dataclass
 from functools import cache
@@ -16,7 +17,7 @@ from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.statistics.normal import normal_quantiles
 
 SHIPPED = Path(__file__).parents[1] / "weights" / "likely_driver.json"
-SECONDS = 3  # for so many intervals of 1 s a driver's own acceleration is drawn; the last one goes on
+NODES_S = (0.0, 1.5, 3.0)  # a driver's own acceleration is drawn for these times, and linear between them
 FAR_M = 50.0  # a leader beyond this does not count for that
 MOST_OWN_MPS2 = 5.0
 ASIDE_S = 3.0
@@ -34,20 +35,24 @@ class Population:
         mean: (K, 3, 7) the expected own acceleration in each of three seconds, m/s², linear in what the seed
             scene shows, ``Seen.features``.
         root: (K, 3, 3) lower triangular; root @ root.T is the scale matrix of what is left, (m/s²)²,
-        unsure: (3,) and its square root grows as exp(unsure @ ``Seen.unsure``).
+        noise: (3,) and its square root grows with the scatter shown and by
+        unsure: (2,) with the rest of ``Seen.unsure``, see `spread_of`.
         skew: (K,) draws that accelerate are exp(skew) times as large, those that brake exp(-skew) times.
         headway: mean and standard deviation of the logarithm of the time headway in s.
         braking: likewise of the deceleration with which it comes up to its leader, in m/s².
         start_rate: 1/s at which a standing vehicle starts: behind a standing leader, a moving one, alone.
         keeps_side: (3,) what of `Seen.across` makes the offset from its path that a vehicle moves to within
             `ASIDE_S`: 1, s, s²,
-        side_m: and the scale of the rest, of `DEGREES`, m.
+        side_m: and the scale of the rest, of `DEGREES`, m, which grows by
+        side_noise: (1,) and
+        side_unsure: (2,) with what ``side_shown`` gives, see `spread_of`.
         path: (4,) weights of how a path fits the seed scene, see `path_features`.
     """
 
     speed_edges: FloatArray
     mean: FloatArray
     root: FloatArray
+    noise: FloatArray
     unsure: FloatArray
     skew: FloatArray
     headway: tuple[float, float]
@@ -55,6 +60,8 @@ class Population:
     start_rate: tuple[float, float, float]
     keeps_side: FloatArray
     side_m: float
+    side_noise: FloatArray
+    side_unsure: FloatArray
     path: FloatArray
 
     def speed_class(self, speed: FloatArray) -> IntArray:
@@ -77,8 +84,10 @@ class Population:
         """
         k = self.speed_class(speed)
         drawn = np.einsum("nij,nj->ni", self.root[k], draw)
-        size = np.exp(unsure @ self.unsure + self.skew[k] * np.sign(drawn.sum(axis=1)))
-        own: FloatArray = np.einsum("nij,nj->ni", self.mean[k], features) + size[:, None] * drawn
+        skewed = self.skew[k] * np.sign(drawn.sum(axis=1))
+        own: FloatArray = np.einsum("nij,nj->ni", self.mean[k], features) + drawn * np.exp(skewed)[
+            :, None
+        ] * spread_of(unsure, self.noise, self.unsure)
         return np.clip(own, -MOST_OWN_MPS2, MOST_OWN_MPS2)
 
 
@@ -86,7 +95,18 @@ class Population:
 def population() -> Population:
     """The shipped population."""
     given = json.loads(SHIPPED.read_text(encoding="utf-8"))
-    arrays = ("speed_edges", "mean", "root", "unsure", "skew", "keeps_side", "path")
+    arrays = (
+        "speed_edges",
+        "mean",
+        "root",
+        "noise",
+        "unsure",
+        "skew",
+        "keeps_side",
+        "side_noise",
+        "side_unsure",
+        "path",
+    )
     standing, moving, alone = given["start_rate"]
     return Population(
         **{name: np.array(given[name]) for name in arrays},
@@ -95,6 +115,28 @@ def population() -> Population:
         start_rate=(standing, moving, alone),
         side_m=given["side_m"],
     )
+
+
+def spread_of(shown: FloatArray, noise: FloatArray, unsure: FloatArray) -> FloatArray:
+    """(n, N) factor on what drivers differ by: of people and of the noise of their boxes, as squares.
+
+    Args:
+        shown: (n, 3) scatter of the accelerations, m/s², then what people differ by.
+        noise: (N,) 1/(m/s²): at a scatter of 1 / noise half of the variance is noise.
+        unsure: (2,) of the rest: the factor grows with its exponential.
+    """
+    grown: FloatArray = np.hypot(1.0, shown[:, :1] * noise) * np.exp(shown[:, 1:] @ unsure)[:, None]
+    return grown
+
+
+def node_shares(time_s: float) -> FloatArray:
+    """(3,) share of each of `NODES_S` in what is linear between them; the last one goes on."""
+    return np.array([np.interp(time_s, NODES_S, row) for row in np.eye(len(NODES_S))])
+
+
+def population_digest() -> str:
+    """SHA-256 of the shipped population."""
+    return hashlib.sha256(SHIPPED.read_bytes()).hexdigest()
 
 
 def way_across(across: FloatArray, target: FloatArray, time_s: FloatArray) -> FloatArray:

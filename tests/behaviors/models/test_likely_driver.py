@@ -9,8 +9,15 @@ import pytest
 
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.behaviors.models.likely_driver import LikelyDriver, LikelyProfile
-from scex_sumo.behaviors.models.likely_seen import path_edges, room_beside, seen_of, shown_by
-from scex_sumo.behaviors.models.population import population, students, uniforms, way_across
+from scex_sumo.behaviors.models.likely_seen import path_edges, room_beside, seen_of, shown_by, side_shown
+from scex_sumo.behaviors.models.population import (
+    node_shares,
+    population,
+    spread_of,
+    students,
+    uniforms,
+    way_across,
+)
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import UsageError
 from scex_sumo.statistics.normal import normal_quantiles
@@ -111,6 +118,41 @@ def test_accelerations_that_scatter_are_believed_less() -> None:
     speed[0] = 10.0 + np.linspace(-2.0, 0.0, 11) + 0.3 * (-1.0) ** np.arange(11)
     noisy = replace(scene, history=replace(scene.history, speed=speed))
     assert abs(shown_by(noisy).acceleration[0]) < 0.3
+
+
+def test_own_accelerations_are_linear_between_their_times() -> None:
+    assert node_shares(0.0).tolist() == [1.0, 0.0, 0.0]
+    assert node_shares(0.75).tolist() == [0.5, 0.5, 0.0]
+    assert node_shares(9.0).tolist() == [0.0, 0.0, 1.0]
+
+
+def test_noise_of_the_boxes_adds_to_what_people_differ_by_as_a_square() -> None:
+    shown = np.array([[0.0, 0.0, 0.0], [0.75, 0.0, 0.0], [0.0, 1.0, 2.0]])
+    factor = spread_of(shown, np.array([1.0, 1.0 / 0.75]), np.array([0.5, -0.25]))
+    assert factor == pytest.approx(np.array([[1.0, 1.0], [1.25, np.sqrt(2.0)], [1.0, 1.0]]))
+
+
+def test_forecasts_from_noisy_boxes_are_wider() -> None:
+    where, scene = roads.straight(), roads.scene_of((100.0, 0.0, 0.0, 10.0))
+    speed = scene.history.speed.copy()
+    speed[0] += 0.05 * (-1.0) ** np.arange(11)
+    noisy = replace(scene, history=replace(scene.history, speed=speed))
+    ends = [
+        roads.plan(DRIVER, where, roads.present(each, 50, DRAW[:, None]))[:, 29] for each in (scene, noisy)
+    ]
+    for calm, rough in ((ends[0].x, ends[1].x), (ends[0].y, ends[1].y)):
+        assert np.ptp(rough) > 1.5 * np.ptp(calm)
+
+
+def test_who_has_others_beside_keeps_more_to_its_side() -> None:
+    alone = roads.scene_of((100.0, 0.0, 0.0, 10.0))
+    beside = roads.scene_of((100.0, 0.0, 0.0, 10.0), (100.0, 2.8, 0.0, 10.0))
+    assert side_shown(beside)[0, 2] == pytest.approx(1.0, abs=0.1)
+    factor = [
+        spread_of(side_shown(scene)[:1], DRIVER.population.side_noise, DRIVER.population.side_unsure)
+        for scene in (alone, beside)
+    ]
+    assert factor[1] < factor[0]
 
 
 def test_paths_are_drawn_and_a_fast_vehicle_takes_no_sharp_turn() -> None:
