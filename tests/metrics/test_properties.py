@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
@@ -143,6 +143,7 @@ def test_a_smaller_gap_is_never_safer(
 
 
 @given(positive, speeds, speeds, st.floats(-12.0, 0.0), st.floats(0.0, 12.0))
+@example(0.1, 5.0, 5.0, -5e-324, 0.1)
 def test_a_leader_that_brakes_harder_is_never_safer(
     d: float, follower: float, leader: float, a: float, more: float
 ) -> None:

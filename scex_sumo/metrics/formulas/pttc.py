@@ -32,8 +32,8 @@ def potential_time_to_collision(
     """
     closing = follower_speed - leader_speed
     time = time_to_collision(gap=gap, closing_speed=closing)
-    # A reversing leader with a negative acceleration speeds up; it is not braking.
-    braking = np.flatnonzero((leader_acceleration < 0) & (leader_speed >= 0))
+    # A reversing leader with a negative acceleration speeds up; it is not braking. Denormal products are zero.
+    braking = np.flatnonzero((leader_acceleration < -1e-300) & (leader_speed >= 0))
     if braking.size == 0:
         return time
     deceleration, c, d = -leader_acceleration[braking], closing[braking], gap[braking]
