@@ -50,10 +50,8 @@ def main() -> int:
     print(f"| files | {' | '.join(verdicts)} |\n|---|{'---|' * len(verdicts)}")
     for kind in kinds:
         print(f"| {kind} | {' | '.join(str(ended[kind, verdict]) for verdict in verdicts)} |")
-    took = time.monotonic() - started
-    print(
-        f"{sum(ended.values())} cases, {bad} findings, {took:.0f} s, the longest {longest:.1f} s; kept in {folder}"
-    )
+    took = f"{time.monotonic() - started:.0f} s, the longest {longest:.1f} s"
+    print(f"{sum(ended.values())} cases, {bad} findings, {took}; kept in {folder}")
     return int(bad > 0)
 
 
