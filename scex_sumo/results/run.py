@@ -21,6 +21,7 @@ from scex_sumo.results.info import read_info
 from scex_sumo.results.tables import (
     as_pandas,
     kept_scene,
+    read_assignments,
     read_metrics,
     read_states,
     read_table,
@@ -96,8 +97,8 @@ class Run:
     @cached_property
     def assignments(self) -> pa.Table:
         """``child``, ``track_id``, ``model``: who drove whom."""
-        columns, vehicles = ("child", "track_id", "model"), int(self.info["seed_scene"]["vehicles"])
-        return self.table("assignments.parquet", columns=columns, rows=self.children * vehicles)
+        rows = self.children * int(self.info["seed_scene"]["vehicles"])
+        return read_assignments(self.folder / "assignments.parquet", rows=rows)
 
     @cached_property
     def tracks(self) -> pa.Table:

@@ -48,6 +48,14 @@ def read_metrics(file: Path, *, rows: int | None) -> pa.Table:
     return table
 
 
+def read_assignments(file: Path, *, rows: int) -> pa.Table:
+    """``assignments.parquet``: models by their names."""
+    table = read_table(file, columns=("child", "track_id", "model"), rows=rows)
+    if not pa.types.is_string(table.schema.field("model").type) or table["model"].null_count:
+        raise ResultError(f"{file}: column model holds no names; run again")
+    return table
+
+
 def read_states(file: Path, *, rows: int) -> pa.Table:
     """``tracks.parquet``: states that are numbers, and no larger than those of a recording."""
     columns = ("x", "y", "vx", "vy", "psi_rad")

@@ -7,6 +7,7 @@ import itertools
 import tempfile
 import time
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 
 from tests.fuzz.cases import KINDS, OFTEN, Fuzzer
@@ -27,23 +28,24 @@ def main() -> int:
     fuzzer = Fuzzer(folder, given.seed)
     numbers = {kind: itertools.count(given.first) for kind in kinds}
     every = itertools.cycle(given.kind or OFTEN)
-    for done, kind in enumerate(itertools.islice(every, given.cases), 1):
-        case = fuzzer.case(kind, next(numbers[kind]))
-        ended[kind, case.ended.verdict] += 1
-        longest = max(longest, case.ended.seconds)
-        if not case.ended.fine:
-            bad += 1
-            how = f"{case.ended.verdict} ({case.ended.status}): {case.how}"
-            print(f"{kind} {case.number}: {how}: {case.command[:120]}")
-            print("   ", " | ".join(case.ended.said.strip().splitlines()[-3:])[-400:], flush=True)
-        if done % 1000 == 0:
-            print(f"{done} cases, {bad} findings, {time.monotonic() - started:.0f} s", flush=True)
+    with suppress(KeyboardInterrupt):  # the table is of those that ran
+        for done, kind in enumerate(itertools.islice(every, given.cases), 1):
+            case = fuzzer.case(kind, next(numbers[kind]))
+            ended[kind, case.ended.verdict] += 1
+            longest = max(longest, case.ended.seconds)
+            if not case.ended.fine:
+                bad += 1
+                how = f"{case.ended.verdict} ({case.ended.status}): {case.how}"
+                print(f"{kind} {case.number}: {how}: {case.command[:120]}")
+                print("   ", " | ".join(case.ended.said.strip().splitlines()[-3:])[-400:], flush=True)
+            if done % 1000 == 0:
+                print(f"{done} cases, {bad} findings, {time.monotonic() - started:.0f} s", flush=True)
     verdicts = sorted({verdict for _, verdict in ended}, key=lambda v: (v not in ("result", "one line"), v))
     print(f"| files | {' | '.join(verdicts)} |\n|---|{'---|' * len(verdicts)}")
     for kind in kinds:
         print(f"| {kind} | {' | '.join(str(ended[kind, verdict]) for verdict in verdicts)} |")
-    took = time.monotonic() - started
-    print(f"{given.cases} cases, {bad} findings, {took:.0f} s, the longest {longest:.1f} s; kept in {folder}")
+    took = f"{time.monotonic() - started:.0f} s, the longest {longest:.1f} s"
+    print(f"{sum(ended.values())} cases, {bad} findings, {took}; kept in {folder}")
     return int(bad > 0)
 
 

@@ -16,7 +16,7 @@ from scex_sumo.errors import ResultError
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import PARTS, Part, Parts, joined_parts, save_part
 from scex_sumo.results.run import open_run
-from scex_sumo.results.tables import read_states
+from scex_sumo.results.tables import read_assignments, read_states
 from scex_sumo.scene import States
 from tests.seeds import straight_seed
 
@@ -227,3 +227,10 @@ def test_states_that_no_run_writes_are_refused(tmp_path: Path, value: float) -> 
     pq.write_table(pa.table(columns | {"y": [0.0, value]}), tmp_path / "tracks.parquet")
     with pytest.raises(ResultError, match="column y holds what no run writes"):
         read_states(tmp_path / "tracks.parquet", rows=2)
+
+
+def test_assignments_without_names_of_models_are_refused(tmp_path: Path) -> None:
+    columns = {"child": [0, 0], "track_id": [1, 2], "model": [3, 4]}
+    pq.write_table(pa.table(columns), tmp_path / "assignments.parquet")
+    with pytest.raises(ResultError, match="column model holds no names"):
+        read_assignments(tmp_path / "assignments.parquet", rows=2)
