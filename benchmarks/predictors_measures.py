@@ -51,12 +51,11 @@ class TestScene:
 
 def test_scenes(recordings: Sequence[Recording], every_s: float) -> list[TestScene]:
     """Seed scenes of the test part of all recordings that have a vehicle to measure."""
-    found, roads = [], {}
+    found = []
     for recording in recordings:
         loaded = load_recording(recording)
-        road = roads.setdefault(recording.site, loaded.road)
         found += [
-            TestScene(site=recording.site, dataset=recording.dataset, scene=scene, road=road)
+            TestScene(site=recording.site, dataset=recording.dataset, scene=scene, road=loaded.road)
             for scene in part_scenes(loaded, "test", split=Split(), every_s=every_s)
         ]
     return found
