@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 REPLAN = 5
 DRIFT_STEPS = (5, 10, 20)  # after so much driving by itself a driver is asked what it should have done
-MOST_SCENES = 30  # of a site and round
+MOST_SCENES = 10  # of a site and round
 EVERY_S = 1.0
 
 

@@ -67,10 +67,12 @@ class _Choice:
 
     Attributes:
         likeliest: (V,) row of the path that the network thinks each vehicle takes.
+        paths: (V, K) cumulative probability of each vehicle's paths, 1 after the last one.
         modes: (P, M) cumulative probability of the modes along each path.
     """
 
     likeliest: IntArray
+    paths: FloatArray
     modes: FloatArray
 
 
@@ -155,7 +157,11 @@ class LearnedDriver:
     def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
         paths, row = chosen_paths(history, road, who, _plain(self.profile.path))
         if self.profile.path == "likeliest":
-            row = choice_of(history.scene, self, road).likeliest[who.vehicle]
+            choice = choice_of(history.scene, self, road)
+            row = choice.likeliest[who.vehicle]
+            if self.profile.mode == "draw":
+                draw = history.route_draw[who.child, who.vehicle]
+                row = paths.first[who.vehicle] + (draw[:, None] >= choice.paths[who.vehicle, :-1]).sum(1)
         return paths, row
 
     def _modes(self, history: SceneHistory, road: Road, who: Who, row: IntArray, modes: Modes) -> IntArray:
@@ -183,7 +189,17 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
     best = [int(f + np.argmax(logit[f:e])) for f, e in zip(paths.first, ends, strict=True)]
     weight = np.exp(_rounded(modes.logits) - _rounded(modes.logits).max(1, keepdims=True))
     upper = np.cumsum(weight, 1) / weight.sum(1, keepdims=True)
-    return _Choice(np.array(best, dtype=np.int64), upper)
+    return _Choice(np.array(best, dtype=np.int64), _cumulated(logit, paths), upper)
+
+
+def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
+    """(V, K) cumulative probability of each vehicle's paths, 1 from its last one on, from (P,) logits."""
+    upper = np.ones((len(paths.count), int(paths.count.max(initial=1))))
+    for v, (first, count) in enumerate(zip(paths.first, paths.count, strict=True)):
+        mine = logit[first : first + count]
+        weight = np.exp(mine - mine.max()) if np.isfinite(mine).any() else np.ones(count)
+        upper[v, : count - 1] = (np.cumsum(weight) / weight.sum())[:-1]
+    return upper
 
 
 def _image(history: SceneHistory, image: MapImage, who: Who) -> ImageBatch:

@@ -133,7 +133,7 @@ def make_dataset(
 
 
 def map_shift(road: Road, other: Road) -> FloatArray:
-    """(2,) m from a place on a map to the same place on another map of its site: each of NGSIM has its own zero.
+    """(2,) m from a place on a map to the same place on another of the site: NGSIM's have zeros of their own.
 
     Raises:
         MapError: they are different maps.

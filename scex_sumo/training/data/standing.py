@@ -64,7 +64,8 @@ def _places(
     history, who = SceneHistory.of_scene(scene), Who(child=np.zeros_like(vehicle), vehicle=vehicle)
     own = scene.now[vehicle]
     s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
-    braking = np.exp(rng.uniform(*np.log(BRAKING_MPS2), len(vehicle)))
+    least, most = BRAKING_MPS2
+    braking = least * (most / least) ** rng.random(len(vehicle))
     gap = np.minimum(STOP_GAP_M + own.speed**2 / (2 * braking), LONGEST_GAP_M)
     at = s + gap + (scene.length[vehicle] + SIZE_M[0]) / 2
     leader = find_leaders(history, who, paths, row, s, clearance=1.5, radius=150.0)

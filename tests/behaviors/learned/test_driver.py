@@ -181,6 +181,22 @@ def test_the_likeliest_path_is_the_networks_own_and_the_same_in_all_children(
     assert (paths.count > 1).any()
 
 
+def test_paths_are_drawn_as_often_as_the_network_holds_them_probable(tmp_path: Path) -> None:
+    model = driver(tmp_path, "graph_predictor:path=likeliest:mode=draw")
+    assert isinstance(model, GraphPredictor)
+    children = 400
+    draw = np.random.default_rng(0).random((children, SCENE.vehicles))
+    history = roads.present(SCENE, children, draw)
+    paths, row = model.driver._paths(history, ROAD, roads.every(history))
+    upper = choice_of(SCENE, model.driver, ROAD).paths
+    taken = row.reshape(children, -1) - paths.first
+    assert (taken < paths.count).all()
+    shares = np.diff(upper, axis=1, prepend=0.0)
+    counted = np.stack([(taken == path).mean(0) for path in range(upper.shape[1])], 1)
+    assert np.abs(counted - shares).max() < 4 * np.sqrt(0.25 / children)
+    assert (paths.count > 1).any()
+
+
 def test_attention_changes_what_is_driven(tmp_path: Path) -> None:
     plans = [
         roads.plan(driver(tmp_path, f"graph_image_predictor:attention={w}"), ROAD, roads.present(SCENE)).x
