@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.learned.decoding import plan_along, plan_freely
+from scex_sumo.behaviors.learned.decoding import plan_along, plan_freely, way_of
 from scex_sumo.behaviors.learned.networks.graph import GraphPredictorNet, Modes
 from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet, ImageBatch, MapImage
 from scex_sumo.behaviors.learned.networks.layers import make_exact
@@ -32,6 +32,8 @@ from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
 
 OUTPUT_GRID = 2.0**-10  # m/s² and m: what is left of the order of sums is rounded away, see `layers`
 DRAW_DIGITS = 2.0**20  # modes are drawn with the digits of `route_draw` that paths do not use
+STANDING_MPS, STOPPING_MPS2 = 0.5, -1.0
+START_M, START_LIKELY = 1.0, 0.8  # who stands starts where this way in 3 s is so probable
 OFF_MAP = "was not on a mapped lane in the seed scene"
 NOT_FINITE = "the network gave no finite plan"
 Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile
@@ -143,6 +145,9 @@ class LearnedDriver:
         chosen = (np.arange(len(who)), self._modes(history, road, who, row, modes))
         free = _rounded(modes.free)[chosen] if self.free and modes.free is not None else None
         acceleration = _rounded(modes.acceleration)[chosen]
+        if self.profile.mode == "best":
+            stays = _stays(history.now.speed[who.child, who.vehicle], modes)
+            acceleration = np.where(stays[:, None], STOPPING_MPS2, acceleration)
         offset = None if modes.offset is None else _rounded(modes.offset)[chosen]
         finite = np.ones(len(who), dtype=np.bool_)
         for values in (free, acceleration, offset):
@@ -218,6 +223,22 @@ def _one_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
+
+
+def _stays(speed: FloatArray, modes: Modes) -> BoolArray:
+    """(n,) whether a vehicle stands and the network does not hold it likely enough that it starts.
+
+    Its expected mode alone starts too early: at a light a driver who starts wrongly is further off than one
+    who stands for half a second more.
+    """
+    stands = speed < STANDING_MPS
+    if not stands.any():
+        return stands
+    weight = np.exp(_rounded(modes.logits) - _rounded(modes.logits).max(1, keepdims=True))
+    count = modes.acceleration.shape[1]
+    way = [way_of(speed, _rounded(modes.acceleration[:, k]))[:, -1] for k in range(count)]
+    starts = np.sum(weight * (np.stack(way, 1) > START_M), 1) / weight.sum(1)
+    return np.asarray(stands & (np.round(starts / OUTPUT_GRID) * OUTPUT_GRID < START_LIKELY))
 
 
 def _rounded(values: torch.Tensor) -> FloatArray:

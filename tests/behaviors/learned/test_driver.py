@@ -219,12 +219,13 @@ def test_weights_that_change_while_a_run_goes_on_are_not_mixed(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("guard", ["", ":guard=true"])
 @pytest.mark.parametrize(("speed", "gap"), [(5.0, 15.0), (10.0, 30.0), (13.0, 50.0)])
-def test_the_shipped_drivers_with_the_guard_stop_behind_a_standing_vehicle(
-    name: str, speed: float, gap: float
+def test_the_shipped_drivers_stop_behind_a_standing_vehicle_and_need_no_guard_for_it(
+    name: str, speed: float, gap: float, guard: str
 ) -> None:
     scene = roads.scene_of((50.0, 0.0, 0.0, speed), (50.0 + gap + 4.5, 0.0, 0.0, 0.0))
-    model = build(parse_models(f"{name}:guard=true")[0])
+    model = build(parse_models(f"{name}{guard}")[0])
     history = roads.present(scene)
     first = Who(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     for step in range(0, 60, 5):
