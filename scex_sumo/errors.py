@@ -1,6 +1,7 @@
 """Errors that reach the user as one line: what, where, got, remedy."""
 
 import re
+from collections.abc import Iterable
 
 
 class ScexError(Exception):
@@ -39,6 +40,13 @@ def reason_of(error: BaseException) -> str:
     """Reason that an error gives, in one line; with its kind where it is none of ours."""
     said = one_line(error)
     return said if isinstance(error, ScexError) else f"{type(error).__name__}: {said}"
+
+
+def listed(names: Iterable[object]) -> str:
+    """Names for a sentence: the first five, then how many more there are."""
+    words = [str(name) for name in names]
+    more = f" and {len(words) - 5} more" if len(words) > 5 else ""
+    return ", ".join(words[:5]) + more
 
 
 def one_line(message: object) -> str:

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scex_sumo.arrays import FloatArray
-
-NAMED = 5  # elements named in one sentence; the rest are counted
+from scex_sumo.errors import listed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,11 +124,7 @@ class Loss:
     elements: tuple[int | str, ...]
 
     def __str__(self) -> str:
-        shown = ", ".join(map(str, self.elements[:NAMED]))
-        more = len(self.elements) - NAMED
-        return f"{len(self.elements)} {self.kind} {self.why}: {shown}" + (
-            f" and {more} more" if more > 0 else ""
-        )
+        return f"{len(self.elements)} {self.kind} {self.why}: {listed(self.elements)}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.tracks.rows import TrackRows, segments_of
+from scex_sumo.errors import listed
 
 APART_M = 3.0
 """Samples farther apart than this are two road users, or one of them is wrong."""
@@ -65,8 +66,7 @@ def _whole_whiles(unclear: BoolArray, doubled: BoolArray, track: IntArray) -> Bo
 def _shared_ids(rows: TrackRows, begins: IntArray) -> str:
     """What was found of ids that two road users share; ``begins`` are rows at each stamp of those whiles."""
     labels = [rows.labels[k] for k in np.unique(rows.track[begins])]
-    named = ", ".join(labels[:5]) + (f" and {len(labels) - 5} more" if len(labels) > 5 else "")
-    return f"one track id of two road users for a while, {len(begins)} stamps left out: {named}"
+    return f"one track id of two road users for a while, {len(begins)} stamps left out: {listed(labels)}"
 
 
 def _off_middle(

@@ -6,6 +6,7 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray
 from scex_sumo.converters.tracks.rows import TrackRows
+from scex_sumo.errors import listed
 
 LONGEST_M, WIDEST_M = 60.0, 8.0
 """Longer and wider than any road user: trams reach 54 m, abnormal loads 7 m of width."""
@@ -34,6 +35,5 @@ def drop_implausible(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     ):
         labels = [rows.labels[k] for k in np.flatnonzero(wrong)]
         if labels:
-            named = ", ".join(labels[:5]) + (f" and {len(labels) - 5} more" if len(labels) > 5 else "")
-            found.append(f"tracks {what} left out: {named}")
+            found.append(f"tracks {what} left out: {listed(labels)}")
     return rows.take(~(wrong_size | too_fast)[rows.track]), found

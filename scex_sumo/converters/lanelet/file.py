@@ -17,11 +17,10 @@ from typing import TypeVar
 from xml.etree import ElementTree
 
 from scex_sumo.converters.formats import open_binary
-from scex_sumo.errors import MapError
+from scex_sumo.errors import MapError, listed
 from scex_sumo.files import quoted
 
 Tags = Mapping[str, str]
-NAMED = 5  # ids named in one message; the rest are counted
 _ID = re.compile(r"-?[0-9]{1,18}")  # what fits Lanelet2's 64 bit ids
 _EARTH = {"lat": 90.0, "lon": 180.0}
 _Element = TypeVar("_Element")
@@ -91,10 +90,7 @@ class MapFile:
 
 def list_ids(ids: Iterable[int | str]) -> str:
     """Write ids for a message: the first few, then how many more there are."""
-    ordered = sorted(set(ids), key=lambda i: (isinstance(i, str), i))
-    shown = ", ".join(str(i) for i in ordered[:NAMED])
-    rest = len(ordered) - NAMED
-    return f"{shown} and {rest} more" if rest > 0 else shown
+    return listed(sorted(set(ids), key=lambda i: (isinstance(i, str), i)))
 
 
 def parse_xml(path: Path, kind: str, ending: str) -> ElementTree.Element:

@@ -19,7 +19,7 @@ from scex_sumo.converters.tracks.rows import (
     number_of,
     segments_of,
 )
-from scex_sumo.errors import TrackError
+from scex_sumo.errors import TrackError, listed
 
 
 def read_tracks(path: str | Path) -> TrackTable:
@@ -92,8 +92,7 @@ def _number(
             renamed.append(f"{labels[k]} is {free}")
             labels[k] = str(free)
         used.add((case, number_of(labels[k])))
-    more = f" and {len(renamed) - 5} more" if len(renamed) > 5 else ""
-    return [f"track ids that are one number told apart: {', '.join(renamed[:5])}{more}"] if renamed else []
+    return [f"track ids that are one number told apart: {listed(renamed)}"] if renamed else []
 
 
 def _usual_step(rows: TrackRows) -> float:

@@ -62,9 +62,13 @@ def table(heads: Sequence[tuple[str, str, str]], rows: Sequence[Sequence[Any]]) 
         heads: title, format as in ``assets/table.js`` (text, real, percent, seconds, metres, words), hint.
         rows: cells; None where there is nothing.
     """
-    return {"columns": [_column(*head) for head in heads], "rows": [{"cells": list(row)} for row in rows]}
+    columns = [_column(*head, [row[i] for row in rows]) for i, head in enumerate(heads)]
+    return {"columns": columns, "rows": [{"cells": list(row)} for row in rows]}
 
 
-def _column(title: str, form: str, hint: str) -> dict[str, Any]:
+def _column(title: str, form: str, hint: str, cells: Sequence[Any]) -> dict[str, Any]:
     column: dict[str, Any] = {"title": title} | ({"hint": hint} if hint else {})
-    return column | ({"words": True} if form == "words" else {"as": form, "down": form != "text"})
+    if form == "words":
+        return column | {"kind": "words"}
+    names = form == "text" and any(isinstance(cell, str) and cell[:1].isalpha() for cell in cells)
+    return column | {"as": form, "down": form != "text"} | ({"kind": "names"} if names else {})

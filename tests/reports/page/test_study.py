@@ -53,6 +53,12 @@ def test_the_picture_of_a_scene_has_its_vehicles_and_where_they_go(run: Run) -> 
     assert picture.count("<path") == len(info["road"]) + len(arrays["motion"])
 
 
+def test_columns_of_names_stand_left_and_those_of_numbers_right() -> None:
+    heads = [("pair", "text", ""), ("count", "text", ""), ("who", "text", ""), ("why", "words", "")]
+    columns = table(heads, [["1 – 2", 3, None, "it"], ["2 – 3", 4, "near", "is"]])["columns"]
+    assert [column.get("kind") for column in columns] == [None, None, "names", "words"]
+
+
 def test_a_page_shows_its_tables_sorted_by_a_click_and_asks_for_nothing(browser: Any, tmp_path: Path) -> None:
     heads = [("name", "text", ""), ("share", "percent", "of all")]
     rows = table(heads, [["b", 0.02], ["a", None], ["c", 0.5]])

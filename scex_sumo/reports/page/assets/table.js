@@ -5,11 +5,11 @@ const FORMATS = {
   real: (value) => short(value, 3), times: (value) => `× ${value}`,
 };
 
-// A table is {columns: [{title, as, none, hint, words, down}], rows: [{cells, ...}]}: `as` is one of the
-// formats, `none` stands for what is missing, `down` begins with the largest; `mark` may dress up a cell.
+// A table is {columns: [{title, as, none, hint, kind, down}], rows: [{cells, ...}]}: `as` is one of the
+// formats, `none` stands for what is missing, `down` begins with the largest, `kind` is words or names; `mark` may dress up a cell.
 function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, mark = () => {} } = {}) {
   let by = -1, isDown = false, lines = [];
-  const cellsOf = (tag, fill) => columns.map((column, i) => fill(make(column.words ? `${tag}.words` : tag), column, i));
+  const cellsOf = (tag, fill) => columns.map((column, i) => fill(make(column.kind ? `${tag}.${column.kind}` : tag), column, i));
 
   function show(next = rows) {
     rows = next;

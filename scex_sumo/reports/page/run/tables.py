@@ -59,7 +59,7 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
         {"title": "value", "as": "real", "none": "∞", "hint": "Of collisions: relative speed, m/s"},
         {"title": "after", "as": "seconds"},
         {"title": "children", "as": "times", "down": True},
-        {"title": "which", "words": True},
+        {"title": "which", "kind": "words"},
     ]
     return {"columns": columns, "rows": [_event(key, children, track_ids) for key, children in order]}
 
