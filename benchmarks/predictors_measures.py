@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from recorded_scenes import ngsim_part
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
@@ -38,33 +38,27 @@ class TestScene:
 
     Attributes:
         site: where.
-        dataset: of which set.
         scene: with its future.
         road: the map.
     """
 
     site: str
-    dataset: str
     scene: SeedScene
     road: Road
 
 
-def test_scenes(recordings: Sequence[Recording], every_s: float) -> list[TestScene]:
-    """Seed scenes of the test part of all recordings that have a vehicle to measure."""
-    found, roads = [], {}
-    for recording in recordings:
-        loaded = load_recording(recording)
-        road = roads.setdefault(recording.site, loaded.road)
-        found += [
-            TestScene(site=recording.site, dataset=recording.dataset, scene=scene, road=road)
-            for scene in part_scenes(loaded, "test", split=Split(), every_s=every_s)
-        ]
-    return found
+def test_scenes(recording: Recording, every_s: float) -> list[TestScene]:
+    """Seed scenes of the test part of a recording that have a vehicle to measure."""
+    loaded = load_recording(recording)
+    # NGSIM's recordings are too short to be cut: all of a file that is kept for tests.
+    kept = (recording.name,) if ngsim_part(recording.name) == "test" else ()
+    scenes = part_scenes(loaded, "test", split=Split(kept_test=kept), every_s=every_s)
+    return [TestScene(site=recording.site, scene=scene, road=loaded.road) for scene in scenes]
 
 
-def straight_on(scene: SeedScene, vehicle: IntArray) -> FloatArray:
-    """(k, H) distances of vehicles that keep velocity and heading to what they did, m."""
-    now, way = scene.now[vehicle], STEP_S * np.arange(1, PLAN_STEPS + 1)
+def straight_on(scene: SeedScene, vehicle: IntArray, *, stands: bool = False) -> FloatArray:
+    """(k, H) distances of vehicles that keep velocity and heading (or stand still) to what they did, m."""
+    now, way = scene.now[vehicle], STEP_S * np.arange(1, PLAN_STEPS + 1) * (not stands)
     return _distances(
         scene,
         vehicle,

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-SETS = {"taf_bw": "TAF-BW", "commonroad": "MONA"}
+# What a site's name begins with, and the place that it is counted with.
+PLACES = {"k7": "TAF-BW", "C-DEU_MONA": "MONA", "USA_Lanker": "Lankershim", "USA_Peach": "Peachtree"}
+NAMES = tuple(PLACES.values())
+YARDSTICK = {"moving": "straight_on", "standing": "stands_still"}
+
+
+def place(site: str) -> str:
+    """The place that a site is counted with."""
+    return next((name for begin, name in PLACES.items() if site.startswith(begin)), site)
 
 
 def tables(numbers: Mapping[str, Any]) -> str:
     """All tables that the results allow."""
-    return "\n\n".join(
-        part
-        for part in (
-            _errors(numbers, "all", "Errors after 3 s, all vehicles of the test part"),
-            _errors(numbers, "moving", "Errors after 3 s, vehicles that move at the moment"),
-            _left_out(numbers),
-            _loops(numbers),
-        )
-        if part
-    )
+    parts = (_errors(numbers, "moving"), _errors(numbers, "standing"), _left_out(numbers), _loops(numbers))
+    return "\n\n".join(part for part in parts if part)
 
 
 def _runs(numbers: Mapping[str, Any], part: str) -> dict[str, list[Any]]:
@@ -36,82 +36,81 @@ def _runs(numbers: Mapping[str, Any], part: str) -> dict[str, list[Any]]:
     return found
 
 
-def _mean(sums: Mapping[str, Any], dataset: str, group: str) -> list[float]:
-    """ADE, FDE, best of six and number of vehicles of a dataset."""
+def _mean(sums: Mapping[str, Any], begin: str, group: str) -> list[float]:
+    """ADE, FDE, best of six and number of vehicles of a place or a site."""
     rows = [
         np.array(v, dtype=float)
         for k, v in sums.items()
-        if k.startswith(f"{dataset}|") and k.endswith(f"|{group}")
+        if k.endswith(f"|{group}") and begin in k.split("|")[:2]
     ]
-    if not rows:
-        return [float("nan")] * 4
-    total = np.sum(rows, axis=0)
-    return [*(total[1:] / max(total[0], 1)), total[0]]
+    total = np.sum(rows, axis=0) if rows else np.zeros(4)
+    return [*(total[1:] / total[0] if total[0] else np.full(3, np.nan)), total[0]]
 
 
-def _errors(numbers: Mapping[str, Any], group: str, title: str) -> str:
-    lines = [f"**{title}** (m; ADE / FDE, best of six FDE; mean over seeds)", ""]
-    lines += ["| driver | seeds | " + " | ".join(SETS.values()) + " |", "|---|---|---|---|"]
-    for name, runs in _runs(numbers, "errors").items():
-        if "without" in name:
-            continue
-        cells = []
-        for dataset in SETS:
-            each = np.array([_mean(run, dataset, group) for run in runs])
-            ade, fde, best, _ = each.mean(0)
-            spread = f" (±{each[:, 1].std():.2f})" if len(runs) > 1 else ""
-            six = "" if np.isnan(best) else f", {best:.2f}"
-            cells.append(f"{ade:.2f} / {fde:.2f}{spread}{six}")
-        lines.append(f"| {name} | {len(runs)} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) if len(lines) > 4 else ""
+def _cell(runs: Sequence[Any], yardstick: Any, begin: str, group: str) -> str:
+    """FDE of some runs, their spread, their share of the yardstick's, and that of the best of six."""
+    each = np.array([_mean(run, begin, group) for run in runs])
+    _, fde, best, count = each.mean(0)
+    if not count:
+        return ""
+    against = _mean(yardstick, begin, group)[1]
+    spread = f" ±{each[:, 1].std():.2f}" if len(runs) > 1 else ""
+    six = "" if np.isnan(best) else f", six {best / against:.2f}"
+    return f"{fde:.2f}{spread} ({fde / against:.2f}{six})"
+
+
+def _errors(numbers: Mapping[str, Any], group: str) -> str:
+    runs = {name: found for name, found in _runs(numbers, "errors").items() if "without" not in name}
+    if YARDSTICK[group] not in runs:
+        return ""
+    (yardstick,) = runs[YARDSTICK[group]]
+    counts = [f"{name} ({_mean(yardstick, name, group)[3]:.0f})" for name in NAMES]
+    lines = [
+        f"**Vehicles that are {group} at the moment: error after 3 s** (m, mean over trainings; in brackets "
+        f"its share of `{YARDSTICK[group]}`, and that of the best of six)",
+        "",
+        "| driver | trainings | " + " | ".join(counts) + " |",
+        "|---|---|" + "---|" * len(NAMES),
+    ]
+    for name, found in runs.items():
+        cells = [_cell(found, yardstick, begin, group) for begin in NAMES]
+        lines.append(f"| {name} | {len(found)} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
 
 
 def _left_out(numbers: Mapping[str, Any]) -> str:
+    runs = {name: found for name, found in _runs(numbers, "errors").items() if "without" in name}
+    if not runs:
+        return ""
     lines = [
-        "**Leave one site out** (m; ADE / FDE, best of six FDE on the site left out; mean over seeds)",
+        "**Leave one site out: error after 3 s on the site left out** (as above)",
         "",
+        "| site | trainings | vehicles | moving | standing |",
+        "|---|---|---|---|---|",
     ]
-    lines += ["| site | all vehicles | moving |", "|---|---|---|"]
-    pooled: dict[tuple[str, str], list[Any]] = {}
-    for name, runs in _runs(numbers, "errors").items():
-        if "without" not in name:
-            continue
-        cells = []
-        for group in ("all", "moving"):
-            each = []
-            for run in runs:
-                for dataset in SETS:
-                    found = _mean(run, dataset, group)
-                    if found[3] > 0:
-                        each.append(found)
-                        pooled.setdefault((dataset, group), []).append(found)
-            ade, fde, best, count = np.array(each).mean(0)
-            cells.append(f"{ade:.2f} / {fde:.2f}, {best:.2f} ({count:.0f})")
-        lines.append(f"| {name.partition('without-')[2]} | " + " | ".join(cells) + " |")
-    for dataset, label in SETS.items():
-        cells = []
-        for group in ("all", "moving"):
-            rows = np.array(pooled.get((dataset, group), [[np.nan] * 4]))
-            mean = (rows[:, :3] * rows[:, 3:]).sum(0) / rows[:, 3].sum()
-            cells.append(f"{mean[0]:.2f} / {mean[1]:.2f}, {mean[2]:.2f}")
-        lines.append(f"| all of {label} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) if pooled else ""
+    for name, found in runs.items():
+        site = name.partition("without-")[2]
+        cells = [_cell(found, numbers[f"errors|{YARDSTICK[group]}"], site, group) for group in YARDSTICK]
+        count = "{:.0f} + {:.0f}".format(*(_mean(found[0], site, group)[3] for group in YARDSTICK))
+        lines.append(f"| {site} | {len(found)} | {count} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
 
 
 def _loops(numbers: Mapping[str, Any]) -> str:
     lines = [
         "**10 s of closed loop, perturbed starts** (% of vehicles: leave the road / collide / |a| > 6 m/s²)",
         "",
+        "| driver | trainings | " + " | ".join(NAMES) + " |",
+        "|---|---|" + "---|" * len(NAMES),
     ]
-    lines += ["| driver | seeds | " + " | ".join(SETS.values()) + " |", "|---|---|---|---|"]
     for name, runs in _runs(numbers, "loop").items():
         cells = []
-        for dataset in SETS:
+        for begin in NAMES:
             each = []
             for run in runs:
-                total = np.sum([v for k, v in run.items() if k.startswith(f"{dataset}|")], axis=0)
-                each.append(100 * total[1:] / max(total[0], 1))
-            left, hit, hard = np.mean(each, axis=0)
-            cells.append(f"{left:.1f} / {hit:.1f} / {hard:.1f}")
+                total = np.sum([v for k, v in run.items() if k.startswith(f"{begin}|")], axis=0)
+                each.append(100 * np.atleast_1d(total)[1:] / max(np.atleast_1d(total)[0], 1))
+            shares = [f"{value:.1f}" for value in np.mean(each, axis=0)]
+            cells.append(" / ".join(shares))
         lines.append(f"| {name} | {len(runs)} | " + " | ".join(cells) + " |")
     return "\n".join(lines) if len(lines) > 4 else ""

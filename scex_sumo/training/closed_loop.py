@@ -12,13 +12,15 @@ import numpy as np
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
+from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
 from scex_sumo.extrapolation.rollout import Cast, roll_out
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
-from scex_sumo.training.data.dataset import SampleOptions, part_scenes
+from scex_sumo.training.data.dataset import Dataset, SampleOptions, map_shift, part_scenes
 from scex_sumo.training.data.perturb import Perturbation, perturbed
-from scex_sumo.training.data.samples import TrainingSamples, scene_samples
+from scex_sumo.training.data.samples import TrainingSamples, learnable, scene_samples
+from scex_sumo.training.data.standing import put_in_the_way
 from scex_sumo.world.plain import PlainWorld
 
 if TYPE_CHECKING:
@@ -27,34 +29,37 @@ if TYPE_CHECKING:
 
 REPLAN = 5
 DRIFT_STEPS = (5, 10, 20)  # after so much driving by itself a driver is asked what it should have done
-MOST_SCENES = 30  # of a site and round
+MOST_SCENES = 10  # of a site and round
 EVERY_S = 1.0
 
 
 def closed_loop(
-    recordings: Sequence[Recording], sampling: SampleOptions, sites: Sequence[str], options: TrainOptions
+    recordings: Sequence[Recording], sampling: SampleOptions, dataset: Dataset, options: TrainOptions
 ) -> Drift:
     """What makes the samples of a round: the network drives all vehicles of training scenes.
 
     Args:
         sampling: their split and perturbations.
-        sites: names of the sites by number.
+        dataset: names and maps of the sites.
     """
 
     def drift(file: Path, number: int) -> TrainingSamples | None:
-        rng = np.random.default_rng([options.seed, number, 1])
-        scenes: list[tuple[SeedScene, Road, int]] = []
-        for index, site in enumerate(sites):
+        rng, model = np.random.default_rng([options.seed, number, 1]), driver(options.kind, file)
+        found = []
+        for index, site in enumerate(dataset.sites):
             here: list[SeedScene] = []
             for recording in recordings:
                 if recording.site == site:
                     loaded = load_recording(recording)
                     here += part_scenes(loaded, "train", split=sampling.split, every_s=EVERY_S)
             chosen = rng.permutation(len(here))[:MOST_SCENES]
-            road = here[0].road if here else None
-            if road is not None:
-                scenes += [(here[k], road, index) for k in sorted(chosen.tolist())]
-        return drifted_samples(scenes, driver(options.kind, file), sampling.perturbation, rng)
+            for k in sorted(chosen.tolist()):
+                road = here[k].road
+                assert road is not None
+                samples = drifted_samples(here[k], road, model, sampling.perturbation, rng)
+                shift = map_shift(dataset.roads[index], road)
+                found += [one.at(index, shift) for one in samples]
+        return TrainingSamples.concatenate(found) if found else None
 
     return drift
 
@@ -67,36 +72,42 @@ def driver(kind: str, file: Path) -> Behavior:
 
 
 def drifted_samples(
-    scenes: Sequence[tuple[SeedScene, Road, int]],
-    model: Behavior,
-    perturbation: Perturbation,
-    rng: np.random.Generator,
-) -> TrainingSamples | None:
+    scene: SeedScene, road: Road, model: Behavior, perturbation: Perturbation, rng: np.random.Generator
+) -> list[TrainingSamples]:
     """Where a driver gets to by itself, with the way back to what the recorded ones did as its target.
 
-    Args:
-        scenes: seed scene, map and number of the site.
+    And where it gets to with standing vehicles in the way, with stopping behind them as its target.
     """
+    starts = [(replace(scene, history=perturbed(scene.history, perturbation, rng)), None)]
+    stop = put_in_the_way(scene, road, learnable(scene, max(DRIFT_STEPS)), rng)
     found = []
-    for scene, road, site in scenes:
-        start = replace(scene, history=perturbed(scene.history, perturbation, rng))
-        driven = drive_all(start, road, model, steps=max(DRIFT_STEPS)).swapaxes(1, 2)
+    for start, blocked in [*starts, *([] if stop is None else [stop])]:
+        held = start.vehicles - scene.vehicles
+        driven = drive_all(start, road, model, steps=max(DRIFT_STEPS), held=held).swapaxes(1, 2)
         whole = States.concatenate([start.history.repeat(1), driven], 2)
         for step in DRIFT_STEPS:
             window = whole[:, :, step : step + HISTORY_STEPS + 1]
-            samples = scene_samples(start, road, window, site=site, step=step)
+            samples = scene_samples(start, road, window, blocked=blocked, step=step)
             found += [samples] if samples is not None else []
-    return TrainingSamples.concatenate(found) if found else None
+    return found
 
 
-def drive_all(scene: SeedScene, road: Road, model: Behavior, *, steps: int) -> States:
-    """Let one model drive all vehicles of a seed scene; (1, steps, V) states after each step."""
+def drive_all(scene: SeedScene, road: Road, model: Behavior, *, steps: int, held: int = 0) -> States:
+    """Let one model drive all vehicles of a seed scene.
+
+    Args:
+        held: so many of the last vehicles keep their velocity instead.
+
+    Returns:
+        (1, steps, V) states after each step.
+    """
+    mine = (np.arange(scene.vehicles) >= scene.vehicles - held).astype(np.int64)
     cast = Cast(
         children=np.zeros(1, dtype=np.int64),
-        assignment=np.zeros((1, scene.vehicles), dtype=np.int64),
-        models=(model,),
-        names=("driver",),
-        overridden=np.array([True]),
+        assignment=mine[None],
+        models=(model, build(ModelSpec(name="constant_velocity"))),
+        names=("driver", "constant_velocity"),
+        overridden=np.array([True, True]),
         route_draw=np.random.default_rng(0).random((1, scene.vehicles)),
         generators=[np.random.default_rng([0, 0])],
     )

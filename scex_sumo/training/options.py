@@ -53,7 +53,7 @@ class TrainOptions:
 
     kind: Kind
     seed: int = 0
-    epochs: int = 10
+    epochs: int = 8
     minutes: float = 0.0
     rounds: int = 1
     patience: int = 6
@@ -84,8 +84,9 @@ def site_weights(dataset: Dataset, balance: float) -> FloatArray:
     """(S,) weights of a site's vehicles, 1 on average over sites of one size; see `TrainOptions.balance`."""
     train = dataset.train
     site = np.repeat(train.site, train.pairs)[train.right]
-    count = np.maximum(np.bincount(site, minlength=len(dataset.sites)), 1)
-    weight: FloatArray = (count.mean() / count) ** balance
+    count = np.bincount(site, minlength=len(dataset.sites))
+    seen = count > 0  # others are for validation alone
+    weight: FloatArray = np.where(seen, (count[seen].mean() / np.maximum(count, 1)) ** balance, 1.0)
     return weight
 
 

@@ -16,14 +16,22 @@ pytest.importorskip("torch_geometric")
 from scex_sumo.behaviors.learned.weights import load_weights  # noqa: E402
 from scex_sumo.commands.of_datasets.train import train_command  # noqa: E402
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording  # noqa: E402
-from scex_sumo.errors import ResultError, TrackError, UsageError  # noqa: E402
+from scex_sumo.errors import MapError, ResultError, TrackError, UsageError  # noqa: E402
+from scex_sumo.road import Road  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
 from scex_sumo.training.data import dataset as dataset_module  # noqa: E402
-from scex_sumo.training.data.dataset import Dataset, SampleOptions, make_dataset, part_scenes  # noqa: E402
+from scex_sumo.training.data.dataset import (  # noqa: E402
+    Dataset,
+    SampleOptions,
+    make_dataset,
+    map_shift,
+    part_scenes,
+)
 from scex_sumo.training.data.images import Images, turned  # noqa: E402
 from scex_sumo.training.data.split import Split  # noqa: E402
 from scex_sumo.training.options import TrainOptions  # noqa: E402
 from scex_sumo.training.train import Progress, Trainer  # noqa: E402
+from tests.behaviors import roads  # noqa: E402
 
 SMALL = {"hidden": 16, "heads": 2, "layers": 1}
 # The examples last 18 s: half of it for training is 9 s, of which the last 5 s are targets.
@@ -220,3 +228,30 @@ def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monke
     assert meta["command"] == "scex-sumo train graph --data data --seed 0 --epochs 2 --rounds 1 --every 0.5"
     assert meta["validation"]["motorway_merge"]["fde_m"] > 0
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "data", "mine.pt"]  # no checkpoints left
+
+
+def test_maps_of_one_site_may_lie_elsewhere_and_must_be_the_same() -> None:
+    def shifted(by: float, bend: float = 0.0) -> Road:
+        points = np.array([[0.0, 0.0], [50.0, bend]]) + by
+        return roads.road(roads.lane(1, points))
+
+    np.testing.assert_allclose(map_shift(shifted(0.0), shifted(7.0)), [7.0, 7.0])
+    with pytest.raises(MapError, match="another map than that of its site"):
+        map_shift(shifted(0.0), shifted(7.0, bend=9.0))
+
+
+def test_samples_of_a_map_that_lies_elsewhere_lie_on_that_of_the_site(small: Dataset) -> None:
+    moved = small.train.at(2, np.array([10.0, -4.0]))
+    np.testing.assert_allclose(
+        moved.pose - small.train.pose, np.tile([-10.0, 4.0, 0.0], (len(moved.pose), 1))
+    )
+    assert (moved.site == 2).all()
+
+
+def test_names_that_are_not_there_are_refused(tmp_path: Path) -> None:
+    for suffix in (".osm", ".csv"):
+        source = example_path("motorway_merge").with_suffix(suffix)
+        (tmp_path / source.name).write_bytes(source.read_bytes())
+    for option, what in (("leave_out", "site or recording"), ("validation", "recording")):
+        with pytest.raises(UsageError, match=f"nowhere: no such {what}; known: motorway_merge"):
+            train_command("graph", [tmp_path], tmp_path / "w.pt", **{option: ["nowhere"]})

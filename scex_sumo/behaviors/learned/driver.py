@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray, distinct
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.learned.decoding import plan_along, plan_freely
+from scex_sumo.behaviors.learned.decoding import plan_along, plan_freely, way_of
 from scex_sumo.behaviors.learned.networks.graph import GraphPredictorNet, Modes
 from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet, ImageBatch, MapImage
 from scex_sumo.behaviors.learned.networks.layers import make_exact
@@ -32,6 +32,8 @@ from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
 
 OUTPUT_GRID = 2.0**-10  # m/s² and m: what is left of the order of sums is rounded away, see `layers`
 DRAW_DIGITS = 2.0**20  # modes are drawn with the digits of `route_draw` that paths do not use
+STANDING_MPS, STOPPING_MPS2 = 0.5, -1.0
+START_M, START_LIKELY = 1.0, 0.8  # who stands starts where this way in 3 s is so probable
 OFF_MAP = "was not on a mapped lane in the seed scene"
 NOT_FINITE = "the network gave no finite plan"
 Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile
@@ -67,10 +69,12 @@ class _Choice:
 
     Attributes:
         likeliest: (V,) row of the path that the network thinks each vehicle takes.
+        paths: (V, K) cumulative probability of each vehicle's paths, 1 after the last one.
         modes: (P, M) cumulative probability of the modes along each path.
     """
 
     likeliest: IntArray
+    paths: FloatArray
     modes: FloatArray
 
 
@@ -141,6 +145,9 @@ class LearnedDriver:
         chosen = (np.arange(len(who)), self._modes(history, road, who, row, modes))
         free = _rounded(modes.free)[chosen] if self.free and modes.free is not None else None
         acceleration = _rounded(modes.acceleration)[chosen]
+        if self.profile.mode == "best":
+            stays = _stays(history.now.speed[who.child, who.vehicle], modes)
+            acceleration = np.where(stays[:, None], STOPPING_MPS2, acceleration)
         offset = None if modes.offset is None else _rounded(modes.offset)[chosen]
         finite = np.ones(len(who), dtype=np.bool_)
         for values in (free, acceleration, offset):
@@ -155,7 +162,11 @@ class LearnedDriver:
     def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
         paths, row = chosen_paths(history, road, who, _plain(self.profile.path))
         if self.profile.path == "likeliest":
-            row = choice_of(history.scene, self, road).likeliest[who.vehicle]
+            choice = choice_of(history.scene, self, road)
+            row = choice.likeliest[who.vehicle]
+            if self.profile.mode == "draw":
+                draw = history.route_draw[who.child, who.vehicle]
+                row = paths.first[who.vehicle] + (draw[:, None] >= choice.paths[who.vehicle, :-1]).sum(1)
         return paths, row
 
     def _modes(self, history: SceneHistory, road: Road, who: Who, row: IntArray, modes: Modes) -> IntArray:
@@ -183,7 +194,17 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
     best = [int(f + np.argmax(logit[f:e])) for f, e in zip(paths.first, ends, strict=True)]
     weight = np.exp(_rounded(modes.logits) - _rounded(modes.logits).max(1, keepdims=True))
     upper = np.cumsum(weight, 1) / weight.sum(1, keepdims=True)
-    return _Choice(np.array(best, dtype=np.int64), upper)
+    return _Choice(np.array(best, dtype=np.int64), _cumulated(logit, paths), upper)
+
+
+def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
+    """(V, K) cumulative probability of each vehicle's paths, 1 from its last one on, from (P,) logits."""
+    upper = np.ones((len(paths.count), int(paths.count.max(initial=1))))
+    for v, (first, count) in enumerate(zip(paths.first, paths.count, strict=True)):
+        mine = logit[first : first + count]
+        weight = np.exp(mine - mine.max()) if np.isfinite(mine).any() else np.ones(count)
+        upper[v, : count - 1] = (np.cumsum(weight) / weight.sum())[:-1]
+    return upper
 
 
 def _image(history: SceneHistory, image: MapImage, who: Who) -> ImageBatch:
@@ -203,6 +224,22 @@ def _one_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
+
+
+def _stays(speed: FloatArray, modes: Modes) -> BoolArray:
+    """(n,) whether a vehicle stands and the network does not hold it likely enough that it starts.
+
+    Its expected mode alone starts too early: at a light a driver who starts wrongly is further off than one
+    who stands for half a second more.
+    """
+    stands = speed < STANDING_MPS
+    if not stands.any():
+        return stands
+    weight = np.exp(_rounded(modes.logits) - _rounded(modes.logits).max(1, keepdims=True))
+    count = modes.acceleration.shape[1]
+    way = [way_of(speed, _rounded(modes.acceleration[:, k]))[:, -1] for k in range(count)]
+    starts = np.sum(weight * (np.stack(way, 1) > START_M), 1) / weight.sum(1)
+    return np.asarray(stands & (np.round(starts / OUTPUT_GRID) * OUTPUT_GRID < START_LIKELY))
 
 
 def _rounded(values: torch.Tensor) -> FloatArray:

@@ -21,7 +21,7 @@ class GraphPredictorProfile:
 
     Attributes:
         path: which path to take, as in `IdmProfile`; or ``likeliest``, the one that the network thinks it
-            takes, from the seed scene.
+            takes, from the seed scene: with ``mode=draw`` each as often as it is probable.
         mode: ``best``, what the network expects; or ``draw``, one of its modes for each vehicle of a child,
             as often as it is probable in the seed scene.
         radius: perception radius, m.

@@ -36,7 +36,12 @@ def train_command(
     minutes: Annotated[float, Option(help="Stop after so many minutes; 0 does not.")] = 0.0,
     every: Annotated[float, Option(metavar="S", help="Seconds between two scenes.")] = 0.5,
     leave_out: Annotated[
-        list[str] | None, Option(metavar="SITE", help="Do not train on this site; repeatable.")
+        list[str] | None,
+        Option(metavar="NAME", help="Do not train on this site or recording; repeatable."),
+    ] = None,
+    validation: Annotated[
+        list[str] | None,
+        Option(metavar="NAME", help="Choose by this short recording (under 20 s); repeatable."),
     ] = None,
     edges: Annotated[bool, Option(help="Vehicles see each other through the graph.")] = True,
     device: Annotated[str, Option(metavar="auto|cpu|cuda", help="Where to train.")] = "auto",
@@ -57,11 +62,13 @@ def train_command(
     check_libraries("train")
     from scex_sumo.training.closed_loop import closed_loop
     from scex_sumo.training.data.dataset import SampleOptions, make_dataset
+    from scex_sumo.training.data.split import Split
     from scex_sumo.training.options import TrainOptions
     from scex_sumo.training.train import Trainer, device_of
 
     where = device_of(device)
-    recordings, sampling = _recordings(data or [], leave_out or []), SampleOptions(every_s=every)
+    recordings = _recordings(data or [], leave_out or [], validation or [])
+    sampling = SampleOptions(every_s=every, split=Split(kept_validation=tuple(validation or ())))
     with progress_bar("samples") as tick:
         dataset = make_dataset(recordings, sampling, cache=cache or cache_folder(), tick=tick)
     options = TrainOptions(
@@ -73,7 +80,7 @@ def train_command(
         sizes={} if edges else {"edges": False},
     )
     folder = _checkpoints(weights)
-    drift = closed_loop(recordings, sampling, dataset.sites, options)
+    drift = closed_loop(recordings, sampling, dataset, options)
     run = Trainer(dataset, options, device=where, drift=drift, folder=folder)
     if resume:
         if not run.resume():
@@ -91,7 +98,8 @@ def train_command(
         f"--seed {seed}",
         *([f"--epochs {epochs}"] if epochs is not None else []),
         *([f"--rounds {rounds}"] if rounds is not None else []),
-        *(f"--leave-out {site}" for site in leave_out or ()),
+        *(f"--leave-out {name}" for name in leave_out or ()),
+        *(f"--validation {name}" for name in validation or ()),
         *(["--no-edges"] if not edges else []),
         f"--every {every:g}",
     ]
@@ -123,16 +131,21 @@ def _checkpoints(out: Path) -> Path:
     return out.with_name(out.name + ".training")
 
 
-def _recordings(roots: Sequence[Path], leave_out: Sequence[str]) -> tuple[Recording, ...]:
-    """What to train on."""
+def _recordings(
+    roots: Sequence[Path], leave_out: Sequence[str], validation: Sequence[str]
+) -> tuple[Recording, ...]:
+    """What to train on, and what to choose by."""
     from scex_sumo.converters.datasets.recordings import find_recordings
 
     recordings = find_recordings(roots)
     sites = sorted({recording.site for recording in recordings})
-    unknown = [name for name in leave_out if name not in sites]
-    if unknown:
-        raise UsageError(f"--leave-out {unknown[0]}: no such site; known: {', '.join(sites)}")
-    kept = tuple(r for r in recordings if r.site not in leave_out)
+    names = sorted({recording.name for recording in recordings})
+    for option, given, known in (("leave-out", leave_out, sites + names), ("validation", validation, names)):
+        unknown = [name for name in given if name not in known]
+        if unknown:
+            what = "recording" if option == "validation" else "site or recording"
+            raise UsageError(f"--{option} {unknown[0]}: no such {what}; known: {', '.join(known)}")
+    kept = tuple(r for r in recordings if r.site not in leave_out and r.name not in leave_out)
     if not kept:
         raise UsageError("--leave-out: leaves no recording to train on")
     return kept

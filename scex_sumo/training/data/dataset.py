@@ -6,13 +6,14 @@ import hashlib
 import os
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 
+from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.datasets.recordings import (
     LoadedRecording,
     Recording,
@@ -20,16 +21,19 @@ from scex_sumo.converters.datasets.recordings import (
     recording_moments,
     seed_at,
 )
-from scex_sumo.errors import TrackError
+from scex_sumo.converters.moments.moments import Moment
+from scex_sumo.errors import MapError, TrackError
 from scex_sumo.road import Road
-from scex_sumo.scene import SeedScene, States
-from scex_sumo.training.data.perturb import Perturbation, perturbed
+from scex_sumo.scene import STEP_S, SeedScene, States
+from scex_sumo.training.data.perturb import Perturbation, measured, perturbed
 from scex_sumo.training.data.samples import TrainingSamples, learnable, scene_samples
 from scex_sumo.training.data.sources import sources_digest
 from scex_sumo.training.data.split import Part, Split, split_moments
+from scex_sumo.training.data.standing import put_in_the_way
 
-MOST_MOMENTS = 1000  # of a short recording moments lie nearer together, at least 0.1 s apart
-FINEST_S = 0.1
+MOST_MOMENTS = 800  # of a short recording moments lie nearer together, at least so far apart:
+CLOSEST_S = 0.2
+SAME_MAP_M = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +42,7 @@ class SampleOptions:
 
     Attributes:
         every_s: between two moments of a long recording; a short one is looked at more often, up to
-            `MOST_MOMENTS` moments or every 0.1 s.
+            `MOST_MOMENTS` moments or every 0.2 s.
         copies: perturbed copies of each training scene.
         perturbation: how far vehicles are put off in them.
         split: which time is for what.
@@ -47,7 +51,7 @@ class SampleOptions:
 
     every_s: float = 0.5
     copies: int = 2
-    perturbation: Perturbation = field(default_factory=Perturbation)
+    perturbation: Perturbation = field(default_factory=lambda: Perturbation(speed_mps=0.7))
     split: Split = field(default_factory=Split)
     seed: int = 0
 
@@ -102,16 +106,16 @@ def make_dataset(
         digest.update(key.encode())
         loaded = load_recording(recording)
         kinds[recording.site] = recording.dataset
-        road = roads.setdefault(recording.site, loaded.road)
+        shift = map_shift(roads.setdefault(recording.site, loaded.road), loaded.road)
         for part, found in parts.items():
             file = None if cache is None else cache / f"{recording.name}-{part}-{key[:16]}.npz"
             samples = _read(file) if file is not None and file.exists() else None
             if samples is None:
-                samples = _make(loaded, road, options, part)
+                samples = _make(loaded, options, part)
                 if file is not None:
                     _write(file, samples)
             site = sites.index(recording.site)
-            found += [replace(samples, site=np.full(len(samples), site))] if samples else []
+            found += [samples.at(site, shift)] if samples else []
     if not parts["train"] or not parts["validation"]:
         short = "training" if not parts["train"] else "validation"
         raise TrackError(
@@ -128,6 +132,21 @@ def make_dataset(
     )
 
 
+def map_shift(road: Road, other: Road) -> FloatArray:
+    """(2,) m from a place on a map to the same place on another of the site: NGSIM's have zeros of their own.
+
+    Raises:
+        MapError: they are different maps.
+    """
+    common = [(road.lanes[k].centreline, other.lanes[k].centreline) for k in road.lanes.keys() & other.lanes]
+    shifts = [theirs - mine for mine, theirs in common if mine.shape == theirs.shape]
+    every = np.concatenate(shifts) if shifts else np.full((1, 2), np.inf)
+    shift: FloatArray = np.median(every, axis=0)
+    if not np.isfinite(shift).all() or np.abs(every - shift).max() > SAME_MAP_M:
+        raise MapError(f"{other.name}: another map than that of its site, {road.name}; train them separately")
+    return shift
+
+
 def part_scenes(
     loaded: LoadedRecording, part: Part, *, split: Split, every_s: float, most: int | None = None
 ) -> list[SeedScene]:
@@ -135,17 +154,17 @@ def part_scenes(
 
     Args:
         every_s: between two moments.
-        most: short recordings are looked at more often, up to so many moments in all, or every 0.1 s.
+        most: short recordings are looked at more often, up to so many moments in all, or every 0.2 s.
 
     Raises:
         TrackError: a track is not finite.
     """
-    every = recording_moments(loaded, every_s=FINEST_S)
+    every = recording_moments(loaded, every_s=STEP_S)
     step_s = every_s
     if every and most is not None and not every[0].case:
-        step_s = max(FINEST_S, min(every_s, (every[-1].time_s - every[0].time_s) / most))
+        step_s = max(CLOSEST_S, min(every_s, (every[-1].time_s - every[0].time_s) / most))
     last, scenes = -np.inf, []
-    for moment in split_moments(every, split)[part]:
+    for moment in _moments_of(every, part, split, loaded.recording.name):
         if not moment.case and moment.time_s - last < step_s - 1e-6:
             continue
         last = moment.time_s
@@ -154,6 +173,14 @@ def part_scenes(
         if len(learnable(scene)):
             scenes.append(scene)
     return scenes
+
+
+def _moments_of(every: list[Moment], part: Part, split: Split, name: str) -> list[Moment]:
+    """Moments of a part of a recording: cut by time, or as a whole where it is short."""
+    whole = None if not every or every[0].case else split.whole_part(name, every[-1].time_s - every[0].time_s)
+    if whole is None:
+        return split_moments(every, split)[part]
+    return every if whole == part else []
 
 
 def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
@@ -169,15 +196,24 @@ def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
                 )
 
 
-def _make(loaded: LoadedRecording, road: Road, options: SampleOptions, part: Part) -> TrainingSamples | None:
+def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> TrainingSamples | None:
     """Samples of one part, perturbed copies of training scenes included; None where there are none."""
     rng = np.random.default_rng([options.seed, zlib.crc32(loaded.recording.name.encode())])
     copies = options.copies if part == "train" else 0
-    found = []
+    road, found = loaded.road, []
     for scene in part_scenes(loaded, part, split=options.split, every_s=options.every_s, most=MOST_MOMENTS):
         put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(copies)]
-        samples = scene_samples(scene, road, States.stack([scene.history, *put_off], 0))
+        seen = [measured(states, options.perturbation, rng) for states in put_off]
+        whole = States.stack([scene.history, *put_off], 0)
+        samples = scene_samples(scene, road, whole, seen=States.stack([scene.history, *seen], 0))
         found += [samples] if samples is not None else []
+        stop = put_in_the_way(scene, road, learnable(scene), rng) if part == "train" else None
+        if stop is not None:
+            seen_now = measured(stop[0].history, options.perturbation, rng)
+            samples = scene_samples(
+                stop[0], road, stop[0].history.repeat(1), seen=seen_now.repeat(1), blocked=stop[1]
+            )
+            found += [samples] if samples is not None else []
     return TrainingSamples.concatenate(found) if found else None
 
 

@@ -8,7 +8,11 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.scene import States
+from scex_sumo.scene import STEP_S, States
+
+# Errors of NGSIM's tracks against a smooth motion: speeds of one track are alike for so long.
+ALIKE_S = 0.15
+CALM_MPS = 3.0  # below, errors shrink with the speed: who stands is seen to stand
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,11 +23,13 @@ class Perturbation:
         lateral_m: sideways.
         heading_rad: turned.
         share: of the vehicles of a copy that are put off; the others stay.
+        speed_mps: standard deviation of the error of half of the speeds as `measured` gives them.
     """
 
     lateral_m: float = 0.7
     heading_rad: float = float(np.deg2rad(5.0))
     share: float = 1.0
+    speed_mps: float = 0.0
 
 
 def perturbed(history: States, perturbation: Perturbation, rng: np.random.Generator) -> States:
@@ -40,6 +46,35 @@ def perturbed(history: States, perturbation: Perturbation, rng: np.random.Genera
     lateral = off * rng.uniform(-perturbation.lateral_m, perturbation.lateral_m, count)
     turn = off * rng.uniform(-perturbation.heading_rad, perturbation.heading_rad, count)
     return moved(history, lateral, turn)
+
+
+def measured(history: States, perturbation: Perturbation, rng: np.random.Generator) -> States:
+    """States as a worse tracker sees them: off along the way, by an error that changes smoothly.
+
+    Half of the vehicles are seen as they are; with the others the error is of their own size.
+
+    Args:
+        history: (V, T).
+    """
+    count, steps = history.shape
+    reach = 4  # steps, almost three times `ALIKE_S`
+    t = STEP_S * np.arange(-reach, reach + 1)
+    kernel = np.exp(-0.5 * (t / ALIKE_S) ** 2)
+    kernel /= np.sqrt((kernel**2).sum())
+    white = rng.standard_normal((count, steps + 2 * reach + 1))
+    smooth = np.lib.stride_tricks.sliding_window_view(white, 2 * reach + 1, axis=1) @ kernel
+    # The error of the speed is the slope of that of the place, whose spread follows from it.
+    slope = np.diff(smooth, axis=1) / STEP_S
+    size = np.where(rng.random(count) < 0.5, 0.0, perturbation.speed_mps * np.abs(rng.standard_normal(count)))
+    calm = np.minimum(history.speed.mean(axis=1) / CALM_MPS, 1.0)
+    unit = (size * calm * np.sqrt(2) * ALIKE_S)[:, None]
+    way = unit * smooth[:, 1:]
+    return States(
+        x=history.x + way * np.cos(history.heading),
+        y=history.y + way * np.sin(history.heading),
+        heading=history.heading,
+        speed=np.maximum(history.speed + unit * slope, 0.0),
+    )
 
 
 def moved(history: States, lateral: FloatArray, turn: FloatArray) -> States:

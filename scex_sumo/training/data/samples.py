@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, Who
+from scex_sumo.training.data.standing import standing_gap, stopping_way
 from scex_sumo.training.data.targets import along_paths, fading, right_paths, smooth_return
 
 CATCH_UP_S = 4.0  # within which a driver who is ahead or behind gets to where the recorded one was
@@ -69,6 +70,11 @@ class TrainingSamples:
     def __len__(self) -> int:
         return len(self.nodes)
 
+    def at(self, site: int, shift: FloatArray) -> TrainingSamples:
+        """The same samples as of a site, whose map lies elsewhere: a `shift` (2,) off, m."""
+        pose = self.pose - np.append(shift, 0.0)
+        return replace(self, site=np.full(len(self), site), pose=pose)
+
     @classmethod
     def concatenate(cls, parts: Sequence[TrainingSamples]) -> TrainingSamples:
         """All graphs of several sets of samples; the sets must be of one kind."""
@@ -80,7 +86,14 @@ class TrainingSamples:
 
 
 def scene_samples(
-    scene: SeedScene, road: Road, states: States, *, site: int = 0, step: int = 0
+    scene: SeedScene,
+    road: Road,
+    states: States,
+    *,
+    seen: States | None = None,
+    blocked: IntArray | None = None,
+    site: int = 0,
+    step: int = 0,
 ) -> TrainingSamples | None:
     """Samples of a scene, one graph for each child.
 
@@ -90,14 +103,17 @@ def scene_samples(
 
     Args:
         scene: the seed scene, with its future.
-        states: (C, V, 11) what the drivers see, oldest first.
+        states: (C, V, 11) what the vehicles did, oldest first.
+        seen: (C, V, 11) what the drivers see of it; None is the same.
+        blocked: vehicles that have been given a standing vehicle on their way, the only ones to be learned
+            from: they stop behind it, see `standing`.
         site: number of the site.
         step: steps since the seed scene.
 
     Returns:
         C graphs, or None where no vehicle can be learned from.
     """
-    usable = learnable(scene, step)
+    usable = learnable(scene, step) if blocked is None else blocked
     children = states.shape[0]
     if not len(usable):
         return None
@@ -109,8 +125,11 @@ def scene_samples(
     who = Who(child=child, vehicle=vehicle)
     rows, takes = np.tile(row, children), np.tile(right, children)
     drawn = np.zeros((children, scene.vehicles))
-    history = history_at(scene, states, np.arange(children), drawn, step=step)
-    goal = _goals(paths, rows, who, history, recorded[vehicle], future[vehicle][:, :PLAN_STEPS])
+    seen = states if seen is None else seen
+    history = history_at(scene, seen, np.arange(children), drawn, step=step)
+    actual = states[:, :, -1][child, vehicle]
+    gap = None if blocked is None else standing_gap(history, who, paths, rows)
+    goal = _goals(paths, rows, who, history, actual, recorded[vehicle], future[vehicle][:, :PLAN_STEPS], gap)
     keep = goal.near
     who = who[keep]
     inputs = path_inputs(history, road, who, paths, rows[keep])
@@ -164,19 +183,42 @@ class _Goals:
 
 
 def _goals(
-    paths: SeedPaths, row: IntArray, who: Who, history: SceneHistory, recorded: States, future: States
+    paths: SeedPaths,
+    row: IntArray,
+    who: Who,
+    history: SceneHistory,
+    actual: States,
+    recorded: States,
+    future: States,
+    gap: FloatArray | None,
 ) -> _Goals:
-    """What each vehicle should do along each of its paths, from where it is in its child."""
+    """What each vehicle should do along each of its paths, from where it is in its child.
+
+    Args:
+        actual: (P,) where it is; `history` has where it is seen.
+        recorded: (P,) where the recorded one was.
+        future: (P, H) what that did.
+        gap: (P,) m to a standing vehicle that it shall stop behind, or None.
+    """
     present = history.now[who.child, who.vehicle]
     way = BEHIND_M + history.step * STEP_S * history.scene.now.speed[who.vehicle]
     s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, start_way=way)
     s_now, d_now, _, _ = along_paths(paths, row, present, present[:, None], start_way=way)
     heading = sample_paths(paths, row, s_now)[4]
-    aside, ahead = d_now - d_then, s_now - s_then
-    lean = np.tan(np.clip(wrap(present.heading - recorded.heading), -MOST_SLOPE, MOST_SLOPE))
-    catching = _catch_up(ahead, present.speed - recorded.speed, future.x.shape[1])
-    travelled = np.maximum.accumulate(np.maximum(s_true + catching - s_now[:, None], 0.0), axis=1)
-    d = d_true + smooth_return(aside, lean, present.speed, travelled)
+    s_here, d_here, _, _ = along_paths(paths, row, actual, actual[:, None], start_way=way)
+    aside, ahead = d_here - d_then, s_here - s_then
+    lean = np.tan(np.clip(wrap(actual.heading - recorded.heading), -MOST_SLOPE, MOST_SLOPE))
+    if gap is None:
+        catching = _catch_up(ahead, actual.speed - recorded.speed, future.x.shape[1])
+        travelled = np.maximum.accumulate(np.maximum(s_true + catching - s_now[:, None], 0.0), axis=1)
+        near = np.abs(ahead) <= MOST_AHEAD_M
+    else:
+        s_true = np.maximum.accumulate(np.maximum(s_true, s_then[:, None]), axis=1)
+        travelled = np.minimum(s_true - s_then[:, None], stopping_way(present.speed, gap, PLAN_STEPS))
+        places = zip(s_now[:, None] + travelled, s_true, d_true, strict=True)
+        d_true = np.array([np.interp(*one) for one in places]).reshape(d_true.shape)
+        near = np.ones(len(row), dtype=np.bool_)
+    d = d_true + smooth_return(aside, lean, actual.speed, travelled)
     px, py, cos, sin, _, _ = _sampled(paths, row, s_now[:, None] + travelled)
     dx, dy = px - d * sin - present.x[:, None], py + d * cos - present.y[:, None]
     own_cos, own_sin = np.cos(present.heading)[:, None], np.sin(present.heading)[:, None]
@@ -185,7 +227,7 @@ def _goals(
         d=d,
         start=np.stack([present.speed, d_now, wrap(present.heading - heading), aside], -1),
         xy=np.stack([own_cos * dx + own_sin * dy, own_cos * dy - own_sin * dx], -1),
-        near=(np.abs(ahead) <= MOST_AHEAD_M) & (np.abs(aside) <= MOST_ASIDE_M),
+        near=near & (np.abs(aside) <= MOST_ASIDE_M),
     )
 
 

@@ -12,6 +12,7 @@ from scex_sumo.errors import UsageError
 Part: TypeAlias = Literal["train", "validation", "test"]
 PARTS: tuple[Part, ...] = ("train", "validation", "test")
 ROUNDING_S = 1e-6
+TARGET_S = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,12 +24,16 @@ class Split:
         test: share at its end for test.
         history_s: what a sample sees before its moment, s.
         future_s: what a sample may use after its moment, s: 3 s of target and 2 s of driving in between.
+        kept_validation: names of short recordings (`whole_part`) that are for validation as a whole.
+        kept_test: names of those for test.
     """
 
     validation: float = 0.1
     test: float = 0.2
     history_s: float = 1.0
     future_s: float = 5.0
+    kept_validation: tuple[str, ...] = ()
+    kept_test: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not (self.validation >= 0 and self.test >= 0 and self.validation + self.test < 1):
@@ -36,6 +41,17 @@ class Split:
                 f"split: validation {self.validation:g} and test {self.test:g} must be shares that leave "
                 "something for training"
             )
+
+    def whole_part(self, name: str, span_s: float) -> Part | None:
+        """The part that a recording is in as a whole: one too short to have a sample in a part for test.
+
+        None for a longer one, which is cut. Short ones that are kept for nothing else are for training.
+        """
+        if not self.test or self.test * span_s >= self.history_s + TARGET_S:
+            return None
+        if name in self.kept_test:
+            return "test"
+        return "validation" if name in self.kept_validation else "train"
 
     def part(self, time_s: float, first_s: float, last_s: float) -> Part | None:
         """The part that a moment belongs to, or None in the gaps between the parts.

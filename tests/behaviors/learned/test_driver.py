@@ -181,6 +181,22 @@ def test_the_likeliest_path_is_the_networks_own_and_the_same_in_all_children(
     assert (paths.count > 1).any()
 
 
+def test_paths_are_drawn_as_often_as_the_network_holds_them_probable(tmp_path: Path) -> None:
+    model = driver(tmp_path, "graph_predictor:path=likeliest:mode=draw")
+    assert isinstance(model, GraphPredictor)
+    children = 400
+    draw = np.random.default_rng(0).random((children, SCENE.vehicles))
+    history = roads.present(SCENE, children, draw)
+    paths, row = model.driver._paths(history, ROAD, roads.every(history))
+    upper = choice_of(SCENE, model.driver, ROAD).paths
+    taken = row.reshape(children, -1) - paths.first
+    assert (taken < paths.count).all()
+    shares = np.diff(upper, axis=1, prepend=0.0)
+    counted = np.stack([(taken == path).mean(0) for path in range(upper.shape[1])], 1)
+    assert np.abs(counted - shares).max() < 4 * np.sqrt(0.25 / children)
+    assert (paths.count > 1).any()
+
+
 def test_attention_changes_what_is_driven(tmp_path: Path) -> None:
     plans = [
         roads.plan(driver(tmp_path, f"graph_image_predictor:attention={w}"), ROAD, roads.present(SCENE)).x
@@ -203,12 +219,13 @@ def test_weights_that_change_while_a_run_goes_on_are_not_mixed(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("guard", ["", ":guard=true"])
 @pytest.mark.parametrize(("speed", "gap"), [(5.0, 15.0), (10.0, 30.0), (13.0, 50.0)])
-def test_the_shipped_drivers_with_the_guard_stop_behind_a_standing_vehicle(
-    name: str, speed: float, gap: float
+def test_the_shipped_drivers_stop_behind_a_standing_vehicle_and_need_no_guard_for_it(
+    name: str, speed: float, gap: float, guard: str
 ) -> None:
     scene = roads.scene_of((50.0, 0.0, 0.0, speed), (50.0 + gap + 4.5, 0.0, 0.0, 0.0))
-    model = build(parse_models(f"{name}:guard=true")[0])
+    model = build(parse_models(f"{name}{guard}")[0])
     history = roads.present(scene)
     first = Who(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     for step in range(0, 60, 5):

@@ -66,3 +66,9 @@ def test_cases_are_split_by_order_with_one_left_out_between() -> None:
 def test_shares_that_leave_nothing_to_train_on_are_rejected() -> None:
     with pytest.raises(UsageError, match="leave something for training"):
         Split(validation=0.5, test=0.5)
+
+
+def test_a_recording_too_short_to_be_cut_is_in_the_part_that_names_it_and_else_for_training() -> None:
+    split = Split(kept_validation=("a",), kept_test=("b",))
+    assert [split.whole_part(name, 9.0) for name in "abc"] == ["validation", "test", "train"]
+    assert split.whole_part("a", 30.0) is None

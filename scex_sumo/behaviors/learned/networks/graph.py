@@ -20,7 +20,8 @@ STRONGEST_BRAKING = 9.0  # m/s²
 STRONGEST_ACCELERATION = 5.0
 WIDEST_OFFSET_M = 8.0  # from the present offset
 HISTORY_COLUMNS = 5
-SPEED, ACCELERATION, OFFSET = (OWN_COLUMNS.index(n) for n in ("speed", "acceleration", "offset"))
+SPEED, OFFSET = OWN_COLUMNS.index("speed"), OWN_COLUMNS.index("offset")
+PRESENT = tuple(OWN_COLUMNS.index(name) for name in ("acceleration", "trend"))  # of the last 0.3 s and 1 s
 
 
 class SceneBatch(NamedTuple):
@@ -152,7 +153,7 @@ class PlanHead(nn.Module):
         per_mode = KNOTS + (KNOTS - 1 if steers else 0) + (2 * KNOTS if self.free else 0)
         self.body = mlp(inner, 2 * sizes.hidden, 2 * sizes.hidden)
         self.knots = Linear(2 * sizes.hidden, sizes.modes * per_mode)
-        self.choice = Linear(2 * sizes.hidden, sizes.modes + 1)
+        self.choice = Linear(2 * sizes.hidden, sizes.modes + 1 + len(PRESENT))
         self.register_buffer("between", interpolation(), persistent=False)
 
     def forward(self, h: Tensor, features: Tensor) -> Modes:
@@ -165,13 +166,16 @@ class PlanHead(nn.Module):
             offset = self._offset(knots[..., KNOTS : 2 * KNOTS - 1], features[:, OFFSET])
         if self.free:
             free = self._free(knots[..., 2 * KNOTS - 1 :].unflatten(2, (KNOTS, 2)), features[:, SPEED])
-        acceleration = self._acceleration(knots[..., :KNOTS], features[:, ACCELERATION])
-        return Modes(choice[:, :-1], acceleration, offset, choice[:, -1], free)
+        logits, path, trust = choice.split([self.modes, 1, len(PRESENT)], 1)
+        present = (torch.sigmoid(trust) * features[:, PRESENT].clamp(-4.0, 4.0)).sum(1)
+        acceleration = self._acceleration(knots[..., :KNOTS], present)
+        return Modes(logits, acceleration, offset, path[:, 0], free)
 
     def _acceleration(self, knots: Tensor, present: Tensor) -> Tensor:
-        # What the vehicle does now fades within half a second, so that it need not be learned.
+        # What the vehicle does now fades within half a second, so that it need not be learned; but how far
+        # its speeds can be trusted is.
         fading = torch.exp(-torch.arange(KNOTS, dtype=knots.dtype, device=knots.device))
-        wanted = knots + present.clamp(-4.0, 4.0)[:, None, None] * fading
+        wanted = knots + present[:, None, None] * fading
         bounded = torch.where(
             wanted > 0,
             STRONGEST_ACCELERATION * torch.tanh(wanted / STRONGEST_ACCELERATION),

@@ -17,16 +17,20 @@ from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sa
 from scex_sumo.behaviors.learned.seen.surface import path_room
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, SceneHistory, States, Who
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, States, Who
 
 AHEAD_M = (2.5, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 90.0)
 CLEARANCE_M = 1.5  # whose centre is this near to the path is on it
 RADIUS_M = 100.0
 RATE_STEPS = 3  # accelerations and yaw rates are means over so many steps
+PAST_S = np.arange(-HISTORY_STEPS, 1) * STEP_S
+TREND = (PAST_S - PAST_S.mean()) / ((PAST_S - PAST_S.mean()) ** 2).sum()  # weights of a straight line's slope
 
 OWN_COLUMNS = (
     "speed",
+    "mean_speed",
     "acceleration",
+    "trend",
     "yaw_rate",
     "offset",
     "heading_error",
@@ -38,7 +42,14 @@ OWN_COLUMNS = (
 ROAD_COLUMNS = tuple(
     f"{name}_{ahead:g}" for name in ("x", "y", "heading", "curvature", "limit") for ahead in AHEAD_M
 )
-LEADER_COLUMNS = ("leader", "leader_gap", "leader_speed", "closing", "needed_deceleration")
+LEADER_COLUMNS = (
+    "leader",
+    "leader_gap",
+    "leader_speed",
+    "leader_trend",
+    "closing",
+    "needed_deceleration",
+)
 PATH_COLUMNS = OWN_COLUMNS + ROAD_COLUMNS + LEADER_COLUMNS  # what others do comes last
 
 
@@ -61,11 +72,12 @@ def path_inputs(
     """The road ahead of n vehicles along n paths, in each vehicle's own frame.
 
     Per distance of `AHEAD_M` from the foot point: x ahead and y to the left (m), heading relative to the
-    vehicle's (rad, without jumps), curvature (1/m) and speed limit (m/s). Then the vehicle's own motion,
+    vehicle's (rad, without jumps), curvature (1/m) and speed limit (m/s). Then the vehicle's own motion, with
+    the mean and the slope of its speed over the past second (one state may be far off),
     its offset (m, left positive) and heading error against the path, its yaw rate minus what the path asks
     for, the room on both sides, the way to the end of the mapped road (at most 100 m); and the leader on the
-    path: whether there is one, gap (100 m without one), speed (the own without one), closing speed, and the
-    deceleration that brings it to zero within the gap.
+    path: whether there is one, gap (100 m without one), speed (the own without one) and its slope, closing
+    speed, and the deceleration that brings it to zero within the gap.
 
     Args:
         who: the n vehicles; the same vehicle may be there with several paths.
@@ -79,12 +91,15 @@ def path_inputs(
     half = history.scene.width[who.vehicle] / 2
     sides = np.maximum(np.column_stack([left, right]) - half[:, None], 0.0)
     acceleration, yaw_rate = rates(history, who)
+    past = history.states[who.child, who.vehicle]
     here = sample_paths(paths, row, s)
     error = wrap(own.heading - path_heading)
     motion = np.column_stack(
         [
             own.speed,
+            past.speed.mean(axis=1),
             acceleration,
+            past.speed @ TREND,
             yaw_rate,
             offset,
             error,
@@ -139,11 +154,14 @@ def _leader(
     speed: FloatArray,
     radius: float,
 ) -> FloatArray:
-    """(n, 5) the `LEADER_COLUMNS`."""
+    """(n, 6) the `LEADER_COLUMNS`."""
     found = find_leaders(history, who, paths, row, s, clearance=CLEARANCE_M, radius=radius)
     there = found.index >= 0
     gap = np.clip(np.where(there, found.gap, 100.0), -5.0, 100.0)
     leader_speed = np.where(there, found.speed, speed)
     closing = speed - leader_speed
     needed = np.maximum(closing, 0.0) ** 2 / (2 * np.maximum(gap, 1.0))
-    return np.column_stack([there, gap, leader_speed, closing, np.minimum(needed, 20.0)])
+    vehicle = there & (found.index < history.scene.vehicles)
+    past = history.states.speed[who.child, np.where(vehicle, found.index, 0)]
+    trend = np.where(vehicle, past @ TREND, 0.0)
+    return np.column_stack([there, gap, leader_speed, trend, closing, np.minimum(needed, 20.0)])

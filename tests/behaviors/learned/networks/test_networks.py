@@ -21,7 +21,7 @@ from scex_sumo.behaviors.learned.networks.graph import (
 from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet, ImageBatch
 from scex_sumo.behaviors.learned.networks.layers import make_exact
 from scex_sumo.behaviors.learned.networks.tensors import map_image, path_batch, scene_batch
-from scex_sumo.behaviors.learned.seen.inputs import path_inputs
+from scex_sumo.behaviors.learned.seen.inputs import PATH_COLUMNS, path_inputs
 from scex_sumo.behaviors.learned.seen.raster import CHANNELS, raster_of
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.road import Road
@@ -121,8 +121,9 @@ def moved(turn: float, shift: tuple[float, float]) -> tuple[SeedScene, Road]:
 def test_the_graph_branch_does_not_care_where_the_scene_is_and_where_north_is() -> None:
     net = network("graph")
     assert isinstance(net, GraphPredictorNet)
-    for column in (6, 7, 8):  # the surface is a grid: rooms and the way to the end differ by its cells
-        net.path_scale.spread[column] = 1e9
+    # The surface is a grid: rooms and the way to the end differ by its cells.
+    for name in ("room_left", "room_right", "end"):
+        net.path_scale.spread[PATH_COLUMNS.index(name)] = 1e9
     before = ask(net, roads.present(SCENE), ROAD)
     scene, road = moved(2.3, (812.0, -455.0))
     after = ask(net, roads.present(scene), road)
