@@ -32,7 +32,7 @@ def potential_time_to_collision(
     """
     closing = follower_speed - leader_speed
     time = time_to_collision(gap=gap, closing_speed=closing)
-    # A reversing leader with a negative acceleration speeds up; it is not braking. Products under 1e-308 are 0
+    # A reversing leader with a negative acceleration speeds up; it is not braking. Denormal products are 0.
     braking = np.flatnonzero((leader_acceleration < -1e-300) & (leader_speed >= 0))
     if braking.size == 0:
         return time
