@@ -21,6 +21,7 @@ from scex_sumo.scene import States
 
 WINDOW_STEPS = 64
 STACKED_STEPS = 200  # longer cases are cut into windows
+SILENT_STEPS = 600  # that nobody is seen for; a longer while counts as much, for no metric looks so far
 STACKED_VALUES = 1 << 20  # largest (case, step, vehicle, vehicle) of stacked cases
 
 
@@ -102,7 +103,7 @@ def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
     new_case = np.diff(scenes[:, 0], prepend=-1) != 0
     ahead = np.rint(np.diff(scenes[:, 1], prepend=0) / (1000 * step_s))
     # Summed step by step, so that stamps rounded to milliseconds do not drift off the grid.
-    count = np.cumsum(np.where(new_case, 0, np.maximum(ahead, 1)))
+    count = np.cumsum(np.where(new_case, 0, np.clip(ahead, 1, SILENT_STEPS)))
     start = count[np.flatnonzero(new_case)][np.cumsum(new_case) - 1]
     follows = np.diff(rows.track, prepend=-1) == 0
     elapsed = np.diff(rows.timestamp_ms, prepend=0) / 1000

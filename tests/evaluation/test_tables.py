@@ -175,6 +175,14 @@ def test_stamps_that_jitter_stay_on_the_grid(tmp_path: Path) -> None:
     assert block.tracks.step_s == pytest.approx(1 / 30, abs=1e-3)
 
 
+def test_a_while_without_anybody_costs_no_memory(tmp_path: Path) -> None:
+    rows = [row(k, frame, 10.0 * k + frame, 0.0, 10.0) for k in (1, 2) for frame in range(1, 40)]
+    rows += [row(1, 160_000, 500.0, 0.0, 10.0)]  # four and a half hours later
+    found = list(blocks(write_csv(tmp_path / "a.csv", rows)))
+    assert max(block.tracks.states.x.shape[1] for block in found) < 1000
+    assert max(int(block.timestamp_ms.max()) for block in found) == 16_000_000
+
+
 def test_ids_of_cases_keep_their_kind(tmp_path: Path) -> None:
     for names, expected in ((("2.0", "10.0"), [2, 10]), (("0.5", "2"), [0.5, 2.0]), (("a", "b"), ["a", "b"])):
         rows = [f"{name},{row(1, 1, 0, 0, 1.0)}" for name in names]

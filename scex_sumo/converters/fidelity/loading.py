@@ -85,7 +85,7 @@ def _sumolib_warnings(path: Path) -> tuple[str, ...]:
         warnings.simplefilter("always")
         try:
             sumolib.net.readNet(str(path), withInternal=True)
-        except (KeyError, ValueError, IndexError, AttributeError, TypeError, ElementTree.ParseError) as error:
+        except (LookupError, ValueError, AttributeError, TypeError, ElementTree.ParseError) as error:
             return (f"Error: sumolib cannot read it: {type(error).__name__}: {error}",)
     said = [str(one.message) for one in caught if not issubclass(one.category, DeprecationWarning)]
     return tuple(said + [line for line in heard.getvalue().splitlines() if line.strip()])

@@ -139,7 +139,7 @@ def read_net(path: Path, place: Georeference | None = None) -> JudgedNet:
         root = ElementTree.parse(path).getroot()
     except FileNotFoundError:
         raise InputError(f"{path}: no such net; convert the map first") from None
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter of its encoding
         raise InputError(f"{path}: not XML ({error}); give a SUMO .net.xml") from None
     if root.tag != "net":
         raise InputError(f"{path}: root element is <{root.tag}>, not <net>; give a SUMO .net.xml")

@@ -143,7 +143,7 @@ def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
                 kinds.append("pedestrian" if element.tag == "person" else element.get("type", ""))
                 values = (element.get(column, "nan") for column in _COLUMNS[1:])
                 rows.append([time, *map(float, values)])
-    except (OSError, EOFError, zlib.error, ValueError, ElementTree.ParseError) as error:
+    except (OSError, EOFError, zlib.error, ValueError, LookupError, ElementTree.ParseError) as error:
         raise TrackError(f"{path}: cannot be read as SUMO's fcd-output: {error}") from None
     return names, kinds, np.array(rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
 

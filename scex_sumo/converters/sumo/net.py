@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import zlib
 from collections.abc import Container, Mapping
 from dataclasses import replace
@@ -18,6 +19,7 @@ from scex_sumo.converters.sumo.lanelets import lanelet_places, named_parts, put_
 from scex_sumo.converters.sumo.rules import junction_rules
 from scex_sumo.errors import MapError, reason_of
 from scex_sumo.geometry.polylines import arc_lengths
+from scex_sumo.programs import environment, program
 from scex_sumo.road import Area, Lane, Marking, Road
 from scex_sumo.roads.overlaps import overlapping
 
@@ -45,6 +47,25 @@ def read_sumo_road(path: str | Path) -> Road:
         MapError: the net cannot be read, or has no lane for cars.
     """
     path = Path(path)
+    try:
+        road = _road(path)
+    except (SAXException, LookupError, ValueError, AttributeError, TypeError) as error:
+        raise MapError(
+            f"{path}: sumolib cannot read it: {reason_of(error)[:200]}; build it again with netconvert"
+        ) from None
+    _try(path)
+    return road
+
+
+def _try(path: Path) -> None:
+    """Have SUMO load a net in a process of its own: some that do not hang together end libsumo's."""
+    command = [program("sumo"), "--net-file", str(path), "--end", "0", "--xml-validation.net", "never"]
+    done = subprocess.run(command, capture_output=True, env=environment(), check=False)
+    if done.returncode < 0:
+        raise MapError(f"{path}: SUMO dies of this net; build it again with netconvert")
+
+
+def _road(path: Path) -> Road:
     net, forbidden = _open(path)
     named = named_parts(_root(path))
     numbers = {name: k + 1 for k, name in enumerate(lane_names(path))}
@@ -117,7 +138,7 @@ def unpacked(path: Path) -> bytes:
 def _root(path: Path) -> ElementTree.Element:
     try:
         root = ElementTree.fromstring(unpacked(path))
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter of its encoding
         raise MapError(f"{path}: no XML ({error}); build the net again with netconvert") from None
     if root.tag != "net":
         raise MapError(f"{path}: no SUMO net, its root element is <{root.tag}>; give a .net.xml")
@@ -134,17 +155,12 @@ def _open(path: Path) -> tuple[Any, set[tuple[str, int]]]:
         for rule, side in (("changeLeft", 1), ("changeRight", -1))
         if (allowed := lane.get(rule)) is not None and not {"all", "passenger"} & set(allowed.split())
     }
-    try:
-        net = sumolib.net.readNet(str(path), withInternal=True, withFoes=True)
-        for name in lane_names(path):
-            _check_lane(net.getLane(name))
-        missing = [node.getID() for node in net.getNodes() if node.getType() is None]
-        if missing:
-            raise ValueError(f"no junction {missing[0]}")
-    except (SAXException, LookupError, ValueError, AttributeError, TypeError) as error:
-        raise MapError(
-            f"{path}: sumolib cannot read it: {reason_of(error)[:200]}; build it again with netconvert"
-        ) from None
+    net = sumolib.net.readNet(str(path), withInternal=True, withFoes=True)
+    for name in lane_names(path):
+        _check_lane(net.getLane(name))
+    missing = [node.getID() for node in net.getNodes() if node.getType() is None]
+    if missing:
+        raise ValueError(f"no junction {missing[0]}")
     return net, forbidden
 
 

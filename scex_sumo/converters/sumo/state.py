@@ -36,12 +36,12 @@ def read_state(path: str | Path, net: Path | None) -> tuple[TrackTable, tuple[st
         root, roads = (ElementTree.fromstring(unpacked(file)) for file in (path, net))
         time_s = float(root.get("time", "nan"))
         rows = list(_rows(root, roads, time_s))
-    except (MapError, ElementTree.ParseError, ValueError, IndexError) as error:
-        raise TrackError(f"{path}: cannot be read as a saved state of SUMO: {error}") from None
     except KeyError as error:
         raise TrackError(
             f"{path}: {error.args[0]} is not in {net}; give the net that was simulated"
         ) from None
+    except (MapError, ElementTree.ParseError, ValueError, LookupError) as error:
+        raise TrackError(f"{path}: cannot be read as a saved state of SUMO: {error}") from None
     if not rows:
         raise TrackError(f"{path}: no vehicle on the road in it; save a state of a simulation with traffic")
     names, kinds, table = zip(*rows, strict=True)

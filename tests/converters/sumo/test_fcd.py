@@ -83,6 +83,9 @@ def test_what_is_no_fcd_is_refused(tmp_path: Path) -> None:
     file.write_text("<fcd-export><timestep")
     with pytest.raises(TrackError, match="cannot be read as SUMO's fcd-output"):
         read_fcd(file)
+    file.write_text('<?xml version="1.0" encoding="UTF-1"?><fcd-export/>')
+    with pytest.raises(TrackError, match="unknown encoding"):
+        read_fcd(file)
     pq.write_table(pa.table({"time": [0.0]}), tmp_path / "b.parquet")
     with pytest.raises(TrackError, match="no column id"):
         read_fcd(tmp_path / "b.parquet")

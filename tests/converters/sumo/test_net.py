@@ -186,3 +186,19 @@ def test_a_net_that_sumolib_stumbles_over_is_refused(merge: Path, tmp_path: Path
     path.write_text(merge.read_text().replace(old, new))
     with pytest.raises(MapError, match=r"sumolib cannot read it: .*; build it again with netconvert"):
         read_map(path)
+
+
+def test_a_net_that_sumo_itself_dies_of_is_refused_before_libsumo_does(tmp_path: Path) -> None:
+    net = generate(tmp_path / "g.net.xml", "--grid", "--grid.number", "3")
+    lines = net.read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if "<connection" in line and "via=" in line)
+    net.write_text("\n".join(lines[:first] + lines[first + 1 :]))
+    with pytest.raises(MapError, match="SUMO dies of this net"):
+        read_map(net)
+
+
+def test_encodings_that_nobody_knows_are_told(tmp_path: Path) -> None:
+    net = tmp_path / "g.net.xml"
+    net.write_text('<?xml version="1.0" encoding="UTF-1"?><net/>')
+    with pytest.raises(MapError, match="unknown encoding"):
+        read_map(net)

@@ -75,3 +75,6 @@ def test_a_state_of_another_net_or_without_one_is_refused(simulation: Path, tmp_
     empty.write_text("<snapshot")
     with pytest.raises(TrackError, match="cannot be read as a saved state"):
         read_state(empty, simulation / "g.net.xml")
+    empty.write_text('<?xml version="1.0" encoding="UTF-1"?><snapshot/>')
+    with pytest.raises(TrackError, match="unknown encoding"):
+        read_state(empty, simulation / "g.net.xml")
