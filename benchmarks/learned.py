@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 import torch
+from scex_sumo.behaviors.learned.networks.tensors import architecture
 
 import scex_sumo as scex
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.learned import driver
-from scex_sumo.behaviors.learned.networks.tensors import architecture
 from scex_sumo.behaviors.learned.weights import KINDS, save_weights
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.extrapolation.rollout import Cast, history_at, roll_out

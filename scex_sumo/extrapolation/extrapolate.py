@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import importlib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -35,8 +34,6 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.bands import Look, grow, look
 from scex_sumo.version import __version__
 from scex_sumo.world.session import load_sumo
-
-LEARNED = ("scex_sumo.behaviors.learned.driver",)  # takes seconds to import
 
 SETTINGS = tuple(field.name for field in dataclasses.fields(RunSettings))
 
@@ -89,8 +86,6 @@ def extrapolate(
     wanted, watch = _checked(scene, batch, settings), _Stopwatch()
     models = ModelSet.of(wanted)
     with _at_work(workers, wanted.count, gui) as pool:  # helpers start meanwhile
-        if models.weights:
-            pool.prepare(LEARNED)
         assignment = models.draw(
             scene.track_ids,
             children=wanted.count if wanted.until_band is None else 1,
@@ -148,9 +143,7 @@ def load_for(settings: Mapping[str, Any]) -> None:
     if wanted.world == "sumo":
         load_sumo()
     if any(spec.name in LEARNED_MODELS for spec in wanted.drawn):
-        for module in LEARNED:
-            with contextlib.suppress(ImportError):  # what is missing is said where it is used
-                importlib.import_module(module)
+        import scex_sumo.behaviors.learned.driver  # noqa: F401
 
 
 def _checked(scene: SeedScene, batch: int | None, settings: Mapping[str, Any]) -> RunSettings:
@@ -211,7 +204,7 @@ def _info(
         "net_notes": [*job.net.notes, *map(str, job.net.losses)],
         "run_notes": list(notes),
         "fallbacks": count_fallbacks(part.fallbacks, job.assignment, names, plans),
-        "versions": versions(learned=bool(job.models.weights)),
+        "versions": versions(),
     }
 
 

@@ -47,10 +47,9 @@ def describe(scene: SeedScene) -> dict[str, Any]:
     }
 
 
-def versions(*, learned: bool = False) -> dict[str, str]:
-    """Versions of what the numbers depend on; with learned models, of PyTorch as well."""
-    names = ["libsumo", "eclipse-sumo", "lanelet2", "numpy", "scipy", "shapely", "pyarrow"]
-    names += ["torch"] if learned else []
+def versions() -> dict[str, str]:
+    """Versions of what the numbers depend on."""
+    names = ("libsumo", "eclipse-sumo", "lanelet2", "numpy", "scipy", "shapely", "pyarrow")
     return {"python": platform.python_version(), **{n: _version(n) for n in names}}
 
 

@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import log_softmax, relu
 
-from scex_sumo.behaviors.learned.networks.graph import Modes
 from scex_sumo.scene import STEP_S
 from scex_sumo.training.data.batches import Batch
+from scex_sumo.training.networks.graph import Modes
 
 
 @dataclass(frozen=True, kw_only=True)

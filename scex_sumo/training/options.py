@@ -12,18 +12,15 @@ import torch
 from torch import Tensor, nn
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.behaviors.learned.networks.graph import GraphPredictorNet
-from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet
-from scex_sumo.behaviors.learned.networks.layers import Scaler
-from scex_sumo.behaviors.learned.weights import KINDS
 from scex_sumo.errors import UsageError
 from scex_sumo.training.data.batches import Batch
 from scex_sumo.training.data.dataset import Dataset
 from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.loss import LossWeights
+from scex_sumo.training.networks.kinds import KINDS, Net
+from scex_sumo.training.networks.layers import Scaler
 
 Kind: TypeAlias = Literal["graph", "hybrid"]
-Net: TypeAlias = GraphPredictorNet | GraphImageNet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +64,7 @@ class TrainOptions:
     unlinked: float = 0.2
     mirror: float = 0.5
     balance: float = 0.25
-    sizes: dict[str, int | bool] = field(default_factory=dict)
+    sizes: dict[str, Any] = field(default_factory=dict)
     weights: LossWeights = field(default_factory=LossWeights)
 
     def __post_init__(self) -> None:

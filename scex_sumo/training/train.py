@@ -13,9 +13,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from scex_sumo.behaviors.learned.networks.graph import Modes
-from scex_sumo.behaviors.learned.networks.tensors import architecture
-from scex_sumo.behaviors.learned.weights import KINDS, save_weights
+from scex_sumo.behaviors.learned.networks.architecture import Architecture
 from scex_sumo.errors import UsageError
 from scex_sumo.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from scex_sumo.training.data.batches import Batch, Batches
@@ -24,8 +22,9 @@ from scex_sumo.training.data.images import Images
 from scex_sumo.training.data.mirror import mirrored
 from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.loss import loss
+from scex_sumo.training.networks.graph import Modes
+from scex_sumo.training.networks.kinds import KINDS, Net, save_net
 from scex_sumo.training.options import (
-    Net,
     TrainOptions,
     copied,
     fit_scales,
@@ -90,7 +89,7 @@ class Trainer:
         self.dataset, self.options, self.device, self.folder = dataset, options, device, folder
         self.drift = drift if options.rounds else None
         torch.manual_seed(options.seed)
-        self.net: Net = KINDS[options.kind](architecture(**options.sizes))
+        self.net: Net = KINDS[options.kind](Architecture(**options.sizes))
         fit_scales(self.net, dataset.train)
         self.net.to(device)
         self.mean = copied(self.net)
@@ -142,8 +141,8 @@ class Trainer:
             return
         number = due.index(self.epoch)
         if len(self.drifted) <= number:
-            file = self.folder / "policy.pt"
-            save_weights(file, self.mean, {})
+            file = self.folder / "policy.safetensors"
+            save_net(file, self.mean, {})
             samples = self.drift(file, number)
             file.unlink()
             if samples is not None:

@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scex_sumo.behaviors.learned.networks.graph import Modes
 from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.loss import LossWeights, displacement, loss
+from scex_sumo.training.networks.graph import Modes
 
 Predict = Callable[[Batch], Modes]
 GUESSES = 6

@@ -48,7 +48,6 @@ def everybody(whole: SceneHistory) -> Who:
 def model(request: pytest.FixtureRequest, tmp_path: Path) -> Behavior:
     name, *rest = request.param.split(":")
     if name in LEARNED:
-        pytest.importorskip("torch")
         rest.append(f"weights={nets.untrained(tmp_path, name, SCENE, ROAD)}")
     if name == "sumo":
         return build(parse_models(request.param)[0])

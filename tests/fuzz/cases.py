@@ -167,8 +167,8 @@ def _weights(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]
     from tests.fuzz.weights import write_mutated
 
     map_path, _ = _copied(work, "urban_intersection")
-    how = write_mutated(work / "w.pt", rng)
-    return how, ["run", map_path.name, *RUN, "--models", "graph_predictor:weights=w.pt"]
+    how = write_mutated(work / "w.safetensors", rng)
+    return how, ["run", map_path.name, *RUN, "--models", "graph_predictor:weights=w.safetensors"]
 
 
 def _options(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:

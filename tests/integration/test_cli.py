@@ -353,13 +353,17 @@ def test_the_package_imports_nothing_heavy() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ})
 
 
-def test_a_run_with_rule_based_models_does_not_import_torch(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("models", "learned"), [("rules", False), ("paper", True)])
+def test_a_run_does_not_import_torch_nor_networks_that_it_does_not_use(
+    tmp_path: Path, models: str, learned: bool
+) -> None:
     code = (
         "import sys, scex_sumo\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
-        "run = scex_sumo.extrapolate(seed, children=2)\n"
+        f"run = scex_sumo.extrapolate(seed, children=2, models={models!r})\n"
         "assert run.children == 2 and run.p_critical('wttc').low >= 0\n"
         "assert 'torch' not in sys.modules\n"
+        f"assert ('scex_sumo.behaviors.learned.driver' in sys.modules) == {learned}\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path

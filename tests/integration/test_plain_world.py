@@ -39,7 +39,6 @@ def test_both_worlds_hold_the_same_on_the_example_maps(name: str, tmp_path: Path
 
 @pytest.mark.parametrize("models", ["paper", "graph_image_predictor:head=free,graph_predictor:mode=draw"])
 def test_both_worlds_hold_the_same_with_networks(models: str, tmp_path: Path) -> None:
-    pytest.importorskip("torch")
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
     assert_equal(in_both(scene, tmp_path, models=models, children=12))
 

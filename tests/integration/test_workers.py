@@ -86,7 +86,6 @@ def test_a_run_that_is_over_before_its_workers_are_ready_ends_them_and_says_noth
         "import scex_sumo, scex_sumo.extrapolation.workers.pool\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
         "with scex_sumo.extrapolation.workers.pool.Workers(2) as workers:\n"
-        "    workers.prepare(['this', 'time'])\n"
         "    for number in range(2):\n"
         "        run = scex_sumo.extrapolate(\n"
         "            seed, children=2, steps=1, batch=1, workers=workers, seed=number)\n"

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
-pytest.importorskip("torch_geometric")
 
 from scex_sumo.behaviors.learned.weights import load_weights  # noqa: E402
 from scex_sumo.commands.of_datasets.train import train_command  # noqa: E402
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording  # noqa: E402
-from scex_sumo.errors import MapError, ResultError, TrackError, UsageError  # noqa: E402
+from scex_sumo.errors import MapError, MissingExtraError, ResultError, TrackError, UsageError  # noqa: E402
 from scex_sumo.road import Road  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
 from scex_sumo.training.data import dataset as dataset_module  # noqa: E402
@@ -192,7 +191,7 @@ def test_a_recording_too_short_says_so() -> None:
 
 def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
     def train(**given: Any) -> None:
-        train_command(**{"kind": "graph", "data": [tmp_path], "out": tmp_path / "w.pt", **given})
+        train_command(**{"kind": "graph", "data": [tmp_path], "out": tmp_path / "w.safetensors", **given})
 
     with pytest.raises(UsageError, match="unknown network; known: graph, hybrid"):
         train(kind="transformer")
@@ -202,14 +201,14 @@ def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
         train(data=[])
     with pytest.raises(UsageError, match="no such folder"):
         train(data=[tmp_path / "nowhere"])
-    (tmp_path / "w.pt").write_bytes(b"")
+    (tmp_path / "w.safetensors").write_bytes(b"")
     with pytest.raises(ResultError, match="--overwrite"):
         train()
     with pytest.raises(ResultError, match="--overwrite"):  # finished: there is nothing to go on from
         train(resume=True)
     for few in ({"epochs": 0}, {"rounds": -1}):
         with pytest.raises(UsageError, match="--epochs needs at least 1"):
-            train(out=tmp_path / "other.pt", **few)
+            train(out=tmp_path / "other.safetensors", **few)
 
 
 def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monkeypatch) -> None:
@@ -221,13 +220,22 @@ def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monke
     for suffix in (".osm", ".csv"):
         source = example_path("motorway_merge").with_suffix(suffix)
         (folder / source.name).write_bytes(source.read_bytes())
-    out = tmp_path / "mine.pt"
+    out = tmp_path / "mine.safetensors"
     train_command("graph", [folder], out, epochs=2, rounds=1, cache=tmp_path / "cache")
-    _, meta = load_weights(out, "graph")
+    meta = load_weights(out, "graph").meta
     assert meta["sites"] == ["motorway_merge"]
     assert meta["command"] == "scex-sumo train graph --data data --seed 0 --epochs 2 --rounds 1 --every 0.5"
     assert meta["validation"]["motorway_merge"]["fde_m"] > 0
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "data", "mine.pt"]  # no checkpoints left
+    # no checkpoints left
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "data", "mine.safetensors"]
+
+
+def test_training_says_that_it_needs_torch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("scex_sumo.commands.of_datasets.train.find_spec", lambda name: None)
+    with pytest.raises(
+        MissingExtraError, match=r"^train: needs torch; install with: pip install 'scex-sumo\[learned\]'$"
+    ):
+        train_command("graph", [tmp_path], tmp_path / "w.safetensors")
 
 
 def test_maps_of_one_site_may_lie_elsewhere_and_must_be_the_same() -> None:
@@ -254,4 +262,4 @@ def test_names_that_are_not_there_are_refused(tmp_path: Path) -> None:
         (tmp_path / source.name).write_bytes(source.read_bytes())
     for option, what in (("leave_out", "site or recording"), ("validation", "recording")):
         with pytest.raises(UsageError, match=f"nowhere: no such {what}; known: motorway_merge"):
-            train_command("graph", [tmp_path], tmp_path / "w.pt", **{option: ["nowhere"]})
+            train_command("graph", [tmp_path], tmp_path / "w.safetensors", **{option: ["nowhere"]})

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray, distinct
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.learned.decoding import plan_along, plan_freely, way_of
-from scex_sumo.behaviors.learned.networks.graph import GraphPredictorNet, Modes
-from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet, ImageBatch, MapImage
-from scex_sumo.behaviors.learned.networks.layers import make_exact
-from scex_sumo.behaviors.learned.networks.tensors import map_image, path_batch, scene_batch
+from scex_sumo.behaviors.learned.networks.head import Modes
+from scex_sumo.behaviors.learned.networks.image import MapImage
+from scex_sumo.behaviors.learned.networks.layers import exact
+from scex_sumo.behaviors.learned.networks.nets import KINDS, GraphImageNet, Net
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
 from scex_sumo.behaviors.learned.seen.inputs import PathInputs, path_inputs
+from scex_sumo.behaviors.learned.seen.raster import raster_of
 from scex_sumo.behaviors.learned.weights import load_weights, sha256_of
 from scex_sumo.behaviors.models.path_follower import follow_path
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
@@ -42,25 +41,24 @@ Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile
 @derived
 def image_of(road: Road, net: GraphImageNet) -> MapImage:
     """A map as a network sees it, with its features."""
-    image = map_image(road)
-    return image._replace(features=net.image.features_in_strips(image.raster))
+    return net.image.seen(raster_of(road))
 
 
 @lru_cache(maxsize=4)
-def loaded(file: Path, kind: str, sha256: str) -> tuple[GraphPredictorNet | GraphImageNet, dict[str, Any]]:
+def loaded(file: Path, kind: str, sha256: str) -> tuple[Net, dict[str, Any]]:
     """The network of a file, made exact (see `layers`), and what the file says of it.
 
     Raises:
         InputError: see `load_weights`; or the file has changed since its hash was taken, or weights are so
             large that the network could not be exact.
     """
-    net, meta = load_weights(file, kind)
-    if meta["sha256"] != sha256:
+    weights = load_weights(file, kind)
+    if weights.meta["sha256"] != sha256:
         raise InputError(f"{file}: has changed since the run began; run again")
-    share = make_exact(net)
+    state, share = exact(weights.state)
     if not share < 1:
         raise InputError(f"{file}: weights add up to {share:.0f} times the most that is exact; train again")
-    return net, meta
+    return KINDS[kind](state, weights.sizes), weights.meta
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +98,7 @@ class LearnedDriver:
             raise InputError(f"{file}: trained without the head for free trajectories; use head=bounded")
 
     @property
-    def _net(self) -> GraphPredictorNet | GraphImageNet:
+    def _net(self) -> Net:
         return loaded(self.file, self.kind, self.sha256)[0]
 
     @property
@@ -130,12 +128,12 @@ class LearnedDriver:
         graph = scene_graph(history, road, radius=self.profile.radius)
         inputs = path_inputs(history, road, who, paths, row, radius=self.profile.radius)
         net = self._net
-        with torch.inference_mode(), _one_thread():
-            scene, path = scene_batch(graph), path_batch(inputs)
-            if isinstance(net, GraphImageNet):
-                image = _image(history, image_of(road, net), who)
-                return inputs, net(scene, path, image, torch.full((len(who),), self.attention).double())
-            return inputs, net(scene, path)
+        if not isinstance(net, GraphImageNet):
+            return inputs, net(graph, inputs)
+        own = history.now[who.child, who.vehicle]
+        pose = np.stack([own.x, own.y, own.heading], 1)
+        first, place = distinct(pose)  # many children have a vehicle at the same place
+        return inputs, net(graph, inputs, image_of(road, net), pose[first], place, self.attention)
 
     def _drive(
         self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray
@@ -148,16 +146,15 @@ class LearnedDriver:
         if self.profile.mode == "best":
             stays = _stays(history.now.speed[who.child, who.vehicle], modes)
             acceleration = np.where(stays[:, None], STOPPING_MPS2, acceleration)
-        offset = None if modes.offset is None else _rounded(modes.offset)[chosen]
+        offset = _rounded(modes.offset)[chosen]
         finite = np.ones(len(who), dtype=np.bool_)
         for values in (free, acceleration, offset):
             if values is not None:
                 finite &= np.isfinite(values.reshape(len(who), -1)).all(axis=1)
         if free is not None:
             return plan_freely(history, who[finite], free[finite]), finite
-        offset = None if offset is None else offset[finite]
-        made = plan_along(history, who[finite], paths, row[finite], acceleration[finite], offset, road=road)
-        return made, finite
+        wanted = (acceleration[finite], offset[finite])
+        return plan_along(history, who[finite], paths, row[finite], *wanted, road=road), finite
 
     def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
         paths, row = chosen_paths(history, road, who, _plain(self.profile.path))
@@ -207,25 +204,6 @@ def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
     return upper
 
 
-def _image(history: SceneHistory, image: MapImage, who: Who) -> ImageBatch:
-    own = history.now[who.child, who.vehicle]
-    pose = np.stack([own.x, own.y, own.heading], 1)
-    first, place = distinct(pose)  # many children have a vehicle at the same place
-    none = torch.zeros(len(first), dtype=torch.int64)
-    return ImageBatch((image,), none, torch.from_numpy(pose[first]), torch.from_numpy(place))
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Torch computes on one core: children share the others, and such small products gain nothing."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
-
-
 def _stays(speed: FloatArray, modes: Modes) -> BoolArray:
     """(n,) whether a vehicle stands and the network does not hold it likely enough that it starts.
 
@@ -242,8 +220,8 @@ def _stays(speed: FloatArray, modes: Modes) -> BoolArray:
     return np.asarray(stands & (np.round(starts / OUTPUT_GRID) * OUTPUT_GRID < START_LIKELY))
 
 
-def _rounded(values: torch.Tensor) -> FloatArray:
-    rounded: FloatArray = np.round(values.numpy() * (1 / OUTPUT_GRID)) * OUTPUT_GRID
+def _rounded(values: FloatArray) -> FloatArray:
+    rounded: FloatArray = np.round(values * (1 / OUTPUT_GRID)) * OUTPUT_GRID
     return rounded
 
 

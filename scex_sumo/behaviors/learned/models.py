@@ -1,10 +1,9 @@
-"""Learned models: Graph Predictor and Graph Image Predictor; PyTorch is loaded when one is made."""
+"""Learned models: Graph Predictor and Graph Image Predictor."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -15,24 +14,11 @@ from scex_sumo.behaviors.learned.profiles import (
     GraphPredictorProfile,
     weights_file,
 )
-from scex_sumo.errors import MissingExtraError
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
 
 if TYPE_CHECKING:
     from scex_sumo.behaviors.learned.driver import LearnedDriver
-
-
-LIBRARIES = ("torch",)
-
-
-def check_libraries(name: str) -> None:
-    """Raise a `MissingExtraError` where a library for learned drivers is not installed; loads none."""
-    missing = [library for library in LIBRARIES if find_spec(library) is None]
-    if missing:
-        raise MissingExtraError(
-            f"{name}: needs {' and '.join(missing)}; install with: pip install 'scex-sumo[learned]'"
-        )
 
 
 class LearnedModel:
@@ -48,7 +34,6 @@ class LearnedModel:
     kind: ClassVar[str]
 
     def __init__(self, profile: GraphPredictorProfile | GraphImagePredictorProfile) -> None:
-        check_libraries(self.name)
         self.profile = profile
         self.driver.meta  # noqa: B018  unusable weights are said before anything runs
 

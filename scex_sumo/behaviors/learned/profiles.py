@@ -50,7 +50,7 @@ def check_learned(profile: Any) -> None:
 
 def weights_file(name: str, given: str) -> Path:
     """The file of weights of a learned driver: the user's, else the shipped one."""
-    return Path(given).expanduser().absolute() if given else SHIPPED / f"{name}.pt"
+    return Path(given).expanduser().absolute() if given else SHIPPED / f"{name}.safetensors"
 
 
 @dataclass(frozen=True, kw_only=True)

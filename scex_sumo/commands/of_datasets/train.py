@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +13,7 @@ from typer import Argument, Option
 
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import Seed
-from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.errors import MissingExtraError, ResultError, UsageError
 from scex_sumo.files import cache_folder
 
 if TYPE_CHECKING:
@@ -52,14 +53,13 @@ def train_command(
     overwrite: Annotated[bool, Option("--overwrite", help="Replace the weights.")] = False,
 ) -> None:
     """Train a learned driver on recordings: INTERACTION, TAF-BW, CommonRoad, inD and its family."""
-    from scex_sumo.behaviors.learned.models import check_libraries
-
     weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
     if every <= 0 or minutes < 0:
         raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
     if (epochs is not None and epochs < 1) or (rounds or 0) < 0:
         raise UsageError("train: --epochs needs at least 1, --rounds at least 0")
-    check_libraries("train")
+    if find_spec("torch") is None:
+        raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
     from scex_sumo.training.closed_loop import closed_loop
     from scex_sumo.training.data.dataset import SampleOptions, make_dataset
     from scex_sumo.training.data.split import Split
@@ -112,7 +112,7 @@ def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, 
     if kind not in KINDS:
         raise UsageError(f"train {kind}: unknown network; known: {', '.join(KINDS)}")
     if out is None:
-        raise UsageError("train: needs --out FILE.pt for the weights")
+        raise UsageError("train: needs --out FILE.safetensors for the weights")
     if not roots:
         raise UsageError("train: needs --data ROOT, a folder with recordings; repeatable")
     missing = next((root for root in roots if not root.exists()), None)
@@ -174,7 +174,7 @@ def _train(run: Trainer) -> None:
 
 
 def _finish(run: Trainer, out: Path, command: str) -> None:
-    from scex_sumo.behaviors.learned.weights import save_weights
+    from scex_sumo.training.networks.kinds import save_net
     from scex_sumo.training.validate import score_network
 
     run.mean.load_state_dict(run.best)
@@ -194,7 +194,7 @@ def _finish(run: Trainer, out: Path, command: str) -> None:
         "seconds": round(run.seconds),
         "validation": figures,
     }
-    save_weights(out, run.finished(), meta)
+    save_net(out, run.finished(), meta)
     print(f"{out}: {run.options.kind}, epoch {run.best_epoch}, {run.seconds:.0f} s")
     for site, found in figures.items():
         print(

@@ -64,11 +64,6 @@ class Workers:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def prepare(self, modules: Sequence[str]) -> None:
-        """Have workers import what the first tasks will need while this process does so."""
-        for worker in self._workers:
-            worker.thread.submit(worker.prepare, modules)
-
     def close(self) -> None:
         """End the workers at once, whatever they are at; may be called again."""
         for worker in self._workers:
@@ -248,11 +243,6 @@ class _Worker(WorkerProcess):
         """Start the process, which has nothing open."""
         self._work: bytes | None = None
         super().start()
-
-    def prepare(self, modules: Sequence[str]) -> None:
-        """Have it import modules that tasks will need; nothing happens where it has died."""
-        with suppress(*DIED):
-            self.send(("import", modules))
 
     def open(self, work: bytes) -> Report:
         """Its report when it is ready for the tasks of a work. Raises one of `DIED` where it dies."""

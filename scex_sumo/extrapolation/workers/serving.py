@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 import pickle
 import sys
 import traceback
-from collections import deque
 from contextlib import ExitStack, suppress
 from functools import partial
 from typing import Any
@@ -36,10 +34,7 @@ def serve() -> None:
         while True:
             kind, content = pickle.load(orders)
             try:
-                if kind == "import":  # unasked: what is missing is said where it is used
-                    with suppress(ImportError):
-                        deque(map(importlib.import_module, content), maxlen=0)
-                elif kind == "open":
+                if kind == "open":
                     opened.close()
                     sys.path[:], packed = content
                     do = opened.enter_context(pickle.loads(packed)())

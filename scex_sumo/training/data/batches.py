@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.behaviors.learned.networks.graph import PathBatch, SceneBatch
 from scex_sumo.training.data.samples import TrainingSamples
+from scex_sumo.training.networks.graph import PathBatch, SceneBatch
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,11 +9,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scex_sumo.behaviors.learned.networks.graph_image import COS, SIN, ImageBatch, MapImage
-from scex_sumo.behaviors.learned.networks.tensors import map_image
-from scex_sumo.behaviors.learned.seen.raster import PIXEL_M
+from scex_sumo.behaviors.learned.networks.architecture import COS, SIN
+from scex_sumo.behaviors.learned.seen.raster import PIXEL_M, raster_of
 from scex_sumo.road import Road
 from scex_sumo.training.data.batches import Batch
+from scex_sumo.training.networks.graph_image import ImageBatch, MapImage
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,8 +62,9 @@ def turned(pose: Tensor, turns: int) -> Tensor:
 
 
 def _image(road: Road, device: torch.device) -> MapImage:
-    image = map_image(road, torch.float32)
-    return MapImage(raster=image.raster.to(device), corner=image.corner.to(device))
+    raster = raster_of(road)
+    values = torch.from_numpy(raster.values).float()
+    return MapImage(raster=values.to(device), corner=torch.from_numpy(raster.corner).to(device))
 
 
 def _mirrored(image: MapImage) -> MapImage:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+import json
+import pickle
+import struct
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-import torch
+import safetensors.numpy
 
-from scex_sumo.behaviors.learned.networks.graph import Architecture, GraphPredictorNet
-from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet
-from scex_sumo.behaviors.learned.networks.layers import make_exact
+from scex_sumo.behaviors.learned.networks.layers import exact
 from scex_sumo.behaviors.learned.profiles import SHIPPED
-from scex_sumo.behaviors.learned.weights import load_weights, save_weights, sha256_of
+from scex_sumo.behaviors.learned.weights import ABOUT, load_weights, save_weights, sha256_of
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.errors import InputError
 from tests.behaviors import roads
@@ -27,32 +28,39 @@ def file(tmp_path: Path) -> Path:
     return nets.untrained(tmp_path, "graph_predictor", SCENE, ROAD)
 
 
-def altered(file: Path, **changes: Any) -> Path:
-    content = torch.load(file, weights_only=True)
-    torch.save({**content, **changes}, file)
+def about(file: Path) -> dict[str, Any]:
+    with safetensors.safe_open(file, framework="numpy") as opened:
+        return json.loads(opened.metadata()[ABOUT])
+
+
+def altered(file: Path, *, state: dict[str, np.ndarray] | None = None, **changes: Any) -> Path:
+    state = safetensors.numpy.load_file(file) if state is None else state
+    header = {ABOUT: json.dumps({**about(file), **changes})}
+    file.write_bytes(safetensors.numpy.save(state, header))
     return file
 
 
-@pytest.mark.parametrize(("kind", "cls"), [("graph", GraphPredictorNet), ("hybrid", GraphImageNet)])
-def test_a_network_comes_back_as_it_was_with_what_was_said_of_it(
-    tmp_path: Path, kind: str, cls: type
-) -> None:
-    net = nets.network(kind, SCENE, ROAD, modes=3)
-    save_weights(tmp_path / "w.pt", net, {"command": "train", "figures": {"ade": 0.5}})
-    back, meta = load_weights(tmp_path / "w.pt", kind)
-    assert type(back) is cls
-    assert back.sizes == net.sizes
-    state = net.state_dict()
-    assert all(torch.equal(value, state[key]) for key, value in back.state_dict().items())
-    assert meta["command"] == "train"
-    assert meta["figures"] == {"ade": 0.5}
-    assert meta["sha256"] == sha256_of(tmp_path / "w.pt")
+@pytest.mark.parametrize("kind", ["graph", "hybrid"])
+def test_weights_come_back_as_they_were_with_what_was_said_of_them(tmp_path: Path, kind: str) -> None:
+    sizes = nets.small(modes=3)
+    state = nets.drawn(kind, SCENE, ROAD, sizes)
+    save_weights(tmp_path / "w", kind, sizes, state, {"command": "train", "figures": {"ade": 0.5}})
+    back = load_weights(tmp_path / "w", kind)
+    assert back.sizes == sizes
+    assert {name: values.tolist() for name, values in back.state.items()} == {
+        name: values.tolist() for name, values in state.items()
+    }
+    assert back.meta["command"] == "train"
+    assert back.meta["figures"] == {"ade": 0.5}
+    assert back.meta["sha256"] == sha256_of(tmp_path / "w")
 
 
 def test_the_same_weights_are_the_same_bytes(tmp_path: Path) -> None:
     for name in ("a", "b"):
-        save_weights(tmp_path / name, nets.network("graph", SCENE, ROAD), {"n": 1})
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+        (tmp_path / name).mkdir()
+        nets.untrained(tmp_path / name, "graph_predictor", SCENE, ROAD)
+    one, other = ((tmp_path / name / "graph_predictor.safetensors").read_bytes() for name in ("a", "b"))
+    assert one == other
 
 
 def refused(name: str, file: Path) -> str:
@@ -66,61 +74,60 @@ def refused(name: str, file: Path) -> str:
 
 def test_a_missing_file_says_so(tmp_path: Path) -> None:
     wanted = "no such file; give a file that 'scex-sumo train' wrote"
-    assert wanted in refused("graph_predictor", tmp_path / "absent.pt")
+    assert wanted in refused("graph_predictor", tmp_path / "absent.safetensors")
     assert "is a folder" in refused("graph_predictor", tmp_path)
 
 
 def test_something_else_than_weights_says_so(tmp_path: Path, file: Path) -> None:
-    (tmp_path / "text.pt").write_text("hello")
-    assert "no file of weights" in refused("graph_predictor", tmp_path / "text.pt")
-    (tmp_path / "half.pt").write_bytes(file.read_bytes()[:2000])
-    assert "no file of weights" in refused("graph_predictor", tmp_path / "half.pt")
-    torch.save({"model": torch.zeros(3)}, tmp_path / "other.pt")
-    assert "not weights of scex-sumo" in refused("graph_predictor", tmp_path / "other.pt")
-    torch.save(torch.zeros(3), tmp_path / "tensor.pt")
-    assert "not weights of scex-sumo" in refused("graph_predictor", tmp_path / "tensor.pt")
+    other = tmp_path / "other"
+    for content in (b"", b"hello", file.read_bytes()[:2000], pickle.dumps({"format": 1})):
+        other.write_bytes(content)
+        assert "no file of weights" in refused("graph_predictor", other)
+    for header in (None, {"format": "pt"}, {ABOUT: "7"}, {ABOUT: "{"}, {ABOUT: "[" * 100_000}, {ABOUT: "{}"}):
+        other.write_bytes(safetensors.numpy.save({"model": np.zeros(3)}, header))
+        assert "not weights of scex-sumo" in refused("graph_predictor", other)
 
 
-def test_code_in_a_file_is_not_run(tmp_path: Path) -> None:
-    class Evil:
-        def __reduce__(self) -> tuple[Any, ...]:
-            return (Path.touch, (tmp_path / "ran",))
-
-    torch.save({"format": Evil()}, tmp_path / "evil.pt")
-    assert "no file of weights" in refused("graph_predictor", tmp_path / "evil.pt")
-    assert not (tmp_path / "ran").exists()
+def test_a_file_of_earlier_versions_says_that_it_must_be_trained_again(tmp_path: Path) -> None:
+    torch = pytest.importorskip("torch")
+    old = tmp_path / "old.pt"
+    torch.save({"format": "scex-sumo weights 1"}, old)
+    words = refused("graph_predictor", old)
+    assert "a PyTorch file, as earlier versions wrote it; train again with: scex-sumo train graph" in words
 
 
-def test_weights_of_the_other_model_are_refused(tmp_path: Path, file: Path) -> None:
+def test_weights_of_the_other_model_are_refused(file: Path) -> None:
     words = refused("graph_image_predictor", file)
     assert "weights of graph_predictor, needs those of graph_image_predictor" in words
     assert "scex-sumo train hybrid" in words
 
 
 def test_weights_of_another_architecture_are_refused(file: Path) -> None:
-    content = torch.load(file, weights_only=True)
+    numbers = about(file)["architecture"]
     for change in ({"hidden": 32}, {"layers": 3}, {"depth": 3}, {"hidden": "wide"}):
-        altered(file, architecture={**content["architecture"], **change})
+        altered(file, architecture={**numbers, **change})
         assert "weights of another architecture" in refused("graph_predictor", file)
-    altered(file, architecture=7)
-    assert "weights of another architecture" in refused("graph_predictor", file)
+    for wrong in (7, None, [1], "hidden", [["hidden"]]):
+        altered(file, architecture=wrong)
+        assert "weights of another architecture" in refused("graph_predictor", file)
 
 
 def test_a_width_of_zero_is_refused_before_a_network_is_built(file: Path) -> None:
-    content = torch.load(file, weights_only=True)
-    altered(file, architecture={**content["architecture"], "hidden": 0})
+    altered(file, architecture={**about(file)["architecture"], "hidden": 0})
     assert "hidden is 0, 1 to 1024 expected" in refused("graph_predictor", file)
 
 
 def test_weights_for_other_inputs_are_refused(file: Path) -> None:
-    content = torch.load(file, weights_only=True)
-    altered(file, columns={**content["columns"], "path": ["speed"]})
+    columns = about(file)["columns"]
+    altered(file, columns={**columns, "path": ["speed"]})
     assert "weights for 1 path inputs of version" in refused("graph_predictor", file)
+    altered(file, columns={**columns, "path": 7})
+    assert "weights for no path inputs of version" in refused("graph_predictor", file)
 
 
 @pytest.mark.parametrize(("value", "words"), [(float("nan"), "not finite"), (1e9, "the most that is exact")])
 def test_weights_that_are_not_finite_or_huge_are_refused(file: Path, value: float, words: str) -> None:
-    state = torch.load(file, weights_only=True)["state"]
+    state = safetensors.numpy.load_file(file)
     state["head.knots.weight"][0, 0] = value
     altered(file, state=state)
     assert words in refused("graph_predictor", file)
@@ -136,35 +143,35 @@ def test_the_free_head_needs_weights_that_have_it(tmp_path: Path) -> None:
 def test_the_shipped_weights_are_small_exact_and_say_what_they_are_made_from() -> None:
     sizes = 0
     for name, kind in nets.KIND_OF.items():
-        file = SHIPPED / f"{name}.pt"
-        net, meta = load_weights(file, kind)
-        assert make_exact(net) < 1
-        assert meta["command"].startswith(f"scex-sumo train {kind}")
+        file = SHIPPED / f"{name}.safetensors"
+        weights = load_weights(file, kind)
+        assert exact(weights.state)[1] < 1
+        assert weights.meta["command"].startswith(f"scex-sumo train {kind}")
         sizes += file.stat().st_size
     assert sizes <= 3_000_000
 
 
-def test_a_header_that_lies_costs_neither_memory_nor_a_warning(file: Path) -> None:
-    content = torch.load(file, weights_only=True)
-    name, weights = next(iter(content["state"].items()))
-    lies = [
-        ("architecture", "layers", 1024),
-        ("architecture", "heads", 1024),
-        ("architecture", "modes", True),
-        ("state", name, torch.zeros(1).expand(2**33)),
-        ("state", name, weights.to(torch.complex64)),
-        ("state", name, 7),
-    ]
-    for part, key, value in lies:
-        altered(file, **{part: {**content[part], key: value}})
+def test_a_header_that_lies_is_refused(file: Path) -> None:
+    numbers, state = about(file)["architecture"], safetensors.numpy.load_file(file)
+    for name, value in (("layers", 1024), ("heads", 1024), ("modes", True), ("edges", 1)):
+        altered(file, state=state, architecture={**numbers, name: value})
         assert "weights of another architecture" in refused("graph_predictor", file)
+    altered(file, architecture=numbers)
+    name = next(iter(state))
+    for wrong in (state[name].astype(np.float64), state[name][None], np.zeros(0, np.float32)):
+        altered(file, state={**state, name: wrong})
+        assert "weights of another architecture" in refused("graph_predictor", file)
+    altered(file, state={key: values for key, values in state.items() if key != name})
+    assert f"weights of another architecture (no {name})" in refused("graph_predictor", file)
 
 
-def test_weights_that_the_file_cannot_hold_are_refused(file: Path) -> None:
-    content = torch.load(file, weights_only=True)
-    wide = asdict(Architecture(**{**content["architecture"], "hidden": 512}))
-    with torch.device("meta"):
-        shapes = GraphPredictorNet(Architecture(**wide)).state_dict()
-    drawn = {name: torch.zeros(1).expand(weights.shape) for name, weights in shapes.items()}
-    altered(file, architecture=wide, state=drawn)
-    assert "more weights than the file can hold" in refused("graph_predictor", file)
+def test_shapes_larger_than_the_file_are_refused_before_they_cost_memory(file: Path) -> None:
+    content = file.read_bytes()
+    (length,) = struct.unpack("<Q", content[:8])
+    header = json.loads(content[8 : 8 + length])
+    header["head.knots.weight"] = {"dtype": "F32", "shape": [2**20, 2**20], "data_offsets": [0, 2**42]}
+    lying = json.dumps(header).encode()
+    file.write_bytes(struct.pack("<Q", len(lying)) + lying + content[8 + length :])
+    assert "no file of weights" in refused("graph_predictor", file)
+    file.write_bytes(struct.pack("<Q", 2**62) + content[8:])
+    assert "no file of weights" in refused("graph_predictor", file)

@@ -1,4 +1,4 @@
-"""Networks of the learned drivers, in torch.
+"""Networks of the learned drivers as they run, in NumPy; `scex_sumo.training.networks` trains them.
 
-May import arrays; what they see comes as tensors.
+May import behaviors.learned.seen, behaviors.scene_graph and all below; no torch.
 """

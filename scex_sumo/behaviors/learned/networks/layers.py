@@ -1,84 +1,116 @@
 """Building blocks of the networks, and the arithmetic that makes their results independent of the batch.
 
 A float sum depends on its order, and libraries choose another order for another number of rows: the same
-vehicle would get another last bit in a larger batch, which a closed loop turns into another child. When
-running, therefore, networks compute in float64 with the inputs of every matrix product and all weights
-rounded to multiples of powers of two. Every product and partial sum then fits into the 53 bits of a float64
-exactly, in whatever order it is summed. What is left to normalisation and softmax, which work on one row or
-one vehicle's edges, is rounded away by the next product's grid. In training (float32) nothing is rounded.
+vehicle would get another last bit in a larger batch, which a closed loop turns into another child. Networks
+therefore compute in float64 with the inputs of every matrix product and all weights rounded to multiples of
+powers of two. Every product and partial sum then fits into the 53 bits of a float64 exactly, in whatever
+order it is summed. What is left to normalisation and softmax, which work on one row or one vehicle's edges,
+is rounded away by the next product's grid.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Mapping
+from typing import Any, TypeAlias
 
-import torch
-from torch import Tensor, nn
+import numpy as np
+from numpy.typing import NDArray
+
+from scex_sumo.arrays import FloatArray
+from scex_sumo.behaviors.learned.networks.architecture import SCALED_LIMIT
 
 INPUT_GRID = 2.0**-14
 WEIGHT_GRID = 2.0**-20
 INPUT_LIMIT = 2.0**8
 # Sum of |weight| per output below which every partial sum is exact: 2^53 grid steps of the products.
 WEIGHT_SUM_LIMIT = 2.0**53 * INPUT_GRID * WEIGHT_GRID / INPUT_LIMIT
-SCALED_LIMIT = 10.0  # standard deviations that an input may be off its mean
+_TO_GRID = 1.5 * 2.0**52 * INPUT_GRID  # whose last bit is a step of the grid: what is added to it is rounded
+_EPSILON = 1e-5  # of normalisation
+
+State: TypeAlias = Mapping[str, NDArray[Any]]
+"""Arrays of a network by name."""
 
 
-def snapped(values: Tensor) -> Tensor:
-    """Values on the grid on which products are exact; unchanged unless they are float64."""
-    if values.dtype != torch.float64:
-        return values
-    return (values * (1 / INPUT_GRID)).round_().mul_(INPUT_GRID).clamp_(-INPUT_LIMIT, INPUT_LIMIT)
-
-
-class Linear(nn.Linear):
-    """A linear layer whose input is snapped in float64."""
-
-    def forward(self, input: Tensor) -> Tensor:
-        """(..., out) from (..., in)."""
-        return super().forward(snapped(input))
-
-
-class Scaler(nn.Module):
-    """Raw inputs to about zero mean and unit spread, bounded; the figures come from training data."""
-
-    mean: Tensor
-    spread: Tensor
-
-    def __init__(self, columns: int) -> None:
-        super().__init__()
-        self.register_buffer("mean", torch.zeros(columns))
-        self.register_buffer("spread", torch.ones(columns))
-
-    def fit(self, values: Tensor) -> None:
-        """Take mean and standard deviation from (n, columns) values; constant columns keep their scale."""
-        spread, mean = torch.std_mean(values.double(), dim=0)
-        self.mean.copy_(mean)
-        self.spread.copy_(torch.where(spread > 1e-6, spread, torch.ones_like(spread)))
-
-    def forward(self, values: Tensor) -> Tensor:
-        """(..., columns) scaled."""
-        return ((values - self.mean) / self.spread).clamp(-SCALED_LIMIT, SCALED_LIMIT)
-
-
-def mlp(*sizes: int) -> nn.Sequential:
-    """Linear layers with ReLU between them, none after the last."""
-    layers: list[nn.Module] = []
-    for index, (inner, outer) in enumerate(pairwise(sizes)):
-        layers += [nn.ReLU()] if index else []
-        layers.append(Linear(inner, outer))
-    return nn.Sequential(*layers)
-
-
-def make_exact(net: nn.Module) -> float:
-    """Turn a trained network into the one that runs: float64, weights on their grid, nothing to train.
+def exact(state: State) -> tuple[State, float]:
+    """Arrays of a trained network as those that run: float64, weights on their grid.
 
     Returns:
-        The largest sum of |weight| of an output over `WEIGHT_SUM_LIMIT`; products are exact below 1.
+        The arrays, and the largest sum of |weight| of an output over `WEIGHT_SUM_LIMIT`; products are exact
+        below 1.
     """
-    net.double().eval().requires_grad_(False)
-    largest = 0.0
-    for parameter in net.parameters():
-        parameter.copy_((parameter / WEIGHT_GRID).round() * WEIGHT_GRID)
-        if parameter.dim() >= 2:
-            largest = max(largest, float(parameter.abs().flatten(1).sum(1).max()))
-    return largest / WEIGHT_SUM_LIMIT
+    made, largest = {}, 0.0
+    for name, trained in state.items():
+        values = trained.astype(np.float64)
+        if not name.endswith((".mean", ".spread")):
+            values = np.round(values / WEIGHT_GRID) * WEIGHT_GRID
+            if values.ndim >= 2:
+                largest = max(largest, float(np.abs(values).reshape(len(values), -1).sum(1).max()))
+        made[name] = values
+    return made, largest / WEIGHT_SUM_LIMIT
+
+
+def snapped(values: FloatArray) -> FloatArray:
+    """Values on the grid on which products are exact."""
+    within: FloatArray = np.clip(values, -INPUT_LIMIT, INPUT_LIMIT)
+    within += _TO_GRID
+    within -= _TO_GRID
+    return within
+
+
+def relu(values: FloatArray) -> FloatArray:
+    """Values with 0 for those below it, in their own place."""
+    return np.maximum(values, 0.0, out=values)
+
+
+class Linear:
+    """Linear layer; its input is snapped."""
+
+    def __init__(self, state: State, name: str) -> None:
+        self.weight = np.ascontiguousarray(state[f"{name}.weight"].T)
+        self.bias = state.get(f"{name}.bias")
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """(n, out) from (n, in)."""
+        made: FloatArray = snapped(values) @ self.weight
+        if self.bias is not None:
+            made += self.bias
+        return made
+
+
+class Mlp:
+    """Two linear layers with ReLU between them."""
+
+    def __init__(self, state: State, name: str) -> None:
+        self.first, self.second = Linear(state, f"{name}.0"), Linear(state, f"{name}.2")
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """(n, out) from (n, in)."""
+        return self.second(relu(self.first(values)))
+
+
+class Scaler:
+    """Raw inputs to about zero mean and unit spread, bounded."""
+
+    def __init__(self, state: State, name: str) -> None:
+        self.mean, self.spread = state[f"{name}.mean"], state[f"{name}.spread"]
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """(n, columns) scaled."""
+        scaled = values - self.mean
+        scaled /= self.spread
+        return np.clip(scaled, -SCALED_LIMIT, SCALED_LIMIT, out=scaled)
+
+
+class Norm:
+    """Normalisation of each row to mean 0 and variance 1, then weights and bias."""
+
+    def __init__(self, state: State, name: str) -> None:
+        self.weight, self.bias = state[f"{name}.weight"], state[f"{name}.bias"]
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """(n, columns) normalised."""
+        off: FloatArray = values - values.mean(axis=1, keepdims=True)
+        off /= np.sqrt(np.square(off).mean(axis=1, keepdims=True) + _EPSILON)
+        off *= self.weight
+        off += self.bias
+        return off

@@ -3,60 +3,67 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
 
 from scex_sumo.behaviors.learned.networks.layers import (
     INPUT_GRID,
     INPUT_LIMIT,
     WEIGHT_GRID,
     Linear,
+    Norm,
     Scaler,
-    make_exact,
-    mlp,
+    exact,
     snapped,
 )
 
+RNG = np.random.default_rng(0)
 
-def test_values_are_rounded_to_the_grid_in_float64_only() -> None:
-    values = torch.tensor([0.4, 0.6, -1.5, 1e9], dtype=torch.float64) * INPUT_GRID
-    assert torch.equal(snapped(values) / INPUT_GRID, torch.tensor([0.0, 1.0, -2.0, 2**22]).double())
-    assert snapped(values)[3] == INPUT_LIMIT
-    assert torch.equal(snapped(values.float()), values.float())
+
+def test_values_are_rounded_to_the_grid_halves_to_even_and_bounded() -> None:
+    steps = np.array([0.4, 0.6, -1.5, 0.5, 2.5, 1e9, -1e9])
+    on_grid = snapped(steps * INPUT_GRID)
+    assert (on_grid / INPUT_GRID).tolist() == [0, 1, -2, 0, 2, 2**22, -(2**22)]
+    assert on_grid[5] == INPUT_LIMIT
+    values = RNG.normal(0, 50, 10_000)
+    assert np.array_equal(snapped(values), np.round(values / INPUT_GRID) * INPUT_GRID)
 
 
 def test_a_linear_layer_gives_the_same_bytes_whatever_the_order_of_its_sums() -> None:
-    torch.manual_seed(0)
-    layer = Linear(500, 40)
-    make_exact(layer)
-    x = torch.randn(64, 500, dtype=torch.float64)
+    state, _ = exact(
+        {"a.weight": RNG.uniform(-0.05, 0.05, (40, 500)), "a.bias": RNG.uniform(-0.05, 0.05, 40)}
+    )
+    layer = Linear(state, "a")
+    x = RNG.normal(size=(64, 500))
     whole = layer(x)
-    plain = torch.nn.functional.linear(x, layer.weight + 1e-9, layer.bias)
+    plain = x @ (layer.weight + 1e-9)
     different = 0
     for k in range(20):
-        order = torch.from_numpy(np.random.default_rng(k).permutation(500))
-        shuffled = torch.nn.functional.linear(snapped(x[:, order]), layer.weight[:, order], layer.bias)
-        assert torch.equal(shuffled, whole)
-        rough = torch.nn.functional.linear(x[:, order], layer.weight[:, order] + 1e-9, layer.bias)
-        different += int((rough != plain).sum())
+        order = np.random.default_rng(k).permutation(500)
+        assert np.array_equal(snapped(x[:, order]) @ layer.weight[order] + layer.bias, whole)
+        different += int((x[:, order] @ (layer.weight[order] + 1e-9) != plain).sum())
     assert different > 0  # so it would not without the grid
     for rows in (1, 3, 17):
-        assert torch.equal(torch.cat([layer(part) for part in x.split(rows)]), whole)
+        parts = np.split(x, range(rows, 64, rows))
+        assert np.array_equal(np.concatenate([layer(part) for part in parts]), whole)
 
 
 def test_making_exact_rounds_weights_and_says_how_near_the_limit_they_are() -> None:
-    net = mlp(3, 2, 1)
-    share = make_exact(net)
-    weights = [p for p in net.parameters() if p.dim() == 2]
-    assert all(p.dtype == torch.float64 and not p.requires_grad for p in net.parameters())
-    assert all(torch.equal((p / WEIGHT_GRID).round() * WEIGHT_GRID, p) for p in weights)
-    assert share == max(float(p.abs().sum(1).max()) for p in weights) / 2**11
-    weights[0].fill_(1000.0)
-    assert make_exact(net) > 1
+    trained = {"a.weight": RNG.normal(size=(2, 3)), "a.bias": RNG.normal(size=2), "s.mean": np.array([0.1])}
+    state, share = exact(trained)
+    for name in ("a.weight", "a.bias"):
+        assert np.array_equal(np.round(state[name] / WEIGHT_GRID) * WEIGHT_GRID, state[name])
+        assert np.abs(state[name] - trained[name]).max() <= WEIGHT_GRID / 2
+    assert state["s.mean"] == trained["s.mean"]  # no product
+    assert share == np.abs(state["a.weight"]).sum(1).max() / 2**11
+    assert exact({"a.weight": np.full((1, 3), 1000.0)})[1] > 1
 
 
 def test_scaling_has_mean_zero_spread_one_and_bounds() -> None:
-    scale = Scaler(2)
-    values = torch.tensor([[1.0, 5.0], [3.0, 5.0], [5.0, 5.0]])
-    scale.fit(values)
-    assert torch.equal(scale(values), torch.tensor([[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]]))
-    assert torch.equal(scale(torch.tensor([[1e9, -1e9]])), torch.tensor([[10.0, -10.0]]))
+    scale = Scaler({"s.mean": np.array([3.0, 5.0]), "s.spread": np.array([2.0, 1.0])}, "s")
+    assert scale(np.array([[1.0, 5.0], [5.0, 6.0], [1e9, -1e9]])).tolist() == [[-1, 0], [1, 1], [10, -10]]
+
+
+def test_a_normalised_row_has_mean_zero_and_variance_one_before_weights_and_bias() -> None:
+    norm = Norm({"n.weight": np.full(4, 2.0), "n.bias": np.full(4, 3.0)}, "n")
+    made = (norm(RNG.normal(5.0, 7.0, (3, 4))) - 3.0) / 2.0
+    assert np.allclose(made.mean(axis=1), 0.0)
+    assert np.allclose(made.var(axis=1), 1.0, atol=1e-5)

@@ -6,24 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
-from torch import Tensor
 
 from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.behaviors.learned.networks.graph import (
+from scex_sumo.behaviors.learned.networks.architecture import (
     KNOTS,
     STRONGEST_ACCELERATION,
     STRONGEST_BRAKING,
-    GraphPredictorNet,
-    Modes,
-    interpolation,
 )
-from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet, ImageBatch
-from scex_sumo.behaviors.learned.networks.layers import make_exact
-from scex_sumo.behaviors.learned.networks.tensors import map_image, path_batch, scene_batch
+from scex_sumo.behaviors.learned.networks.head import Modes, interpolation
+from scex_sumo.behaviors.learned.networks.nets import GraphImageNet, GraphNet, Net
 from scex_sumo.behaviors.learned.seen.inputs import PATH_COLUMNS, path_inputs
-from scex_sumo.behaviors.learned.seen.raster import CHANNELS, raster_of
-from scex_sumo.behaviors.scene_graph.graph import scene_graph
+from scex_sumo.behaviors.learned.seen.raster import CHANNELS, Raster, raster_of
+from scex_sumo.behaviors.scene_graph.graph import EDGE_COLUMNS, scene_graph
 from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, SeedScene
 from tests.behaviors import roads
@@ -34,27 +28,28 @@ SCENE = roads.scene_of((8.0, 0.3, 0.02, 6.0), (20.0, -0.2, 0.0, 5.0), (35.0, 0.0
 CLOSE = 1e-9  # float64, a dozen layers
 
 
-def ask(
-    net: GraphPredictorNet | GraphImageNet, history: SceneHistory, road: Road, attention: float = 0.5
-) -> Modes:
+def ask(net: Net, history: SceneHistory, road: Road, attention: float = 0.5) -> Modes:
     who = roads.every(history)
     graph = scene_graph(history, road)
     inputs = path_inputs(history, road, who, *chosen_paths(history, road, who, "straight"))
-    with torch.inference_mode():
-        if isinstance(net, GraphPredictorNet):
-            return net(scene_batch(graph), path_batch(inputs))
-        now = history.now
-        pose = torch.from_numpy(np.stack([now.x.ravel(), now.y.ravel(), now.heading.ravel()], 1))
-        count = len(who)
-        image = ImageBatch((map_image(road),), torch.zeros(count).long(), pose, torch.arange(count))
-        return net(scene_batch(graph), path_batch(inputs), image, torch.full((count,), attention).double())
+    if isinstance(net, GraphNet):
+        return net(graph, inputs)
+    now = history.now
+    pose = np.stack([now.x.ravel(), now.y.ravel(), now.heading.ravel()], 1)
+    return net(graph, inputs, net.image.seen(raster_of(road)), pose, np.arange(len(who)), attention)
 
 
-def network(kind: str, **numbers: int | bool) -> GraphPredictorNet | GraphImageNet:
-    return nets.network(kind, SCENE, ROAD, **numbers).double().eval()
+def network(kind: str, **numbers: int | bool) -> Net:
+    return nets.network(kind, SCENE, ROAD, **numbers)
 
 
-def parts(modes: Modes) -> list[Tensor]:
+def image_network() -> GraphImageNet:
+    net = network("hybrid")
+    assert isinstance(net, GraphImageNet)
+    return net
+
+
+def parts(modes: Modes) -> list[np.ndarray]:
     return [part for part in modes if part is not None]
 
 
@@ -64,7 +59,6 @@ def test_predictions_have_a_row_per_pair_six_modes_and_thirty_steps(kind: str, f
     assert modes.logits.shape == (6, 6)
     assert modes.acceleration.shape == (6, 6, 30)
     assert modes.path_logit.shape == (6,)
-    assert modes.offset is not None
     assert modes.offset.shape == (6, 6, 30)
     assert (None if modes.free is None else tuple(modes.free.shape)) == ((6, 6, 30, 2) if free else None)
 
@@ -85,20 +79,19 @@ def test_accelerations_keep_within_physical_limits_whatever_the_weights(kind: st
 
 def test_offsets_start_from_the_present_one() -> None:
     offset = ask(network("hybrid"), roads.present(SCENE), ROAD).offset
-    assert offset is not None
     # The first value is that of the middle of the first step, a tenth of the way to the first knot.
     first, fifth = offset[:, :, 0], offset[:, :, 4]
-    present = torch.from_numpy(SCENE.now.y)[:, None]
-    assert torch.allclose(fifth - present, 9 * (first - present), atol=1e-6)
-    assert float((first - present).abs().max()) > 1e-3
+    present = SCENE.now.y[:, None]
+    assert np.allclose(fifth - present, 9 * (first - present), atol=1e-6)
+    assert np.abs(first - present).max() > 1e-3
 
 
 def test_knots_are_joined_by_straight_lines() -> None:
-    line = interpolation().double()
+    line = interpolation()
     assert line.shape == (KNOTS, 30)
-    times = torch.arange(KNOTS).double() * 0.5
-    assert torch.allclose(times @ line, torch.arange(30).double() * 0.1 + 0.05)
-    assert torch.allclose(line.sum(0), torch.ones(30).double())
+    times = np.arange(KNOTS) * 0.5
+    assert np.allclose(times @ line, np.arange(30) * 0.1 + 0.05)
+    assert np.allclose(line.sum(0), 1.0)
 
 
 def moved(turn: float, shift: tuple[float, float]) -> tuple[SeedScene, Road]:
@@ -120,7 +113,6 @@ def moved(turn: float, shift: tuple[float, float]) -> tuple[SeedScene, Road]:
 
 def test_the_graph_branch_does_not_care_where_the_scene_is_and_where_north_is() -> None:
     net = network("graph")
-    assert isinstance(net, GraphPredictorNet)
     # The surface is a grid: rooms and the way to the end differ by its cells.
     for name in ("room_left", "room_right", "end"):
         net.path_scale.spread[PATH_COLUMNS.index(name)] = 1e9
@@ -128,8 +120,8 @@ def test_the_graph_branch_does_not_care_where_the_scene_is_and_where_north_is() 
     scene, road = moved(2.3, (812.0, -455.0))
     after = ask(net, roads.present(scene), road)
     for one, other in zip(parts(before), parts(after), strict=True):
-        assert torch.allclose(one, other, atol=1e-3)  # paths are resampled from other points
-    assert not torch.allclose(before.acceleration[0], before.acceleration[1], atol=1e-2)
+        assert np.allclose(one, other, atol=1e-3)  # paths are resampled from other points
+    assert not np.allclose(before.acceleration[0], before.acceleration[1], atol=1e-2)
 
 
 @pytest.mark.parametrize("kind", ["graph", "hybrid"])
@@ -140,8 +132,8 @@ def test_children_do_not_see_each_other(kind: str) -> None:
     two.states.x[1, 0] += 3.0
     after = ask(net, replace(two), ROAD)
     for one, other in zip(parts(before), parts(after), strict=True):
-        assert torch.allclose(one[:3], other[:3], atol=CLOSE)
-        assert not torch.allclose(one[3:], other[3:], atol=1e-6)
+        assert np.allclose(one[:3], other[:3], atol=CLOSE)
+        assert not np.allclose(one[3:], other[3:], atol=1e-6)
 
 
 @pytest.mark.parametrize(("edges", "sees"), [(True, True), (False, False)])
@@ -151,7 +143,7 @@ def test_a_follower_is_seen_through_the_graph_alone(edges: bool, sees: bool) -> 
     before = ask(net, history, ROAD).acceleration[2]
     history.states.speed[0, 1] += 2.0  # the vehicle behind: no path input of the one in front
     after = ask(net, replace(history), ROAD).acceleration[2]
-    assert torch.allclose(before, after, atol=CLOSE) != sees
+    assert np.allclose(before, after, atol=CLOSE) != sees
 
 
 def test_full_attention_ignores_the_image_and_none_ignores_the_graph() -> None:
@@ -166,57 +158,43 @@ def test_full_attention_ignores_the_image_and_none_ignores_the_graph() -> None:
     ):
         before = ask(net, history, ROAD, attention)
         other_image = ask(net, history, turned, attention)
-        assert torch.allclose(before.acceleration, other_image.acceleration, atol=1e-7) != image_matters
+        assert np.allclose(before.acceleration, other_image.acceleration, atol=1e-7) != image_matters
         near = replace(history, states=history.states.repeat(1)[0])
         near.states.speed[0, 1] += 2.0
         other_graph = ask(net, near, ROAD, attention)
-        assert torch.allclose(before.acceleration[2], other_graph.acceleration[2], atol=1e-7) != graph_matters
+        assert np.allclose(before.acceleration[2], other_graph.acceleration[2], atol=1e-7) != graph_matters
 
 
 def test_the_image_turns_with_the_vehicle() -> None:
-    net = network("hybrid")
-    assert isinstance(net, GraphImageNet)
-    image = map_image(ROAD)
-    size = torch.zeros(1).long()
-    with torch.inference_mode():
-        seen = [
-            net.image(ImageBatch((image,), size, torch.tensor([pose], dtype=torch.float64), size))
-            for pose in ([20.0, 0.0, 0.0], [20.0, 0.0, np.pi], [500.0, 500.0, 0.0], [900.0, 500.0, 1.0])
-        ]
-    assert not torch.allclose(seen[0], seen[1], atol=1e-3)
-    assert torch.allclose(seen[2], seen[3])  # beyond the map there is nothing to see
-
-
-def test_several_maps_in_one_batch_give_what_each_gives_alone() -> None:
-    net = network("hybrid")
-    assert isinstance(net, GraphImageNet)
-    maps = (map_image(ROAD), map_image(roads.straight()))
-    pose = torch.tensor([[20.0, 0.0, 0.0], [100.0, 1.0, 0.1]], dtype=torch.float64)
-    both = torch.arange(2)
-    with torch.inference_mode():
-        together = net.image(ImageBatch(maps, both, pose, both))
-        for k in range(2):
-            none = torch.zeros(1).long()
-            alone = net.image(ImageBatch((maps[k],), none, pose[k : k + 1], none))
-            assert torch.allclose(alone[0], together[k], atol=CLOSE)
+    net = image_network()
+    pose = np.array([[20.0, 0.0, 0.0], [20.0, 0.0, np.pi], [500.0, 500.0, 0.0], [900.0, 500.0, 1.0]])
+    seen = net.image(net.image.seen(raster_of(ROAD)), pose)
+    assert not np.allclose(seen[0], seen[1], atol=1e-3)
+    assert np.allclose(seen[2], seen[3])  # beyond the map there is nothing to see
 
 
 @pytest.mark.parametrize("rows", [1, 127, 128, 129, 300])
 def test_a_large_map_gives_the_same_features_strip_by_strip(rows: int) -> None:
-    net = network("hybrid")
-    assert isinstance(net, GraphImageNet)
-    raster = torch.rand(len(CHANNELS), rows, 40, dtype=torch.float64)
-    make_exact(net)
-    with torch.inference_mode():
-        assert torch.equal(net.image.features_in_strips(raster), net.image.features(raster))
+    encoder = image_network().image
+    values = np.random.default_rng(0).random((len(CHANNELS), rows, 40))
+    strips = encoder.seen(Raster(values=values, corner=np.zeros(2))).features
+    whole = encoder.features(values.transpose(1, 2, 0))
+    assert np.array_equal(strips[:, 1:-1, 1:-1].transpose(1, 2, 0), whole)
 
 
 def test_vehicles_asked_for_alone_are_seen_as_among_all() -> None:
     """What does not reach them through the layers is left out."""
     net = network("graph")
-    make_exact(net)
-    scene = scene_batch(scene_graph(roads.present(SCENE, 3), ROAD))
-    with torch.inference_mode():
-        everyone = net.scene(scene, torch.arange(len(scene.node)))
-        for wanted in ([4], [8, 0, 4], [2, 2]):
-            assert torch.equal(net.scene(scene, torch.tensor(wanted)), everyone[wanted])
+    graph = scene_graph(roads.present(SCENE, 3), ROAD)
+    everyone = net.scene(graph, np.arange(len(graph.node)))
+    for wanted in ([4], [8, 0, 4], [2, 2]):
+        assert np.array_equal(net.scene(graph, np.array(wanted)), everyone[wanted])
+
+
+def test_a_node_without_edges_gets_the_bias_and_one_with_one_edge_all_of_its_source() -> None:
+    scene = network("graph").scene
+    attend, node = scene.attend[0], np.random.default_rng(0).normal(size=(2, 3, 16))
+    edges, edge = np.array([[0, 5], [1, 3]]), np.ones((2, len(EDGE_COLUMNS)))
+    made = attend(node, edges, edge, np.arange(6), scene.edge_scale)
+    assert np.allclose(made[[0, 2, 4, 5]], attend.bias)
+    assert np.allclose(made[[1, 3]], attend.given(node.reshape(6, 16))[[0, 5]] + attend.bias)

@@ -6,7 +6,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from scex_sumo.behaviors.learned.networks.attention import EdgeAttention  # noqa: E402
+from scex_sumo.training.networks.attention import EdgeAttention  # noqa: E402
 
 EDGES = torch.tensor([[0, 1, 2, 3, 1, 1], [1, 2, 1, 1, 0, 3]])
 

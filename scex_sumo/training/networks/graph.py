@@ -1,27 +1,28 @@
-"""The networks of the learned drivers: graph branch, heads, and what they predict."""
+"""The networks of the learned drivers in training: graph branch, heads, and what they predict."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.learned.networks.attention import EdgeAttention
-from scex_sumo.behaviors.learned.networks.layers import Linear, Scaler, mlp, snapped
-from scex_sumo.behaviors.learned.seen.inputs import OWN_COLUMNS, PATH_COLUMNS
-from scex_sumo.scene import HISTORY_STEPS, STEP_S
-
-KNOT_S = 0.5
-KNOTS = round(PLAN_STEPS * STEP_S / KNOT_S) + 1
-STRONGEST_BRAKING = 9.0  # m/s²
-STRONGEST_ACCELERATION = 5.0
-WIDEST_OFFSET_M = 8.0  # from the present offset
-HISTORY_COLUMNS = 5
-SPEED, OFFSET = OWN_COLUMNS.index("speed"), OWN_COLUMNS.index("offset")
-PRESENT = tuple(OWN_COLUMNS.index(name) for name in ("acceleration", "trend"))  # of the last 0.3 s and 1 s
+from scex_sumo.behaviors.learned.networks.architecture import (
+    HISTORY_NUMBERS,
+    KNOTS,
+    OFFSET,
+    PRESENT,
+    SPEED,
+    STRONGEST_ACCELERATION,
+    STRONGEST_BRAKING,
+    WIDEST_OFFSET_M,
+    Architecture,
+)
+from scex_sumo.behaviors.learned.networks.head import interpolation
+from scex_sumo.scene import STEP_S
+from scex_sumo.training.networks.attention import EdgeAttention
+from scex_sumo.training.networks.layers import Scaler, mlp
 
 
 class SceneBatch(NamedTuple):
@@ -70,43 +71,15 @@ class Modes(NamedTuple):
     free: Tensor | None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Architecture:
-    """Numbers from which a network is built; kept with its weights.
-
-    Attributes:
-        node_columns: F.
-        edge_columns: G.
-        path_columns: P.
-        hidden: width of all embeddings.
-        layers: attention layers on the graph.
-        heads: attention heads.
-        modes: M.
-        edges: False is for comparison: vehicles do not see each other through the graph.
-        free: the network also has the head for free trajectories (hybrid only).
-    """
-
-    node_columns: int
-    edge_columns: int
-    path_columns: int = len(PATH_COLUMNS)
-    hidden: int = 64
-    layers: int = 2
-    heads: int = 4
-    modes: int = 6
-    edges: bool = True
-    free: bool = True
-
-
 class SceneEncoder(nn.Module):
     """Vehicles as vectors: each one's history and properties, then attention along the scene graph."""
 
     def __init__(self, sizes: Architecture) -> None:
         super().__init__()
         self.node_scale, self.edge_scale = Scaler(sizes.node_columns), Scaler(sizes.edge_columns)
-        self.history_scale = Scaler((HISTORY_STEPS + 1) * HISTORY_COLUMNS)
-        inner = sizes.node_columns + (HISTORY_STEPS + 1) * HISTORY_COLUMNS
-        self.embed = mlp(inner, 2 * sizes.hidden, sizes.hidden)
-        layers = sizes.layers if sizes.edges else 0
+        self.history_scale = Scaler(HISTORY_NUMBERS)
+        self.embed = mlp(sizes.node_columns + HISTORY_NUMBERS, 2 * sizes.hidden, sizes.hidden)
+        layers = sizes.attention_layers
         each = sizes.hidden // sizes.heads
         self.attend = nn.ModuleList(
             EdgeAttention(sizes.hidden, each, heads=sizes.heads, edge_columns=sizes.edge_columns)
@@ -130,10 +103,10 @@ class SceneEncoder(nn.Module):
             needed, asking = reach[layer : layer + 2]
             some = torch.nonzero(asking[edges[1]])[:, 0]
             edges, edge = edges[:, some], edge.index_select(0, some)
-            edge = edge if layer else snapped(self.edge_scale(edge))
-            seen, kept = snapped(h), asking[needed]
+            edge = edge if layer else self.edge_scale(edge)
+            kept = asking[needed]
             index = torch.stack([_numbers(needed)[edges[0]], _numbers(asking)[edges[1]]])
-            h = norm(h[kept] + torch.relu(attend(seen, index, edge, seen[kept])))
+            h = norm(h[kept] + torch.relu(attend(h, index, edge, h[kept])))
         return h[_numbers(reach[-1])[wanted]]
 
 
@@ -152,9 +125,9 @@ class PlanHead(nn.Module):
         self.modes, self.steers, self.free = sizes.modes, steers, steers and sizes.free
         per_mode = KNOTS + (KNOTS - 1 if steers else 0) + (2 * KNOTS if self.free else 0)
         self.body = mlp(inner, 2 * sizes.hidden, 2 * sizes.hidden)
-        self.knots = Linear(2 * sizes.hidden, sizes.modes * per_mode)
-        self.choice = Linear(2 * sizes.hidden, sizes.modes + 1 + len(PRESENT))
-        self.register_buffer("between", interpolation(), persistent=False)
+        self.knots = nn.Linear(2 * sizes.hidden, sizes.modes * per_mode)
+        self.choice = nn.Linear(2 * sizes.hidden, sizes.modes + 1 + len(PRESENT))
+        self.register_buffer("between", torch.from_numpy(interpolation()), persistent=False)
 
     def forward(self, h: Tensor, features: Tensor) -> Modes:
         """Modes of (n, inner) vectors; `features` are the raw ones of the pairs."""
@@ -192,12 +165,6 @@ class PlanHead(nn.Module):
         velocity = torch.einsum("nmkc,kh->nmhc", knots, self.between)
         ahead = velocity[..., 0] + speed[:, None, None]
         return torch.cumsum(torch.stack([ahead, velocity[..., 1]], -1), 2) * STEP_S
-
-
-def interpolation() -> Tensor:
-    """(KNOTS, H) values at the middle of each step from values at the knots."""
-    at = (torch.arange(PLAN_STEPS) + 0.5) * (STEP_S / KNOT_S)
-    return (1 - (at - torch.arange(KNOTS)[:, None]).abs()).clamp(min=0.0)
 
 
 class GraphPredictorNet(nn.Module):

@@ -1,4 +1,4 @@
-"""The network of the Graph Image Predictor: the graph branch, an image branch beside it, and their fusion."""
+"""The network of the Graph Image Predictor in training: graph branch, image branch and their fusion."""
 
 from __future__ import annotations
 
@@ -8,38 +8,32 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import grid_sample
 
-from scex_sumo.behaviors.learned.networks.graph import (
+from scex_sumo.behaviors.learned.networks.architecture import (
+    AHEAD_M,
+    ASIDE_M,
+    CONVOLUTIONS,
+    COS,
+    FEATURES,
+    SIN,
+    STRIDE,
     Architecture,
-    Modes,
-    PathBatch,
-    PlanHead,
-    SceneBatch,
-    SceneEncoder,
 )
-from scex_sumo.behaviors.learned.networks.layers import Scaler, mlp, snapped
 from scex_sumo.behaviors.learned.seen.inputs import LEADER_COLUMNS
 from scex_sumo.behaviors.learned.seen.raster import CHANNELS, PIXEL_M
-
-AHEAD_M = (-8.0, -2.0, 4.0, 10.0, 16.0, 22.0, 29.0, 36.0, 43.0, 50.0)
-ASIDE_M = (-12.0, -8.0, -5.0, -2.0, 2.0, 5.0, 8.0, 12.0)
-FEATURES = 10  # channels that the convolutions add to those of the raster
-STRIDE = 2  # of the convolutions, pixels
-STRIP, HALO = 128, 16  # rows of a map at a time, and those around them that convolutions reach
-COS, SIN = CHANNELS.index("cos"), CHANNELS.index("sin")
+from scex_sumo.training.networks.graph import Modes, PathBatch, PlanHead, SceneBatch, SceneEncoder
+from scex_sumo.training.networks.layers import Scaler, mlp
 
 
 class MapImage(NamedTuple):
-    """One map: its raster, and what the convolutions made of it.
+    """One map.
 
     Attributes:
         raster: (7, R, C), see `Raster`.
         corner: (2,) m, of the raster's first pixel.
-        features: (10, R', C') of `ImageEncoder.features`, or None to have them computed on each call.
     """
 
     raster: Tensor
     corner: Tensor
-    features: Tensor | None = None
 
 
 class ImageBatch(NamedTuple):
@@ -67,37 +61,16 @@ class ImageEncoder(nn.Module):
 
     def __init__(self, sizes: Architecture) -> None:
         super().__init__()
-        self.convolve = nn.Sequential(
-            nn.Conv2d(len(CHANNELS), 12, 3, padding=1),
-            nn.ReLU(),
-            nn.Conv2d(12, 20, 3, stride=STRIDE, padding=1),
-            nn.ReLU(),
-            nn.Conv2d(20, 20, 3, padding=2, dilation=2),
-            nn.ReLU(),
-            nn.Conv2d(20, FEATURES, 1),
-        )
+        layers: list[nn.Module] = []
+        for c in CONVOLUTIONS:
+            layers += [nn.ReLU()] if layers else []
+            layers.append(nn.Conv2d(c.inner, c.outer, c.side, c.stride, c.padding, c.dilation))
+        self.convolve = nn.Sequential(*layers)
         points = len(AHEAD_M) * len(ASIDE_M)
         self.read = mlp(points * (FEATURES + len(CHANNELS)), 2 * sizes.hidden, sizes.hidden)
         grid = torch.cartesian_prod(torch.tensor(AHEAD_M), torch.tensor(ASIDE_M))
         self.register_buffer("ahead", grid[:, 0].contiguous(), persistent=False)
         self.register_buffer("aside", grid[:, 1].contiguous(), persistent=False)
-
-    def features(self, raster: Tensor) -> Tensor:
-        """(10, R', C') of a (7, R, C) raster."""
-        h = raster[None]
-        for layer in self.convolve:
-            h = layer(snapped(h) if isinstance(layer, nn.Conv2d) else h)
-        return snapped(h[0])
-
-    def features_in_strips(self, raster: Tensor) -> Tensor:
-        """The same, strip by strip: convolutions of a whole large map at once take gigabytes."""
-        rows, kept = raster.shape[1], []
-        for first in range(0, rows, STRIP):
-            top, bottom = max(first - HALO, 0), min(first + STRIP + HALO, rows)
-            strip = self.features(raster[:, top:bottom])
-            start = (first - top) // STRIDE
-            kept.append(strip[:, start : start + STRIP // STRIDE])
-        return torch.cat(kept, 1)
 
     def forward(self, image: ImageBatch) -> Tensor:
         """(K, hidden) of the places."""
@@ -117,7 +90,7 @@ class ImageEncoder(nn.Module):
 
     def _sample(self, where: MapImage, px: Tensor, py: Tensor) -> Tensor:
         """(k, channels, points) of raster and features, bilinear; 0 beyond the map."""
-        features = self.features(where.raster) if where.features is None else where.features
+        features = self.convolve(where.raster[None])[0]
         u, v = (px - where.corner[0]) / PIXEL_M, (py - where.corner[1]) / PIXEL_M
         parts = []
         for values, stride in ((where.raster, 1), (features, STRIDE)):

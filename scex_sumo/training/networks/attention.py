@@ -1,8 +1,4 @@
-"""Attention along the edges of a graph (GATv2): a node takes from its neighbours what it looks for in them.
-
-Our own layer, and not the one of PyTorch Geometric, which gives the same numbers: that library takes as long
-to import as the networks of a run take to plan.
-"""
+"""Attention along the edges of a graph (GATv2), with the numbers of PyTorch Geometric's layer."""
 
 from __future__ import annotations
 
@@ -11,18 +7,11 @@ import math
 import torch
 from torch import Tensor, nn
 
-SLOPE = 0.2  # of the scores below zero
+from scex_sumo.behaviors.learned.networks.architecture import SLOPE
 
 
 class EdgeAttention(nn.Module):
-    """Attention of several heads over the edges that lead to a node, edges with features.
-
-    Score of the edge from j to i: a . leaky_relu(L x_j + R x_i + E e_ij); softmax over the edges to i; the
-    new vector of i is the sum of L x_j with these weights, the heads side by side. A node without edges gets
-    the bias alone.
-
-    Source: Brody, Alon, Yahav 2022.
-    """
+    """Attention of several heads over the edges that lead to a node; see `networks.scene.EdgeAttention`."""
 
     def __init__(self, inner: int, each: int, *, heads: int, edge_columns: int) -> None:
         """Draw the weights.
