@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
 
 from scex_sumo.arrays import FloatArray
+from scex_sumo.compiled import compiled
 
 
 def normal_cdf(z: FloatArray) -> FloatArray:
@@ -28,26 +25,4 @@ def normal_quantile(share: float) -> float:
     return float(_functions.ndtri(share))
 
 
-def _compiled() -> ModuleType:
-    """Scipy's compiled functions: by themselves, or `scipy.special` where they are not to be had so.
-
-    What that package has in Python takes as long to import as a hundred children to run. An empty one stands
-    in its place while the compiled functions are imported: when this module is, before threads import too.
-    """
-    whole = "scipy.special"
-    if whole not in sys.modules and (scipy := importlib.util.find_spec("scipy")) is not None:
-        empty = ModuleType(whole)
-        empty.__path__ = [str(Path(folder, "special")) for folder in scipy.submodule_search_locations or ()]
-        sys.modules[whole] = empty
-        try:
-            module = importlib.import_module(f"{whole}._ufuncs")
-            if hasattr(module, "ndtr") and hasattr(module, "ndtri"):
-                return module
-        except ImportError:
-            pass
-        finally:
-            del sys.modules[whole]
-    return importlib.import_module(whole)
-
-
-_functions = _compiled()
+_functions = compiled("scipy.special", "_ufuncs", "ndtr", "ndtri") or importlib.import_module("scipy.special")

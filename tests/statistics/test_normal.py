@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import subprocess
 import sys
 
@@ -37,24 +36,6 @@ def test_they_are_so_without_the_compiled_module_too(monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.95, 0.975, 0.995])
 def test_one_quantile_is_a_plain_number(share: float) -> None:
     assert normal_quantile(share) == special.ndtri(share)
-
-
-@pytest.mark.parametrize("missing", [ImportError, None])
-def test_the_package_stands_in_where_its_compiled_functions_are_elsewhere(
-    monkeypatch: pytest.MonkeyPatch, missing: type[Exception] | None
-) -> None:
-    imported = importlib.import_module
-
-    def without(name: str) -> object:
-        if name.endswith("._ufuncs"):
-            if missing is not None:
-                raise missing(name)
-            return sys
-        return imported(name)
-
-    monkeypatch.delitem(sys.modules, "scipy.special")
-    monkeypatch.setattr(normal.importlib, "import_module", without)
-    assert normal._compiled().ndtri(0.5) == 0.0
 
 
 def test_neither_takes_the_rest_of_scipy_which_is_whole_when_it_is_wanted() -> None:

@@ -9,10 +9,9 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("torch_geometric")
 
-from scex_sumo.training.networks.graph import Modes, PathBatch, SceneBatch  # noqa: E402
-
 from scex_sumo.training.data.batches import Batch  # noqa: E402
 from scex_sumo.training.loss import LossWeights, displacement, loss, trajectory_errors  # noqa: E402
+from scex_sumo.training.networks.graph import Modes, PathBatch, SceneBatch  # noqa: E402
 
 H = 30
 

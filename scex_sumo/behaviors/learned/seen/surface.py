@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from scipy.ndimage import distance_transform_edt
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
+from scex_sumo.compiled import compiled
 from scex_sumo.derived import derived
 from scex_sumo.road import Lane, Road
 
@@ -19,6 +19,7 @@ MARGIN_M = 3.0  # of cells around the outermost lane
 MOST_ROOM_M = 12.0
 STRIDE = 4  # one sample of a path in so many has its room in the table
 MARCH_STEPS = 24
+_images = compiled("scipy.ndimage", "_nd_image", "euclidean_feature_transform")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,8 +100,26 @@ def surface_of(road: Road) -> Surface:
     for outline in outlines:
         fill(inside, outline, low, cell)
     # Cells next to the edge are half a cell away from it.
-    depth = distance_transform_edt(inside) - distance_transform_edt(~inside)
+    depth = cells_to_go(inside) - cells_to_go(~inside)
     return Surface(depth=(depth - 0.5 * np.sign(depth)) * cell, corner=low, cell=cell)
+
+
+def cells_to_go(some: BoolArray) -> FloatArray:
+    """(R, C) distance of each cell among some to the nearest other one, in cells; 0 of the others.
+
+    Numbers of `scipy.ndimage.distance_transform_edt`.
+    """
+    if _images is None:
+        from scipy.ndimage import distance_transform_edt
+
+        whole: FloatArray = distance_transform_edt(some)
+        return whole
+    nearest = np.zeros((2, *some.shape), dtype=np.int32)
+    _images.euclidean_feature_transform(some.astype(np.int8), None, nearest)
+    rows, columns = (np.arange(count, dtype=np.float64) for count in some.shape)
+    squared: FloatArray = (nearest[0] - rows[:, None]) ** 2
+    squared += (nearest[1] - columns) ** 2
+    return np.sqrt(squared, out=squared)
 
 
 def cells_of(
