@@ -3,7 +3,7 @@
 All vehicles of all children on one learned driver, 3 s in closed loop with a plan every 0.5 s, in a world
 that holds what it is told. CPU time of this process, the fastest of some repetitions after a first one.
 
-    OMP_NUM_THREADS=1 python benchmarks/learned.py [MAP.osm] [--children 64] [--vehicles 11] [--noise]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/learned.py [MAP.osm] [--children 64] [--vehicles 11] [--noise]
 """
 
 from __future__ import annotations
@@ -17,13 +17,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
-from scex_sumo.behaviors.learned.networks.tensors import architecture
 
 import scex_sumo as scex
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.learned import driver
-from scex_sumo.behaviors.learned.weights import KINDS, save_weights
+from scex_sumo.behaviors.learned.networks.architecture import Architecture, shapes
+from scex_sumo.behaviors.learned.weights import save_weights
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.extrapolation.rollout import Cast, history_at, roll_out
 from scex_sumo.scene import SeedScene, States, Who
@@ -82,9 +81,11 @@ def children_of(scene: SeedScene, model: Any, count: int) -> Cast:
 
 
 def untrained(folder: Path, name: str) -> str:
-    torch.manual_seed(0)
-    save_weights(folder / f"{name}.pt", KINDS[MODELS[name]](architecture()), {})
-    return str(folder / f"{name}.pt")
+    file, kind, sizes, rng = folder / name, MODELS[name], Architecture(), np.random.default_rng(0)
+    state = {name: rng.uniform(-0.1, 0.1, shape) for name, shape in shapes(kind, sizes).items()}
+    state |= {name: np.ones_like(values) for name, values in state.items() if name.endswith(".spread")}
+    save_weights(file, kind, sizes, state, {})
+    return str(file)
 
 
 def measured(scene: SeedScene, text: str, children: int, repeat: int) -> tuple[dict[str, float], float]:
@@ -92,7 +93,7 @@ def measured(scene: SeedScene, text: str, children: int, repeat: int) -> tuple[d
     model: Any = build(parse_models(text)[0])
     cast = children_of(scene, model, children)
     assert scene.road is not None
-    plan, net = model.plan, model.driver._loaded.net
+    plan, predict = model.plan, model.driver.predict
     begin = time.process_time()
     roll_out(PlainWorld(children, scene.vehicles), scene.road, scene, cast, steps=1, replan=5)
     first = time.process_time() - begin
@@ -102,7 +103,7 @@ def measured(scene: SeedScene, text: str, children: int, repeat: int) -> tuple[d
         watch = Watch()
         for name, function in originals.items():
             setattr(driver, name, watch.around(name, function))
-        net.forward = watch.around("network", type(net).forward.__get__(net))
+        model.driver.predict = watch.around("network", predict)
         model.plan = watch.around("the rest", plan)
         roll_out(PlainWorld(children, scene.vehicles), scene.road, scene, cast, steps=30, replan=5)
         found.append(watch.seconds)
@@ -127,7 +128,7 @@ def order_noise(scene: SeedScene, text: str, children: int) -> float:
         who = Who(child=child, vehicle=vehicle)
         paths, row = chosen_paths(history, scene.road, who, "straight")
         _, modes = model.driver.predict(history, scene.road, who, paths, row)
-        return [part.numpy().reshape(len(numbers), -1) for part in modes if part is not None]
+        return [part.reshape(len(numbers), -1) for part in modes if part is not None]
 
     whole, largest = predicted(slice(None)), 0.0
     for size in (1, 3, 7, 13):
@@ -150,7 +151,6 @@ def main() -> None:
     parser.add_argument("--untrained", action="store_true", help="random weights instead of the shipped ones")
     parser.add_argument("--noise", action="store_true", help="how much predictions depend on the batch")
     given = parser.parse_args()
-    torch.set_num_threads(1)
     scene = first_vehicles(scex.read_seed(given.map, tracks=given.tracks, time=given.time), given.vehicles)
     print(f"{scene.name}: {given.children} children of {scene.vehicles} vehicles, 6 plans each, ms per child")
     print(

@@ -5,7 +5,7 @@
     python benchmarks/predictors.py OUT --data FOLDER... loop     10 s of closed loop from perturbed starts
     python benchmarks/predictors.py OUT table                     the results so far as Markdown
 
-Everything is kept in OUT, and only what is missing there is done: weights as ``NAME.pt``, numbers in
+Everything is kept in OUT, and only what is missing there is done: weights as ``NAME.safetensors``, numbers in
 ``results.json``. ``--only WORD`` restricts a part to names with that word; ``--seeds`` says how many
 trainings the means are over. FOLDER is searched for recordings; without it those of SCEX_DATA, else
 ../shared/data.
@@ -74,7 +74,7 @@ def train(out: Path, roots: Sequence[Path], names: Sequence[str], wanted: Sequen
     """Train what is not there yet; `names` are those of the recordings."""
     apart = {part: [name for name in names if part_of(name) == part] for part in ("validation", "test")}
     for training in wanted:
-        file = out / f"{training.name}.pt"
+        file = out / f"{training.name}.safetensors"
         if file.exists():
             continue
         begun = time.process_time()
@@ -104,7 +104,7 @@ def variants(out: Path, wanted: Sequence[Training]) -> Iterator[tuple[str, str, 
     for name in RULES:
         yield name, "", lambda name=name: build(ModelSpec(name=name))  # type: ignore[misc]
     for training in wanted:
-        file = out / f"{training.name}.pt"
+        file = out / f"{training.name}.safetensors"
         if not file.exists():
             continue
         given: list[tuple[str, dict[str, Any]]] = [("", {})]

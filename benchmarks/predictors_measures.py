@@ -89,7 +89,7 @@ def best_of_six(test: TestScene, driver: LearnedDriver, vehicle: IntArray) -> Fl
     row = paths.first[vehicle][owner] + np.arange(len(owner)) - (np.cumsum(count) - count)[owner]
     pairs = Who(child=np.zeros_like(owner), vehicle=vehicle[owner])
     _, modes = driver.predict(history, road, pairs, paths, row)
-    logit, choice = modes.path_logit.numpy(), modes.logits.numpy()
+    logit, choice = modes.path_logit, modes.logits
     path = np.exp(logit - logit.max())
     path /= np.bincount(owner, path, minlength=len(vehicle))[owner]
     mode = np.exp(choice - choice.max(1, keepdims=True))
@@ -100,10 +100,8 @@ def best_of_six(test: TestScene, driver: LearnedDriver, vehicle: IntArray) -> Fl
     rank = np.arange(len(pair)) - np.searchsorted(owner[pair], owner[pair])
     pair, number = pair[rank < GUESSES], number[rank < GUESSES]
     who = Who(child=np.zeros_like(pair), vehicle=vehicle[owner[pair]])
-    offset = None if modes.offset is None else modes.offset.numpy()[pair, number]
-    plan = plan_along(
-        history, who, paths, row[pair], modes.acceleration.numpy()[pair, number], offset, road=road
-    )
+    offset = modes.offset[pair, number]
+    plan = plan_along(history, who, paths, row[pair], modes.acceleration[pair, number], offset, road=road)
     off = _distances(seed, who.vehicle, plan.x, plan.y)[:, -1]
     best = np.full(len(vehicle), np.inf)
     np.minimum.at(best, owner[pair], off)

@@ -34,10 +34,9 @@ from scex_sumo.sumo_models import SUMO_MODELS, check_driver
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 ENTRY_POINTS = "scex_sumo.behaviors"
 SUMO = "sumo"
-# The default has no learned models, though the paper does: what a run gives must not depend on which extras
-# are installed, and torch takes longer to load than such a run.
+# The default has no learned models, though the paper does: what a run gives shall not change with weights.
 PAPER_MODELS = ",".join((DEFAULT_MODELS, *LEARNED))
-LIKELY_MODELS = "likely_driver:guard=true"  # not what depends on extras, either
+LIKELY_MODELS = "likely_driver:guard=true"  # not what changes with weights, either
 SETS: Mapping[str, str] = {"likely": LIKELY_MODELS, "rules": DEFAULT_MODELS, "paper": PAPER_MODELS}
 
 T = TypeVar("T")

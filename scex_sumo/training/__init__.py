@@ -1,4 +1,4 @@
 """Training of the learned drivers: samples from recordings, losses, the loop. Never loaded by ``run``.
 
-May import behaviors, converters, extrapolation and all below; torch lives here and in behaviors.learned.
+May import behaviors, converters, extrapolation and all below; torch lives here.
 """
