@@ -66,7 +66,8 @@ def extrapolate(
         batch: children side by side in one world, None for about 6000 vehicles; the result does not depend
             on it.
         gui: show the run live in sumo-gui.
-        cache: keep the converted net in ``~/.cache/scex-sumo`` for the next run on the same map.
+        cache: keep the converted net, and what networks make of the map, in ``~/.cache/scex-sumo`` for the
+            next run on the same map.
         compared: whether a checked world is compared with SUMO's; if not, it has been elsewhere.
         progress: called with (steps done, steps in all) as the run advances.
         command: the command line, for ``run.json``.
@@ -85,6 +86,8 @@ def extrapolate(
     """
     wanted, watch = _checked(scene, batch, settings), _Stopwatch()
     models = ModelSet.of(wanted)
+    if cache:
+        models.keep_images()
     with _at_work(workers, wanted.count, gui) as pool:  # helpers start meanwhile
         assignment = models.draw(
             scene.track_ids,

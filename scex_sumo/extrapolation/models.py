@@ -13,6 +13,7 @@ import numpy as np
 from scex_sumo.arrays import IntArray
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.guarded import Guarded
+from scex_sumo.behaviors.learned.models import LearnedModel
 from scex_sumo.behaviors.plug_in.fallback import Fallible
 from scex_sumo.behaviors.plug_in.usable import source_file
 from scex_sumo.behaviors.registry import ModelSpec, build, is_own, may_fail, parse_models
@@ -85,6 +86,12 @@ class ModelSet:
             for name, file in files.items()
             if file is not None and file.is_file()
         }
+
+    def keep_images(self) -> None:
+        """Have learned drivers keep in the user's cache what they make of a map."""
+        for _, _, model in self._bare():
+            if isinstance(model, LearnedModel):
+                model.driver.keeps = True
 
     def _bare(self) -> Iterator[tuple[ModelSpec, str, Behavior]]:
         """Each model without its guard and stand-in."""

@@ -26,6 +26,7 @@ from scex_sumo.behaviors.models.path_follower import follow_path
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.derived import derived
 from scex_sumo.errors import InputError
+from scex_sumo.kept import kept_arrays
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
 
@@ -39,9 +40,16 @@ Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile
 
 
 @derived
-def image_of(road: Road, net: GraphImageNet) -> MapImage:
-    """A map as a network sees it, with its features."""
-    return net.image.seen(raster_of(road))
+def image_of(road: Road, net: GraphImageNet, kept_as: str) -> MapImage:
+    """A map as a network sees it; with the hash of its weights, features stay in the user's cache."""
+    raster = raster_of(road)
+    if not kept_as:
+        return MapImage.of(raster, net.image.features_of(raster))
+
+    def make() -> dict[str, NDArray[np.float32]]:
+        return {"features": net.image.features_of(raster).astype(np.float32)}  # exact, on their grid
+
+    return MapImage.of(raster, kept_arrays("images", (kept_as, road), make)["features"].astype(np.float64))
 
 
 @lru_cache(maxsize=4)
@@ -80,7 +88,12 @@ class LearnedDriver:
     """A network, asked for all vehicles of all children at once.
 
     Path and mode of a vehicle are chosen from the seed scene and stay the same through a child.
+
+    Attributes:
+        keeps: whether what it makes of a map stays in the user's cache.
     """
+
+    keeps = False
 
     def __init__(self, kind: str, file: Path, profile: Profile, *, attention: float, free: bool) -> None:
         """Load the weights.
@@ -133,7 +146,14 @@ class LearnedDriver:
         own = history.now[who.child, who.vehicle]
         pose = np.stack([own.x, own.y, own.heading], 1)
         first, place = distinct(pose)  # many children have a vehicle at the same place
-        return inputs, net(graph, inputs, image_of(road, net), pose[first], place, self.attention)
+        return inputs, net(
+            graph,
+            inputs,
+            image_of(road, net, self.sha256 if self.keeps else ""),
+            pose[first],
+            place,
+            self.attention,
+        )
 
     def _drive(
         self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray

@@ -12,6 +12,7 @@ import pytest
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.learned.driver import choice_of, loaded
 from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
+from scex_sumo.behaviors.learned.networks.image import ImageEncoder
 from scex_sumo.behaviors.learned.seen.surface import surface_of
 from scex_sumo.behaviors.models.path_follower import follow_path
 from scex_sumo.behaviors.registry import build, parse_models
@@ -229,3 +230,22 @@ def test_the_shipped_drivers_stop_behind_a_standing_vehicle_and_need_no_guard_fo
         still = States.concatenate([still, standing[:, :, :1]], axis=2)
         history = replace(history, states=States.concatenate([window, still], axis=1), step=step + 5)
         assert history.now.x[0, 0] < 50.0 + gap
+
+
+def test_what_a_network_makes_of_a_map_stays_for_the_next_run_where_that_is_wanted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    history, plans = roads.present(SCENE), []
+    for keeps in (False, True, True):
+        model = driver(tmp_path, "graph_image_predictor")
+        assert isinstance(model, GraphImagePredictor)
+        model.driver.keeps = keeps
+        plans.append(roads.plan(model, replace(ROAD), history))  # nothing derived from this road yet
+        if not keeps:
+            assert not (tmp_path / "cache").exists()
+            continue
+        (file,) = (tmp_path / "cache" / "scex-sumo" / "images").iterdir()
+        monkeypatch.setattr(ImageEncoder, "features_of", None)  # not computed again
+        assert same(plans[0], plans[-1])
+    assert file.stat().st_size < 1e6

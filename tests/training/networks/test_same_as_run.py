@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch")
 from torch import nn  # noqa: E402
 
 from scex_sumo.behaviors.driving.paths import chosen_paths  # noqa: E402
-from scex_sumo.behaviors.learned.driver import OUTPUT_GRID  # noqa: E402
+from scex_sumo.behaviors.learned.driver import OUTPUT_GRID, image_of  # noqa: E402
 from scex_sumo.behaviors.learned.networks.architecture import Architecture, shapes  # noqa: E402
 from scex_sumo.behaviors.learned.networks.head import Modes  # noqa: E402
 from scex_sumo.behaviors.learned.networks.layers import exact, snapped  # noqa: E402
@@ -69,7 +69,7 @@ def both(kind: str, net: Net, state: Any, sizes: Architecture, kept: torch.dtype
     theirs = Modes(*(None if part is None else part.numpy() for part in trained))
     if isinstance(running, GraphNet):
         return theirs, running(graph, path)
-    return theirs, running(graph, path, running.image.seen(raster), pose, np.arange(len(who)), 0.3)
+    return theirs, running(graph, path, image_of(ROAD, running, ""), pose, np.arange(len(who)), 0.3)
 
 
 def on_grids(net: Net) -> None:

@@ -32,13 +32,18 @@ class MapImage(NamedTuple):
 
     Attributes:
         raster: (7, R + 2, C + 2), see `Raster`.
-        features: (10, R' + 2, C' + 2) of `ImageEncoder.features`.
+        features: (10, R' + 2, C' + 2) of `ImageEncoder.features_of`.
         corner: (2,) m, of the raster's first pixel.
     """
 
     raster: FloatArray
     features: FloatArray
     corner: FloatArray
+
+    @classmethod
+    def of(cls, raster: Raster, features: FloatArray) -> MapImage:
+        """A raster and its (10, R', C') features."""
+        return cls(_framed(raster.values), _framed(features), raster.corner)
 
 
 class ImageEncoder:
@@ -52,16 +57,15 @@ class ImageEncoder:
         self.ahead, self.aside = grid.T
         self.read = Mlp(state, "image.read")
 
-    def seen(self, raster: Raster) -> MapImage:
-        """A map, strip by strip: convolutions of a whole large map at once take gigabytes."""
+    def features_of(self, raster: Raster) -> FloatArray:
+        """(10, R', C') of a map, strip by strip: convolutions of a whole large one at once take gigabytes."""
         values = raster.values.transpose(1, 2, 0)
         strips = []
         for first in range(0, len(values), STRIP):
             top = max(first - HALO, 0)
             strip, start = self.features(values[top : first + STRIP + HALO]), (first - top) // STRIDE
             strips.append(strip[start : start + STRIP // STRIDE])
-        features = np.concatenate(strips).transpose(2, 0, 1)
-        return MapImage(_framed(raster.values), _framed(features), raster.corner)
+        return np.concatenate(strips).transpose(2, 0, 1)
 
     def features(self, values: FloatArray) -> FloatArray:
         """(R', C', 10) of (R, C, 7)."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.driving.paths import chosen_paths
+from scex_sumo.behaviors.learned.driver import image_of
 from scex_sumo.behaviors.learned.networks.architecture import (
     KNOTS,
     STRONGEST_ACCELERATION,
@@ -36,7 +37,7 @@ def ask(net: Net, history: SceneHistory, road: Road, attention: float = 0.5) -> 
         return net(graph, inputs)
     now = history.now
     pose = np.stack([now.x.ravel(), now.y.ravel(), now.heading.ravel()], 1)
-    return net(graph, inputs, net.image.seen(raster_of(road)), pose, np.arange(len(who)), attention)
+    return net(graph, inputs, image_of(road, net, ""), pose, np.arange(len(who)), attention)
 
 
 def network(kind: str, **numbers: int | bool) -> Net:
@@ -168,7 +169,7 @@ def test_full_attention_ignores_the_image_and_none_ignores_the_graph() -> None:
 def test_the_image_turns_with_the_vehicle() -> None:
     net = image_network()
     pose = np.array([[20.0, 0.0, 0.0], [20.0, 0.0, np.pi], [500.0, 500.0, 0.0], [900.0, 500.0, 1.0]])
-    seen = net.image(net.image.seen(raster_of(ROAD)), pose)
+    seen = net.image(image_of(ROAD, net, ""), pose)
     assert not np.allclose(seen[0], seen[1], atol=1e-3)
     assert np.allclose(seen[2], seen[3])  # beyond the map there is nothing to see
 
@@ -177,9 +178,9 @@ def test_the_image_turns_with_the_vehicle() -> None:
 def test_a_large_map_gives_the_same_features_strip_by_strip(rows: int) -> None:
     encoder = image_network().image
     values = np.random.default_rng(0).random((len(CHANNELS), rows, 40))
-    strips = encoder.seen(Raster(values=values, corner=np.zeros(2))).features
+    strips = encoder.features_of(Raster(values=values, corner=np.zeros(2)))
     whole = encoder.features(values.transpose(1, 2, 0))
-    assert np.array_equal(strips[:, 1:-1, 1:-1].transpose(1, 2, 0), whole)
+    assert np.array_equal(strips.transpose(1, 2, 0), whole)
 
 
 def test_vehicles_asked_for_alone_are_seen_as_among_all() -> None:
