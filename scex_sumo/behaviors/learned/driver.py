@@ -146,14 +146,8 @@ class LearnedDriver:
         own = history.now[who.child, who.vehicle]
         pose = np.stack([own.x, own.y, own.heading], 1)
         first, place = distinct(pose)  # many children have a vehicle at the same place
-        return inputs, net(
-            graph,
-            inputs,
-            image_of(road, net, self.sha256 if self.keeps else ""),
-            pose[first],
-            place,
-            self.attention,
-        )
+        image = image_of(road, net, self.sha256 if self.keeps else "")
+        return inputs, net(graph, inputs, image, pose[first], place, self.attention, free=self.free)
 
     def _drive(
         self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray
@@ -161,12 +155,12 @@ class LearnedDriver:
         """Plans of those of n vehicles for which the network's answer is finite, and (n,) which ones."""
         _, modes = self.predict(history, road, who, paths, row)
         chosen = (np.arange(len(who)), self._modes(history, road, who, row, modes))
-        free = _rounded(modes.free)[chosen] if self.free and modes.free is not None else None
-        acceleration = _rounded(modes.acceleration)[chosen]
+        free = None if modes.free is None else _rounded(modes.free[chosen])
+        acceleration = _rounded(modes.acceleration[chosen])
         if self.profile.mode == "best":
             stays = _stays(history.now.speed[who.child, who.vehicle], modes)
             acceleration = np.where(stays[:, None], STOPPING_MPS2, acceleration)
-        offset = _rounded(modes.offset)[chosen]
+        offset = _rounded(modes.offset[chosen])
         finite = np.ones(len(who), dtype=np.bool_)
         for values in (free, acceleration, offset):
             if values is not None:

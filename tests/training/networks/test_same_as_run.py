@@ -69,7 +69,9 @@ def both(kind: str, net: Net, state: Any, sizes: Architecture, kept: torch.dtype
     theirs = Modes(*(None if part is None else part.numpy() for part in trained))
     if isinstance(running, GraphNet):
         return theirs, running(graph, path)
-    return theirs, running(graph, path, image_of(ROAD, running, ""), pose, np.arange(len(who)), 0.3)
+    return theirs, running(
+        graph, path, image_of(ROAD, running, ""), pose, np.arange(len(who)), 0.3, free=True
+    )
 
 
 def on_grids(net: Net) -> None:

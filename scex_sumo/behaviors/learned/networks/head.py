@@ -30,7 +30,7 @@ class Modes(NamedTuple):
         acceleration: (n, M, H) m/s², between -9 and 5.
         offset: (n, M, H) wanted distance left of the path, m.
         path_logit: (n,) of the path among the candidates of its vehicle.
-        free: (n, M, H, 2) x ahead and y to the left of the present pose, m; None without that head.
+        free: (n, M, H, 2) x ahead and y to the left of the present pose, m; None where not asked for.
     """
 
     logits: FloatArray
@@ -43,12 +43,12 @@ class Modes(NamedTuple):
 class PlanHead:
     """From one vector per pair to modes: knots every 0.5 s, linear between."""
 
-    def __init__(self, state: State, modes: int, *, free: bool) -> None:
-        self.body, self.modes, self.free = Mlp(state, "head.body"), modes, free
+    def __init__(self, state: State, modes: int) -> None:
+        self.body, self.modes = Mlp(state, "head.body"), modes
         self.knots, self.choice = Linear(state, "head.knots"), Linear(state, "head.choice")
         self.between = interpolation().astype(np.float64)
 
-    def __call__(self, h: FloatArray, features: FloatArray) -> Modes:
+    def __call__(self, h: FloatArray, features: FloatArray, *, free: bool = False) -> Modes:
         """Modes of (n, inner) vectors; `features` are the raw ones of the pairs."""
         h = relu(self.body(h))
         choice = self.choice(h)
@@ -61,7 +61,7 @@ class PlanHead:
             acceleration=self._acceleration(along, present),
             offset=self._offset(aside, features[:, OFFSET]),
             path_logit=choice[:, self.modes],
-            free=self._free(knots[..., 2 * KNOTS - 1 :], features[:, SPEED]) if self.free else None,
+            free=self._free(knots[..., 2 * KNOTS - 1 :], features[:, SPEED]) if free else None,
         )
 
     def _acceleration(self, knots: FloatArray, present: FloatArray) -> FloatArray:

@@ -23,7 +23,7 @@ class GraphNet:
     def __init__(self, state: State, sizes: Architecture) -> None:
         self.sizes, self.scene = sizes, SceneEncoder(state, sizes)
         self.path_scale, self.path = Scaler(state, "path_scale"), Mlp(state, "path")
-        self.head = PlanHead(state, sizes.modes, free=False)
+        self.head = PlanHead(state, sizes.modes)
 
     def __call__(self, graph: SceneGraph, path: PathInputs) -> Modes:
         """Modes of n pairs of a vehicle and a path."""
@@ -46,7 +46,7 @@ class GraphImageNet:
             Mlp(state, "own"),
         )
         self.graph_branch, self.image_branch = Mlp(state, "graph_branch"), Mlp(state, "image_branch")
-        self.head = PlanHead(state, sizes.modes, free=sizes.free)
+        self.head = PlanHead(state, sizes.modes)
 
     def __call__(
         self,
@@ -56,6 +56,8 @@ class GraphImageNet:
         pose: FloatArray,
         place: IntArray,
         attention: float,
+        *,
+        free: bool = False,
     ) -> Modes:
         """Modes of n pairs of a vehicle and a path.
 
@@ -66,12 +68,14 @@ class GraphImageNet:
             pose: (K, 3) x, y, heading of the places from which vehicles see the road, m and rad.
             place: (n,) which of them is each pair's.
             attention: w in [0, 1]: 1 looks at the graph alone.
+            free: also give the free trajectories, where the network has them.
         """
         features = self.path_scale(path.features)
         way, own = relu(self.path(features)), relu(self.own(features[:, : -len(LEADER_COLUMNS)]))
         g = relu(self.graph_branch(np.concatenate([self.scene(graph, path.node), way], axis=1)))
         m = relu(self.image_branch(np.concatenate([self.image(image, pose)[place], own], axis=1)))
-        return self.head(np.concatenate([attention * g, (1 - attention) * m], axis=1), path.features)
+        both = np.concatenate([attention * g, (1 - attention) * m], axis=1)
+        return self.head(both, path.features, free=free and self.sizes.free)
 
 
 Net: TypeAlias = GraphNet | GraphImageNet

@@ -30,15 +30,14 @@ class EdgeAttention:
         self.score = same * state[f"{name}.att"].reshape(-1, 1)  # each head's columns to its score
 
     def __call__(
-        self, node: FloatArray, edges: IntArray, edge: FloatArray, wanted: IntArray, scale: Scaler
+        self, node: FloatArray, graph: SceneGraph, some: IntArray, wanted: IntArray, scale: Scaler
     ) -> FloatArray:
         """(n, heads * each) of wanted nodes.
 
         Args:
             node: (C, V, inner) of all vehicles of all children.
-            edges: (2, E) sources and targets, child * V + vehicle, targets ascending and among the wanted
-                ones.
-            edge: (E, columns), raw.
+            graph: whose edges are sorted by target.
+            some: the edges to the wanted nodes, ascending.
             wanted: (n,) nodes.
             scale: of edges.
         """
@@ -47,12 +46,12 @@ class EdgeAttention:
         asked = np.empty_like(given)
         asked[wanted] = self.asked(node.reshape(-1, inner)[wanted])
         made = np.empty((children, vehicles, self.heads, self.each))
-        at_once = max(1, PAIRS // vehicles**2)
+        at_once, edges = max(1, PAIRS // vehicles**2), graph.edge_index[:, some]
         for first in range(0, children, at_once):
             last = min(first + at_once, children)
             low, high = np.searchsorted(edges[1], [first * vehicles, last * vehicles])
             source, target = edges[:, low:high]
-            mixed = self.edge(scale(edge[low:high]))
+            mixed = self.edge(scale(graph.edge[some[low:high]]))
             mixed += given[source]
             mixed += asked[target]
             score = np.maximum(mixed, SLOPE * mixed, out=mixed) @ self.score
@@ -101,8 +100,7 @@ class SceneEncoder:
             some = np.flatnonzero(asking[graph.edge_index[1]])
             nodes = np.flatnonzero(asking)
             blocks = h.reshape(-1, vehicles, self.hidden)
-            seen = attend(blocks, graph.edge_index[:, some], graph.edge[some], nodes, self.edge_scale)
-            h[nodes] = norm(h[nodes] + relu(seen))
+            h[nodes] = norm(h[nodes] + relu(attend(blocks, graph, some, nodes, self.edge_scale)))
         return h[wanted]
 
     def _reach(self, graph: SceneGraph, wanted: IntArray) -> list[BoolArray]:

@@ -37,7 +37,7 @@ def ask(net: Net, history: SceneHistory, road: Road, attention: float = 0.5) -> 
         return net(graph, inputs)
     now = history.now
     pose = np.stack([now.x.ravel(), now.y.ravel(), now.heading.ravel()], 1)
-    return net(graph, inputs, image_of(road, net, ""), pose, np.arange(len(who)), attention)
+    return net(graph, inputs, image_of(road, net, ""), pose, np.arange(len(who)), attention, free=True)
 
 
 def network(kind: str, **numbers: int | bool) -> Net:
@@ -195,7 +195,8 @@ def test_vehicles_asked_for_alone_are_seen_as_among_all() -> None:
 def test_a_node_without_edges_gets_the_bias_and_one_with_one_edge_all_of_its_source() -> None:
     scene = network("graph").scene
     attend, node = scene.attend[0], np.random.default_rng(0).normal(size=(2, 3, 16))
-    edges, edge = np.array([[0, 5], [1, 3]]), np.ones((2, len(EDGE_COLUMNS)))
-    made = attend(node, edges, edge, np.arange(6), scene.edge_scale)
+    graph = scene_graph(roads.present(SCENE, 2), ROAD)
+    graph = replace(graph, edge_index=np.array([[0, 5], [1, 3]]), edge=np.ones((2, len(EDGE_COLUMNS))))
+    made = attend(node, graph, np.arange(2), np.arange(6), scene.edge_scale)
     assert np.allclose(made[[0, 2, 4, 5]], attend.bias)
     assert np.allclose(made[[1, 3]], attend.given(node.reshape(6, 16))[[0, 5]] + attend.bias)
