@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray, distinct
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
@@ -37,6 +38,12 @@ START_M, START_LIKELY = 1.0, 0.8  # who stands starts where this way in 3 s is s
 OFF_MAP = "was not on a mapped lane in the seed scene"
 NOT_FINITE = "the network gave no finite plan"
 Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile
+
+
+@cache
+def _algebra() -> ThreadpoolController:
+    """The library that multiplies matrices."""
+    return ThreadpoolController().select(user_api="blas")
 
 
 @derived
@@ -141,13 +148,15 @@ class LearnedDriver:
         graph = scene_graph(history, road, radius=self.profile.radius)
         inputs = path_inputs(history, road, who, paths, row, radius=self.profile.radius)
         net = self._net
-        if not isinstance(net, GraphImageNet):
-            return inputs, net(graph, inputs)
-        own = history.now[who.child, who.vehicle]
-        pose = np.stack([own.x, own.y, own.heading], 1)
-        first, place = distinct(pose)  # many children have a vehicle at the same place
-        image = image_of(road, net, self.sha256 if self.keeps else "")
-        return inputs, net(graph, inputs, image, pose[first], place, self.attention, free=self.free)
+        # Products as small as these gain nothing from threads, and children share the cores.
+        with _algebra().limit(limits=1):
+            if not isinstance(net, GraphImageNet):
+                return inputs, net(graph, inputs)
+            own = history.now[who.child, who.vehicle]
+            pose = np.stack([own.x, own.y, own.heading], 1)
+            first, place = distinct(pose)  # many children have a vehicle at the same place
+            image = image_of(road, net, self.sha256 if self.keeps else "")
+            return inputs, net(graph, inputs, image, pose[first], place, self.attention, free=self.free)
 
     def _drive(
         self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray

@@ -5,14 +5,18 @@ from __future__ import annotations
 import pickle
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.learned.driver import choice_of, loaded
 from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
+from scex_sumo.behaviors.learned.networks.head import Modes
 from scex_sumo.behaviors.learned.networks.image import ImageEncoder
+from scex_sumo.behaviors.learned.networks.nets import GraphNet
 from scex_sumo.behaviors.learned.seen.surface import surface_of
 from scex_sumo.behaviors.models.path_follower import follow_path
 from scex_sumo.behaviors.registry import build, parse_models
@@ -83,6 +87,29 @@ def test_a_child_gets_the_same_bytes_in_any_batch_from_any_process(tmp_path: Pat
             )
             rows = slice(some.start * SCENE.vehicles, some.stop * SCENE.vehicles)
             assert same(whole, roads.plan(again, ROAD, part), rows)
+
+
+def test_matrices_are_multiplied_on_one_thread_and_the_number_is_as_before_after_that(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, threads = driver(tmp_path, "graph_predictor"), []
+
+    def counted() -> list[int]:
+        return [library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"]
+
+    real = GraphNet.__call__
+
+    def asked(*given: Any) -> Modes:
+        threads.append(counted())
+        return real(*given)
+
+    monkeypatch.setattr(GraphNet, "__call__", asked)
+    with threadpool_limits(2, user_api="blas"):
+        before = counted()
+        roads.plan(model, ROAD, roads.present(SCENE))
+        assert counted() == before
+    assert threads
+    assert all(number == 1 for found in threads for number in found)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -121,9 +121,9 @@ def _sampled(framed: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
     i = np.minimum(v.astype(np.int64), rows - 2)
     fj, fi = u - j, v - i
     flat, at = framed.reshape(channels, -1), i * columns + j
-    made: FloatArray = flat.take(at, axis=1) * ((1 - fi) * (1 - fj))
+    made: FloatArray = flat.take(at, axis=1, mode="clip") * ((1 - fi) * (1 - fj))
     for beside, share in ((1, (1 - fi) * fj), (columns, fi * (1 - fj)), (columns + 1, fi * fj)):
-        corner = flat.take(at + beside, axis=1)
+        corner = flat.take(at + beside, axis=1, mode="clip")
         corner *= share
         made += corner
     return made.swapaxes(0, 1)
