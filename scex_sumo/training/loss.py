@@ -15,7 +15,7 @@ from torch.nn.functional import log_softmax, relu
 
 from scex_sumo.scene import STEP_S
 from scex_sumo.training.data.batches import Batch
-from scex_sumo.training.networks.graph import Modes
+from scex_sumo.training.networks.graph import ModeTensors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ def trajectory_errors(ahead: Tensor, aside: Tensor, weights: LossWeights) -> Ten
     return distance.mean(2) + weights.final * distance[..., -1]
 
 
-def loss(modes: Modes, batch: Batch, weights: LossWeights) -> tuple[Tensor, dict[str, float]]:
+def loss(modes: ModeTensors, batch: Batch, weights: LossWeights) -> tuple[Tensor, dict[str, float]]:
     """The loss of a batch, and its parts by name for the log."""
     share, total = batch.share, batch.share.sum().clamp(min=1e-6)
     way = displacement(batch.start[:, 0], modes.acceleration)
@@ -136,7 +136,7 @@ def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
     return (entropy * weight[known]).sum() / weight[known].sum().clamp(min=1e-6)
 
 
-def _roughness(modes: Modes, weights: LossWeights) -> Tensor:
+def _roughness(modes: ModeTensors, weights: LossWeights) -> Tensor:
     """(n,) cost of hard accelerations, of jerk and of jerky steering, mean over modes and steps."""
     a = modes.acceleration
     cost = weights.acceleration * (relu(a.abs() - weights.hard) ** 2).mean((1, 2))

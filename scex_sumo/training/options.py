@@ -18,7 +18,7 @@ from scex_sumo.training.data.dataset import Dataset
 from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.loss import LossWeights
 from scex_sumo.training.networks.kinds import KINDS, Net
-from scex_sumo.training.networks.layers import Scaler
+from scex_sumo.training.networks.layers import ScalerModule
 
 Kind: TypeAlias = Literal["graph", "hybrid"]
 
@@ -117,7 +117,7 @@ def roughen(net: Net, options: TrainOptions) -> None:
     for module in net.modules():
         if isinstance(module, nn.ReLU) and options.dropout:
             module.register_forward_hook(drop)
-        if isinstance(module, Scaler) and options.noise:
+        if isinstance(module, ScalerModule) and options.noise:
             module.register_forward_hook(shake)
 
 

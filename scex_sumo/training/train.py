@@ -22,7 +22,7 @@ from scex_sumo.training.data.images import Images
 from scex_sumo.training.data.mirror import mirrored
 from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.loss import loss
-from scex_sumo.training.networks.graph import Modes
+from scex_sumo.training.networks.graph import ModeTensors
 from scex_sumo.training.networks.kinds import KINDS, Net, save_net
 from scex_sumo.training.options import (
     TrainOptions,
@@ -197,18 +197,18 @@ class Trainer:
 
     def _predict(
         self, net: Net, batch: Batch, rng: np.random.Generator | None, *, mirror: bool = False
-    ) -> Modes:
+    ) -> ModeTensors:
         if self.images is None:
-            modes: Modes = net(batch.scene, batch.path)
+            modes: ModeTensors = net(batch.scene, batch.path)
             return modes
         turns = 0 if rng is None else int(rng.integers(4))
         count = len(batch.path.node)
         attention = torch.full((count,), 0.5) if rng is None else torch.rand(count)
         image = self.images.batch(batch, turns, mirrored=mirror)
-        seen: Modes = net(batch.scene, batch.path, image, attention.to(self.device))
+        seen: ModeTensors = net(batch.scene, batch.path, image, attention.to(self.device))
         return seen
 
-    def predict_mean(self, batch: Batch) -> Modes:
+    def predict_mean(self, batch: Batch) -> ModeTensors:
         """What the mean weights say, the map as it lies, with an attention of 0.5."""
         return self._predict(self.mean.eval(), batch, None)
 

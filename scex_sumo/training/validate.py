@@ -11,9 +11,9 @@ from torch import Tensor
 
 from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.loss import LossWeights, displacement, loss
-from scex_sumo.training.networks.graph import Modes
+from scex_sumo.training.networks.graph import ModeTensors
 
-Predict = Callable[[Batch], Modes]
+Predict = Callable[[Batch], ModeTensors]
 GUESSES = 6
 NODES = 2000  # per batch, about
 
@@ -64,7 +64,7 @@ def score_network(predict: Predict, batches: Batches, weights: LossWeights) -> S
     )
 
 
-def _vehicles(modes: Modes, batch: Batch) -> Tensor:
+def _vehicles(modes: ModeTensors, batch: Batch) -> Tensor:
     """(k, 4) site, ADE, FDE, best of six."""
     off = _distances(modes, batch)
     node, ends = batch.path.node, off[..., -1]
@@ -79,14 +79,14 @@ def _vehicles(modes: Modes, batch: Batch) -> Tensor:
     return torch.stack([batch.site[top].float(), off[top, 0].mean(1), ends[top, 0], best], 1)
 
 
-def _distances(modes: Modes, batch: Batch) -> Tensor:
+def _distances(modes: ModeTensors, batch: Batch) -> Tensor:
     """(n, M, H) m between each mode and the recorded future, in the coordinates of the pair's path."""
     way = displacement(batch.start[:, 0], modes.acceleration)
     aside = torch.zeros_like(way) if modes.offset is None else modes.offset - batch.d[:, None]
     return torch.hypot(way - batch.s[:, None], aside)
 
 
-def _best(modes: Modes, node: Tensor, ends: Tensor, count: int) -> Tensor:
+def _best(modes: ModeTensors, node: Tensor, ends: Tensor, count: int) -> Tensor:
     """(N,) smallest distance after 3 s among a vehicle's six likeliest combinations of path and mode."""
     highest = torch.full((count,), -torch.inf, device=node.device)
     highest = highest.scatter_reduce(0, node, modes.path_logit, "amax")

@@ -11,7 +11,7 @@ pytest.importorskip("torch_geometric")
 
 from scex_sumo.training.data.batches import Batch  # noqa: E402
 from scex_sumo.training.loss import LossWeights, displacement, loss, trajectory_errors  # noqa: E402
-from scex_sumo.training.networks.graph import Modes, PathBatch, SceneBatch  # noqa: E402
+from scex_sumo.training.networks.graph import ModeTensors, PathBatch, SceneBatch  # noqa: E402
 
 H = 30
 
@@ -35,10 +35,10 @@ def _batch(node: list[int], right: list[bool], s: float = 30.0, speed: float = 1
     )
 
 
-def _modes(acceleration: list[float], n: int = 1, logits: list[float] | None = None) -> Modes:
+def _modes(acceleration: list[float], n: int = 1, logits: list[float] | None = None) -> ModeTensors:
     a = torch.tensor(acceleration)[None, :, None].expand(n, len(acceleration), H).clone()
     given = torch.zeros(n, len(acceleration)) if logits is None else torch.tensor([logits] * n)
-    return Modes(given, a, torch.zeros_like(a), torch.zeros(n), None)
+    return ModeTensors(given, a, torch.zeros_like(a), torch.zeros(n), None)
 
 
 def test_who_brakes_stops_and_stays() -> None:

@@ -13,7 +13,7 @@ from scex_sumo.behaviors.learned.networks.architecture import COS, SIN
 from scex_sumo.behaviors.learned.seen.raster import PIXEL_M, raster_of
 from scex_sumo.road import Road
 from scex_sumo.training.data.batches import Batch
-from scex_sumo.training.networks.graph_image import ImageBatch, MapImage
+from scex_sumo.training.networks.graph_image import ImageBatch, MapTensors
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,7 +24,7 @@ class Images:
         maps: (S, 8) by site and number of quarter turns; from 4 on mirrored first.
     """
 
-    maps: tuple[tuple[MapImage, ...], ...]
+    maps: tuple[tuple[MapTensors, ...], ...]
 
     @classmethod
     def of_roads(cls, roads: Sequence[Road], device: torch.device) -> Images:
@@ -61,21 +61,21 @@ def turned(pose: Tensor, turns: int) -> Tensor:
     return torch.stack([x, y, heading], 1)
 
 
-def _image(road: Road, device: torch.device) -> MapImage:
+def _image(road: Road, device: torch.device) -> MapTensors:
     raster = raster_of(road)
     values = torch.from_numpy(raster.values).float()
-    return MapImage(raster=values.to(device), corner=torch.from_numpy(raster.corner).to(device))
+    return MapTensors(raster=values.to(device), corner=torch.from_numpy(raster.corner).to(device))
 
 
-def _mirrored(image: MapImage) -> MapImage:
+def _mirrored(image: MapTensors) -> MapTensors:
     """A map mirrored about the x axis."""
     values = image.raster.flip(1)
     values[SIN] = -values[SIN]
     height = PIXEL_M * (values.shape[1] - 1)
-    return MapImage(raster=values, corner=torch.stack([image.corner[0], -(image.corner[1] + height)]))
+    return MapTensors(raster=values, corner=torch.stack([image.corner[0], -(image.corner[1] + height)]))
 
 
-def _turns(image: MapImage) -> list[MapImage]:
+def _turns(image: MapTensors) -> list[MapTensors]:
     """A map in four directions: 0, 1, 2, 3 quarter turns counter-clockwise about the origin."""
     images, values, corner = [image], image.raster, image.corner
     for _ in range(3):
@@ -84,5 +84,5 @@ def _turns(image: MapImage) -> list[MapImage]:
         # The pixel in row i and column j goes to row j, and to a column that counts from the other side.
         values = values.flip(1).transpose(1, 2).contiguous()
         values[COS], values[SIN] = -values[SIN].clone(), values[COS].clone()
-        images.append(MapImage(raster=values, corner=corner))
+        images.append(MapTensors(raster=values, corner=corner))
     return images

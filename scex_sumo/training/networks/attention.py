@@ -10,8 +10,8 @@ from torch import Tensor, nn
 from scex_sumo.behaviors.learned.networks.architecture import SLOPE
 
 
-class EdgeAttention(nn.Module):
-    """Attention of several heads over the edges that lead to a node; see `networks.scene.EdgeAttention`."""
+class EdgeAttentionModule(nn.Module):
+    """Attention of several heads over the edges that lead to a node; see `EdgeAttention`."""
 
     def __init__(self, inner: int, each: int, *, heads: int, edge_columns: int) -> None:
         """Draw the weights.

@@ -21,8 +21,8 @@ from scex_sumo.behaviors.learned.networks.architecture import (
 )
 from scex_sumo.behaviors.learned.networks.head import interpolation
 from scex_sumo.scene import STEP_S
-from scex_sumo.training.networks.attention import EdgeAttention
-from scex_sumo.training.networks.layers import Scaler, mlp
+from scex_sumo.training.networks.attention import EdgeAttentionModule
+from scex_sumo.training.networks.layers import ScalerModule, mlp
 
 
 class SceneBatch(NamedTuple):
@@ -53,7 +53,7 @@ class PathBatch(NamedTuple):
     features: Tensor
 
 
-class Modes(NamedTuple):
+class ModeTensors(NamedTuple):
     """What may happen in the next 3 s along each path, in M modes; mode 0 is the expected one.
 
     Attributes:
@@ -71,18 +71,18 @@ class Modes(NamedTuple):
     free: Tensor | None
 
 
-class SceneEncoder(nn.Module):
+class SceneModule(nn.Module):
     """Vehicles as vectors: each one's history and properties, then attention along the scene graph."""
 
     def __init__(self, sizes: Architecture) -> None:
         super().__init__()
-        self.node_scale, self.edge_scale = Scaler(sizes.node_columns), Scaler(sizes.edge_columns)
-        self.history_scale = Scaler(HISTORY_NUMBERS)
+        self.node_scale, self.edge_scale = ScalerModule(sizes.node_columns), ScalerModule(sizes.edge_columns)
+        self.history_scale = ScalerModule(HISTORY_NUMBERS)
         self.embed = mlp(sizes.node_columns + HISTORY_NUMBERS, 2 * sizes.hidden, sizes.hidden)
         layers = sizes.attention_layers
         each = sizes.hidden // sizes.heads
         self.attend = nn.ModuleList(
-            EdgeAttention(sizes.hidden, each, heads=sizes.heads, edge_columns=sizes.edge_columns)
+            EdgeAttentionModule(sizes.hidden, each, heads=sizes.heads, edge_columns=sizes.edge_columns)
             for _ in range(layers)
         )
         self.norm = nn.ModuleList(nn.LayerNorm(sizes.hidden) for _ in range(layers + 1))
@@ -115,7 +115,7 @@ def _numbers(some: Tensor) -> Tensor:
     return torch.cumsum(some, 0) - 1
 
 
-class PlanHead(nn.Module):
+class PlanHeadModule(nn.Module):
     """From one vector per pair to modes: knots every 0.5 s, linear between."""
 
     between: Tensor
@@ -129,7 +129,7 @@ class PlanHead(nn.Module):
         self.choice = nn.Linear(2 * sizes.hidden, sizes.modes + 1 + len(PRESENT))
         self.register_buffer("between", torch.from_numpy(interpolation()), persistent=False)
 
-    def forward(self, h: Tensor, features: Tensor) -> Modes:
+    def forward(self, h: Tensor, features: Tensor) -> ModeTensors:
         """Modes of (n, inner) vectors; `features` are the raw ones of the pairs."""
         h = torch.relu(self.body(h))
         choice = self.choice(h)
@@ -142,7 +142,7 @@ class PlanHead(nn.Module):
         logits, path, trust = choice.split([self.modes, 1, len(PRESENT)], 1)
         present = (torch.sigmoid(trust) * features[:, PRESENT].clamp(-4.0, 4.0)).sum(1)
         acceleration = self._acceleration(knots[..., :KNOTS], present)
-        return Modes(logits, acceleration, offset, path[:, 0], free)
+        return ModeTensors(logits, acceleration, offset, path[:, 0], free)
 
     def _acceleration(self, knots: Tensor, present: Tensor) -> Tensor:
         # What the vehicle does now fades within half a second, so that it need not be learned; but how far
@@ -175,15 +175,15 @@ class GraphPredictorNet(nn.Module):
     def __init__(self, sizes: Architecture) -> None:
         super().__init__()
         self.sizes = sizes
-        self.scene = SceneEncoder(sizes)
-        self.path_scale = Scaler(sizes.path_columns)
+        self.scene = SceneModule(sizes)
+        self.path_scale = ScalerModule(sizes.path_columns)
         self.path = mlp(sizes.path_columns, 2 * sizes.hidden, sizes.hidden)
         # Drivers keep their place in the lane: returned to the centreline they would be 0.4 m off after 3 s.
-        self.head = PlanHead(replace(sizes, free=False), 2 * sizes.hidden, steers=True)
+        self.head = PlanHeadModule(replace(sizes, free=False), 2 * sizes.hidden, steers=True)
 
-    def forward(self, scene: SceneBatch, path: PathBatch) -> Modes:
+    def forward(self, scene: SceneBatch, path: PathBatch) -> ModeTensors:
         """Modes of n pairs."""
         way = torch.relu(self.path(self.path_scale(path.features)))
         h = torch.cat([self.scene(scene, path.node), way], 1)
-        modes: Modes = self.head(h, path.features)
+        modes: ModeTensors = self.head(h, path.features)
         return modes

@@ -20,11 +20,11 @@ from scex_sumo.behaviors.learned.networks.architecture import (
 )
 from scex_sumo.behaviors.learned.seen.inputs import LEADER_COLUMNS
 from scex_sumo.behaviors.learned.seen.raster import CHANNELS, PIXEL_M
-from scex_sumo.training.networks.graph import Modes, PathBatch, PlanHead, SceneBatch, SceneEncoder
-from scex_sumo.training.networks.layers import Scaler, mlp
+from scex_sumo.training.networks.graph import ModeTensors, PathBatch, PlanHeadModule, SceneBatch, SceneModule
+from scex_sumo.training.networks.layers import ScalerModule, mlp
 
 
-class MapImage(NamedTuple):
+class MapTensors(NamedTuple):
     """One map.
 
     Attributes:
@@ -47,13 +47,13 @@ class ImageBatch(NamedTuple):
         place: (n,) row of ``pose`` for each pair of a vehicle and a path.
     """
 
-    maps: tuple[MapImage, ...]
+    maps: tuple[MapTensors, ...]
     site: Tensor
     pose: Tensor
     place: Tensor
 
 
-class ImageEncoder(nn.Module):
+class ImageModule(nn.Module):
     """The road around a vehicle as a vector: one run of convolutions per map, then samples per vehicle."""
 
     ahead: Tensor
@@ -88,7 +88,7 @@ class ImageEncoder(nn.Module):
         read: Tensor = self.read(self._turned(seen, cos.to(dtype), sin.to(dtype)).flatten(1))
         return read
 
-    def _sample(self, where: MapImage, px: Tensor, py: Tensor) -> Tensor:
+    def _sample(self, where: MapTensors, px: Tensor, py: Tensor) -> Tensor:
         """(k, channels, points) of raster and features, bilinear; 0 beyond the map."""
         features = self.convolve(where.raster[None])[0]
         u, v = (px - where.corner[0]) / PIXEL_M, (py - where.corner[1]) / PIXEL_M
@@ -110,7 +110,7 @@ class ImageEncoder(nn.Module):
         return turned
 
 
-class GraphImageNet(nn.Module):
+class GraphImagePredictorNet(nn.Module):
     """Plans from the scene graph and the road seen from above, weighed by the user: [w·g ; (1-w)·m].
 
     g knows the scene graph, the path ahead and who is on it; m knows the road seen from above, the path ahead
@@ -123,15 +123,17 @@ class GraphImageNet(nn.Module):
         super().__init__()
         self.sizes = sizes
         hidden, alone = sizes.hidden, sizes.path_columns - len(LEADER_COLUMNS)
-        self.scene, self.image = SceneEncoder(sizes), ImageEncoder(sizes)
-        self.path_scale = Scaler(sizes.path_columns)
+        self.scene, self.image = SceneModule(sizes), ImageModule(sizes)
+        self.path_scale = ScalerModule(sizes.path_columns)
         self.path = mlp(sizes.path_columns, 2 * hidden, hidden)
         self.own = mlp(alone, 2 * hidden, hidden)
         self.graph_branch = mlp(2 * hidden, 2 * hidden, hidden)
         self.image_branch = mlp(2 * hidden, 2 * hidden, hidden)
-        self.head = PlanHead(sizes, 2 * hidden, steers=True)
+        self.head = PlanHeadModule(sizes, 2 * hidden, steers=True)
 
-    def forward(self, scene: SceneBatch, path: PathBatch, image: ImageBatch, attention: Tensor) -> Modes:
+    def forward(
+        self, scene: SceneBatch, path: PathBatch, image: ImageBatch, attention: Tensor
+    ) -> ModeTensors:
         """Modes of n pairs; `attention` is w, (n,) in [0, 1]: 1 looks at the graph alone."""
         features = self.path_scale(path.features)
         alone = features[:, : -len(LEADER_COLUMNS)]
@@ -139,5 +141,5 @@ class GraphImageNet(nn.Module):
         g = torch.relu(self.graph_branch(torch.cat([self.scene(scene, path.node), way], 1)))
         m = torch.relu(self.image_branch(torch.cat([self.image(image)[image.place], own], 1)))
         w = attention[:, None]
-        modes: Modes = self.head(torch.cat([w * g, (1 - w) * m], 1), path.features)
+        modes: ModeTensors = self.head(torch.cat([w * g, (1 - w) * m], 1), path.features)
         return modes

@@ -8,11 +8,11 @@ from typing import Any, TypeAlias
 
 from scex_sumo.behaviors.learned.weights import save_weights
 from scex_sumo.training.networks.graph import GraphPredictorNet
-from scex_sumo.training.networks.graph_image import GraphImageNet
+from scex_sumo.training.networks.graph_image import GraphImagePredictorNet
 
-Net: TypeAlias = GraphPredictorNet | GraphImageNet
-KINDS: Mapping[str, type[GraphPredictorNet] | type[GraphImageNet]] = {
-    net.kind: net for net in (GraphPredictorNet, GraphImageNet)
+Net: TypeAlias = GraphPredictorNet | GraphImagePredictorNet
+KINDS: Mapping[str, type[GraphPredictorNet] | type[GraphImagePredictorNet]] = {
+    net.kind: net for net in (GraphPredictorNet, GraphImagePredictorNet)
 }
 
 

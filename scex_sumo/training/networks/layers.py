@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from scex_sumo.behaviors.learned.networks.architecture import SCALED_LIMIT
 
 
-class Scaler(nn.Module):
+class ScalerModule(nn.Module):
     """Raw inputs to about zero mean and unit spread, bounded; the figures come from training data."""
 
     mean: Tensor

@@ -6,13 +6,13 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from scex_sumo.training.networks.attention import EdgeAttention  # noqa: E402
+from scex_sumo.training.networks.attention import EdgeAttentionModule  # noqa: E402
 
 EDGES = torch.tensor([[0, 1, 2, 3, 1, 1], [1, 2, 1, 1, 0, 3]])
 
 
 def test_a_node_without_edges_gets_the_bias() -> None:
-    layer = EdgeAttention(3, 2, heads=2, edge_columns=1)
+    layer = EdgeAttentionModule(3, 2, heads=2, edge_columns=1)
     with torch.no_grad():
         layer.bias.copy_(torch.arange(4.0))
         made = layer(torch.randn(5, 3), EDGES, torch.randn(6, 1))
@@ -20,7 +20,7 @@ def test_a_node_without_edges_gets_the_bias() -> None:
 
 
 def test_a_node_with_one_edge_gets_all_of_its_source() -> None:
-    layer = EdgeAttention(3, 2, heads=2, edge_columns=1)
+    layer = EdgeAttentionModule(3, 2, heads=2, edge_columns=1)
     node = torch.randn(5, 3)
     with torch.no_grad():
         made = layer(node, EDGES, torch.randn(6, 1))
@@ -34,7 +34,7 @@ def test_numbers_are_those_of_pytorch_geometric(kind: torch.dtype) -> None:
     theirs = geometric.GATv2Conv(8, 4, heads=3, edge_dim=5, add_self_loops=False)
     after = torch.rand(1)
     torch.manual_seed(3)
-    ours = EdgeAttention(8, 4, heads=3, edge_columns=5)
+    ours = EdgeAttentionModule(8, 4, heads=3, edge_columns=5)
     assert torch.equal(torch.rand(1), after)
     assert {k: v.tolist() for k, v in ours.state_dict().items()} == {
         k: v.tolist() for k, v in theirs.state_dict().items()

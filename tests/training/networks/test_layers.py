@@ -6,11 +6,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from scex_sumo.training.networks.layers import Scaler  # noqa: E402
+from scex_sumo.training.networks.layers import ScalerModule  # noqa: E402
 
 
 def test_scaling_has_mean_zero_spread_one_and_bounds() -> None:
-    scale = Scaler(2)
+    scale = ScalerModule(2)
     values = torch.tensor([[1.0, 5.0], [3.0, 5.0], [5.0, 5.0]])
     scale.fit(values)
     assert torch.equal(scale(values), torch.tensor([[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]]))

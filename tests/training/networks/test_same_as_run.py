@@ -23,7 +23,7 @@ from scex_sumo.behaviors.learned.weights import load_weights  # noqa: E402
 from scex_sumo.behaviors.scene_graph.graph import scene_graph  # noqa: E402
 from scex_sumo.scene import SceneHistory  # noqa: E402
 from scex_sumo.training.networks.graph import PathBatch, SceneBatch  # noqa: E402
-from scex_sumo.training.networks.graph_image import ImageBatch, MapImage  # noqa: E402
+from scex_sumo.training.networks.graph_image import ImageBatch, MapTensors  # noqa: E402
 from scex_sumo.training.networks.kinds import KINDS, Net, save_net  # noqa: E402
 from tests.behaviors import roads  # noqa: E402
 from tests.behaviors.learned import nets  # noqa: E402
@@ -58,7 +58,7 @@ def both(kind: str, net: Net, state: Any, sizes: Architecture, kept: torch.dtype
     given: tuple[Any, ...] = scene, PathBatch(torch.from_numpy(path.node), tensor(path.features))
     running = RUN[kind](state, sizes)
     if kind == "hybrid":
-        image = MapImage(tensor(raster.values), torch.from_numpy(raster.corner))
+        image = MapTensors(tensor(raster.values), torch.from_numpy(raster.corner))
         places = torch.arange(len(who))
         given += (
             ImageBatch((image,), torch.zeros_like(places), torch.from_numpy(pose), places),
@@ -135,7 +135,7 @@ def test_several_maps_in_one_batch_give_what_each_gives_alone() -> None:
     torch.manual_seed(0)
     encoder = KINDS["hybrid"](nets.small()).image.double()
     rasters = (raster_of(ROAD), raster_of(roads.straight()))
-    maps = tuple(MapImage(torch.from_numpy(r.values), torch.from_numpy(r.corner)) for r in rasters)
+    maps = tuple(MapTensors(torch.from_numpy(r.values), torch.from_numpy(r.corner)) for r in rasters)
     pose = torch.tensor([[20.0, 0.0, 0.0], [100.0, 1.0, 0.1]], dtype=torch.float64)
     two, one = torch.arange(2), torch.zeros(1, dtype=torch.int64)
     with torch.inference_mode():
