@@ -90,8 +90,16 @@ def find_collisions(tracks: SceneTracks) -> Collisions:
     start = max(tracks.first - 1, 0)
     moves = _contacts(near_moves(tracks, start))
     at, found = _first_of_pair(moves, *_exceeding(moves))
+    if not len(found):
+        return _no_collisions()
     hits = moves.take(found)
     return _described(*_impact(hits, at), hits, at, start)
+
+
+def _no_collisions() -> Collisions:
+    number, value = np.empty(0, dtype=np.int64), np.empty(0)
+    whole = ("child", "step", "first", "second", "kind", "first_side", "second_side")
+    return Collisions(**{f.name: number if f.name in whole else value for f in fields(Collisions)})
 
 
 def _contacts(moves: Moves) -> Moves:
