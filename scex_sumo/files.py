@@ -20,6 +20,8 @@ _REFERENCES = (
     *(("\n", "&#10;"), ("\r", "&#13;"), ("\t", "&#9;")),
 )
 
+_REFERRED = re.compile('["&<>\n\r\t]').search
+
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
@@ -109,6 +111,8 @@ def unlock(folder: Path) -> None:
 
 def quoted(text: str) -> str:
     """A value of an XML attribute in its quotes, as `xml.sax.saxutils.quoteattr`, which loads ``urllib``."""
+    if not _REFERRED(text):
+        return f'"{text}"'
     for plain, reference in _REFERENCES:
         text = text.replace(plain, reference)
     if '"' not in text:

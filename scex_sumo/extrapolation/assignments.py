@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import hashlib
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.errors import UsageError
+from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.files import cache_folder, replacing
+from scex_sumo.statistics import designs
 from scex_sumo.statistics.designs import DESIGNS
 
 MAX_COMBINATIONS = 10_000
+MOST_DESIGNS = 64  # in the user's cache; those not used for longest go first
 _ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM = range(4)
 
 
@@ -48,11 +57,11 @@ def random_assignments(
 
 @lru_cache(maxsize=32)
 def designed_assignments(
-    weights: tuple[float, ...], children: int, vehicles: int, *, seed: int, design: str
+    weights: tuple[float, ...], children: int, vehicles: int, *, seed: int, design: str, keep: bool = False
 ) -> IntArray:
     """Models for the vehicles of all children together, spread more evenly than independent draws.
 
-    Kept, and not to be changed: moments of a ranking with as many vehicles have the same ones.
+    Remembered, and not to be changed: moments of a ranking with as many vehicles have the same ones.
 
     Args:
         weights: (M,) relative frequency of each model, not all zero.
@@ -60,6 +69,7 @@ def designed_assignments(
         vehicles: number of vehicles V, at least 1.
         seed: the run's seed.
         design: one of ``DESIGNS``.
+        keep: look for it in the user's cache, and leave it there.
 
     Returns:
         (C, V) index of the model.
@@ -67,8 +77,32 @@ def designed_assignments(
     drawn = np.flatnonzero(np.asarray(weights, dtype=np.float64) > 0)
     shares = np.asarray(weights, dtype=np.float64)[drawn]
     shares /= shares.sum()
-    rng = child_generator(seed, 0, _DESIGN_STREAM)
-    return drawn[DESIGNS[design]([shares] * vehicles, children, rng)].astype(np.int64)
+
+    def make() -> IntArray:
+        return DESIGNS[design]([shares] * vehicles, children, child_generator(seed, 0, _DESIGN_STREAM))
+
+    settings = (shares.tolist(), children, vehicles, seed, design)
+    return drawn[_kept(settings, make) if keep else make()].astype(np.int64)
+
+
+def _kept(settings: tuple[Any, ...], make: Callable[[], IntArray]) -> IntArray:
+    """What ``make`` gives, from the cache where the same code made it of the same settings before."""
+    code = Path(designs.__file__).read_bytes()
+    name = hashlib.sha256(repr((np.__version__, code, settings)).encode()).hexdigest()
+    place = cache_folder() / "designs" / f"{name}.npz"
+    with suppress(OSError, EOFError, ValueError, KeyError, BadZipFile):  # not there, or not whole
+        with place.open("rb") as opened, np.load(opened) as file:
+            found: IntArray = file["levels"]
+        os.utime(place)
+        return found
+    made = make()
+    with suppress(OSError, ResultError):  # a full disk, or a home that cannot be written, stops no run
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(place) as temporary, temporary.open("wb") as new:
+            np.savez(new, levels=made)
+        for old in sorted(place.parent.glob("*.npz"), key=lambda kept: kept.stat().st_mtime)[:-MOST_DESIGNS]:
+            old.unlink(missing_ok=True)
+    return made
 
 
 def all_assignments(choices: Sequence[int]) -> IntArray:
@@ -108,6 +142,7 @@ def assignments(
     seed: int,
     fixed: Mapping[int, int] | None = None,
     design: str = "random",
+    keep: bool = False,
 ) -> IntArray:
     """The assignment of every child of a run.
 
@@ -119,6 +154,7 @@ def assignments(
         fixed: model (index, may lie beyond ``weights``) by track id, the same in all children.
         design: how a number of children is drawn, one of ``DESIGNS``; fixed vehicles
             take no part in it. With ``random`` and ``balanced``, fewer children are the first of more.
+        keep: as `designed_assignments` takes it.
 
     Returns:
         (C, V) index of the model.
@@ -142,7 +178,9 @@ def assignments(
         result = np.zeros((children, len(ids)), dtype=np.int64)
         if free:
             each = tuple(weights)
-            result[:, free] = designed_assignments(each, children, len(free), seed=seed, design=design)
+            result[:, free] = designed_assignments(
+                each, children, len(free), seed=seed, design=design, keep=keep
+            )
     for track, model in fixed.items():
         result[:, ids.index(track)] = model
     return result

@@ -69,7 +69,7 @@ def extrapolate(
         batch: children side by side in one world, None for about 6000 vehicles; the result does not depend
             on it.
         gui: show the run live in sumo-gui.
-        cache: keep the converted net in ``~/.cache/scex-sumo`` for the next run on the same map.
+        cache: keep the converted net and the assignments in ``~/.cache/scex-sumo`` for the next run.
         compared: whether a checked world is compared with SUMO's; if not, it has been elsewhere.
         progress: called with (steps done, steps in all) as the run advances.
         command: the command line, for ``run.json``.
@@ -96,6 +96,7 @@ def extrapolate(
             children=wanted.count if wanted.until_band is None else 1,
             seed=wanted.seed,
             design=wanted.design,
+            keep=cache,
         )
         wanted.check_size(len(assignment), scene.vehicles)
         models.try_on(scene, seed=wanted.seed)

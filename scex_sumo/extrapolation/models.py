@@ -93,7 +93,9 @@ class ModelSet:
                 model = model.model
             yield spec, name, model
 
-    def draw(self, track_ids: IntArray, *, children: int | None, seed: int, design: str) -> IntArray:
+    def draw(
+        self, track_ids: IntArray, *, children: int | None, seed: int, design: str, keep: bool = False
+    ) -> IntArray:
         """(C, V) model of every vehicle in every child, as `assignments`.
 
         A vehicle under test takes part in the draw and then gets its model, so that all others have the
@@ -112,7 +114,9 @@ class ModelSet:
             )
         always = {track: model for track, model in self.fixed.items() if track not in self.tested}
         weights = [spec.weight for spec in self.drawn]
-        drawn = assignments(weights, ids, children=children, seed=seed, fixed=always, design=design)
+        drawn = assignments(
+            weights, ids, children=children, seed=seed, fixed=always, design=design, keep=keep
+        )
         for track, model in self.tested.items():
             if model is not None:
                 drawn[:, ids.index(track)] = self.fixed[track]

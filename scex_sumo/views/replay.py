@@ -34,7 +34,7 @@ from scex_sumo.world.gui.drawings import (
 )
 from scex_sumo.world.gui.names import letter_height, readable
 from scex_sumo.world.gui.settings import write_view_settings
-from scex_sumo.world.tiles import TileLayout, TileTemplate
+from scex_sumo.world.tiles import TileLayout, TileTemplate, template_of
 from scex_sumo.world.vehicle_types import given_type
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class ReadNet:
     @classmethod
     def of(cls, path: Path) -> ReadNet:
         """Read a net."""
-        return cls(lanes=LaneFinder(path), template=TileTemplate(path))
+        return cls(lanes=LaneFinder(path), template=template_of(path))
 
 
 def write_view(

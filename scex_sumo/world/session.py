@@ -23,7 +23,7 @@ from scex_sumo.world.gui.colors import Rgb
 from scex_sumo.world.gui.drawings import draw_legend, frame_of
 from scex_sumo.world.gui.names import LETTER_M
 from scex_sumo.world.gui.settings import write_view_settings
-from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id
+from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, template_of, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ class SumoSession:
         self._gui = gui
         self._delay_ms = delay_ms
         self._legend = legend
-        self._template = TileTemplate(net.path)
+        self._template = template_of(net.path)
         self._extras = TileTemplate(net.extras) if gui and net.extras is not None else None
         count = max(self.slots, default=0) + 1
         self.layout = (

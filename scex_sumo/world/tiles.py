@@ -215,6 +215,21 @@ class TileTemplate:
             self._text("".join(f",{z}" for z in height))
 
 
+def template_of(path: Path) -> TileTemplate:
+    """The template of a net; that of the last one serves again where a file says the same.
+
+    Raises:
+        SimulationError: as `TileTemplate`.
+    """
+    content = path.read_bytes() if path.is_file() else b""
+    if not _last or _last[0][0] != content:
+        _last[:] = [(content, TileTemplate(path))]
+    return _last[0][1]
+
+
+_last: list[tuple[bytes, TileTemplate]] = []
+
+
 def _points(edge: ElementTree.Element) -> int:
     return sum(len(lane.get("shape", "").split()) for lane in edge.iter("lane"))
 

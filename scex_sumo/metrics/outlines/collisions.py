@@ -98,8 +98,20 @@ def find_collisions(tracks: SceneTracks) -> Collisions:
 
 def _no_collisions() -> Collisions:
     number, value = np.empty(0, dtype=np.int64), np.empty(0)
-    whole = ("child", "step", "first", "second", "kind", "first_side", "second_side")
-    return Collisions(**{f.name: number if f.name in whole else value for f in fields(Collisions)})
+    return Collisions(
+        child=number,
+        step=number,
+        time_s=value,
+        first=number,
+        second=number,
+        kind=number,
+        first_side=number,
+        second_side=number,
+        relative_speed=value,
+        overlap=value,
+        x=value,
+        y=value,
+    )
 
 
 def _contacts(moves: Moves) -> Moves:
