@@ -276,7 +276,8 @@ def _at_work(workers: int | Workers, most: int | None, gui: bool) -> Iterator[Wo
 def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress | None) -> None:
     """Run the children of a job that its folder has not yet."""
     done, total, steps = set(Parts(job.folder).children.tolist()), len(job.assignment), job.settings.steps
-    size = batch if batch is not None else batch_size(job, processes=workers.processes)
+    shared = {"processes": workers.processes, "occupied": workers.occupied}
+    size = batch if batch is not None else batch_size(job, **shared)
     batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)
     ticks = len(done) * steps
 
