@@ -6,7 +6,6 @@ import dataclasses
 import importlib.metadata
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from scex_sumo.behaviors.base import Behavior
@@ -29,6 +28,7 @@ from scex_sumo.behaviors.profiles import DEFAULTS, GUARDS
 from scex_sumo.behaviors.spec import GUARD, LEARNED, parameter_value, profile_of, shown, user_arguments
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 from scex_sumo.errors import ScexError, UsageError
+from scex_sumo.records import dataclass
 from scex_sumo.sumo_models import SUMO_MODELS, check_driver
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -17,6 +17,7 @@ from scex_sumo.behaviors.learned.networks.graph_image import GraphImageNet
 from scex_sumo.behaviors.learned.networks.layers import Scaler
 from scex_sumo.behaviors.learned.weights import KINDS
 from scex_sumo.errors import UsageError
+from scex_sumo.records import dataclass
 from scex_sumo.training.data.batches import Batch
 from scex_sumo.training.data.dataset import Dataset
 from scex_sumo.training.data.samples import TrainingSamples

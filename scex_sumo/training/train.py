@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -17,6 +17,7 @@ from scex_sumo.behaviors.learned.networks.graph import Modes
 from scex_sumo.behaviors.learned.networks.tensors import architecture
 from scex_sumo.behaviors.learned.weights import KINDS, save_weights
 from scex_sumo.errors import UsageError
+from scex_sumo.records import dataclass
 from scex_sumo.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.data.dataset import Dataset

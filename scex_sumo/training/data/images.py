@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -12,6 +11,7 @@ from torch import Tensor
 from scex_sumo.behaviors.learned.networks.graph_image import COS, SIN, ImageBatch, MapImage
 from scex_sumo.behaviors.learned.networks.tensors import map_image
 from scex_sumo.behaviors.learned.seen.raster import PIXEL_M
+from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.training.data.batches import Batch
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import torch
@@ -12,6 +12,7 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.learned.networks.attention import EdgeAttention
 from scex_sumo.behaviors.learned.networks.layers import Linear, Scaler, mlp, snapped
 from scex_sumo.behaviors.learned.seen.inputs import OWN_COLUMNS, PATH_COLUMNS
+from scex_sumo.records import dataclass
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
 
 KNOT_S = 0.5
