@@ -21,6 +21,7 @@ def seed_scene(
     synthetic: int | None,
     origin: str | None,
     seed: int,
+    cache: bool = True,
 ) -> SeedScene:
     """Read or populate the seed scene; notes of map and tracks go to standard error.
 
@@ -41,7 +42,7 @@ def seed_scene(
         given = [name for name, value in options.items() if value is not None]
         if given:
             raise UsageError(f"--synthetic: makes its own tracks; leave out {', '.join(given)}")
-        scene = synthetic_seed(map_path, vehicles=synthetic, seed=seed, origin=zero)
+        scene = synthetic_seed(map_path, vehicles=synthetic, seed=seed, origin=zero, cache=cache)
     assert scene.road is not None
     warn([*scene.road.notes, *scene.notes])
     off = off_road(scene.road, scene)
