@@ -36,7 +36,7 @@ def seed_scene(
 
     zero = parse_origin(origin) if origin is not None else None
     if synthetic is None:
-        scene = read_seed(map_path, tracks=tracks, case=case, time=time, origin=zero)
+        scene = read_seed(map_path, tracks=tracks, case=case, time=time, origin=zero, cache=cache)
     else:
         options = {"--tracks": tracks, "--case": case, "--time": time}
         given = [name for name, value in options.items() if value is not None]

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.errors import ResultError, UsageError
-from scex_sumo.files import cache_folder, replacing
+from scex_sumo.errors import UsageError
+from scex_sumo.files import kept
 from scex_sumo.statistics import designs
 from scex_sumo.statistics.designs import DESIGNS
 
 MAX_COMBINATIONS = 10_000
-MOST_DESIGNS = 64  # in the user's cache; those not used for longest go first
 _ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM = range(4)
 
 
@@ -81,28 +75,12 @@ def designed_assignments(
     def make() -> IntArray:
         return DESIGNS[design]([shares] * vehicles, children, child_generator(seed, 0, _DESIGN_STREAM))
 
-    settings = (shares.tolist(), children, vehicles, seed, design)
-    return drawn[_kept(settings, make) if keep else make()].astype(np.int64)
-
-
-def _kept(settings: tuple[Any, ...], make: Callable[[], IntArray]) -> IntArray:
-    """What ``make`` gives, from the cache where the same code made it of the same settings before."""
+    if not keep:
+        return drawn[make()].astype(np.int64)
     code = Path(designs.__file__).read_bytes()
-    name = hashlib.sha256(repr((np.__version__, code, settings)).encode()).hexdigest()
-    place = cache_folder() / "designs" / f"{name}.npz"
-    with suppress(OSError, EOFError, ValueError, KeyError, BadZipFile):  # not there, or not whole
-        with place.open("rb") as opened, np.load(opened) as file:
-            found: IntArray = file["levels"]
-        os.utime(place)
-        return found
-    made = make()
-    with suppress(OSError, ResultError):  # a full disk, or a home that cannot be written, stops no run
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(place) as temporary, temporary.open("wb") as new:
-            np.savez(new, levels=made)
-        for old in sorted(place.parent.glob("*.npz"), key=lambda kept: kept.stat().st_mtime)[:-MOST_DESIGNS]:
-            old.unlink(missing_ok=True)
-    return made
+    made_of = repr((np.__version__, code, shares.tolist(), children, vehicles, seed, design)).encode()
+    levels = np.frombuffer(kept("designs", made_of, lambda: make().tobytes()), dtype=np.int64)
+    return drawn[levels.reshape(children, vehicles)]
 
 
 def all_assignments(choices: Sequence[int]) -> IntArray:

@@ -82,48 +82,16 @@ def test_route_draws_are_fixed_per_child_and_apart_from_the_plans_draws() -> Non
     assert not np.array_equal(draws[0], child_generator(2, 3).random(6))
 
 
-@pytest.fixture
-def designs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """Folder of the designs that are kept, none yet."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+def design(*, keep: bool) -> list[list[int]]:
     module.designed_assignments.cache_clear()
-    return tmp_path / "scex-sumo" / "designs"
-
-
-def design(children: int = 30, *, keep: bool = True) -> list[list[int]]:
-    module.designed_assignments.cache_clear()
-    given = module.assignments((1, 0, 2), [5, 7, 9], children=children, seed=1, design="balanced", keep=keep)
+    given = module.assignments((1, 0, 2), [5, 7, 9], children=30, seed=1, design="balanced", keep=keep)
     return [[int(model) for model in child] for child in given]
 
 
-def test_a_kept_design_is_the_one_that_was_made(designs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kept_design_is_the_one_that_was_made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     made = design(keep=False)
-    assert not designs.exists()
-    assert design() == made
+    assert not list(tmp_path.iterdir())
+    assert design(keep=True) == made
     monkeypatch.setitem(module.DESIGNS, "balanced", None)  # type: ignore[index]
-    assert design() == made
-
-
-def test_a_design_that_was_not_kept_whole_is_made_anew(designs: Path) -> None:
-    made = design()
-    (kept,) = designs.iterdir()
-    whole = kept.read_bytes()
-    for broken in (b"", whole[:100], whole[:300] + b"\xff" + whole[301:]):
-        kept.write_bytes(broken)
-        assert design() == made
-        assert kept.read_bytes() == whole
-
-
-def test_kept_designs_are_bounded(designs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MOST_DESIGNS", 2)
-    for children in (3, 4, 5):
-        design(children)
-    assert len(list(designs.iterdir())) == 2
-
-
-def test_a_cache_that_cannot_be_written_stops_nobody(
-    designs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    assert design() == design(keep=False)
+    assert design(keep=True) == made

@@ -14,7 +14,6 @@ import os
 import pickle
 import shutil
 import tempfile
-from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ import numpy as np
 
 from scex_sumo.converters.net.lane_table import LaneTable
 from scex_sumo.converters.net.sumo_net import SumoNet, net_file
-from scex_sumo.files import cache_folder
+from scex_sumo.files import cache_folder, our_modules
 from scex_sumo.road import Loss, Road
 from scex_sumo.version import __version__
 
@@ -54,15 +53,8 @@ def converted(road: Road, net_path: Path, *, keep: bool = True) -> SumoNet:
 
 
 def _key(road: Road) -> str:
-    made_by = (__version__, np.__version__, version("shapely"), _modules())
+    made_by = (__version__, np.__version__, version("shapely"), our_modules())
     return hashlib.sha256(pickle.dumps((made_by, road))).hexdigest()
-
-
-@cache
-def _modules() -> str:
-    """The state of our own modules: who changes one must not get what it made before."""
-    files = sorted(Path(__file__).parents[2].rglob("*.py"))
-    return repr([(file.name, (found := file.stat()).st_size, found.st_mtime_ns) for file in files])
 
 
 def _taken(place: Path, net_path: Path) -> SumoNet:
