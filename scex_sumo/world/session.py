@@ -81,7 +81,7 @@ def _libsumo() -> Any:
 
     Whoever imports the package gets it whole all the same, around this module.
     """
-    os.environ.setdefault("SUMO_HOME", str(sumo_home()))
+    sumo_home()  # for its environment
     name = "libsumo"
     found = importlib.util.find_spec(name)
     if name in sys.modules or found is None:
