@@ -33,7 +33,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import States
 from scex_sumo.world.frame import to_sumo
 from scex_sumo.world.plain import PlainWorld
-from scex_sumo.world.session import VehicleCalls
+from scex_sumo.world.session import VehicleCalls, load_sumo
 from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id
 
 DEFAULT_MAP = Path(__file__).parents[1] / "scex_sumo" / "scenarios" / "data" / "roundabout.osm"
@@ -96,7 +96,7 @@ def bare_loop(net: Path, poses: Poses, way: str = "in one tile") -> dict[str, fl
             for tile in range(tiles):
                 sumo.route.add(f"r{tile}", [tile_id(tile, edge)])
             sumo.simulation.saveState(str(folder / "empty.xml"))
-            call = sumo.vehicle if plain else VehicleCalls.of(sumo)
+            call = sumo.vehicle if plain else VehicleCalls.of(load_sumo())
             lap("load tiles")
             batch = (
                 tiles
