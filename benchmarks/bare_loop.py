@@ -33,8 +33,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import States
 from scex_sumo.world.frame import to_sumo
 from scex_sumo.world.plain import PlainWorld
-from scex_sumo.world.session import VehicleCalls
-from scex_sumo.world.sumo import load_sumo
+from scex_sumo.world.session import VehicleCalls, load_sumo
 from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id
 
 DEFAULT_MAP = Path(__file__).parents[1] / "scex_sumo" / "scenarios" / "data" / "roundabout.osm"
@@ -69,7 +68,8 @@ def bare_loop(net: Path, poses: Poses, way: str = "in one tile") -> dict[str, fl
         poses: where every vehicle of every child is at every step.
         way: one of `WAYS`.
     """
-    sumo = load_sumo()
+    import libsumo as sumo
+
     plain, tiles = way == "plain", 1 if way == "in one tile" else TILE_SLOTS
     keep_route, threshold = (2, 5.0) if plain else (3, 20.0)
     children, states, vehicles = poses.x.shape
@@ -96,7 +96,7 @@ def bare_loop(net: Path, poses: Poses, way: str = "in one tile") -> dict[str, fl
             for tile in range(tiles):
                 sumo.route.add(f"r{tile}", [tile_id(tile, edge)])
             sumo.simulation.saveState(str(folder / "empty.xml"))
-            call = sumo.vehicle if plain else VehicleCalls.of(sumo)
+            call = sumo.vehicle if plain else VehicleCalls.of(load_sumo())
             lap("load tiles")
             batch = (
                 tiles

@@ -1,65 +1,77 @@
-"""The user's cache: what is found again, and by whom."""
+"""What is kept between runs: found again where all it was made of is the same, whole, and not too much."""
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from scex_sumo import kept
-from scex_sumo.files import cache_folder
-from scex_sumo.kept import kept_arrays
-
-MADE: list[object] = []
+from scex_sumo.converters.lanelet import kept as roads
+from scex_sumo.converters.maps import read_map
+from scex_sumo.files import cache_folder, kept
+from scex_sumo.scenarios import EXAMPLES, example_path
 
 
 @pytest.fixture(autouse=True)
-def empty(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    MADE.clear()
+def empty_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
-def squares(number: int) -> np.ndarray:
-    def make() -> dict[str, np.ndarray]:
-        MADE.append(number)
-        return {"squares": np.arange(number) ** 2}
-
-    return kept_arrays("squares", ("of", number), make)["squares"]
+def made(of: bytes, content: bytes = b"content", most: int = 64) -> bytes:
+    return kept("things", of, lambda: content, most=most)
 
 
-def test_arrays_are_made_once_of_the_same_and_again_of_another() -> None:
-    first, again, other = squares(4), squares(4), squares(5)
-    assert first.tolist() == again.tolist() == [0, 1, 4, 9]
-    assert other.tolist() == [0, 1, 4, 9, 16]
-    assert MADE == [4, 5]
+def test_the_same_is_made_once() -> None:
+    assert made(b"a", b"1") == made(b"a", b"2") == b"1"
+    assert made(b"b", b"2") == b"2"
 
 
-def test_another_version_of_the_code_makes_them_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    squares(4)
-    monkeypatch.setattr(kept, "_modules", lambda: "changed")
-    squares(4)
-    assert MADE == [4, 4]
+def test_what_was_not_written_whole_is_made_anew() -> None:
+    made(b"a", b"1")
+    (file,) = (cache_folder() / "things").iterdir()
+    for number, broken in enumerate((b"", file.read_bytes()[:20], file.read_bytes() + b"0")):
+        file.write_bytes(broken)
+        assert made(b"a", f"{number}".encode()) == f"{number}".encode()
+        assert made(b"a", b"other") == f"{number}".encode()
 
 
-@pytest.mark.parametrize("content", [b"", b"PK", b"hello"])
-def test_what_was_not_written_whole_is_made_anew_and_mended(content: bytes) -> None:
-    squares(4)
-    (file,) = (cache_folder() / "squares").iterdir()
-    file.write_bytes(content)
-    assert squares(4).tolist() == squares(4).tolist() == [0, 1, 4, 9]
-    assert MADE == [4, 4]
+def test_the_cache_is_bounded() -> None:
+    for number in range(4):
+        made(bytes([number]), most=2)
+    assert len(list((cache_folder() / "things").iterdir())) == 2
 
 
-def test_the_cache_is_bounded_and_the_least_used_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept, "MOST", 2)
-    for number in (1, 2, 1, 3, 1):
-        squares(number)
-    assert len(list((cache_folder() / "squares").iterdir())) == 2
-    assert MADE == [1, 2, 3]
-
-
-def test_a_cache_that_cannot_be_written_stops_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cache_that_cannot_be_written_stops_nobody(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    assert squares(3).tolist() == [0, 1, 4]
+    assert made(b"a") == b"content"
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_a_kept_road_is_the_one_that_was_read(name: str) -> None:
+    path = example_path(name)
+    for own_corner in (False, True):
+        read = pickle.dumps(read_map(path, own_corner=own_corner))
+        assert pickle.dumps(read_map(path, own_corner=own_corner, keep=True)) == read
+        assert pickle.dumps(read_map(path, own_corner=own_corner, keep=True)) == read
+
+
+def test_a_road_is_read_anew_from_another_map_or_at_another_place(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "map.osm"
+    text = example_path("roundabout").read_text(encoding="utf-8")
+    maps = ((text, None), (text + "\n", None), (text, "us"))
+    for number, (content, country) in enumerate(maps, start=1):
+        path.write_text(content, encoding="utf-8")
+        for _ in range(2):
+            read_map(path, country=country, keep=True)
+        assert len(list((cache_folder() / "roads").iterdir())) == number
+
+
+def test_nothing_but_a_road_is_taken_from_the_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = example_path("roundabout")
+    road = read_map(path)
+    monkeypatch.setattr(roads, "kept", lambda *_: pickle.dumps(print))
+    assert roads.kept_road(path, lambda: road) is road

@@ -55,7 +55,7 @@ MinVehicles = Annotated[int, typer.Option(help="Fewer moving vehicles make no se
 Cluster = Annotated[
     str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
 ]
-Cache = Annotated[bool, typer.Option(help="Keep what is made of the map for the next run on it.")]
+Cache = Annotated[bool, typer.Option(help="Keep what is made of map and models for the next run.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]
 Processes = Annotated[int, typer.Option(help="Processes.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")]

@@ -141,6 +141,7 @@ def run_command(
             synthetic=synthetic,
             origin=origin,
             seed=seed,
+            cache=cache,
         )
         if reference != NO_REFERENCE:
             parse_models(reference)  # says now what is wrong with it

@@ -21,6 +21,7 @@ def seed_scene(
     synthetic: int | None,
     origin: str | None,
     seed: int,
+    cache: bool = True,
 ) -> SeedScene:
     """Read or populate the seed scene; notes of map and tracks go to standard error.
 
@@ -35,13 +36,13 @@ def seed_scene(
 
     zero = parse_origin(origin) if origin is not None else None
     if synthetic is None:
-        scene = read_seed(map_path, tracks=tracks, case=case, time=time, origin=zero)
+        scene = read_seed(map_path, tracks=tracks, case=case, time=time, origin=zero, cache=cache)
     else:
         options = {"--tracks": tracks, "--case": case, "--time": time}
         given = [name for name, value in options.items() if value is not None]
         if given:
             raise UsageError(f"--synthetic: makes its own tracks; leave out {', '.join(given)}")
-        scene = synthetic_seed(map_path, vehicles=synthetic, seed=seed, origin=zero)
+        scene = synthetic_seed(map_path, vehicles=synthetic, seed=seed, origin=zero, cache=cache)
     assert scene.road is not None
     warn([*scene.road.notes, *scene.notes])
     off = off_road(scene.road, scene)

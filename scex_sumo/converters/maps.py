@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from scex_sumo.converters.formats import OPENDRIVE, is_commonroad, is_highd, is_net
@@ -17,6 +18,7 @@ def read_map(
     tracks: str | Path | None = None,
     own_corner: bool = True,
     country: str | None = None,
+    keep: bool = False,
 ) -> Road:
     """Read a map: a SUMO net (``.net.xml``), CommonRoad (other ``.xml``), Lanelet2
     (``.osm``); OpenDRIVE (``.xodr``) and OpenStreetMap (an ``.osm`` without lanelets) by way of netconvert.
@@ -31,24 +33,30 @@ def read_map(
         own_corner: a Lanelet2 map whose origin is not known begins at its south-west corner; otherwise that
             is an error, for tracks would not lie on it.
         country: whose speed limits hold where a Lanelet2 map gives none; None for that of its tags.
+        keep: look for a Lanelet2 map's road in the user's cache, and leave it there.
 
     Raises:
         MapError: the map cannot be read.
         MissingExtraError: it is CommonRoad, and commonroad-io is not installed.
     """
     path = Path(map_path)
-    return replace(_read(path, origin, tracks, own_corner=own_corner, country=country), file=path)
+    road = _of_another_format(path, origin)
+    if road is None:
+        from scex_sumo.converters.lanelet.origin import recorded_origin
+
+        known = origin or recorded_origin(path, tracks_path=None if own_corner else tracks)
+        read = partial(_lanelets, path, known, own_corner=own_corner, country=country)
+        if keep:
+            from scex_sumo.converters.lanelet.kept import kept_road
+
+            road = kept_road(path, read, known, own_corner, country)
+        else:
+            road = read()
+    return replace(road, file=path)
 
 
-def _read(
-    path: Path,
-    origin: tuple[float, float] | None,
-    tracks: str | Path | None,
-    *,
-    own_corner: bool,
-    country: str | None,
-) -> Road:
-    """The road of a map, by the reader of its format."""
+def _of_another_format(path: Path, origin: tuple[float, float] | None) -> Road | None:
+    """The road of a map by the reader of its format; None for a Lanelet2 map."""
     if str(path).lower().endswith(OPENDRIVE) or is_open_street_map(path):
         return read_imported_road(path)
     if is_net(path):
@@ -63,10 +71,17 @@ def _read(
         from scex_sumo.converters.highd_road import read_highd_road
 
         return read_highd_road(path)
+    return None
+
+
+def _lanelets(
+    path: Path, origin: tuple[float, float] | None, *, own_corner: bool, country: str | None
+) -> Road:
+    """The road of a Lanelet2 map."""
     from scex_sumo.converters.lanelet.reader import read_road
 
     if not own_corner and path.exists():  # a missing map is the reader's to report
         from scex_sumo.converters.lanelet.origin import find_origin
 
-        origin = find_origin(path, tracks_path=tracks, origin=origin)
+        origin = find_origin(path, origin=origin)
     return read_road(path, origin=origin, country=country)

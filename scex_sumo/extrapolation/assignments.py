@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import UsageError
+from scex_sumo.files import kept
+from scex_sumo.statistics import designs
 from scex_sumo.statistics.designs import DESIGNS
 
 MAX_COMBINATIONS = 10_000
@@ -48,11 +51,11 @@ def random_assignments(
 
 @lru_cache(maxsize=32)
 def designed_assignments(
-    weights: tuple[float, ...], children: int, vehicles: int, *, seed: int, design: str
+    weights: tuple[float, ...], children: int, vehicles: int, *, seed: int, design: str, keep: bool = False
 ) -> IntArray:
     """Models for the vehicles of all children together, spread more evenly than independent draws.
 
-    Kept, and not to be changed: moments of a ranking with as many vehicles have the same ones.
+    Remembered, and not to be changed: moments of a ranking with as many vehicles have the same ones.
 
     Args:
         weights: (M,) relative frequency of each model, not all zero.
@@ -60,6 +63,7 @@ def designed_assignments(
         vehicles: number of vehicles V, at least 1.
         seed: the run's seed.
         design: one of ``DESIGNS``.
+        keep: look for it in the user's cache, and leave it there.
 
     Returns:
         (C, V) index of the model.
@@ -67,8 +71,16 @@ def designed_assignments(
     drawn = np.flatnonzero(np.asarray(weights, dtype=np.float64) > 0)
     shares = np.asarray(weights, dtype=np.float64)[drawn]
     shares /= shares.sum()
-    rng = child_generator(seed, 0, _DESIGN_STREAM)
-    return drawn[DESIGNS[design]([shares] * vehicles, children, rng)].astype(np.int64)
+
+    def make() -> IntArray:
+        return DESIGNS[design]([shares] * vehicles, children, child_generator(seed, 0, _DESIGN_STREAM))
+
+    if not keep:
+        return drawn[make()].astype(np.int64)
+    code = Path(designs.__file__).read_bytes()
+    made_of = repr((np.__version__, code, shares.tolist(), children, vehicles, seed, design)).encode()
+    levels = np.frombuffer(kept("designs", made_of, lambda: make().tobytes()), dtype=np.int64)
+    return drawn[levels.reshape(children, vehicles)]
 
 
 def all_assignments(choices: Sequence[int]) -> IntArray:
@@ -108,6 +120,7 @@ def assignments(
     seed: int,
     fixed: Mapping[int, int] | None = None,
     design: str = "random",
+    keep: bool = False,
 ) -> IntArray:
     """The assignment of every child of a run.
 
@@ -119,6 +132,7 @@ def assignments(
         fixed: model (index, may lie beyond ``weights``) by track id, the same in all children.
         design: how a number of children is drawn, one of ``DESIGNS``; fixed vehicles
             take no part in it. With ``random`` and ``balanced``, fewer children are the first of more.
+        keep: as `designed_assignments` takes it.
 
     Returns:
         (C, V) index of the model.
@@ -142,7 +156,9 @@ def assignments(
         result = np.zeros((children, len(ids)), dtype=np.int64)
         if free:
             each = tuple(weights)
-            result[:, free] = designed_assignments(each, children, len(free), seed=seed, design=design)
+            result[:, free] = designed_assignments(
+                each, children, len(free), seed=seed, design=design, keep=keep
+            )
     for track, model in fixed.items():
         result[:, ids.index(track)] = model
     return result

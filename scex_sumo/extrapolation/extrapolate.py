@@ -66,8 +66,8 @@ def extrapolate(
         batch: children side by side in one world, None for about 6000 vehicles; the result does not depend
             on it.
         gui: show the run live in sumo-gui.
-        cache: keep the converted net, and what networks make of the map, in ``~/.cache/scex-sumo`` for the
-            next run on the same map.
+        cache: keep the converted net, what networks make of the map, and the assignments in
+            ``~/.cache/scex-sumo`` for the next run.
         compared: whether a checked world is compared with SUMO's; if not, it has been elsewhere.
         progress: called with (steps done, steps in all) as the run advances.
         command: the command line, for ``run.json``.
@@ -94,6 +94,7 @@ def extrapolate(
             children=wanted.count if wanted.until_band is None else 1,
             seed=wanted.seed,
             design=wanted.design,
+            keep=cache,
         )
         wanted.check_size(len(assignment), scene.vehicles)
         models.try_on(scene, seed=wanted.seed)
@@ -271,7 +272,8 @@ def _at_work(workers: int | Workers, most: int | None, gui: bool) -> Iterator[Wo
 def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress | None) -> None:
     """Run the children of a job that its folder has not yet."""
     done, total, steps = set(Parts(job.folder).children.tolist()), len(job.assignment), job.settings.steps
-    size = batch if batch is not None else batch_size(job, processes=workers.processes)
+    shared = {"processes": workers.processes, "occupied": workers.occupied}
+    size = batch if batch is not None else batch_size(job, **shared)
     batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)
     ticks = len(done) * steps
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -22,6 +22,8 @@ from scex_sumo.extrapolation.measure import measure_outcome, measure_rollout, wo
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Cast, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.extrapolation.situations import sight_of
+from scex_sumo.records import dataclass
 from scex_sumo.results.design import design_intervals
 from scex_sumo.results.parts import Part, save_part
 from scex_sumo.road import Road
@@ -38,6 +40,7 @@ OnStep = Callable[[int], None]
 VEHICLES_AT_ONCE = 6000  # in a batch, over all its children
 SAMPLE = 2  # children of a batch in a checked world that SUMO holds, too
 BATCHES_EACH = 2  # of each of several processes, at least: whoever starts later does less
+REFERENCE_CHILDREN = 430  # whom models of ours without networks drive as fast as a reference is run
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +94,11 @@ class Job:
         return self.gui or any(isinstance(model, SumoDriver) for model in self.models.built)
 
     @property
+    def is_quick(self) -> bool:
+        """Whether all models are ours, and none is a network."""
+        return not self.models.weights and None not in map(sight_of, self.models.built)
+
+    @property
     def world(self) -> str:
         """As the settings have it; SUMO's where only that does, arrays alone where nothing is compared."""
         if self.settings.world != "checked":
@@ -116,15 +124,23 @@ def batches_of(children: Sequence[int], size: int, *, apart: bool = True) -> lis
     return [np.asarray(batch, dtype=np.int64) for batch in batches]
 
 
-def batch_size(job: Job, *, processes: int = 1) -> int:
+def batch_size(job: Job, *, processes: int = 1, occupied: int = 0) -> int:
     """Children in a batch: fewer the more vehicles a child has; two batches for each of several processes.
 
     A step of a batch costs as much for one vehicle as for some hundreds; beyond some thousands nothing is
     gained and memory is lost.
+
+    Args:
+        job: the run.
+        processes: that share its children.
+        occupied: how many of these are at a reference first; where that is to take them longer than the
+            children take the others, it is not cut into batches for them.
     """
     if job.apart:
         return TILE_SLOTS
     children, vehicles = (int(count) for count in job.assignment.shape)
+    if children <= REFERENCE_CHILDREN * (processes - 1) and job.is_quick:
+        processes -= occupied
     rounds = processes if processes == 1 else BATCHES_EACH * processes
     batches = math.ceil(children * vehicles / VEHICLES_AT_ONCE / rounds) * rounds
     return math.ceil(children / batches)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +20,7 @@ from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.assignments import assignments, child_generator, listing, route_draws
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.records import dataclass
 from scex_sumo.scene import SeedScene, Who
 
 
@@ -100,7 +100,9 @@ class ModelSet:
                 model = model.model
             yield spec, name, model
 
-    def draw(self, track_ids: IntArray, *, children: int | None, seed: int, design: str) -> IntArray:
+    def draw(
+        self, track_ids: IntArray, *, children: int | None, seed: int, design: str, keep: bool = False
+    ) -> IntArray:
         """(C, V) model of every vehicle in every child, as `assignments`.
 
         A vehicle under test takes part in the draw and then gets its model, so that all others have the
@@ -119,7 +121,9 @@ class ModelSet:
             )
         always = {track: model for track, model in self.fixed.items() if track not in self.tested}
         weights = [spec.weight for spec in self.drawn]
-        drawn = assignments(weights, ids, children=children, seed=seed, fixed=always, design=design)
+        drawn = assignments(
+            weights, ids, children=children, seed=seed, fixed=always, design=design, keep=keep
+        )
         for track, model in self.tested.items():
             if model is not None:
                 drawn[:, ids.index(track)] = self.fixed[track]

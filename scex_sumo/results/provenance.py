@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.metadata
 import platform
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from scex_sumo.scene import SeedScene
+from scex_sumo.version import version_of
 
 
 def digest(scene: SeedScene) -> str:
@@ -50,9 +49,4 @@ def describe(scene: SeedScene) -> dict[str, Any]:
 def versions() -> dict[str, str]:
     """Versions of what the numbers depend on."""
     names = ("libsumo", "eclipse-sumo", "lanelet2", "numpy", "scipy", "shapely", "pyarrow")
-    return {"python": platform.python_version(), **{n: _version(n) for n in names}}
-
-
-@cache
-def _version(name: str) -> str:
-    return importlib.metadata.version(name)
+    return {"python": platform.python_version(), **{n: version_of(n) for n in names}}

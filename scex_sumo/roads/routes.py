@@ -6,7 +6,6 @@ the centreline under it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -22,6 +21,7 @@ from scex_sumo.geometry.polylines import (
     nearest,
     wrap,
 )
+from scex_sumo.records import dataclass
 from scex_sumo.road import Lane, Road
 from scex_sumo.roads.matching import OFFSET_SIGMA_M, Matches, match, off_road
 from scex_sumo.scene import SeedScene

@@ -18,6 +18,7 @@ def read_seed(
     time: float | None = None,
     origin: tuple[float, float] | None = None,
     align: bool = True,
+    cache: bool = True,
 ) -> SeedScene:
     """Read one moment of a recording, with its map.
 
@@ -32,6 +33,7 @@ def read_seed(
         origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
         align: whether tracks that lie beside the map's lanes are moved onto them, see `align_tracks`; False
             leaves them where they were recorded.
+        cache: keep the road in ``~/.cache/scex-sumo`` for the next run on the same map.
 
     Returns:
         The seed scene, its ``road`` set.
@@ -50,7 +52,7 @@ def read_seed(
     except TrackError:
         read_map(map_path)  # a file that is no map is the likelier reason, and says so
         raise
-    road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False)
+    road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False, keep=cache)
     scene = recorded_scene(map_path, tracks=track_path, case=case, time_s=time, road=road, align=align)
     return dataclasses.replace(scene, road=road)
 
@@ -61,6 +63,7 @@ def synthetic_seed(
     vehicles: int,
     seed: int = 0,
     origin: tuple[float, float] | None = None,
+    cache: bool = True,
 ) -> SeedScene:
     """Populate a map by SUMO's own demand and car-following, and take one moment of it.
 
@@ -70,6 +73,7 @@ def synthetic_seed(
         seed: the same seed gives the same scene.
         origin: latitude and longitude of the map's coordinates; None looks beside the map, and takes its
             south-west corner where nothing is said: no tracks need to match.
+        cache: keep road and net in ``~/.cache/scex-sumo`` for the next run on the same map.
 
     Returns:
         The seed scene with a history and a future from the same SUMO run, its ``road`` set.
@@ -79,13 +83,13 @@ def synthetic_seed(
         SimulationError: the map cannot hold so many vehicles.
     """
     from scex_sumo.converters.maps import read_map
-    from scex_sumo.converters.net.convert import convert
+    from scex_sumo.converters.net.kept import converted
     from scex_sumo.scenarios.traffic.synthetic import synthetic_scene
 
     map_path = Path(map_path)
-    road = read_map(map_path, origin=origin, own_corner=True)
+    road = read_map(map_path, origin=origin, own_corner=True, keep=cache)
     with TemporaryFolder() as folder:
-        net = convert(road, Path(folder) / f"{road.name}.net.xml")
+        net = converted(road, Path(folder) / f"{road.name}.net.xml", keep=cache)
         name = f"{road.name}_synthetic{vehicles}_s{seed}"
         scene = synthetic_scene(road, net, vehicles=vehicles, seed=seed, name=name)
     return dataclasses.replace(scene, road=road)

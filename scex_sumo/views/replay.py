@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray
 from scex_sumo.files import quoted
+from scex_sumo.records import dataclass
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.crop import crop_extras, crop_net
 from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
@@ -34,7 +34,7 @@ from scex_sumo.world.gui.drawings import (
 )
 from scex_sumo.world.gui.names import letter_height, readable
 from scex_sumo.world.gui.settings import write_view_settings
-from scex_sumo.world.tiles import TileLayout, TileTemplate
+from scex_sumo.world.tiles import TileLayout, TileTemplate, template_of
 from scex_sumo.world.vehicle_types import given_type
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class ReadNet:
     @classmethod
     def of(cls, path: Path) -> ReadNet:
         """Read a net."""
-        return cls(lanes=LaneFinder(path), template=TileTemplate(path))
+        return cls(lanes=LaneFinder(path), template=template_of(path))
 
 
 def write_view(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
-from dataclasses import dataclass, fields
+from dataclasses import fields
+from functools import cache
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,12 +18,13 @@ from typing import TYPE_CHECKING, Any
 from scex_sumo.errors import SimulationError
 from scex_sumo.files import writing
 from scex_sumo.programs import program, sumo_home
+from scex_sumo.records import dataclass
 from scex_sumo.scene import STEP_S
 from scex_sumo.world.gui.colors import Rgb
 from scex_sumo.world.gui.drawings import draw_legend, frame_of
 from scex_sumo.world.gui.names import LETTER_M
 from scex_sumo.world.gui.settings import write_view_settings
-from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id
+from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, template_of, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 
 if TYPE_CHECKING:
@@ -62,14 +65,32 @@ class VehicleCalls:
     @classmethod
     def of(cls, module: Any) -> VehicleCalls:
         """Those of libsumo or traci."""
-        inner = getattr(getattr(module, "libsumo", None), "_libsumo", None)
+        inner = getattr(module, "_libsumo", None)
         names = [field.name for field in fields(cls)]
         return cls(**{n: getattr(inner, f"vehicle_{n}", getattr(module.vehicle, n)) for n in names})
 
 
 def load_sumo(*, gui: bool = False) -> Any:
-    """libsumo, or traci for sumo-gui; the first time takes a quarter of a second."""
-    return importlib.import_module("traci" if gui else "libsumo")
+    """libsumo, or traci for sumo-gui; the first time takes a tenth of a second."""
+    return importlib.import_module("traci") if gui else _libsumo()
+
+
+@cache
+def _libsumo() -> Any:
+    """SUMO's own module of its package, which would import traci, sumolib and what these need as well.
+
+    Whoever imports the package gets it whole all the same, around this module.
+    """
+    sumo_home()  # for its environment
+    name = "libsumo"
+    found = importlib.util.find_spec(name)
+    if name in sys.modules or found is None:
+        return importlib.import_module(f"{name}.{name}")
+    sys.modules[name] = importlib.util.module_from_spec(found)
+    try:
+        return importlib.import_module(f"{name}.{name}")
+    finally:
+        del sys.modules[name]
 
 
 @contextmanager
@@ -127,7 +148,7 @@ class SumoSession:
         self._gui = gui
         self._delay_ms = delay_ms
         self._legend = legend
-        self._template = TileTemplate(net.path)
+        self._template = template_of(net.path)
         self._extras = TileTemplate(net.extras) if gui and net.extras is not None else None
         count = max(self.slots, default=0) + 1
         self.layout = (
@@ -165,7 +186,7 @@ class SumoSession:
         global _open
         if self._sumo is not None:
             with suppress(*self._errors):
-                self._sumo.close()
+                (self._sumo if self._gui else self._sumo.simulation).close()
             self._sumo, _open = None, False
 
     @contextmanager
@@ -207,14 +228,13 @@ class SumoSession:
         global _open
         if _open:
             raise SimulationError("SUMO runs one simulation per process and one is open; close that world")
-        os.environ.setdefault("SUMO_HOME", str(sumo_home()))
         if self._gui and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             raise SimulationError("sumo-gui needs a display and DISPLAY is not set; run without --gui")
         binary = program("sumo-gui") if self._gui else "sumo"
-        self._errors = (module.TraCIException, module.exceptions.FatalTraCIError)
+        self._errors = (module.TraCIException, module.FatalTraCIError)
         with _silence() as said:
             try:
-                module.start([binary, *options, *_OPTIONS])
+                (module if self._gui else module.simulation).start([binary, *options, *_OPTIONS])
             except self._errors as error:
                 reason = next((line for line in said() if line.startswith("Error: ")), f"Error: {error}")
                 raise SimulationError(f"SUMO does not start: {reason.removeprefix('Error: ')}") from error

@@ -272,7 +272,7 @@ class SumoWorld:
         anybody in a child who looks, a vehicle's speed is none of SUMO's concern.
         """
         with self._session.refusals("advance"):
-            self._sumo.simulationStep()
+            self._sumo.simulation.step()
             if self._sumo.vehicle.getIDCount() != len(batch.everybody.ids) + len(batch.obstacles):
                 batch.refuse_losses(self._sumo.vehicle.getIDList())
             set_speed = self._call.setPreviousSpeed

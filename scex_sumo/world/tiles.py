@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from decimal import Decimal
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +16,7 @@ from xml.etree import ElementTree
 
 from scex_sumo.errors import SimulationError
 from scex_sumo.files import quoted
+from scex_sumo.records import dataclass
 
 TILE_SLOTS = 64
 """Number of tile slots; a child i that needs a tile of its own is always in slot ``i % TILE_SLOTS``."""
@@ -213,6 +213,21 @@ class TileTemplate:
             x, y, *height = point.split(",")
             self._point(" " if i else "", x, ",", y)
             self._text("".join(f",{z}" for z in height))
+
+
+def template_of(path: Path) -> TileTemplate:
+    """The template of a net; that of the last one serves again where a file says the same.
+
+    Raises:
+        SimulationError: as `TileTemplate`.
+    """
+    content = path.read_bytes() if path.is_file() else b""
+    if not _last or _last[0][0] != content:
+        _last[:] = [(content, TileTemplate(path))]
+    return _last[0][1]
+
+
+_last: list[tuple[bytes, TileTemplate]] = []
 
 
 def _points(edge: ElementTree.Element) -> int:

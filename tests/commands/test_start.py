@@ -10,16 +10,33 @@ import pytest
 
 from scex_sumo.scenarios import example_path
 
+NEVER = {"pandas", "scipy.special", "scipy.sparse", "scipy.linalg", "torch", "traci", "sumolib"}
 
-def test_a_run_does_without_pandas_and_most_of_scipy(tmp_path: Path) -> None:
-    pytest.importorskip("pandas")
-    code = (
+
+def after_a_run(tmp_path: Path, code: str) -> list[str]:
+    """What code prints after a run in the same process."""
+    run = (
         "import sys\nfrom scex_sumo.cli import main\n"
         f"sys.argv = ['scex-sumo', 'run', {str(example_path('motorway_merge'))!r}, '--children', '1', "
-        f"'--steps', '3', '-o', {str(tmp_path / 'out')!r}]\nmain()\n"
-        "print({'pandas', 'scipy.special', 'scipy.sparse', 'scipy.linalg', 'torch'} & set(sys.modules))\n"
+        f"'--steps', '3', '--overwrite', '-o', {str(tmp_path / 'out')!r}]\nmain()\nprint()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", run + code], capture_output=True, text=True, check=True)
+    return done.stdout.rpartition("\n\n")[2].splitlines()
+
+
+def test_a_run_does_without_pandas_and_most_of_scipy_and_of_sumos_tools(tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    code = (
+        f"print({NEVER!r} & set(sys.modules))\n"
         "import pyarrow as pa\n"
         "print(type(pa.table({'a': [1]}).to_pandas()).__name__)\n"
+        "import libsumo\n"
+        "print(libsumo.vehicle is sys.modules['libsumo.libsumo'].vehicle, libsumo.constants.__name__)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-2:] == ["set()", "DataFrame"]
+    assert after_a_run(tmp_path, code) == ["set()", "DataFrame", "True traci.constants"]
+
+
+def test_a_second_run_on_a_map_does_without_lanelet2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    code = "print('lanelet2' in sys.modules)"
+    assert [after_a_run(tmp_path, code) for _ in range(2)] == [["True"], ["False"]]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, States
 

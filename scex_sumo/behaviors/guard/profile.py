@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 from scex_sumo.behaviors.parameters import check_positive
+from scex_sumo.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -15,6 +15,7 @@ from threadpoolctl import ThreadpoolController
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray, distinct
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.learned.decoding import plan_along, plan_freely, way_of
+from scex_sumo.behaviors.learned.networks.architecture import FEATURES, STRIDE
 from scex_sumo.behaviors.learned.networks.head import Modes
 from scex_sumo.behaviors.learned.networks.image import MapImage
 from scex_sumo.behaviors.learned.networks.layers import exact
@@ -27,7 +28,8 @@ from scex_sumo.behaviors.models.path_follower import follow_path
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.derived import derived
 from scex_sumo.errors import InputError
-from scex_sumo.kept import kept_arrays
+from scex_sumo.files import kept, our_modules
+from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
 
@@ -53,10 +55,12 @@ def image_of(road: Road, net: GraphImageNet, kept_as: str) -> MapImage:
     if not kept_as:
         return MapImage.of(raster, net.image.features_of(raster))
 
-    def make() -> dict[str, NDArray[np.float32]]:
-        return {"features": net.image.features_of(raster).astype(np.float32)}  # exact, on their grid
+    def make() -> bytes:
+        return net.image.features_of(raster).astype(np.float32).tobytes()  # exact, on their grid
 
-    return MapImage.of(raster, kept_arrays("images", (kept_as, road), make)["features"].astype(np.float64))
+    made_of = pickle.dumps((our_modules(), np.__version__, kept_as, road))
+    features = np.frombuffer(kept("images", made_of, make), np.float32).astype(np.float64)
+    return MapImage.of(raster, features.reshape(FEATURES, -(-raster.values.shape[1] // STRIDE), -1))
 
 
 @lru_cache(maxsize=4)

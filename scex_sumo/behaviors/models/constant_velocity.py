@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from scex_sumo.behaviors.base import Sight
 from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
 from scex_sumo.behaviors.driving.together import Intent, driven
 from scex_sumo.behaviors.parameters import check_path
+from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
 

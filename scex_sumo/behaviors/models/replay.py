@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from scex_sumo.behaviors.driving.motion import drive_along
 from scex_sumo.behaviors.driving.paths import PathChoice
 from scex_sumo.behaviors.parameters import check_path
 from scex_sumo.errors import UsageError
+from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, Who
 
@@ -61,10 +61,11 @@ class Replay:
         i = np.arange(len(who))
         ends = [recorded[i, last], history.now[who.child, who.vehicle]]
         end = States.joined(ends, lambda parts: np.where(left > 0, *parts))
-        rest = drive_along(history, road, who, self.profile.path, start=end)
         h = np.arange(PLAN_STEPS)
-        driven = h >= left[:, None]
-        in_recording = np.minimum(history.step + h, recorded.shape[1] - 1)
-        after = np.maximum(h - left[:, None], 0)
-        both = [rest[i[:, None], after], recorded[:, in_recording]]
-        return Plan(**vars(States.joined(both, lambda parts: np.where(driven, *parts))))
+        made = recorded[:, np.minimum(history.step + h, recorded.shape[1] - 1)]
+        ending = np.flatnonzero(left < PLAN_STEPS)
+        some = Who(child=who.child[ending], vehicle=who.vehicle[ending])
+        rest = drive_along(history, road, some, self.profile.path, start=end[ending])
+        row, step = np.nonzero(h >= left[ending, None])
+        made.assign((ending[row], step), rest[row, step - left[ending[row]]])
+        return Plan(**vars(made))

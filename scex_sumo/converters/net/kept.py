@@ -1,22 +1,31 @@
-"""Kept nets: what a road was converted to stays in the user's cache for the next run on the same map."""
+"""Kept nets: what a road was converted to stays in the user's cache for the next run on the same map.
+
+A net is kept under a hash of the road and of the very modules that convert it, so that neither another map
+nor another version finds it. It is there whole or not at all, whoever else writes it.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
+import hashlib
 import json
 import os
+import pickle
 import shutil
 import tempfile
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from scex_sumo.converters.net.lane_table import LaneTable
 from scex_sumo.converters.net.sumo_net import SumoNet, net_file
-from scex_sumo.kept import forget_old, place_of
+from scex_sumo.files import cache_folder, our_modules
 from scex_sumo.road import Loss, Road
+from scex_sumo.version import __version__, version_of
 
+MOST_NETS = 64  # those not used for longest go first
 _ENDINGS = (".net.xml", ".lanes.csv", ".add.xml")
 _REST = "rest.json"
 
@@ -29,7 +38,7 @@ def converted(road: Road, net_path: Path, *, keep: bool = True) -> SumoNet:
         net_path: where the net shall be; usually ends in ``.net.xml``.
         keep: False neither looks into the cache nor writes there.
     """
-    place = place_of("nets", (version("shapely"), road)) if keep else None
+    place = cache_folder() / "nets" / _key(road) if keep else None
     if place is not None:
         with contextlib.suppress(OSError, ValueError, KeyError):  # not there, or removed meanwhile
             return _taken(place, net_path)
@@ -40,6 +49,11 @@ def converted(road: Road, net_path: Path, *, keep: bool = True) -> SumoNet:
         with contextlib.suppress(OSError):  # a full disk, or a home that cannot be written, stops no run
             _put(place, net)
     return net
+
+
+def _key(road: Road) -> str:
+    made_by = (__version__, np.__version__, version_of("shapely"), our_modules())
+    return hashlib.sha256(pickle.dumps((made_by, road))).hexdigest()
 
 
 def _taken(place: Path, net_path: Path) -> SumoNet:
@@ -82,4 +96,13 @@ def _put(place: Path, net: SumoNet) -> None:
         (new / _REST).write_text(json.dumps(rest), encoding="utf-8")
         shutil.rmtree(place, ignore_errors=True)  # one that could not be read
         new.rename(place)  # raises where somebody else was faster
-    forget_old(place.parent)
+    nets = sorted((p for p in place.parent.iterdir() if not p.name.startswith(".")), key=_last_used)
+    for old in nets[:-MOST_NETS]:
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _last_used(place: Path) -> float:
+    try:
+        return place.stat().st_mtime
+    except OSError:  # removed meanwhile
+        return 0.0

@@ -187,7 +187,13 @@ class Workers:
             return None
         worker = self._workers[-1]
         order = partial(worker.do, pickled(partial(_calling, do)), None, lambda children: None)
-        return worker.thread.submit(self._twice, worker, where, order)
+        worker.beside = worker.thread.submit(self._twice, worker, where, order)
+        return worker.beside
+
+    @property
+    def occupied(self) -> int:
+        """How many workers do something beside."""
+        return sum(worker.beside is not None and not worker.beside.done() for worker in self._workers)
 
     def _twice(self, worker: _Worker, where: str, order: Callable[[], Report]) -> Any:
         """What an order gives, from another process where the first one dies; raises what it raised."""
@@ -233,11 +239,13 @@ class _Worker(WorkerProcess):
 
     Attributes:
         thread: does what is submitted to it, one after the other.
+        beside: what it was given last to do beside.
     """
 
     def __init__(self, folder: str) -> None:
         super().__init__(serving.__name__, folder)
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")
+        self.beside: Future[Any] | None = None
 
     def start(self) -> None:
         """Start the process, which has nothing open."""

@@ -7,7 +7,7 @@ shorter arc.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Final
 
 import numpy as np
@@ -18,6 +18,7 @@ from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import axis_separations, relative_pose
 from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.outlines.motion import Moves, near_moves
+from scex_sumo.records import dataclass
 
 OVERLAP_M2: Final = 0.1
 """Overlap above which two vehicles have collided."""
@@ -90,8 +91,28 @@ def find_collisions(tracks: SceneTracks) -> Collisions:
     start = max(tracks.first - 1, 0)
     moves = _contacts(near_moves(tracks, start))
     at, found = _first_of_pair(moves, *_exceeding(moves))
+    if not len(found):
+        return _no_collisions()
     hits = moves.take(found)
     return _described(*_impact(hits, at), hits, at, start)
+
+
+def _no_collisions() -> Collisions:
+    number, value = np.empty(0, dtype=np.int64), np.empty(0)
+    return Collisions(
+        child=number,
+        step=number,
+        time_s=value,
+        first=number,
+        second=number,
+        kind=number,
+        first_side=number,
+        second_side=number,
+        relative_speed=value,
+        overlap=value,
+        x=value,
+        y=value,
+    )
 
 
 def _contacts(moves: Moves) -> Moves:

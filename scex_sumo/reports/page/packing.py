@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scex_sumo.arrays import FloatArray, IntArray
 
 _LEVEL = 6
+_LEFT = (int, str)  # most there is
 _INTEGERS = (np.int8, np.int16, np.int32)
 
 
@@ -44,14 +45,14 @@ def pack(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
 
 def _plain(value: Any) -> Any:
     """Words and numbers as JSON has them; it knows no infinity, which becomes null."""
-    if value is None or isinstance(value, str | int):  # most there is
+    if value is None or isinstance(value, str | int):
         return value
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
+        return [entry if type(entry) in _LEFT else _plain(entry) for entry in value]
     if isinstance(value, Mapping):
-        return {name: _plain(entry) for name, entry in value.items()}
+        return {name: e if type(e) in _LEFT else _plain(e) for name, e in value.items()}
     return str(value)
 
 

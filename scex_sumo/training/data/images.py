@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -11,6 +10,7 @@ from torch import Tensor
 
 from scex_sumo.behaviors.learned.networks.architecture import COS, SIN
 from scex_sumo.behaviors.learned.seen.raster import PIXEL_M, raster_of
+from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.training.data.batches import Batch
 from scex_sumo.training.networks.graph_image import ImageBatch, MapTensors

@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 
 import scex_sumo
-from scex_sumo import kept
 from scex_sumo.converters.net import convert as converting
+from scex_sumo.converters.net import kept
 from scex_sumo.converters.net.kept import converted
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.files import cache_folder
 from scex_sumo.road import Road
 from scex_sumo.scenarios import EXAMPLES
 
@@ -66,7 +65,7 @@ def test_another_road_is_converted_anew(tmp_path: Path, conversions: list[str]) 
 
 def test_a_net_that_was_not_written_whole_is_converted_anew(tmp_path: Path, conversions: list[str]) -> None:
     converted(road_of(), tmp_path / "a.net.xml")
-    (place,) = (cache_folder() / "nets").iterdir()
+    (place,) = (kept.cache_folder() / "nets").iterdir()
     (place / "map.net.xml").write_text("<net")
     for _ in range(2):
         assert converted(road_of(), tmp_path / "a.net.xml").path.read_text() != "<net"
@@ -76,11 +75,11 @@ def test_a_net_that_was_not_written_whole_is_converted_anew(tmp_path: Path, conv
 def test_the_cache_is_bounded(
     tmp_path: Path, conversions: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kept, "MOST", 2)
+    monkeypatch.setattr(kept, "MOST_NETS", 2)
     road = road_of()
     for name in "abc":
         converted(dataclasses.replace(road, name=name), tmp_path / "a.net.xml")
-    assert len(list((cache_folder() / "nets").iterdir())) == 2
+    assert len(list((kept.cache_folder() / "nets").iterdir())) == 2
 
 
 def test_a_cache_that_cannot_be_written_stops_nobody(

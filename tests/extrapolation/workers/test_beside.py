@@ -6,11 +6,16 @@ import os
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.errors import ResultError
 from scex_sumo.extrapolation.extrapolate import extrapolate
+from scex_sumo.extrapolation.job import Job, batch_size
+from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.reference import add_reference, begin_reference
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers.pool import Workers, ended_well
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
@@ -74,3 +79,19 @@ def test_a_reference_that_would_keep_a_worker_longest_is_run_by_all() -> None:
     scene = read_seed(example_path("motorway_merge"))
     with Workers(2) as workers:
         assert begin_reference(Path("out"), 116, scene, "likely", workers=workers) is None
+
+
+@pytest.mark.parametrize(
+    ("models", "children", "batches"), [("rules", 385, 1), ("rules", 900, 4), ("graph_predictor", 385, 4)]
+)
+def test_children_are_not_cut_for_a_worker_that_a_reference_keeps_longer(
+    models: str, children: int, batches: int, tmp_path: Path
+) -> None:
+    scene = read_seed(example_path("motorway_merge"))
+    settings = RunSettings(models=models, children=children)
+    assert scene.road is not None
+    net = convert(scene.road, tmp_path / "a.net.xml")
+    assignment = np.zeros((children, scene.vehicles), dtype=np.int64)
+    job = Job(scene, net, settings, ModelSet.of(settings), assignment, tmp_path)
+    assert -(-children // batch_size(job, processes=2, occupied=1)) == batches
+    assert -(-children // batch_size(job, processes=2)) == 4
