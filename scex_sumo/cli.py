@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from types import FrameType, ModuleType
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
@@ -33,7 +33,6 @@ def _root(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False,
 ) -> None:
     _do_without_pandas()
-    _do_without_docstrings()
 
 
 COMMANDS = {
@@ -143,13 +142,6 @@ def _do_without_pandas() -> None:
         importlib.import_module("pyarrow").array([0])
     finally:
         sys.meta_path.remove(finder)
-
-
-def _do_without_docstrings() -> None:
-    """Keep Arrow from putting together what ``help`` would say of its functions' options, 14 ms."""
-    reader: Any = ModuleType("pyarrow.vendored.docscrape")
-    reader.NumpyDocString = lambda text: {"Parameters": ()}
-    sys.modules.setdefault(reader.__name__, reader)
 
 
 def _stop(number: int, _frame: FrameType | None) -> None:

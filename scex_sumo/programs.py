@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import sys
-from functools import cache
 from pathlib import Path
 
 from scex_sumo.errors import SimulationError
 
 
-@cache
 def sumo_home() -> Path:
-    """Folder of SUMO, with ``bin``, ``data`` and ``tools``.
+    """Folder of SUMO, with ``bin``, ``data`` and ``tools``."""
+    import sumo
 
-    The environment gets the variables that it gets from importing the wheel's package, which takes 10 ms.
-    """
-    found = importlib.util.find_spec("sumo")
-    if found is None or found.origin is None:
-        raise ModuleNotFoundError("No module named 'sumo'", name="sumo")
-    home = Path(found.origin).parent
-    os.environ.setdefault("SUMO_HOME", str(home))
-    if not os.environ.get("PROJ_LIB") and not os.environ.get("PROJ_DATA"):
-        os.environ["PROJ_LIB"] = os.environ["PROJ_DATA"] = str(home / "data" / "proj")
-    return home
+    return Path(sumo.SUMO_HOME)
 
 
 def program(name: str) -> str:

@@ -6,11 +6,11 @@ A *lane* here is one Lanelet2 lanelet, in driving direction; SUMO's lanes are na
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import listed
-from scex_sumo.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.metadata
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.guarded import Guarded
@@ -27,11 +29,7 @@ from scex_sumo.behaviors.profiles import DEFAULTS, GUARDS
 from scex_sumo.behaviors.spec import GUARD, LEARNED, parameter_value, profile_of, shown, user_arguments
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 from scex_sumo.errors import ScexError, UsageError
-from scex_sumo.records import dataclass
 from scex_sumo.sumo_models import SUMO_MODELS, check_driver
-
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 ENTRY_POINTS = "scex_sumo.behaviors"
@@ -267,9 +265,7 @@ def _further() -> list[str]:
     return [*FILES, *sorted({*_registered, *_entry_points()})]
 
 
-def _entry_points() -> dict[str, EntryPoint]:
-    import importlib.metadata  # takes 10 ms
-
+def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:
     return {point.name: point for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
 
 

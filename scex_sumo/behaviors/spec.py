@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from scex_sumo.behaviors.plug_in.user_model import EMPTY, UserModel
 from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.errors import UsageError
-from scex_sumo.records import dataclass
 
 GUARD = "guard"  # a parameter of every model that we drive
 LEARNED = ("graph_predictor", "graph_image_predictor")

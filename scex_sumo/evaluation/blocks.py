@@ -7,7 +7,7 @@ into windows, each with the history that derived values look back on and the tra
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,6 @@ from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
 from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.formulas.tq import WINDOW_S
-from scex_sumo.records import dataclass
 from scex_sumo.scene import States
 
 WINDOW_STEPS = 64

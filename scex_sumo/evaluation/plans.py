@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import ResultError
 from scex_sumo.metrics.base import PlannedPaths
-from scex_sumo.records import dataclass
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import SeedScene
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -11,7 +11,6 @@ import numpy as np
 from scex_sumo.arrays import FloatArray
 from scex_sumo.exporters.xml_text import add, number_text
 from scex_sumo.geometry.polylines import along, arc_lengths
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane, Regulation, Road
 
 _TYPES = {"vehicle": "urban", "bus": "busLane", "bicycle": "bicycleLane", "other": "border"}

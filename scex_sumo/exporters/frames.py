@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -11,7 +12,6 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.records import dataclass
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.views.road_lines import AREA, BORDER, STOP, SURFACE, road_lines
 from scex_sumo.world.gui.colors import Rgb

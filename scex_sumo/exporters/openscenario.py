@@ -6,6 +6,7 @@ The reference point of a vehicle there is the middle of its rear axle, not its c
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,6 @@ from scex_sumo.errors import MissingExtraError
 from scex_sumo.exporters.opendrive.file import opendrive_text
 from scex_sumo.exporters.request import Request
 from scex_sumo.files import write_atomic
-from scex_sumo.records import dataclass
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
 MINOR_VERSION = 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from scex_sumo.errors import MapError, UsageError
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.records import dataclass
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -23,7 +23,6 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Cast, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.situations import sight_of
-from scex_sumo.records import dataclass
 from scex_sumo.results.design import design_intervals
 from scex_sumo.results.parts import Part, save_part
 from scex_sumo.road import Road

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
@@ -19,7 +20,6 @@ from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.outlines.collisions import OVERLAP_M2, Collisions, find_collisions
 from scex_sumo.metrics.outlines.encounters import Encounters, encounters_of
 from scex_sumo.metrics.pairs.scenes import Scenes
-from scex_sumo.records import dataclass
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.world.plain import PlainWorld
 

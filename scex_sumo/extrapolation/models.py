@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -20,7 +21,6 @@ from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.assignments import assignments, child_generator, listing, route_draws
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.records import dataclass
 from scex_sumo.scene import SeedScene, Who
 
 

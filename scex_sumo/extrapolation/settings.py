@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final, TypeAlias
 
@@ -14,7 +14,6 @@ from scex_sumo.errors import UsageError
 from scex_sumo.metrics.evaluate import PAPER_PRESET
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.registry import COLUMNS, column_named, columns_of, describe_metrics, metrics_named
-from scex_sumo.records import dataclass
 from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 

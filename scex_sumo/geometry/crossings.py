@@ -6,12 +6,11 @@ are refined from the top; only the few segments whose boxes meet are intersected
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.records import dataclass
 
 BLOCK = 6
 # Sine of the angle below which two segments count as parallel: rounding of map coordinates (1e-10 m at 1000

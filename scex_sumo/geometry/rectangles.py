@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.records import dataclass
 from scex_sumo.scene import States
 
 _FLAT_M = 1e-6  # an edge that rises by less is level: the quotient would lose its digits

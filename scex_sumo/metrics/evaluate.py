@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -18,7 +18,6 @@ from scex_sumo.metrics.pairs.entries import Entries
 from scex_sumo.metrics.pairs.presets import preset_named
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 from scex_sumo.metrics.registry import columns_of, metrics_named
-from scex_sumo.records import dataclass
 
 PAPER_PRESET: Final = "paper"
 

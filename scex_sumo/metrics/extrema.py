@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.pairs.entries import Entries
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
-from scex_sumo.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,13 +6,13 @@ import dataclasses
 import hashlib
 import inspect
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from scex_sumo.errors import UsageError
 from scex_sumo.metrics.pairs.entries import Entries
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
-from scex_sumo.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal, TypeVar
 
 from scex_sumo.errors import UsageError
 from scex_sumo.importing import import_object
@@ -23,9 +24,6 @@ from scex_sumo.metrics.outlines.wttc_path import least_wttc_path, wttc_path
 from scex_sumo.metrics.pairs.entries import Entries
 from scex_sumo.metrics.pairs.gap import gap, least_gap
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
-
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
 
 F = TypeVar("F", bound=Callable[[Scenes], Samples | Entries])
 
@@ -231,9 +229,7 @@ def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
     return spelled[_plain(text)]
 
 
-def _entry_points() -> dict[str, EntryPoint]:
-    import importlib.metadata  # takes 10 ms
-
+def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:
     return {point.name: point for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import shlex
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from scex_sumo.errors import ScexError
@@ -12,7 +13,6 @@ from scex_sumo.extrapolation.extrapolate import SETTINGS, extrapolate
 from scex_sumo.extrapolation.workers.pool import Workers
 from scex_sumo.files import TemporaryFolder, write_atomic
 from scex_sumo.ranking.run_moment import MomentTask, unpack_road
-from scex_sumo.records import dataclass
 from scex_sumo.reports.page.html import Html
 from scex_sumo.reports.page.report import filled_report
 from scex_sumo.reports.page.run.contents import report_contents

@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scex_sumo.errors import one_line
-from scex_sumo.records import dataclass
 
 if TYPE_CHECKING:
     from scex_sumo.converters.datasets.recordings import Recording

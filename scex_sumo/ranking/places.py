@@ -7,12 +7,12 @@ depends on neither workers nor interruptions nor the order in which moments fini
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.ranking.moments import MomentRef
-from scex_sumo.records import dataclass
 from scex_sumo.statistics.density import CONFIDENCE
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.statistics.normal import normal_quantiles

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,6 @@ from scex_sumo.ranking.ranking_run import Progress, RankingRun
 from scex_sumo.ranking.settings import RankSettings
 from scex_sumo.ranking.table import ranking_table, write_ranking
 from scex_sumo.ranking.workers import DaskWorkers, LocalWorkers, MomentWorkers
-from scex_sumo.records import dataclass
 from scex_sumo.results.provenance import versions
 from scex_sumo.version import __version__
 

@@ -12,6 +12,7 @@ import threading
 import weakref
 import zlib
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
@@ -29,7 +30,6 @@ from scex_sumo.extrapolation.job import Job, parts_in_memory
 from scex_sumo.files import TemporaryFolder, writing
 from scex_sumo.ranking.moments import Failure, MomentRef
 from scex_sumo.ranking.settings import RankSettings, built
-from scex_sumo.records import dataclass
 from scex_sumo.results.folder import tracks_table
 from scex_sumo.results.parts import Part
 from scex_sumo.road import Road

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -16,7 +16,6 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.registry import describe_metrics, thresholds_of
-from scex_sumo.records import dataclass
 from scex_sumo.results.design import design_intervals
 from scex_sumo.statistics.designs import DEFAULT_DESIGN
 from scex_sumo.statistics.intervals import DesignIntervals

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.files import remove_unfinished, replacing
-from scex_sumo.records import dataclass
 from scex_sumo.scene import States
 
 PARTS = ".parts"

@@ -8,6 +8,7 @@ children are compared pair by pair.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
@@ -15,7 +16,6 @@ import pyarrow as pa
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.metrics.registry import column_named, side_of
-from scex_sumo.records import dataclass
 from scex_sumo.results.densities import metric_density
 from scex_sumo.results.design import is_critical
 from scex_sumo.statistics.density import Density, Interval

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.geometry.polylines import along, length_of, project_near, samples
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane
 
 CLEARANCE_M = 2.4  # centreline distance under which a wide car and a car do not pass each other

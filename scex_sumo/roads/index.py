@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.derived import derived
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.roads.relations import LaneRelations, lane_relations
 

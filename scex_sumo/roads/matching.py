@@ -6,13 +6,13 @@ A pose is only compared with the centreline segments near its cell of a grid lai
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.geometry.crossings import intersect
 from scex_sumo.geometry.polylines import along, arc_lengths, length_of
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict, conflicts, opposed
 from scex_sumo.roads.conflicts import lines_cross as proper_crossing

@@ -6,6 +6,7 @@ the centreline under it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -21,7 +22,6 @@ from scex_sumo.geometry.polylines import (
     nearest,
     wrap,
 )
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane, Road
 from scex_sumo.roads.matching import OFFSET_SIGMA_M, Matches, match, off_road
 from scex_sumo.scene import SeedScene

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.errors import UsageError
-from scex_sumo.records import dataclass
 from scex_sumo.statistics.intervals import DesignIntervals
 
 FIRST_LOOK: Final = 100

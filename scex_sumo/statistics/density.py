@@ -7,6 +7,7 @@ density integrates to the share of finite samples and a cumulative curve ends th
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,7 +15,6 @@ from numpy.typing import ArrayLike
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import InputError
-from scex_sumo.records import dataclass
 from scex_sumo.statistics.normal import normal_cdf, normal_quantile
 
 BANDWIDTH: Final = 0.1

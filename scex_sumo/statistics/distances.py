@@ -7,12 +7,12 @@ samples are over the children in which the metric is finite. Axes are named R (r
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.records import dataclass
 from scex_sumo.statistics.density import BANDWIDTH, density
 
 Columns: TypeAlias = Sequence[FloatArray]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Final, Literal
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.records import dataclass
 from scex_sumo.statistics.density import CONFIDENCE, wilson
 from scex_sumo.statistics.intervals import DesignIntervals
 

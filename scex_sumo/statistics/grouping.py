@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import UsageError
-from scex_sumo.records import dataclass
 
 METHODS: Final = ("ward", "average")
 

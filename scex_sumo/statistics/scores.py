@@ -6,11 +6,11 @@ All are strictly proper but the areas under curves, so none is gained by saying 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)

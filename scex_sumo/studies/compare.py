@@ -8,13 +8,13 @@ R (run), M (metric), C (child). Formulas: docs/compare.md.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import InputError, ResultError, UsageError
-from scex_sumo.records import dataclass
 from scex_sumo.statistics.distances import (
     Columns,
     Scale,

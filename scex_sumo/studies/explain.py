@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -10,7 +11,6 @@ import numpy as np
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import UsageError
 from scex_sumo.metrics.registry import COLLISION
-from scex_sumo.records import dataclass
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.effects import Condition, Effect, beyond_chance, conditions, covering, effects

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,6 @@ import torch
 
 from scex_sumo.errors import ResultError
 from scex_sumo.files import write_atomic
-from scex_sumo.records import dataclass
 from scex_sumo.training.data.samples import TrainingSamples
 
 FILE = "checkpoint.pt"

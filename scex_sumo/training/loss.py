@@ -7,11 +7,12 @@ cross-entropy over a vehicle's candidates. Accelerations and jerks beyond what d
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 from torch.nn.functional import log_softmax, relu
 
-from scex_sumo.records import dataclass
 from scex_sumo.scene import STEP_S
 from scex_sumo.training.data.batches import Batch
 from scex_sumo.training.networks.graph import ModeTensors

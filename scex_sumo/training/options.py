@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from copy import deepcopy
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -13,7 +13,6 @@ from torch import Tensor, nn
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.errors import UsageError
-from scex_sumo.records import dataclass
 from scex_sumo.training.data.batches import Batch
 from scex_sumo.training.data.dataset import Dataset
 from scex_sumo.training.data.samples import TrainingSamples

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -15,7 +15,6 @@ from torch import nn
 
 from scex_sumo.behaviors.learned.networks.architecture import Architecture
 from scex_sumo.errors import UsageError
-from scex_sumo.records import dataclass
 from scex_sumo.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.data.dataset import Dataset

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from scex_sumo.records import dataclass
 from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.loss import LossWeights, displacement, loss
 from scex_sumo.training.networks.graph import ModeTensors

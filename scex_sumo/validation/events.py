@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.metrics.registry import THRESHOLDS, metric_of, side_of
-from scex_sumo.records import dataclass
 
 COLLISION: Final = "collision"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import zlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -21,7 +22,6 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.ranking.moments import Failure
 from scex_sumo.ranking.run_moment import MomentTask, compared, worked
 from scex_sumo.ranking.settings import built
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import off_road
 from scex_sumo.scene import SeedScene, States

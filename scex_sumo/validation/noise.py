@@ -7,6 +7,8 @@ such; pieces of it, whole, are put onto the children's courses.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
@@ -14,7 +16,6 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.converters.cleaning.smooth import smooth
 from scex_sumo.converters.tracks.rows import TrackRows
 from scex_sumo.extrapolation.rollout import Rollout
-from scex_sumo.records import dataclass
 from scex_sumo.scene import SeedScene, States
 
 STEPS = 30 + PLAN_STEPS  # after the seed scene: as far as a plan of the last second reaches

@@ -7,13 +7,14 @@ The numbers are not comparable with that leaderboard.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.learned.seen.surface import surface_of
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.statistics.scores import histogram_log_likelihood

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,6 @@ import pyarrow.compute as pc
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.ranking.moments import MomentRef
-from scex_sumo.records import dataclass
 from scex_sumo.statistics.scores import (
     brier,
     brier_parts,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,6 @@ from scex_sumo.ranking.run_moment import MomentTask
 from scex_sumo.ranking.settings import RankSettings
 from scex_sumo.ranking.tasks import moment_tasks, read_ahead
 from scex_sumo.ranking.workers import DaskWorkers, LocalWorkers, MomentWorkers
-from scex_sumo.records import dataclass
 from scex_sumo.results.provenance import versions
 from scex_sumo.scene import STEP_S
 from scex_sumo.training.data.split import PARTS, Split, split_moments

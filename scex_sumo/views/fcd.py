@@ -7,6 +7,7 @@ direction fits, and the first of a vehicle is never inside a junction, where SUM
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import ResultError
 from scex_sumo.files import quoted
-from scex_sumo.records import dataclass
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.frame import to_sumo
 from scex_sumo.world.tiles import tile_id

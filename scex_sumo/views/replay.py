@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,6 @@ import numpy as np
 
 from scex_sumo.arrays import BoolArray
 from scex_sumo.files import quoted
-from scex_sumo.records import dataclass
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.crop import crop_extras, crop_net
 from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.errors import SimulationError
-from scex_sumo.records import dataclass
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.stand_ins import StandIns
 from scex_sumo.world.tiles import tile_id

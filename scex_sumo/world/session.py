@@ -9,7 +9,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import cache
 from io import StringIO
 from pathlib import Path
@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 from scex_sumo.errors import SimulationError
 from scex_sumo.files import writing
 from scex_sumo.programs import program, sumo_home
-from scex_sumo.records import dataclass
 from scex_sumo.scene import STEP_S
 from scex_sumo.world.gui.colors import Rgb
 from scex_sumo.world.gui.drawings import draw_legend, frame_of
@@ -81,7 +80,7 @@ def _libsumo() -> Any:
 
     Whoever imports the package gets it whole all the same, around this module.
     """
-    sumo_home()  # for its environment
+    os.environ.setdefault("SUMO_HOME", str(sumo_home()))
     name = "libsumo"
     found = importlib.util.find_spec(name)
     if name in sys.modules or found is None:

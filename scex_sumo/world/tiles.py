@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from decimal import Decimal
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +17,6 @@ from xml.etree import ElementTree
 
 from scex_sumo.errors import SimulationError
 from scex_sumo.files import quoted
-from scex_sumo.records import dataclass
 
 TILE_SLOTS = 64
 """Number of tile slots; a child i that needs a tile of its own is always in slot ``i % TILE_SLOTS``."""

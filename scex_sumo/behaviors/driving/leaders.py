@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.driving.paths import COARSE, DS_M, SeedPaths
 from scex_sumo.behaviors.driving.perception import Everyone, everyone
 from scex_sumo.behaviors.driving.projection import refine
-from scex_sumo.records import dataclass
 from scex_sumo.scene import SceneHistory, Who
 
 LATER_WEIGHT = 0.1  # m² per m along the path; the nearest coarse sample is up to 2 m, 4 m², off

@@ -6,6 +6,7 @@ through a child. Paths of all vehicles lie in one table, so that a step of a who
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
 from typing import Literal, TypeAlias
@@ -17,7 +18,6 @@ from scex_sumo.behaviors.driving.smoothing import drivable, resample
 from scex_sumo.derived import derived
 from scex_sumo.errors import UsageError
 from scex_sumo.geometry.polylines import arc_lengths, nearest
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import candidate_paths, centreline, extended
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, Who

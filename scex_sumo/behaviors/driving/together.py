@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 from typing import Protocol, runtime_checkable
 
@@ -13,7 +13,6 @@ from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.driving.distinct import handed_out
 from scex_sumo.behaviors.driving.motion import Accelerate, drive
 from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 from scex_sumo.behaviors.parameters import check_positive
-from scex_sumo.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
@@ -12,7 +14,6 @@ from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sa
 from scex_sumo.behaviors.guard.profile import GuardProfile
 from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, Who
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from scex_sumo.behaviors.driving.paths import PathChoice
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.errors import UsageError
-from scex_sumo.records import dataclass
 
 SHIPPED = Path(__file__).parents[1] / "weights"
 MODES = ("best", "draw")

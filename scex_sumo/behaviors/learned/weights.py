@@ -9,7 +9,7 @@ import hashlib
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,6 @@ from scex_sumo.behaviors.learned.seen.inputs import PATH_COLUMNS
 from scex_sumo.behaviors.scene_graph.graph import EDGE_COLUMNS, NODE_COLUMNS
 from scex_sumo.errors import InputError
 from scex_sumo.files import write_atomic
-from scex_sumo.records import dataclass
 from scex_sumo.version import __version__
 
 LARGEST_NUMBER = 1024

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from scex_sumo.behaviors.base import Sight
 from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
 from scex_sumo.behaviors.driving.together import Intent, driven
 from scex_sumo.behaviors.parameters import check_path, check_positive
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, Who
 

@@ -9,6 +9,7 @@ driver in it; with what the last second shows, they are conditioned on the seed 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -46,7 +47,6 @@ from scex_sumo.behaviors.models.population import (
     way_across,
 )
 from scex_sumo.behaviors.parameters import check_path, check_positive
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
 from scex_sumo.statistics.normal import normal_quantiles

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
@@ -19,7 +21,6 @@ from scex_sumo.behaviors.models.idm import (
 from scex_sumo.behaviors.models.population import FAR_M, MOST_ASIDE_M, Population
 from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.records import dataclass
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, Who
 
 STANDING_MPS = 0.5

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.records import dataclass
 from scex_sumo.statistics.normal import normal_quantiles
 
 SHIPPED = Path(__file__).parents[1] / "weights" / "likely_driver.json"

@@ -6,6 +6,7 @@ The frame of a vehicle: origin at its centre now, x ahead, y to the left; angles
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +18,6 @@ from scex_sumo.derived import derived
 from scex_sumo.errors import UsageError
 from scex_sumo.geometry.frames import seen_from
 from scex_sumo.geometry.polylines import along, length_of
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SceneHistory, States, Who
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any, TypeVar
 
 from scex_sumo.behaviors.plug_in.inputs import Surroundings
 from scex_sumo.behaviors.plug_in.predictor import INPUTS, Predictor, name_of, wanted_inputs
 from scex_sumo.errors import UsageError
-from scex_sumo.records import dataclass
 
 EMPTY = inspect.Parameter.empty
 F = TypeVar("F", bound=Callable[..., Any])

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.records import dataclass
 from scex_sumo.roads.relations import BESIDE_M, CONFLICT_M, LaneRelations
 from scex_sumo.scene import States
 

@@ -5,6 +5,8 @@ All children of a batch make one graph, without an edge between children. Units 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
@@ -12,7 +14,6 @@ from scex_sumo.behaviors.scene_graph.edges import EDGE_COLUMNS, KINDS, Edges, Lo
 from scex_sumo.behaviors.scene_graph.nodes import HISTORY_COLUMNS, NODE_COLUMNS, node_features, node_history
 from scex_sumo.derived import derived
 from scex_sumo.errors import UsageError
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.roads.index import RoadIndex, road_index
 from scex_sumo.roads.matching import Matches, match

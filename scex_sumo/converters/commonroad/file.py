@@ -7,14 +7,13 @@ standard library, so that all that is sound in it counts.
 from __future__ import annotations
 
 import math
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
 from scex_sumo.converters.formats import number
 from scex_sumo.converters.lanelet.file import Findings, parse_xml
 from scex_sumo.errors import MapError
-from scex_sumo.records import dataclass
 
 SUFFIXES = (".xml", ".xml.gz")
 VERSIONS = ("2018b", "2020a")

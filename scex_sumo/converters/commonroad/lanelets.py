@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
@@ -10,7 +11,6 @@ import numpy as np
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.commonroad.file import CommonRoadFile, coordinate, element_id
 from scex_sumo.geometry.polylines import arc_lengths
-from scex_sumo.records import dataclass
 
 _LINKS = ("successor", "predecessor", "adjacentLeft", "adjacentRight")
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.records import dataclass
 from scex_sumo.road import Regulation
 
 CARS = {"vehicle", "car"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -17,7 +17,6 @@ from scex_sumo.converters.lanelet.file import list_ids
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.errors import TrackError
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.records import dataclass
 
 # CommonRoad's words in those of track files; other words are the same.
 _TYPES = {"priorityVehicle": "vehicle", "unknown": "vehicle", "train": "tram", "parkedVehicle": "parked"}

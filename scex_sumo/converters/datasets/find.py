@@ -6,7 +6,7 @@ import os
 import re
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -29,7 +29,6 @@ from scex_sumo.converters.lanelet.origin import META_DATA
 from scex_sumo.converters.lanelet.repair import distance_m, middle
 from scex_sumo.converters.moments.scene import recording_name
 from scex_sumo.errors import MapError, TrackError
-from scex_sumo.records import dataclass
 
 _SCENE = re.compile(r"(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -18,7 +19,6 @@ from scex_sumo.converters.moments.moments import Moment, moments
 from scex_sumo.converters.moments.scene import Clean, take_scene
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.errors import TrackError
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,6 @@ from scex_sumo.converters.datasets.recordings import LoadedRecording, find_recor
 from scex_sumo.converters.tracks.rows import TrackRows
 from scex_sumo.errors import ScexError
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 
 _HEADER = (

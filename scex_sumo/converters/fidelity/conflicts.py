@@ -7,13 +7,13 @@ wrong.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.converters.fidelity.matching import angle_between, sample_headings, sample_line
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane
 
 NEAR_M = 1.5  # centrelines this near: two cars (1.8 m wide) cannot pass there side by side

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import subprocess
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -17,7 +17,6 @@ from scex_sumo.converters.fidelity.routes import LENGTH_M, WIDTH_M, border_route
 from scex_sumo.errors import SimulationError
 from scex_sumo.files import TemporaryFolder
 from scex_sumo.programs import program
-from scex_sumo.records import dataclass
 
 RUN_UP_M = 20.0  # braking distance at 50 km/h
 STEP_S = 0.1

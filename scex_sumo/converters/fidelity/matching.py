@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -11,7 +12,6 @@ import shapely
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.fidelity.net import JudgedNet
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane, Road
 
 SAMPLE_M = 0.5

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
@@ -17,7 +18,6 @@ import shapely
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.errors import InputError
-from scex_sumo.records import dataclass
 from scex_sumo.road import Georeference
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's own where a lane names none

@@ -7,7 +7,7 @@ optional, so nets from any other converter are judged by the same figures.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +18,6 @@ from scex_sumo.converters.fidelity.matching import LaneNames, match_lanelets
 from scex_sumo.converters.fidelity.net import read_net
 from scex_sumo.converters.fidelity.priority import judge_priority
 from scex_sumo.converters.fidelity.topology import judge_topology
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 
 __all__ = ["DrivingReport", "FidelityReport", "check_net", "drive_net"]

@@ -10,7 +10,7 @@ import gzip
 import re
 import zlib
 from collections.abc import Iterable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 from xml.etree import ElementTree
@@ -18,7 +18,6 @@ from xml.etree import ElementTree
 from scex_sumo.converters.formats import open_binary
 from scex_sumo.errors import MapError, listed
 from scex_sumo.files import quoted
-from scex_sumo.records import dataclass
 
 Tags = Mapping[str, str]
 _ID = re.compile(r"-?[0-9]{1,18}")  # what fits Lanelet2's 64 bit ids

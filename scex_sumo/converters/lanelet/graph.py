@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from scex_sumo.converters.lanelet.file import MapFile
 from scex_sumo.converters.lanelet.tags import default_speed_mps, lane_kind, lane_speed_mps
 from scex_sumo.errors import MapError
 from scex_sumo.geometry.polylines import mean_width_m, without_repeats
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane
 
 # lanelet2 is untyped: its maps, lanelets, rules and graphs are Any.

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.geometry.loose_ends import is_on
 from scex_sumo.geometry.polylines import heading, turn
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane
 
 JOINT_M = 0.6  # from the end of one centreline to the beginning of the next: a careless click

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import pickle
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,6 @@ import numpy as np
 
 from scex_sumo.files import kept, our_modules
 from scex_sumo.road import Road
-from scex_sumo.version import version_of
 
 _KNOWN = {("numpy", "dtype"), ("numpy", "ndarray"), ("pathlib", "PosixPath")}
 _PLACES = ("scex_sumo.road", "numpy._core.numeric", "numpy.core.numeric")
@@ -33,7 +33,7 @@ def kept_road(path: Path, read: Callable[[], Road], *settings: object) -> Road:
         content = path.read_bytes()
     except OSError:  # the reader's to report
         return read()
-    made_by = repr((np.__version__, version_of("lanelet2"), path.name, settings)).encode()
+    made_by = repr((np.__version__, version("lanelet2"), path.name, settings)).encode()
     made = kept("roads", made_by + our_modules() + content, lambda: pickle.dumps(read(), protocol=5))
     try:
         road: Road = _Reader(io.BytesIO(made)).load()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import shapely
 
@@ -12,7 +12,6 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.lanelet.elements import Points
 from scex_sumo.converters.lanelet.file import MapFile
 from scex_sumo.geometry.polylines import along, length_of, turn
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane, Regulation
 
 BESIDE_M = 0.5  # a stop line may end this far beside the centreline that it stops

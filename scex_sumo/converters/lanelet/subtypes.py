@@ -6,7 +6,7 @@ Lanelet2 lets nobody use a lanelet of a subtype, or location, that it does not k
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from scex_sumo.converters.lanelet.file import MapFile, Relation
 from scex_sumo.converters.lanelet.graph import Rules, Vertex
 from scex_sumo.converters.lanelet.tags import lane_kind
 from scex_sumo.geometry.polylines import mean_width_m
-from scex_sumo.records import dataclass
 
 WIDTH_M = (2.2, 8.0)  # of a lane for cars: narrower ones are for bicycles, wider ones are places
 JOINT_M = 0.1  # ends of bounds that coincide; one lanelet then leads into the other

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 from scex_sumo.converters.lanelet.file import MapFile, Relation
 from scex_sumo.errors import UsageError
-from scex_sumo.records import dataclass
 
 MPH = 0.44704  # m/s, by definition (1609.344 m in 3600 s)
 KMH = 1 / 3.6

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import BoolArray
 from scex_sumo.converters.cleaning.heading import STANDING_MPS
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.records import dataclass
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
 
 CASE_FRAME = 10

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.moments.moments import STAMP_MS
 from scex_sumo.converters.tracks.rows import TrackRows
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.records import dataclass
 from scex_sumo.scene import STEP_S, States
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,6 @@ from scex_sumo.converters.moments.moments import CASE_FRAME, STAMP_MS, busiest, 
 from scex_sumo.converters.moments.sample import Sampled, sample_tracks
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, number_of
 from scex_sumo.errors import TrackError
-from scex_sumo.records import dataclass
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene
 
 FUTURE_STEPS = 50

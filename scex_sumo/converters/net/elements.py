@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.pieces.rules import Link
 from scex_sumo.converters.sumo.lanelets import LaneletPart
 from scex_sumo.geometry.polylines import mean_line
-from scex_sumo.records import dataclass
 
 DECIMALS = 3  # millimetres: what SUMO's tools expect
 EXACT = 9  # decimals of lanes' shapes: drivers on a net that is read back shall plan as on its map

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.elements import shape_text
 from scex_sumo.files import quoted
 from scex_sumo.geometry.polylines import cut, length_of
-from scex_sumo.records import dataclass
 from scex_sumo.road import Marking, Road
 
 

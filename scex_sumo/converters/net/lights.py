@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 from scex_sumo.converters.net.elements import Connection, NetLayout
 from scex_sumo.geometry.polylines import length_of, project, turn
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
 

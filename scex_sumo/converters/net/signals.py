@@ -10,6 +10,7 @@ import csv
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,6 @@ from scex_sumo.converters.net.elements import Connection, NetLayout
 from scex_sumo.converters.net.lights import Programme, state
 from scex_sumo.errors import MapError
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
-from scex_sumo.records import dataclass
 
 # SAE J2735 movement states in SUMO's letters.
 LETTERS = {

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from scex_sumo.converters.net.lane_table import LaneTable
 from scex_sumo.errors import MapError
-from scex_sumo.records import dataclass
 from scex_sumo.road import Loss
 
 

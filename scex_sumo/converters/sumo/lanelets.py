@@ -7,6 +7,7 @@ Where `convert` wrote it, each lane names the stretches of lanelets that it runs
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
 from xml.etree import ElementTree
@@ -15,7 +16,6 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.geometry.polylines import cut, length_of
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane
 
 KEY = "lanelets"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.geometry.polylines import distances
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane
 
 SHARED_M = 0.02  # borders of neighbours that are farther apart make two roads

@@ -7,7 +7,7 @@ both is cut in two, so that a connecting road always lies between roads that are
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 from scex_sumo.exporters.opendrive.groups import (
     Chain,
@@ -18,7 +18,6 @@ from scex_sumo.exporters.opendrive.groups import (
     lane_groups,
 )
 from scex_sumo.exporters.opendrive.ribbons import LARGEST_M, Ribbon, RoadEnd, fitting_groups, ribbon_of
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane
 
 HEAD_M = 20.0  # longest connecting road that is only part of a chain

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.geometry.polylines import along, arc_lengths, length_of
-from scex_sumo.records import dataclass
 
 PIECE_M = 5.0  # longest piece
 PIECE_RAD = 0.1  # most that a piece turns

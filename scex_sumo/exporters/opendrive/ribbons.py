@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +13,6 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.exporters.opendrive.groups import Chain, Group, borders
 from scex_sumo.exporters.opendrive.reference import Curve, curve_through, edge_direction
 from scex_sumo.geometry.polylines import distances, samples
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane
 
 STATION_M = 0.25

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -10,7 +11,6 @@ import shapely
 from scex_sumo.arrays import FloatArray
 from scex_sumo.exporters.opendrive.network import Piece
 from scex_sumo.exporters.opendrive.ribbons import Section
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane, Regulation, Road
 
 _STEP_M = 0.5

@@ -7,7 +7,7 @@ shorter arc.
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
@@ -18,7 +18,6 @@ from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import axis_separations, relative_pose
 from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.outlines.motion import Moves, near_moves
-from scex_sumo.records import dataclass
 
 OVERLAP_M2: Final = 0.1
 """Overlap above which two vehicles have collided."""

@@ -8,7 +8,7 @@ need little memory.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
@@ -24,7 +24,6 @@ from scex_sumo.metrics.pairs.gap import gap_bounds, gaps_of
 from scex_sumo.metrics.pairs.paths_ahead import paths_ahead
 from scex_sumo.metrics.pairs.presets import preset_named
 from scex_sumo.metrics.pairs.scenes import Scenes
-from scex_sumo.records import dataclass
 
 NEAR_M: Final = 10.0
 CRITICAL_TTC_S: Final = 1.5

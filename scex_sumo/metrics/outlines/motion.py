@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area, separation
 from scex_sumo.metrics.base import SceneTracks
-from scex_sumo.records import dataclass
 
 _PAIRS_AT_ONCE = 1 << 12
 

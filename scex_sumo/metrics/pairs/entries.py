@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

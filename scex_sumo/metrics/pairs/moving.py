@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.geometry.rectangles import separated
-from scex_sumo.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

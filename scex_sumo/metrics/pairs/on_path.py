@@ -8,6 +8,8 @@ ends before it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
@@ -16,7 +18,6 @@ from scex_sumo.metrics.pairs.by_heading import ROUNDING, gather
 from scex_sumo.metrics.pairs.entries import Following, Placed
 from scex_sumo.metrics.pairs.paths_ahead import PathsAhead, meeting_pairs, paths_ahead
 from scex_sumo.metrics.pairs.scenes import Scenes
-from scex_sumo.records import dataclass
 
 SHORTEST_PATH_M = 0.1  # a shorter path has no direction of its own, the heading has
 

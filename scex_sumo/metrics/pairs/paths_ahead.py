@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +18,6 @@ from scex_sumo.geometry.crossings import (
 )
 from scex_sumo.metrics.base import PlannedPaths
 from scex_sumo.metrics.pairs.scenes import Scenes
-from scex_sumo.records import dataclass
 
 SAME_POINT_M = 1e-9  # crossing points closer than this along the own path are one point
 

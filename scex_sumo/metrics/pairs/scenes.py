@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeAlias, TypeVar
 
@@ -16,7 +16,6 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks, backward_acceleration
 from scex_sumo.metrics.pairs.entries import E, Following, Known, dealt
-from scex_sumo.records import dataclass
 
 T = TypeVar("T")
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.records import dataclass
 from scex_sumo.reports.page.html import Html, element, joined
 
 _ROUND = (1, 2, 5, 10)

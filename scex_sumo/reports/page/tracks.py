@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.records import dataclass
 from scex_sumo.reports.page.packing import quantized, second_differences
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, States

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 from xml.etree import ElementTree
@@ -13,7 +14,6 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.fidelity.net import JudgedNet, read_net
 from scex_sumo.errors import SimulationError
 from scex_sumo.geometry.loose_ends import begin_inside
-from scex_sumo.records import dataclass
 
 LATERAL_MPS2 = 2.5  # comfortable in a curve; most drivers stay between 2 and 3
 CURVE_WINDOW_M = 6.0  # shorter bends than a car are the map's, not the road's

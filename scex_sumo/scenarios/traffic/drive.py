@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import subprocess
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -14,7 +15,6 @@ from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.errors import SimulationError
 from scex_sumo.files import TemporaryFolder
 from scex_sumo.programs import environment, program
-from scex_sumo.records import dataclass
 from scex_sumo.scenarios.traffic.demand import Network, Trip, random_trips, write_curve_limits, write_trips
 from scex_sumo.scenarios.traffic.kinematics import body_states
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, States

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from torch import Tensor
 
 from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.records import dataclass
 from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.networks.graph import PathBatch, SceneBatch
 

@@ -6,7 +6,7 @@ import hashlib
 import os
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -23,7 +23,6 @@ from scex_sumo.converters.datasets.recordings import (
 )
 from scex_sumo.converters.moments.moments import Moment
 from scex_sumo.errors import MapError, TrackError
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.training.data.perturb import Perturbation, measured, perturbed

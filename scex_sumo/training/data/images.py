@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -10,7 +11,6 @@ from torch import Tensor
 
 from scex_sumo.behaviors.learned.networks.architecture import COS, SIN
 from scex_sumo.behaviors.learned.seen.raster import PIXEL_M, raster_of
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.training.data.batches import Batch
 from scex_sumo.training.networks.graph_image import ImageBatch, MapTensors

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from scex_sumo.behaviors.learned.seen.inputs import path_inputs
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, Who
 from scex_sumo.training.data.standing import standing_gap, stopping_way

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
-from scex_sumo.records import dataclass
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from scex_sumo.world.gui.colors import Rgb
 from scex_sumo.world.tiles import WINDOW_ASPECT, tile_id

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -10,7 +11,6 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.learned.seen.inputs import LEADER_COLUMNS, OWN_COLUMNS, PATH_COLUMNS
 from scex_sumo.behaviors.learned.seen.raster import CHANNELS
 from scex_sumo.behaviors.scene_graph.graph import EDGE_COLUMNS, HISTORY_COLUMNS, NODE_COLUMNS
-from scex_sumo.records import dataclass
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
 
 KNOT_S = 0.5

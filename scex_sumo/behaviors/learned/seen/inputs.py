@@ -6,6 +6,8 @@ training and when running.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
@@ -14,7 +16,6 @@ from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
 from scex_sumo.behaviors.learned.seen.surface import path_room
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.records import dataclass
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, States, Who
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.behaviors.learned.seen.surface import cells_of, fill, lane_outline
 from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import along, length_of
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane, Road
 
 PIXEL_M = 1.0

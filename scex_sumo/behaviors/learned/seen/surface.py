@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import shapely
 
@@ -9,7 +11,6 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.compiled import compiled
 from scex_sumo.derived import derived
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane, Road
 
 CELL_M = 0.25

@@ -7,13 +7,12 @@ the same fractions of their lengths, because a SUMO edge begins and ends for all
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from scex_sumo.geometry.polylines import length_of
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
 

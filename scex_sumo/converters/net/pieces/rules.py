@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from scex_sumo.converters.net.pieces.rows import Piece
 from scex_sumo.converters.net.pieces.topology import Path, Topology
 from scex_sumo.geometry.polylines import turn
-from scex_sumo.records import dataclass
 from scex_sumo.road import Regulation
 from scex_sumo.roads.conflicts import Conflict
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
 from scex_sumo.converters.net.pieces.gaps import Chains, fill_gaps, open_knots, split_loops
 from scex_sumo.converters.net.pieces.rows import STUB_M, Piece, Row, Zone, build_rows, lay_zones
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
 

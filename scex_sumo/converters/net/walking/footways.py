@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +12,6 @@ import shapely
 from scex_sumo.arrays import FloatArray
 from scex_sumo.converters.net.pieces.rows import Zone
 from scex_sumo.geometry.polylines import along, cut, length_of, nearest
-from scex_sumo.records import dataclass
 from scex_sumo.road import Lane
 
 MEET_M = 0.5  # between the ends of two footways, or from the end of one to the side of another

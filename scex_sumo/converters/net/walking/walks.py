@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import TypeAlias
 
@@ -16,7 +16,6 @@ from scex_sumo.converters.net.elements import Connection, NetLane, NetLayout
 from scex_sumo.converters.net.pieces.topology import Topology
 from scex_sumo.converters.net.walking.footways import Footway, corners
 from scex_sumo.geometry.polylines import cut, heading, length_of
-from scex_sumo.records import dataclass
 
 _Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, its links, edges at them
 
