@@ -70,8 +70,12 @@ def test_a_road_is_read_anew_from_another_map_or_at_another_place(
         assert len(list((cache_folder() / "roads").iterdir())) == number
 
 
-def test_nothing_but_a_road_is_taken_from_the_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+INNER = b"\x80\x04\x8c\x13numpy._core.numeric\x8c\x08sys.exit\x93."  # what a module of NumPy has imported
+
+
+@pytest.mark.parametrize("packed", [pickle.dumps(print), INNER], ids=["a builtin", "a name within a module"])
+def test_nothing_but_a_road_is_taken_from_the_cache(monkeypatch: pytest.MonkeyPatch, packed: bytes) -> None:
     path = example_path("roundabout")
     road = read_map(path)
-    monkeypatch.setattr(roads, "kept", lambda *_: pickle.dumps(print))
+    monkeypatch.setattr(roads, "kept", lambda *_: packed)
     assert roads.kept_road(path, lambda: road) is road

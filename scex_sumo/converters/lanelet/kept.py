@@ -14,11 +14,16 @@ from typing import Any
 
 import numpy as np
 
+from scex_sumo import road
 from scex_sumo.files import kept, our_modules
 from scex_sumo.road import Road
 
-_KNOWN = {("numpy", "dtype"), ("numpy", "ndarray"), ("pathlib", "PosixPath")}
-_PLACES = ("scex_sumo.road", "numpy._core.numeric", "numpy.core.numeric")
+_NUMPY = ("numpy._core.numeric", "numpy.core.numeric")  # from NumPy 2 on, and before
+_KNOWN = {
+    *(("scex_sumo.road", name) for name, kind in vars(road).items() if isinstance(kind, type)),
+    *((module, "_frombuffer") for module in _NUMPY),
+    *(("numpy", "dtype"), ("numpy", "ndarray"), ("pathlib", "PosixPath")),
+}
 
 
 def kept_road(path: Path, read: Callable[[], Road], *settings: object) -> Road:
@@ -46,6 +51,6 @@ class _Reader(pickle.Unpickler):
     """Reads roads and nothing else, whoever wrote into the cache."""
 
     def find_class(self, module: str, name: str) -> Any:
-        if module not in _PLACES and (module, name) not in _KNOWN:
+        if (module, name) not in _KNOWN:
             raise pickle.UnpicklingError(f"{module}.{name} is no part of a road")
         return super().find_class(module, name)
