@@ -44,6 +44,7 @@ from scex_sumo.behaviors.models.likely_driver import (
     RELIEF_MPS2,
     STRONGEST_MPS2,
 )
+from scex_sumo.behaviors.models.likely_lanes import USUAL_M, change_features, lanes_beside, lanes_taken
 from scex_sumo.behaviors.models.likely_seen import (
     STANDING_MPS,
     asked_acceleration,
@@ -73,8 +74,10 @@ from scex_sumo.scene import STEP_S, SeedScene, Who
 STEPS = 30
 NODES = len(NODES_S)
 SPEED_EDGES = (STANDING_MPS, 3.0, 7.0, 12.0, 20.0)
+HABIT_S = 2.0
 BRAKING = (0.7, 0.6)  # mean and standard deviation of log deceleration towards a leader, m/s²
 
+OFF_ROAD_M = 5.0  # who is further from all its paths took none of them, nor a lane beside
 FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half
 RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
 FOLLOWING = {"speed": 3.0, "opening": 1.0, "headway": 3.0}
@@ -82,6 +85,7 @@ DRAWS, TURNS = 40, 16  # of the settling
 LEAST_CLASS = 60  # vehicles of a class that sets a scale of its own
 STARTED_M = 0.7  # a standing vehicle that came this far has started; less is the boxes' jitter
 NOISY_MPS2 = 0.1  # a set whose accelerations scatter by more is noisy
+QUARTILE = 0.741  # of the Student distribution of four degrees
 SMOOTH = 0.3  # m of way that a difference of 1 m/s² between two seconds must explain
 
 
@@ -115,6 +119,7 @@ class Samples:
     Attributes:
         speed: (n,) in the seed scene, m/s.
         acceleration: (n,) there, m/s².
+        calm: (n,) see `LastSecond`.
         gap: (n, 31) to the leader if the vehicle stood where it is, now and after each step, m.
         leader_speed: (n, 31) m/s.
         headway: (n,) shown, s, as in `Seen`.
@@ -125,11 +130,15 @@ class Samples:
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.
         way: (n, 30) that the vehicle really made, m.
         side_shown: (n, 3) see there.
+        beside: (n, 2) see `lanes_beside`.
+        taken: (n, 2) see `lanes_taken`.
+        off: (n,) how far from its path the vehicle was at most, m.
         side: (n,) offset of its rear axle from the path after 3 s, m.
     """
 
     speed: FloatArray
     acceleration: FloatArray
+    calm: FloatArray
     gap: FloatArray
     leader_speed: FloatArray
     headway: FloatArray
@@ -140,6 +149,9 @@ class Samples:
     curves: FloatArray
     way: FloatArray
     side_shown: FloatArray
+    beside: FloatArray
+    taken: BoolArray
+    off: FloatArray
     side: FloatArray
 
     @classmethod
@@ -161,8 +173,8 @@ def samples_of(scene: SeedScene) -> Samples | None:
         return None
     paths = seed_paths(scene, scene.road)
     row, off = path_taken(scene, paths, vehicle)
-    good = (off <= OFF_PATH_M) & paths.on_road[vehicle]
-    vehicle, row = vehicle[good], row[good]
+    good = (off <= OFF_ROAD_M) & paths.on_road[vehicle]
+    vehicle, row, off = vehicle[good], row[good], off[good]
     if not len(vehicle):
         return None
     history, who = present(scene), Who(child=np.zeros_like(vehicle), vehicle=vehicle)
@@ -186,6 +198,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
     return Samples(
         speed=shown.speed[vehicle],
         acceleration=shown.acceleration[vehicle],
+        calm=shown.calm[vehicle],
         gap=gap,
         leader_speed=leader_speed,
         headway=seen.headway[row],
@@ -196,6 +209,9 @@ def samples_of(scene: SeedScene) -> Samples | None:
         curves=curves,
         way=np.stack(ways, axis=1),
         side_shown=side_shown(scene)[vehicle],
+        beside=lanes_beside(scene, scene.road, paths)[row],
+        taken=lanes_taken(scene)[vehicle],
+        off=off,
         side=side,
     )
 
@@ -203,6 +219,12 @@ def samples_of(scene: SeedScene) -> Samples | None:
 def joined(scenes: Iterable[SeedScene]) -> Samples:
     """The vehicles of seed scenes together."""
     return Samples.joined([found for found in map(samples_of, scenes) if found is not None])
+
+
+def kept(scenes: Iterable[SeedScene]) -> Samples:
+    """Likewise those who stayed near their path."""
+    samples = joined(scenes)
+    return samples.part(samples.off <= OFF_PATH_M)
 
 
 def weighted(parts: Sequence[Samples]) -> tuple[Samples, FloatArray]:
@@ -238,7 +260,7 @@ def _leader_ways(
     return gaps, speeds
 
 
-def drive(samples: Samples, manner: Manner, own: FloatArray) -> FloatArray:
+def drive(samples: Samples, manner: Manner, own: FloatArray, habit_s: float = HABIT_S) -> FloatArray:
     """(n, 30) way of `LikelyDriver` along the path taken, without steering, behind the leader as it drove."""
     profile = IdmParameters.of(CALIBRATED, time_headway=manner.headway, comfort_deceleration=manner.braking)
     i, v, x = np.arange(len(samples.speed)), samples.speed, np.zeros_like(samples.speed)
@@ -250,9 +272,12 @@ def drive(samples: Samples, manner: Manner, own: FloatArray) -> FloatArray:
         soon = np.clip((x + v * CURVE_TIME_S) / DS_M, 0, AHEAD - 1).astype(np.int64)
         gap, leader_speed = samples.gap[:, step] - x, samples.leader_speed[:, step]
         a = asked_acceleration(profile, v, desired, gap, leader_speed, samples.curves[i, soon])
+        if step == 0:
+            beside = samples.acceleration - samples.calm * np.clip(a, HARDEST_MPS2, STRONGEST_MPS2)
+            beside = np.where(v < STANDING_MPS, 0.0, beside)
         more = own @ node_shares(step * STEP_S)
         more = np.where(more > 0, more * np.clip(1 + a / RELIEF_MPS2, 0.0, 1.0), more)
-        a = np.clip(a + more, HARDEST_MPS2, STRONGEST_MPS2)
+        a = np.clip(a + beside * np.exp(-step * STEP_S / habit_s) + more, HARDEST_MPS2, STRONGEST_MPS2)
         following = v + a * STEP_S
         x = x + np.where(following >= 0, (v + following) * (STEP_S / 2), v**2 / np.maximum(-2 * a, 1e-9))
         v = np.maximum(following, 0.0)
@@ -386,7 +411,7 @@ def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
     Least squares, with less weight for who is far from it; then the Student distribution of greatest
     likelihood of what is left.
     """
-    near = np.abs(samples.side) < MOST_ASIDE_M
+    near = (np.abs(samples.side) < MOST_ASIDE_M) & ~changed(samples).any(axis=1)
     across, share = samples.across[near], weight[near] / weight[near].mean()
     none, one = np.zeros(len(across)), np.ones(len(across))
     end = np.array([ASIDE_S])
@@ -409,6 +434,38 @@ def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
     grows[0] = np.exp(grows[0])
     print(f"offsets: keeps {keeps.round(2)}, rest {grows[0]:.3f} m, grows {grows[1:].round(2)}")
     return keeps, grows
+
+
+def changed(samples: Samples) -> BoolArray:
+    """(n, 2) who has moved to the lane on its left, and on its right, or is on its way."""
+    sign = np.array([1.0, -1.0])
+    side, offset = samples.side[:, None] * sign, samples.across[:, :1] * sign
+    far = np.where(np.isinf(samples.beside), USUAL_M, samples.beside)
+    moved = side - offset
+    return ((moved > 0.4) & (side > far - 1.3)) | ((moved > 1.3) & (side > 1.0))
+
+
+def changes_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """``change`` (7,), ``change_to`` (3,) and ``change_m`` of `Population`."""
+    x = change_features(samples.across, samples.beside, samples.taken, samples.unsure[:, 0])
+    y = changed(samples).astype(np.float64)
+    share = weight / weight.mean()
+
+    def cost(values: FloatArray) -> float:
+        score = x @ values
+        total = np.log1p(np.exp(np.minimum(score, 30.0)).sum(axis=1)) - (y * score).sum(axis=1)
+        return float((share * total).mean() + 1e-4 * values @ values)
+
+    change = minimize(cost, np.zeros(x.shape[2]), method="L-BFGS-B").x
+    who, left = np.nonzero(y)
+    sign = np.where(left == 0, 1.0, -1.0)
+    far = np.where(np.isinf(samples.beside), USUAL_M, samples.beside)[who, left]
+    seen = np.column_stack([sign * far, samples.across[who, :2]])
+    to = np.linalg.lstsq(seen, samples.side[who], rcond=None)[0]
+    rest = samples.side[who] - seen @ to
+    scale = float(np.subtract(*np.quantile(rest, [0.75, 0.25])) / 2 / QUARTILE)
+    print(f"changes: {len(who)} of {len(x)}, weights {change.round(2)}, to {to.round(2)}, rest {scale:.2f} m")
+    return change, to, scale
 
 
 def starts_of(samples: Samples) -> list[float]:
@@ -480,7 +537,10 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
     neither more nor less.
     """
     scenes = [scene for part in sets.values() for scene in part]
-    found = [joined(part) for part in sets.values()]
+    every, even = weighted([joined(part) for part in sets.values()])
+    drives = every.speed >= STANDING_MPS
+    change, change_to, change_m = changes_of(every.part(drives), even[drives])
+    found = [kept(part) for part in sets.values()]
     samples, weight = weighted(found)
     print(f"{len(scenes)} moments, {len(samples.speed)} vehicles")
     log_headway = headway_of(samples)
@@ -488,13 +548,13 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
     keeps_side, side = offsets_of(samples.part(moving), weight[moving])
     noisy = [np.median(part.unsure[part.speed >= STANDING_MPS, 0]) > NOISY_MPS2 for part in found]
     calm = [
-        joined(map(smoothed, part)) if noise else same
+        kept(map(smoothed, part)) if noise else same
         for part, noise, same in zip(sets.values(), noisy, found, strict=True)
     ]
     both, share = weighted([*found, *calm])
     moving = both.speed >= STANDING_MPS
     driving, share = both.part(moving), share[moving]
-    begun = dataclasses.replace(population(), headway=log_headway, braking=BRAKING)
+    begun = dataclasses.replace(population(), headway=log_headway, braking=BRAKING, habit_s=HABIT_S)
     manner = Manner.of(driving.headway, begun, np.zeros((len(driving.speed), 2)))
     mean, root, grows = accelerations_of(driving, manner, share / share.mean())
     regressed = dataclasses.replace(
@@ -516,11 +576,15 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
         "skew": known.skew.round(4).tolist(),
         "headway": [round(v, 4) for v in log_headway],
         "start_rate": [round(v, 4) for v in starts_of(samples)],
+        "habit_s": HABIT_S,
         "braking": [round(v, 4) for v in BRAKING],
         "keeps_side": keeps_side.round(4).tolist(),
         "side_m": round(side[0], 4),
         "side_noise": side[1:2].round(4).tolist(),
         "side_unsure": side[2:].round(4).tolist(),
+        "change": change.round(4).tolist(),
+        "change_to": change_to.round(4).tolist(),
+        "change_m": round(change_m, 4),
         "path": paths_of(scenes).round(4).tolist(),
     }
 

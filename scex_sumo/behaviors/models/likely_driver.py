@@ -26,8 +26,10 @@ from scex_sumo.behaviors.models.idm import (
     desired_speed,
     desired_speeds,
 )
+from scex_sumo.behaviors.models.likely_lanes import change_shares, change_to, lanes_beside
 from scex_sumo.behaviors.models.likely_seen import (
     STANDING_MPS,
+    Seen,
     asked_acceleration,
     leaders_of,
     path_edges,
@@ -39,6 +41,7 @@ from scex_sumo.behaviors.models.likely_seen import (
 )
 from scex_sumo.behaviors.models.population import (
     MOST_ASIDE_M,
+    MOST_CHANGE_M,
     node_shares,
     population,
     spread_of,
@@ -56,7 +59,7 @@ HEADWAY_S = (0.1, 4.0)  # nobody keeps less or more
 KEPT_SHARE = 0.9  # of the headway shown in the seed scene, which a driver keeps at most
 RELIEF_MPS2 = 3.0  # who has to brake this hard adds nothing to it
 STRONGEST_MPS2 = 4.0
-HARDEST_MPS2 = -8.0
+HARDEST_MPS2 = -4.0
 BRAKING_MPS2 = (0.5, 8.0)  # nobody comes up to a leader more gently or harder than that
 ROOM_SHARE = 0.8  # of the room to who drives beside it, of which a driver makes use by chance
 CRAWL_S = 0.5  # who stands has the speed at which it crawls after about this time
@@ -95,6 +98,7 @@ class Drivers:
         crawl: (n,) factor on the speed of who stands.
         leader: (n,) column of its leader in the seed scene,
         slack: (n,) and how much further away that one is taken to be, m, see `Seen`.
+        habit: (n,) what it shows beside what is asked of it there, m/s².
     """
 
     headway: FloatArray
@@ -104,6 +108,7 @@ class Drivers:
     crawl: FloatArray
     leader: IntArray
     slack: FloatArray
+    habit: FloatArray
 
 
 class LikelyDriver:
@@ -121,7 +126,7 @@ class LikelyDriver:
         s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
         leaders = leaders_of(history, who, paths, row, s, drivers.aside[:, 0])
         waits = self._waits(history, who, leaders)
-        accelerate = _acceleration(history, who, paths, row, leaders, drivers, waits)
+        accelerate = _acceleration(history, who, paths, row, leaders, drivers, waits, self.population.habit_s)
         return drive(history, who, paths, row, accelerate, aside=drivers.aside)
 
     def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
@@ -139,7 +144,7 @@ class LikelyDriver:
     def _drivers(
         self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray
     ) -> Drivers:
-        drawn = uniforms(history.route_draw[who.child, who.vehicle], 11, _DRIVER)
+        drawn = uniforms(history.route_draw[who.child, who.vehicle], 12, _DRIVER)
         spread, known = self.profile.spread, self.population
         seen, speed = seen_of(history.scene, paths), shown_by(history.scene).speed[who.vehicle]
         headway = np.exp(known.headway[0] + spread * known.headway[1] * normal_quantiles(drawn[:, 5]))
@@ -151,16 +156,24 @@ class LikelyDriver:
         right, left = (ROOM_SHARE * room_beside(history.scene)[who.vehicle]).T
         side = np.clip(side, -right, left)
         side = np.clip(seen.across[row] @ known.keeps_side + side, -MOST_ASIDE_M, MOST_ASIDE_M)
+        share = change_shares(history.scene, road, paths, known)[row]
+        wills = drawn[:, 11] if spread else np.full(len(row), 0.5)
+        to = change_to(seen.across[row], lanes_beside(history.scene, road, paths)[row], known)
+        to = to + spread * known.change_m * students(drawn[:, [6, 6, 6, 8, 9]])[:, :1]
+        side = np.where(wills < share[:, 0], to[:, 0], np.where(wills > 1 - share[:, 1], to[:, 1], side))
+        side = np.clip(side, -MOST_CHANGE_M, MOST_CHANGE_M)
+        headway, braking = np.clip(np.minimum(headway, shown), *HEADWAY_S), np.clip(braking, *BRAKING_MPS2)
         return Drivers(
-            headway=np.clip(np.minimum(headway, shown), *HEADWAY_S),
+            headway=headway,
             own=known.own_acceleration(
                 speed, seen.features[row], seen.unsure[row], spread * students(drawn[:, :5])
             ),
-            braking=np.clip(braking, *BRAKING_MPS2),
+            braking=braking,
             aside=way_across(seen.across[row], side, time_s),
             crawl=1 + np.minimum(spread, 1.0) * (2 * drawn[:, 10] - 1),
             leader=seen.leader[row],
             slack=seen.slack[row],
+            habit=_habit(history, who, seen, row, headway, braking),
         )
 
     def _waits(self, history: SceneHistory, who: Who, leaders: Leaders) -> FloatArray:
@@ -176,6 +189,19 @@ class LikelyDriver:
         return np.where(stands, -np.log(draw) / np.maximum(rate, 1e-9), 0.0)
 
 
+def _habit(
+    history: SceneHistory, who: Who, seen: Seen, row: IntArray, headway: FloatArray, braking: FloatArray
+) -> FloatArray:
+    """(n,) acceleration shown in the seed scene beside what was asked there, as far as it is no noise, m/s²."""
+    shown = shown_by(history.scene)
+    speed, acceleration = shown.speed[who.vehicle], shown.acceleration[who.vehicle]
+    profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=braking)
+    desired = desired_speed(CALIBRATED, seen.wished[row], speed, speed, acceleration, 0.0)
+    asked = asked_acceleration(profile, speed, desired, seen.gap[row], seen.leader_speed[row], seen.curve[row])
+    habit = acceleration - shown.calm[who.vehicle] * np.clip(asked, HARDEST_MPS2, STRONGEST_MPS2)
+    return np.where(speed < STANDING_MPS, 0.0, habit)
+
+
 def _acceleration(
     history: SceneHistory,
     who: Who,
@@ -184,6 +210,7 @@ def _acceleration(
     leaders: Leaders,
     drivers: Drivers,
     waits: FloatArray,
+    habit_s: float,
 ) -> Accelerate:
     """Acceleration of drawn drivers, for `drive`."""
     wished = desired_speeds(paths, CALIBRATED.speed, CALIBRATED.speed_factor)
@@ -210,6 +237,7 @@ def _acceleration(
         asked = asked_acceleration(profile, v, desired, gap, leaders.speed, curve)
         own = np.where(waits > 0, 0.0, drivers.own @ node_shares(time_s))
         own = np.where(own > 0, own * np.clip(1 + asked / RELIEF_MPS2, 0.0, 1.0), own)
+        asked = asked + drivers.habit * np.exp(-time_s / habit_s)
         still = np.clip((crawl - v) / CRAWL_S, -STRONGEST_MPS2, STRONGEST_MPS2)
         still = np.minimum(still, np.where(gap < QUEUE_GAP_M, -v / CRAWL_S, np.inf))
         return np.where(waits > step * STEP_S, still, np.clip(asked + own, HARDEST_MPS2, STRONGEST_MPS2))
