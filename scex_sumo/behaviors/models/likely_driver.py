@@ -220,7 +220,11 @@ def _acceleration(
     shown = shown_by(history.scene)
     habit = (shown.speed[who.vehicle], shown.acceleration[who.vehicle])
     stood = habit[0] < STANDING_MPS
-    profile = IdmParameters.of(CALIBRATED, time_headway=drivers.headway, comfort_deceleration=drivers.braking)
+    speed = np.maximum(history.states.speed[who.child, who.vehicle, -1], 1.0)
+    new = leaders.index != drivers.leader
+    near = np.maximum(KEPT_SHARE * (leaders.gap - CALIBRATED.minimum_gap) / speed, HEADWAY_S[0])
+    headway = np.where(new, np.minimum(drivers.headway, near), drivers.headway)
+    profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=drivers.braking)
     away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
     crawl = np.minimum(habit[0] * drivers.crawl, STANDING_MPS)
 
