@@ -75,7 +75,7 @@ STEPS = 30
 NODES = len(NODES_S)
 SPEED_EDGES = (STANDING_MPS, 3.0, 7.0, 12.0, 20.0)
 HABIT_S = 2.0
-BRAKING = (0.7, 0.6)  # mean and standard deviation of log deceleration towards a leader, m/s²
+BRAKING = (1.2, 0.4)  # mean and standard deviation of log deceleration towards a leader, m/s²
 
 OFF_ROAD_M = 5.0  # who is further from all its paths took none of them, nor a lane beside
 FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half
