@@ -1,9 +1,10 @@
 """Likely driver: each vehicle's driver is drawn from a population that was fitted to recordings.
 
 A drawn driver follows the Intelligent Driver Model as ``calibrated_driver`` does, with a time headway of its
-own, adds an acceleration of its own to it, stays or starts when it stands, keeps to its side of the lane, and
-takes one of its paths. All draws follow from `SceneHistory.route_draw`, so every plan of a child has the same
-driver in it; with what the last second shows, they are conditioned on the seed scene.
+own, adds an acceleration of its own to it, stays or starts when it stands, keeps to its side of the lane or
+changes to the next one, and takes one of its paths. What it shows in the seed scene beside what is asked of
+it there goes on for a while. All draws follow from `SceneHistory.route_draw`, so every plan of a child has
+the same driver in it; with what the last second shows, they are conditioned on the seed scene.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ from scex_sumo.behaviors.models.population import (
 )
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, Who
 from scex_sumo.statistics.normal import normal_quantiles
 
 STARTING_MPS = 0.02  # a standing vehicle that gained so much in the last step has started
@@ -151,17 +152,9 @@ class LikelyDriver:
         shown = np.maximum(KEPT_SHARE * seen.headway[row], HEADWAY_S[0])
         braking = np.exp(known.braking[0] + spread * known.braking[1] * normal_quantiles(drawn[:, 7]))
         time_s = np.arange(history.step, history.step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
-        wide = known.side_m * spread_of(side_shown(history.scene), known.side_noise, known.side_unsure)
-        side = spread * wide[who.vehicle, 0] * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
-        right, left = (ROOM_SHARE * room_beside(history.scene)[who.vehicle]).T
-        side = np.clip(side, -right, left)
-        side = np.clip(seen.across[row] @ known.keeps_side + side, -MOST_ASIDE_M, MOST_ASIDE_M)
-        share = change_shares(history.scene, road, paths, known)[row]
+        off = spread * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
         wills = drawn[:, 11] if spread else np.full(len(row), 0.5)
-        to = change_to(seen.across[row], lanes_beside(history.scene, road, paths)[row], known)
-        to = to + spread * known.change_m * students(drawn[:, [6, 6, 6, 8, 9]])[:, :1]
-        side = np.where(wills < share[:, 0], to[:, 0], np.where(wills > 1 - share[:, 1], to[:, 1], side))
-        side = np.clip(side, -MOST_CHANGE_M, MOST_CHANGE_M)
+        side = self._side(history.scene, road, paths, who.vehicle, row, off, wills)
         headway, braking = np.clip(np.minimum(headway, shown), *HEADWAY_S), np.clip(braking, *BRAKING_MPS2)
         return Drivers(
             headway=headway,
@@ -175,6 +168,32 @@ class LikelyDriver:
             slack=seen.slack[row],
             habit=_habit(history, who, seen, row, headway, braking),
         )
+
+    def _side(
+        self,
+        scene: SeedScene,
+        road: Road,
+        paths: SeedPaths,
+        vehicle: IntArray,
+        row: IntArray,
+        off: FloatArray,
+        wills: FloatArray,
+    ) -> FloatArray:
+        """(n,) where drivers want to be beside their paths after 3 s: in their lane or in the next one, m.
+
+        Args:
+            off: (n,) Student's draws: by how much not where one expects them.
+            wills: (n,) in (0, 1): the lowest change to the left, the highest to the right.
+        """
+        known, across = self.population, seen_of(scene, paths).across[row]
+        wide = known.side_m * spread_of(side_shown(scene), known.side_noise, known.side_unsure)[vehicle, 0]
+        right, left = (ROOM_SHARE * room_beside(scene)[vehicle]).T
+        keeps = across @ known.keeps_side + np.clip(wide * off, -right, left)
+        keeps = np.clip(keeps, -MOST_ASIDE_M, MOST_ASIDE_M)
+        share = change_shares(scene, road, paths, known)[row]
+        to = change_to(across, lanes_beside(scene, road, paths)[row], known) + known.change_m * off[:, None]
+        to = np.clip(to, -MOST_CHANGE_M, MOST_CHANGE_M)
+        return np.where(wills < share[:, 0], to[:, 0], np.where(wills > 1 - share[:, 1], to[:, 1], keeps))
 
     def _waits(self, history: SceneHistory, who: Who, leaders: Leaders) -> FloatArray:
         """(n,) for how long each vehicle stands from now on, s; 0 where it drives."""
@@ -192,14 +211,23 @@ class LikelyDriver:
 def _habit(
     history: SceneHistory, who: Who, seen: Seen, row: IntArray, headway: FloatArray, braking: FloatArray
 ) -> FloatArray:
-    """(n,) acceleration shown in the seed scene beside what was asked there, as far as it is no noise, m/s²."""
+    """(n,) acceleration shown in the seed scene beside what was asked there, as far as believed, m/s²."""
     shown = shown_by(history.scene)
     speed, acceleration = shown.speed[who.vehicle], shown.acceleration[who.vehicle]
     profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=braking)
     desired = desired_speed(CALIBRATED, seen.wished[row], speed, speed, acceleration, 0.0)
-    asked = asked_acceleration(profile, speed, desired, seen.gap[row], seen.leader_speed[row], seen.curve[row])
+    asked = asked_acceleration(
+        profile, speed, desired, seen.gap[row], seen.leader_speed[row], seen.curve[row]
+    )
     habit = acceleration - shown.calm[who.vehicle] * np.clip(asked, HARDEST_MPS2, STRONGEST_MPS2)
     return np.where(speed < STANDING_MPS, 0.0, habit)
+
+
+def _headway_kept(speed: FloatArray, leaders: Leaders, drivers: Drivers) -> FloatArray:
+    """(n,) time headway as drawn, s; behind a leader that is new, no more than there is."""
+    there = (leaders.gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0)
+    most = np.where(leaders.index == drivers.leader, np.inf, np.maximum(KEPT_SHARE * there, HEADWAY_S[0]))
+    return np.minimum(drivers.headway, most)
 
 
 def _acceleration(
@@ -220,10 +248,7 @@ def _acceleration(
     shown = shown_by(history.scene)
     habit = (shown.speed[who.vehicle], shown.acceleration[who.vehicle])
     stood = habit[0] < STANDING_MPS
-    speed = np.maximum(history.states.speed[who.child, who.vehicle, -1], 1.0)
-    new = leaders.index != drivers.leader
-    near = np.maximum(KEPT_SHARE * (leaders.gap - CALIBRATED.minimum_gap) / speed, HEADWAY_S[0])
-    headway = np.where(new, np.minimum(drivers.headway, near), drivers.headway)
+    headway = _headway_kept(history.states.speed[who.child, who.vehicle, -1], leaders, drivers)
     profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=drivers.braking)
     away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
     crawl = np.minimum(habit[0] * drivers.crawl, STANDING_MPS)

@@ -1,4 +1,4 @@
-"""Lane changes of `LikelyDriver`: which lanes lie beside a path, and how probably a driver is on its way to one."""
+"""Lane changes of `LikelyDriver`: the lanes beside a path, and how probably a driver is on its way there."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ AHEAD_S = (0.5, 3.0)  # a lane beside counts if it is there where the vehicle wi
 LEAST_MPS = 3.0  # slower vehicles look as far ahead as one of this speed
 USUAL_M = 3.2  # where no lane is mapped, those who change move by the width of one
 BESIDE_M = (1.5, 5.0)  # a centreline as far from the path is that of the next lane
-SOON_S = 2.0
+SOON_S = 2.0  # who will be beside a vehicle within this time is counted as there
 APART_M = 1.0  # between bodies, along the way
 FREE_M = 2.5  # beside a vehicle, to be another lane's
-NOISE = 8.0  # 1/(m/s²): of what is shown across the path so much scatter leaves 0.7 to believe in: 1 / NOISE
+NOISE = 8.0  # 1/(m/s²): at a scatter of accelerations of 1 / NOISE, 0.7 of motion across is believed
 _POINT_M = 4.0
 
 
@@ -41,7 +41,7 @@ def _centrelines_beside(road: Road) -> dict[int, tuple[FloatArray | None, ...]]:
 
 @derived
 def lanes_beside(scene: SeedScene, road: Road, paths: SeedPaths) -> FloatArray:
-    """(P, 2) distance from each path to the middle of the lane to its left, and to its right, m; inf if none."""
+    """(P, 2) distance from each path to the middle of the lane on its left and right, m; inf without one."""
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     reach = np.maximum(scene.now.speed, LEAST_MPS)[vehicle, None] * np.array(AHEAD_S)
     lines = _centrelines_beside(road)
@@ -100,9 +100,8 @@ def change_features(
 ) -> FloatArray:
     """(n, 2, 7) what a change to the left, and to the right, depends on, as seen from that side.
 
-    1; how far motion across is believed; 1 where no lane is mapped there; 1 where
-    somebody drives there; offset, m, speed, m/s, and
-    acceleration, m/s², towards that side, as far as they are believed.
+    1; how far motion across the path is believed; whether no lane is mapped there; whether somebody drives
+    there; and offset, m, speed, m/s, and acceleration, m/s², towards that side, as far as they are believed.
 
     Args:
         across: (n, 3) as in `Seen`.
@@ -130,7 +129,7 @@ def change_shares(scene: SeedScene, road: Road, paths: SeedPaths, known: Populat
 
 
 def change_to(across: FloatArray, beside: FloatArray, known: Population) -> FloatArray:
-    """(n, 2) where those who change to the left, and to the right, are expected after 3 s, m, left positive."""
+    """(n, 2) where those who change to the left, and to the right, will be after 3 s, m, left positive."""
     sign = np.array([1.0, -1.0])
     lane = np.where(np.isinf(beside), USUAL_M, beside)
     far, offset, speed = known.change_to

@@ -49,7 +49,7 @@ class Population:
         side_noise: (1,) and
         side_unsure: (2,) with what ``side_shown`` gives, see `spread_of`.
         change: (7,) weights of what makes a driver be on its way to the next lane, see `change_features`,
-        change_to: (3,) what of that lane's distance, of the offset and of the speed across it is reached in 3 s,
+        change_to: (3,) of that lane's distance, the offset and the speed across: where it will be in 3 s,
         change_m: and the scale of the rest, of `DEGREES`, m.
         path: (4,) weights of how a path fits the seed scene, see `path_features`.
     """
