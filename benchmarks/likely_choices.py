@@ -63,11 +63,8 @@ def changed(samples: Samples) -> BoolArray:
     side, offset = samples.side[:, None] * sign, samples.across[:, :1] * sign
     far = np.where(np.isinf(samples.beside), USUAL_M, samples.beside)
     moved = side - offset
-    there, gone = (
-        (moved > MOVED_M[0]) & (side > far - NEAR_LANE_M),
-        (moved > MOVED_M[1]) & (side > HALF_WAY_M),
-    )
-    return there | gone
+    there: BoolArray = (moved > MOVED_M[0]) & (side > far - NEAR_LANE_M)
+    return there | (moved > MOVED_M[1]) & (side > HALF_WAY_M)
 
 
 def changes_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatArray, float]:

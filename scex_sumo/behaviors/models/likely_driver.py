@@ -223,7 +223,7 @@ def _habit(
     return np.where(speed < STANDING_MPS, 0.0, habit)
 
 
-def _headway_kept(speed: FloatArray, leaders: Leaders, drivers: Drivers) -> FloatArray:
+def headway_kept(speed: FloatArray, leaders: Leaders, drivers: Drivers) -> FloatArray:
     """(n,) time headway as drawn, s; behind a leader that is new, no more than there is."""
     there = (leaders.gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0)
     most = np.where(leaders.index == drivers.leader, np.inf, np.maximum(KEPT_SHARE * there, HEADWAY_S[0]))
@@ -248,7 +248,7 @@ def _acceleration(
     shown = shown_by(history.scene)
     habit = (shown.speed[who.vehicle], shown.acceleration[who.vehicle])
     stood = habit[0] < STANDING_MPS
-    headway = _headway_kept(history.states.speed[who.child, who.vehicle, -1], leaders, drivers)
+    headway = headway_kept(history.states.speed[who.child, who.vehicle, -1], leaders, drivers)
     profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=drivers.braking)
     away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
     crawl = np.minimum(habit[0] * drivers.crawl, STANDING_MPS)
