@@ -15,12 +15,13 @@ from scex_sumo.road import Lane, Road
 from scex_sumo.scene import SeedScene
 
 AHEAD_S = (0.5, 3.0)  # a lane beside counts if it is there where the vehicle will be in this time
-LEAST_MPS = 3.0  # slower vehicles look as far ahead as one of this speed
+LEAST_MPS = 3.0  # slower vehicles do not change
 USUAL_M = 3.2  # where no lane is mapped, those who change move by the width of one
 BESIDE_M = (1.5, 5.0)  # a centreline as far from the path is that of the next lane
 SOON_S = 2.0  # who will be beside a vehicle within this time is counted as there
 APART_M = 1.0  # between bodies, along the way
 FREE_M = 2.5  # beside a vehicle, to be another lane's
+WELL_ON_ITS_WAY = 0.2  # a probability of less, and nobody changes to where somebody drives
 NOISE = 8.0  # 1/(m/s²): at a scatter of accelerations of 1 / NOISE, 0.7 of motion across is believed
 _POINT_M = 4.0
 
@@ -124,8 +125,8 @@ def change_shares(scene: SeedScene, road: Road, paths: SeedPaths, known: Populat
     features = change_features(seen.across, beside, taken, seen.unsure[:, 0])
     odds = np.exp(np.minimum(features @ known.change, 30.0))
     shares: FloatArray = odds / (1 + odds.sum(axis=1, keepdims=True))
-    speed = shown_by(scene).speed[vehicle, None]
-    return np.where(speed < known.speed_edges[0], 0.0, shares)
+    slow = shown_by(scene).speed[vehicle, None] < LEAST_MPS
+    return np.where(slow | taken & (shares < WELL_ON_ITS_WAY), 0.0, shares)
 
 
 def change_to(across: FloatArray, beside: FloatArray, known: Population) -> FloatArray:
