@@ -50,7 +50,7 @@ DEFAULTS: Mapping[str, Any] = MappingProxyType(
 GUARDS: Mapping[str, GuardProfile] = MappingProxyType(
     {
         "likely_driver": GuardProfile(
-            comfort_deceleration=5.0,
+            comfort_deceleration=6.5,
             reaction_time=0.2,
             minimum_gap=0.3,
             margin=0.15,

@@ -1,9 +1,10 @@
 """Likely driver: each vehicle's driver is drawn from a population that was fitted to recordings.
 
 A drawn driver follows the Intelligent Driver Model as ``calibrated_driver`` does, with a time headway of its
-own, adds an acceleration of its own to it, stays or starts when it stands, keeps to its side of the lane, and
-takes one of its paths. All draws follow from `SceneHistory.route_draw`, so every plan of a child has the same
-driver in it; with what the last second shows, they are conditioned on the seed scene.
+own, adds an acceleration of its own to it, stays or starts when it stands, keeps to its side of the lane or
+changes to the next one, and takes one of its paths. What it shows in the seed scene beside what is asked of
+it there goes on for a while. All draws follow from `SceneHistory.route_draw`, so every plan of a child has
+the same driver in it; with what the last second shows, they are conditioned on the seed scene.
 """
 
 from __future__ import annotations
@@ -26,8 +27,10 @@ from scex_sumo.behaviors.models.idm import (
     desired_speed,
     desired_speeds,
 )
+from scex_sumo.behaviors.models.likely_lanes import change_shares, change_to, lanes_beside
 from scex_sumo.behaviors.models.likely_seen import (
     STANDING_MPS,
+    Seen,
     asked_acceleration,
     leaders_of,
     path_edges,
@@ -39,6 +42,7 @@ from scex_sumo.behaviors.models.likely_seen import (
 )
 from scex_sumo.behaviors.models.population import (
     MOST_ASIDE_M,
+    MOST_CHANGE_M,
     node_shares,
     population,
     spread_of,
@@ -48,7 +52,7 @@ from scex_sumo.behaviors.models.population import (
 )
 from scex_sumo.behaviors.parameters import check_path, check_positive
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, Who
 from scex_sumo.statistics.normal import normal_quantiles
 
 STARTING_MPS = 0.02  # a standing vehicle that gained so much in the last step has started
@@ -56,7 +60,7 @@ HEADWAY_S = (0.1, 4.0)  # nobody keeps less or more
 KEPT_SHARE = 0.9  # of the headway shown in the seed scene, which a driver keeps at most
 RELIEF_MPS2 = 3.0  # who has to brake this hard adds nothing to it
 STRONGEST_MPS2 = 4.0
-HARDEST_MPS2 = -8.0
+HARDEST_MPS2 = -4.0
 BRAKING_MPS2 = (0.5, 8.0)  # nobody comes up to a leader more gently or harder than that
 ROOM_SHARE = 0.8  # of the room to who drives beside it, of which a driver makes use by chance
 CRAWL_S = 0.5  # who stands has the speed at which it crawls after about this time
@@ -95,6 +99,7 @@ class Drivers:
         crawl: (n,) factor on the speed of who stands.
         leader: (n,) column of its leader in the seed scene,
         slack: (n,) and how much further away that one is taken to be, m, see `Seen`.
+        habit: (n,) what it shows beside what is asked of it there, m/s².
     """
 
     headway: FloatArray
@@ -104,6 +109,7 @@ class Drivers:
     crawl: FloatArray
     leader: IntArray
     slack: FloatArray
+    habit: FloatArray
 
 
 class LikelyDriver:
@@ -121,7 +127,7 @@ class LikelyDriver:
         s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
         leaders = leaders_of(history, who, paths, row, s, drivers.aside[:, 0])
         waits = self._waits(history, who, leaders)
-        accelerate = _acceleration(history, who, paths, row, leaders, drivers, waits)
+        accelerate = _acceleration(history, who, paths, row, leaders, drivers, waits, self.population.habit_s)
         return drive(history, who, paths, row, accelerate, aside=drivers.aside)
 
     def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
@@ -139,29 +145,55 @@ class LikelyDriver:
     def _drivers(
         self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray
     ) -> Drivers:
-        drawn = uniforms(history.route_draw[who.child, who.vehicle], 11, _DRIVER)
+        drawn = uniforms(history.route_draw[who.child, who.vehicle], 12, _DRIVER)
         spread, known = self.profile.spread, self.population
         seen, speed = seen_of(history.scene, paths), shown_by(history.scene).speed[who.vehicle]
         headway = np.exp(known.headway[0] + spread * known.headway[1] * normal_quantiles(drawn[:, 5]))
         shown = np.maximum(KEPT_SHARE * seen.headway[row], HEADWAY_S[0])
         braking = np.exp(known.braking[0] + spread * known.braking[1] * normal_quantiles(drawn[:, 7]))
         time_s = np.arange(history.step, history.step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
-        wide = known.side_m * spread_of(side_shown(history.scene), known.side_noise, known.side_unsure)
-        side = spread * wide[who.vehicle, 0] * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
-        right, left = (ROOM_SHARE * room_beside(history.scene)[who.vehicle]).T
-        side = np.clip(side, -right, left)
-        side = np.clip(seen.across[row] @ known.keeps_side + side, -MOST_ASIDE_M, MOST_ASIDE_M)
+        off = spread * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
+        wills = drawn[:, 11] if spread else np.full(len(row), 0.5)
+        side = self._side(history.scene, road, paths, who.vehicle, row, off, wills)
+        headway, braking = np.clip(np.minimum(headway, shown), *HEADWAY_S), np.clip(braking, *BRAKING_MPS2)
         return Drivers(
-            headway=np.clip(np.minimum(headway, shown), *HEADWAY_S),
+            headway=headway,
             own=known.own_acceleration(
                 speed, seen.features[row], seen.unsure[row], spread * students(drawn[:, :5])
             ),
-            braking=np.clip(braking, *BRAKING_MPS2),
+            braking=braking,
             aside=way_across(seen.across[row], side, time_s),
             crawl=1 + np.minimum(spread, 1.0) * (2 * drawn[:, 10] - 1),
             leader=seen.leader[row],
             slack=seen.slack[row],
+            habit=_habit(history, who, seen, row, headway, braking),
         )
+
+    def _side(
+        self,
+        scene: SeedScene,
+        road: Road,
+        paths: SeedPaths,
+        vehicle: IntArray,
+        row: IntArray,
+        off: FloatArray,
+        wills: FloatArray,
+    ) -> FloatArray:
+        """(n,) where drivers want to be beside their paths after 3 s: in their lane or in the next one, m.
+
+        Args:
+            off: (n,) Student's draws: by how much not where one expects them.
+            wills: (n,) in (0, 1): the lowest change to the left, the highest to the right.
+        """
+        known, across = self.population, seen_of(scene, paths).across[row]
+        wide = known.side_m * spread_of(side_shown(scene), known.side_noise, known.side_unsure)[vehicle, 0]
+        right, left = (ROOM_SHARE * room_beside(scene)[vehicle]).T
+        keeps = across @ known.keeps_side + np.clip(wide * off, -right, left)
+        keeps = np.clip(keeps, -MOST_ASIDE_M, MOST_ASIDE_M)
+        share = change_shares(scene, road, paths, known)[row]
+        to = change_to(across, lanes_beside(scene, road, paths)[row], known) + known.change_m * off[:, None]
+        to = np.clip(to, -MOST_CHANGE_M, MOST_CHANGE_M)
+        return np.where(wills < share[:, 0], to[:, 0], np.where(wills > 1 - share[:, 1], to[:, 1], keeps))
 
     def _waits(self, history: SceneHistory, who: Who, leaders: Leaders) -> FloatArray:
         """(n,) for how long each vehicle stands from now on, s; 0 where it drives."""
@@ -176,6 +208,28 @@ class LikelyDriver:
         return np.where(stands, -np.log(draw) / np.maximum(rate, 1e-9), 0.0)
 
 
+def _habit(
+    history: SceneHistory, who: Who, seen: Seen, row: IntArray, headway: FloatArray, braking: FloatArray
+) -> FloatArray:
+    """(n,) acceleration shown in the seed scene beside what was asked there, as far as believed, m/s²."""
+    shown = shown_by(history.scene)
+    speed, acceleration = shown.speed[who.vehicle], shown.acceleration[who.vehicle]
+    profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=braking)
+    desired = desired_speed(CALIBRATED, seen.wished[row], speed, speed, acceleration, 0.0)
+    asked = asked_acceleration(
+        profile, speed, desired, seen.gap[row], seen.leader_speed[row], seen.curve[row]
+    )
+    habit = acceleration - shown.calm[who.vehicle] * np.clip(asked, HARDEST_MPS2, STRONGEST_MPS2)
+    return np.where(speed < STANDING_MPS, 0.0, habit)
+
+
+def headway_kept(speed: FloatArray, leaders: Leaders, drivers: Drivers) -> FloatArray:
+    """(n,) time headway as drawn, s; behind a leader that is new, no more than there is."""
+    there = (leaders.gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0)
+    most = np.where(leaders.index == drivers.leader, np.inf, np.maximum(KEPT_SHARE * there, HEADWAY_S[0]))
+    return np.minimum(drivers.headway, most)
+
+
 def _acceleration(
     history: SceneHistory,
     who: Who,
@@ -184,6 +238,7 @@ def _acceleration(
     leaders: Leaders,
     drivers: Drivers,
     waits: FloatArray,
+    habit_s: float,
 ) -> Accelerate:
     """Acceleration of drawn drivers, for `drive`."""
     wished = desired_speeds(paths, CALIBRATED.speed, CALIBRATED.speed_factor)
@@ -193,7 +248,8 @@ def _acceleration(
     shown = shown_by(history.scene)
     habit = (shown.speed[who.vehicle], shown.acceleration[who.vehicle])
     stood = habit[0] < STANDING_MPS
-    profile = IdmParameters.of(CALIBRATED, time_headway=drivers.headway, comfort_deceleration=drivers.braking)
+    headway = headway_kept(history.states.speed[who.child, who.vehicle, -1], leaders, drivers)
+    profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=drivers.braking)
     away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
     crawl = np.minimum(habit[0] * drivers.crawl, STANDING_MPS)
 
@@ -210,6 +266,7 @@ def _acceleration(
         asked = asked_acceleration(profile, v, desired, gap, leaders.speed, curve)
         own = np.where(waits > 0, 0.0, drivers.own @ node_shares(time_s))
         own = np.where(own > 0, own * np.clip(1 + asked / RELIEF_MPS2, 0.0, 1.0), own)
+        asked = asked + drivers.habit * np.exp(-time_s / habit_s)
         still = np.clip((crawl - v) / CRAWL_S, -STRONGEST_MPS2, STRONGEST_MPS2)
         still = np.minimum(still, np.where(gap < QUEUE_GAP_M, -v / CRAWL_S, np.inf))
         return np.where(waits > step * STEP_S, still, np.clip(asked + own, HARDEST_MPS2, STRONGEST_MPS2))

@@ -16,6 +16,7 @@ from scex_sumo.behaviors.models.idm import (
     CURVE_TIME_S,
     HABIT_STEPS,
     IdmParameters,
+    desired_speeds,
     idm_acceleration,
 )
 from scex_sumo.behaviors.models.population import FAR_M, MOST_ASIDE_M, Population
@@ -100,12 +101,14 @@ class LastSecond:
         acceleration: m/s², the less the more its single steps scatter: then it is mostly noise.
         scatter: of the accelerations of single steps around that of the whole second, m/s².
         lag: speed that a straight line through the second has now, less the speed now, m/s.
+        calm: share of what is shown that is not taken for noise.
     """
 
     speed: FloatArray
     acceleration: FloatArray
     scatter: FloatArray
     lag: FloatArray
+    calm: FloatArray
 
 
 @derived
@@ -120,7 +123,11 @@ def shown_by(scene: SeedScene) -> LastSecond:
     now = np.maximum(speed[:, -1], 0.0)
     line = speed.mean(axis=1) + slope * time[-1]
     return LastSecond(
-        speed=now, acceleration=calm * (calm * late + (1 - calm) * slope), scatter=scatter, lag=line - now
+        speed=now,
+        acceleration=calm * (calm * late + (1 - calm) * slope),
+        scatter=scatter,
+        lag=line - now,
+        calm=calm,
     )
 
 
@@ -157,6 +164,10 @@ class Seen:
         leader: column of the leader on that path, as in `Leaders`; -1 without one.
         slack: by how much further away than its box it is taken to be, m: trailers that were recorded as
             vehicles, boxes that are too long, and those who drive side by side are not to brake for it.
+        gap: to the leader, with its slack, m; inf without one.
+        leader_speed: m/s along the path.
+        wished: speed that the driver wishes, m/s.
+        curve: speed that the curves ahead allow where the vehicle will be in a moment, m/s.
         headway: time headway to the leader, beyond the least gap, s; inf without one.
         across: (P, 3) of the rear axle: offset from the path, left positive, m, within `MOST_ASIDE_M`; speed
             across it, m/s; and how that changes, m/s².
@@ -167,6 +178,10 @@ class Seen:
 
     leader: IntArray
     slack: FloatArray
+    gap: FloatArray
+    leader_speed: FloatArray
+    wished: FloatArray
+    curve: FloatArray
     headway: FloatArray
     across: FloatArray
     features: FloatArray
@@ -201,9 +216,19 @@ def seen_of(scene: SeedScene, paths: SeedPaths) -> Seen:
         (paths.speed_limit[row, int((BEHIND_M + 10.0) / DS_M)] - speed, -5.0, 10.0),
     )
     scatter = _capped(shown.scatter[vehicle])
+    first, last = row * paths.samples, paths.samples - 1
+
+    def at(s: FloatArray) -> IntArray:
+        return first + np.clip(s / DS_M, 0, last).astype(np.int64)
+
+    curves = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
     return Seen(
         leader=leaders.index,
         slack=slack,
+        gap=gap,
+        leader_speed=leaders.speed,
+        wished=desired_speeds(paths, CALIBRATED.speed, CALIBRATED.speed_factor)[at(s)],
+        curve=curves[at(s + speed * CURVE_TIME_S)],
         headway=(gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0),
         across=across,
         features=np.column_stack([np.ones_like(speed), *(np.clip(*values) for values in limits)]),

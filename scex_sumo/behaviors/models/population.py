@@ -22,6 +22,7 @@ FAR_M = 50.0  # a leader beyond this does not count for that
 MOST_OWN_MPS2 = 5.0
 ASIDE_S = 3.0
 MOST_ASIDE_M = 1.75  # from the path: further off, a vehicle is on its way somewhere
+MOST_CHANGE_M = 5.0
 DEGREES = 4  # of freedom of the drawn accelerations: people are at times far from what one expects
 _WEYL = np.uint64(0x9E3779B97F4A7C15)
 
@@ -40,12 +41,16 @@ class Population:
         skew: (K,) draws that accelerate are exp(skew) times as large, those that brake exp(-skew) times.
         headway: mean and standard deviation of the logarithm of the time headway in s.
         braking: likewise of the deceleration with which it comes up to its leader, in m/s².
+        habit_s: for how long what it does beside what is asked of it lasts, s.
         start_rate: 1/s at which a standing vehicle starts: behind a standing leader, a moving one, alone.
         keeps_side: (3,) what of `Seen.across` makes the offset from its path that a vehicle moves to within
             `ASIDE_S`: 1, s, s²,
         side_m: and the scale of the rest, of `DEGREES`, m, which grows by
         side_noise: (1,) and
         side_unsure: (2,) with what ``side_shown`` gives, see `spread_of`.
+        change: (7,) weights of what makes a driver be on its way to the next lane, see `change_features`,
+        change_to: (3,) of that lane's distance, the offset and the speed across: where it will be in 3 s,
+        change_m: and the scale of the rest, of `DEGREES`, m.
         path: (4,) weights of how a path fits the seed scene, see `path_features`.
     """
 
@@ -57,11 +62,15 @@ class Population:
     skew: FloatArray
     headway: tuple[float, float]
     braking: tuple[float, float]
+    habit_s: float
     start_rate: tuple[float, float, float]
     keeps_side: FloatArray
     side_m: float
     side_noise: FloatArray
     side_unsure: FloatArray
+    change: FloatArray
+    change_to: FloatArray
+    change_m: float
     path: FloatArray
 
     def speed_class(self, speed: FloatArray) -> IntArray:
@@ -105,6 +114,8 @@ def population() -> Population:
         "keeps_side",
         "side_noise",
         "side_unsure",
+        "change",
+        "change_to",
         "path",
     )
     standing, moving, alone = given["start_rate"]
@@ -113,7 +124,9 @@ def population() -> Population:
         headway=(given["headway"][0], given["headway"][1]),
         braking=(given["braking"][0], given["braking"][1]),
         start_rate=(standing, moving, alone),
+        habit_s=given["habit_s"],
         side_m=given["side_m"],
+        change_m=given["change_m"],
     )
 
 

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.paths import seed_paths
-from scex_sumo.behaviors.models.likely_driver import LikelyDriver, LikelyProfile
+from scex_sumo.behaviors.models.likely_driver import Drivers, LikelyDriver, LikelyProfile, headway_kept
 from scex_sumo.behaviors.models.likely_seen import path_edges, room_beside, seen_of, shown_by, side_shown
 from scex_sumo.behaviors.models.population import (
     node_shares,
@@ -153,6 +154,31 @@ def test_who_has_others_beside_keeps_more_to_its_side() -> None:
         for scene in (alone, beside)
     ]
     assert factor[1] < factor[0]
+
+
+def test_what_a_driver_shows_beside_what_is_asked_of_it_goes_on_for_a_while() -> None:
+    # Far below the limit and at a steady speed: what is asked of it is to accelerate.
+    where, scene = roads.straight(), roads.scene_of((100.0, 0.0, 0.0, 6.0))
+    driver = LikelyDriver(LikelyProfile(spread=0.0))
+    made = roads.plan(driver, where, roads.present(scene, 1, np.full((1, 1), 0.5)))
+    assert abs(made.speed[0, 2] - 6.0) < 0.1
+    assert made.speed[0, 29] > made.speed[0, 14] > 6.0
+
+
+def test_a_new_leader_is_followed_at_no_more_than_the_headway_that_it_leaves() -> None:
+    leaders = Leaders(gap=np.array([6.0, 6.0]), speed=np.array([10.0, 10.0]), index=np.array([1, 2]))
+    some = np.full(2, 1.5)
+    drivers = Drivers(
+        headway=some,
+        braking=some,
+        own=np.zeros((2, 3)),
+        aside=np.zeros((2, 31)),
+        crawl=some,
+        leader=np.array([1, 1]),
+        slack=np.zeros(2),
+        habit=np.zeros(2),
+    )
+    assert headway_kept(np.array([10.0, 10.0]), leaders, drivers) == pytest.approx([1.5, 0.45])
 
 
 def test_paths_are_drawn_and_a_fast_vehicle_takes_no_sharp_turn() -> None:

@@ -1,0 +1,151 @@
+"""Fits where drivers go: their place in the lane, lane changes, starts from standing, paths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+from calibrate import OFF_PATH_M
+from likely_samples import STEPS, Samples
+from scipy.optimize import minimize
+
+from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.behaviors.driving.paths import seed_paths
+from scex_sumo.behaviors.driving.projection import foot_points
+from scex_sumo.behaviors.models.likely_lanes import USUAL_M, change_features
+from scex_sumo.behaviors.models.likely_seen import STANDING_MPS, path_features, queue_place
+from scex_sumo.behaviors.models.population import ASIDE_S, DEGREES, MOST_ASIDE_M, spread_of, way_across
+from scex_sumo.scene import STEP_S, SeedScene
+
+FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half
+MOVED_M = (0.4, 1.3)  # who came near the middle of the next lane, and who only left its own, moved by this
+NEAR_LANE_M = 1.3
+HALF_WAY_M = 1.0
+WEAK = 1e-4  # a prior for weights of 0
+QUARTILE = 0.741  # of the Student distribution of four degrees
+STARTED_M = 0.7  # a standing vehicle that came this far has started; less is the boxes' jitter
+
+
+def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """``keeps_side`` (3,) and scale, noise and unsure (4,) of `Population`, of who stays near its path.
+
+    Least squares, with less weight for who is far from it; then the Student distribution of greatest
+    likelihood of what is left.
+    """
+    near = (np.abs(samples.side) < MOST_ASIDE_M) & ~changed(samples).any(axis=1)
+    across, share = samples.across[near], weight[near] / weight[near].mean()
+    none, one = np.zeros(len(across)), np.ones(len(across))
+    end = np.array([ASIDE_S])
+    by_then = way_across(0 * across, one, end)[:, 0]
+    after = (samples.side[near] - way_across(across, none, end)[:, 0]) / by_then
+    keeps, trust = np.zeros(3), np.ones(len(after))
+    for _ in range(10):
+        w = (share * trust)[:, None]
+        keeps = np.linalg.solve((across * w).T @ across, (across * w).T @ after)
+        trust = 1 / (1 + ((after - across @ keeps) / FAR_ASIDE_M) ** 2)
+    rest = after - across @ keeps
+
+    def cost(grows: FloatArray) -> float:
+        scale = np.exp(grows[0]) * spread_of(samples.side_shown[near], grows[1:2], grows[2:])[:, 0]
+        far = np.log1p((rest / scale) ** 2 / DEGREES)
+        return float((share * (np.log(scale) + (DEGREES + 1) / 2 * far)).mean())
+
+    limits = [(-4.0, 1.0), (0.0, 20.0), (-3.0, 3.0), (-3.0, 3.0)]
+    grows = minimize(cost, np.array([-1.2, 1.0, 0.0, 0.0]), method="L-BFGS-B", bounds=limits).x
+    grows[0] = np.exp(grows[0])
+    print(f"offsets: keeps {keeps.round(2)}, rest {grows[0]:.3f} m, grows {grows[1:].round(2)}")
+    return keeps, grows
+
+
+def changed(samples: Samples) -> BoolArray:
+    """(n, 2) who has moved to the lane on its left, and on its right, or is on its way."""
+    sign = np.array([1.0, -1.0])
+    side, offset = samples.side[:, None] * sign, samples.across[:, :1] * sign
+    far = np.where(np.isinf(samples.beside), USUAL_M, samples.beside)
+    moved = side - offset
+    there: BoolArray = (moved > MOVED_M[0]) & (side > far - NEAR_LANE_M)
+    return there | (moved > MOVED_M[1]) & (side > HALF_WAY_M)
+
+
+def changes_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """``change`` (7,), ``change_to`` (3,) and ``change_m`` of `Population`."""
+    x = change_features(samples.across, samples.beside, samples.taken, samples.unsure[:, 0])
+    y = changed(samples).astype(np.float64)
+    share = weight / weight.mean()
+
+    def cost(values: FloatArray) -> float:
+        score = x @ values
+        total = np.log1p(np.exp(np.minimum(score, 30.0)).sum(axis=1)) - (y * score).sum(axis=1)
+        return float((share * total).mean() + WEAK * values @ values)
+
+    change = minimize(cost, np.zeros(x.shape[2]), method="L-BFGS-B").x
+    who, right = np.nonzero(y)
+    sign = np.where(right == 0, 1.0, -1.0)
+    far = np.where(np.isinf(samples.beside), USUAL_M, samples.beside)[who, right]
+    seen = np.column_stack([sign * far, samples.across[who, :2]])
+    to = np.linalg.lstsq(seen, samples.side[who], rcond=None)[0]
+    rest = samples.side[who] - seen @ to
+    scale = float(np.subtract(*np.quantile(rest, [0.75, 0.25])) / 2 / QUARTILE)
+    print(f"changes: {len(who)} of {len(x)}, weights {change.round(2)}, to {to.round(2)}, rest {scale:.2f} m")
+    return change, to, scale
+
+
+def starts_of(samples: Samples) -> list[float]:
+    """Rate of starting, 1/s, behind a standing leader, a moving one, and alone."""
+    stands = samples.speed < STANDING_MPS
+    place = queue_place(samples.gap[:, 0], samples.leader_speed[:, 0])
+    rates = []
+    for p in range(3):
+        mine = stands & (place == p)
+        started = samples.way[mine] > STARTED_M
+        went = started.any(axis=1)
+        waited = np.where(went, STEP_S * (1 + np.argmax(started, axis=1)) - 1.0, 3.0)
+        rates.append(float((went.sum() + 0.1) / (np.maximum(waited, 0.3).sum() + 1.0)))
+        print(f"standing, place {p}: {mine.sum()} vehicles, {went.sum()} start, rate {rates[-1]:.3f} 1/s")
+    return rates
+
+
+def choices_of(scenes: Iterable[SeedScene]) -> Iterator[tuple[FloatArray, FloatArray, int]]:
+    """Log shares (k,), features (k, 4) and which path was taken, where vehicles show which."""
+    for scene in scenes:
+        assert scene.road is not None and scene.future is not None and scene.future_valid is not None
+        if scene.future_valid.shape[1] < STEPS:
+            continue
+        vehicle = np.flatnonzero(scene.future_valid[:, :STEPS].all(axis=1))
+        paths = seed_paths(scene, scene.road)
+        vehicle = vehicle[paths.count[vehicle] > 1]
+        if not len(vehicle):
+            continue
+        features = path_features(scene, paths)
+        later = scene.future[vehicle, STEPS - 1]
+        for j, v in enumerate(vehicle):
+            rows = paths.first[v] + np.arange(paths.count[v])
+            whole = np.full(len(rows), 1.0)
+            way = 20.0 + 3.0 * scene.now.speed[v]
+            off = np.abs(foot_points(paths, rows, later.x[j] * whole, later.y[j] * whole, way * whole)[1])
+            if off.min() > OFF_PATH_M or off.max() < off.min() + 1.5:
+                continue
+            share = np.diff(paths.draw_edges[rows], prepend=0.0)
+            near = off < off.min() + 0.75  # paths that part only later
+            yield np.log(np.maximum(share, 1e-9)), features[rows], near
+
+
+def paths_of(scenes: Sequence[SeedScene]) -> FloatArray:
+    """(4,) weights with the greatest likelihood of the paths taken."""
+    found = list(choices_of(scenes))
+    print(f"paths: {len(found)} choices")
+
+    def cost(weight: FloatArray) -> float:
+        total = 0.5 * 0.01 * float(weight @ weight)
+        for share, features, taken in found:
+            score = share - features @ weight
+            score = np.exp(score - score.max())
+            total -= float(np.log(score[taken].sum() / score.sum() + 1e-9))
+        return total
+
+    result = minimize(cost, np.array([0.2, 0.5, 2.0, 0.2]), method="L-BFGS-B", bounds=[(0.0, 20.0)] * 4)
+    n = max(len(found), 1)
+    print(
+        f"  log loss {cost(np.zeros(4)) / n:.3f} by shares, {result.fun / n:.3f} fitted: {result.x.round(2)}"
+    )
+    return np.asarray(result.x)

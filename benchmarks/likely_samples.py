@@ -1,0 +1,194 @@
+"""Vehicles of recorded seed scenes on the paths that they took: what likely_driver is fitted to."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from calibrate import AHEAD, OFF_PATH_M, path_taken, present
+
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.motion import rear_axle
+from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, seed_paths
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.models.idm import CALIBRATED
+from scex_sumo.behaviors.models.likely_driver import BRAKING_MPS2, HEADWAY_S, KEPT_SHARE
+from scex_sumo.behaviors.models.likely_lanes import lanes_beside, lanes_taken
+from scex_sumo.behaviors.models.likely_seen import leaders_of, seen_of, shown_by, side_shown
+from scex_sumo.behaviors.models.population import Population
+from scex_sumo.scene import STEP_S, SeedScene, Who
+
+STEPS = 30
+OFF_ROAD_M = 5.0  # who is further from all its paths took none of them, nor a lane beside
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Manner:
+    """How n drivers come up to their leaders.
+
+    Attributes:
+        headway: (n,) s.
+        braking: (n,) m/s².
+    """
+
+    headway: FloatArray
+    braking: FloatArray
+
+    @classmethod
+    def of(cls, shown: FloatArray, known: Population, draw: FloatArray) -> Manner:
+        """As `LikelyDriver` draws them, by the headways shown (n,) and normal numbers (n, 2)."""
+        headway = np.exp(known.headway[0] + known.headway[1] * draw[:, 0])
+        most = np.maximum(KEPT_SHARE * shown, HEADWAY_S[0])
+        braking = np.exp(known.braking[0] + known.braking[1] * draw[:, 1])
+        return cls(
+            headway=np.clip(np.minimum(headway, most), *HEADWAY_S), braking=np.clip(braking, *BRAKING_MPS2)
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """n vehicles on the paths that they took.
+
+    Attributes:
+        speed: (n,) in the seed scene, m/s.
+        acceleration: (n,) there, m/s².
+        calm: (n,) see `LastSecond`.
+        gap: (n, 31) to the leader if the vehicle stood where it is, now and after each step, m.
+        leader_speed: (n, 31) m/s.
+        headway: (n,) shown, s, as in `Seen`.
+        across: (n, 3) likewise.
+        features: (n, 7) shown, as in `Seen`.
+        unsure: (n, 3) likewise.
+        limit: (n, AHEAD) m/s.
+        curves: (n, AHEAD) speed that the curves ahead allow, m/s.
+        way: (n, 30) that the vehicle really made, m.
+        side_shown: (n, 3) see there.
+        beside: (n, 2) see `lanes_beside`.
+        taken: (n, 2) see `lanes_taken`.
+        off: (n,) how far from its path the vehicle was at most, m.
+        side: (n,) offset of its rear axle from the path after 3 s, m.
+    """
+
+    speed: FloatArray
+    acceleration: FloatArray
+    calm: FloatArray
+    gap: FloatArray
+    leader_speed: FloatArray
+    headway: FloatArray
+    across: FloatArray
+    features: FloatArray
+    unsure: FloatArray
+    limit: FloatArray
+    curves: FloatArray
+    way: FloatArray
+    side_shown: FloatArray
+    beside: FloatArray
+    taken: BoolArray
+    off: FloatArray
+    side: FloatArray
+
+    @classmethod
+    def joined(cls, parts: Sequence[Samples]) -> Samples:
+        names = [f.name for f in dataclasses.fields(cls)]
+        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
+
+    def part(self, chosen: IntArray | BoolArray) -> Samples:
+        return Samples(**{f.name: getattr(self, f.name)[chosen] for f in dataclasses.fields(self)})
+
+
+def samples_of(scene: SeedScene) -> Samples | None:
+    """Vehicles with 3 s of recorded future on one of their paths."""
+    assert scene.road is not None and scene.future is not None and scene.future_valid is not None
+    if scene.future_valid.shape[1] < STEPS:
+        return None
+    vehicle = np.flatnonzero(scene.future_valid[:, :STEPS].all(axis=1) & (scene.recorded_steps >= 5))
+    if not len(vehicle):
+        return None
+    paths = seed_paths(scene, scene.road)
+    row, off = path_taken(scene, paths, vehicle)
+    good = (off <= OFF_ROAD_M) & paths.on_road[vehicle]
+    vehicle, row, off = vehicle[good], row[good], off[good]
+    if not len(vehicle):
+        return None
+    history, who = present(scene), Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+    now, future, seen = scene.now[vehicle], scene.future[vehicle], seen_of(scene, paths)
+    s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+    leaders = leaders_of(history, who, paths, row, s, seen.across[row, 0])
+    away = leaders.gap + seen.slack[row]
+    gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, away, leaders.speed)
+    ways = [
+        foot_points(paths, row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s
+        for k in range(STEPS)
+    ]
+    at = np.clip((s / DS_M).astype(np.int64)[:, None] + np.arange(AHEAD), 0, paths.samples - 1)
+    curvature = paths.curve_curvature[row[:, None], at]
+    square = CALIBRATED.curve_acceleration / np.maximum(curvature, 1e-6)
+    slope = 2 * CALIBRATED.curve_deceleration * DS_M * np.arange(AHEAD)
+    curves = np.sqrt(np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope)
+    x, y = rear_axle(future[:, STEPS - 1], scene.length[vehicle])
+    _, side, _ = foot_points(paths, row, x, y, s + ways[-1])
+    shown = shown_by(scene)
+    return Samples(
+        speed=shown.speed[vehicle],
+        acceleration=shown.acceleration[vehicle],
+        calm=shown.calm[vehicle],
+        gap=gap,
+        leader_speed=leader_speed,
+        headway=seen.headway[row],
+        across=seen.across[row],
+        features=seen.features[row],
+        unsure=seen.unsure[row],
+        limit=paths.speed_limit[row[:, None], at],
+        curves=curves,
+        way=np.stack(ways, axis=1),
+        side_shown=side_shown(scene)[vehicle],
+        beside=lanes_beside(scene, scene.road, paths)[row],
+        taken=lanes_taken(scene)[vehicle],
+        off=off,
+        side=side,
+    )
+
+
+def joined(scenes: Iterable[SeedScene]) -> Samples:
+    """The vehicles of seed scenes together."""
+    return Samples.joined([found for found in map(samples_of, scenes) if found is not None])
+
+
+def kept(samples: Samples) -> Samples:
+    """Those of them who stayed near their path."""
+    return samples.part(samples.off <= OFF_PATH_M)
+
+
+def weighted(parts: Sequence[Samples]) -> tuple[Samples, FloatArray]:
+    """Samples together, and the weight of each: a part counts as the square root of its number."""
+    count = np.array([len(part.speed) for part in parts])
+    return Samples.joined(parts), np.repeat(1 / np.sqrt(np.maximum(count, 1)), count)
+
+
+def _leader_ways(
+    scene: SeedScene,
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    index: IntArray,
+    gap: FloatArray,
+    speed: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """(n, 31) gap to where the leader really was after each step, and its speed; constant if unrecorded."""
+    assert scene.future is not None and scene.future_valid is not None
+    time = STEP_S * np.arange(STEPS + 1)
+    gaps, speeds = gap[:, None] + speed[:, None] * time, np.repeat(speed[:, None], STEPS + 1, axis=1)
+    known = np.flatnonzero((index >= 0) & (index < scene.vehicles))
+    known = known[scene.future_valid[index[known], :STEPS].all(axis=1)]
+    if len(known):
+        leader = scene.future[index[known]]
+        first = scene.now[index[known]]
+        start = foot_points(paths, row[known], first.x, first.y, s[known] + np.minimum(gap[known], 100.0))[0]
+        for k in range(STEPS):
+            guess = start + speed[known] * time[k + 1]
+            there = foot_points(paths, row[known], leader.x[:, k], leader.y[:, k], guess)[0]
+            gaps[known, k + 1] = gap[known] + there - start
+        speeds[known, 1:] = leader.speed[:, :STEPS]
+    return gaps, speeds
