@@ -25,6 +25,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ import predictors_measures as measures
 from predictors_report import place, tables
 from recorded_scenes import ngsim_part
 
+from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
@@ -39,6 +41,7 @@ from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, Gra
 from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.commands.of_datasets.train import train_command
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
+from scex_sumo.scene import SeedScene
 from scex_sumo.training.data.samples import learnable
 
 # s between two moments: MONA has many vehicles, the others few.
@@ -46,6 +49,12 @@ ERRORS_EVERY_S = {"MONA": 2.0}
 ERRORS_OFTEN_S = 0.5
 LOOP_EVERY_S = {"TAF-BW": 1.0}
 LOOP_OFTEN_S = 4.0
+YARDSTICKS: dict[str, Callable[[SeedScene, IntArray], FloatArray]] = {
+    "straight_on": measures.straight_on,
+    "stands_still": partial(measures.straight_on, stands=True),
+    "next_second_known": partial(measures.foreseen, kept=1.0),
+    "next_second_known_half": partial(measures.foreseen, kept=0.5),
+}
 RULES = ("calibrated_driver",)
 LEFT_OUT_SEEDS = 1  # of the trainings without a site
 
@@ -120,19 +129,20 @@ def variants(out: Path, wanted: Sequence[Training]) -> Iterator[tuple[str, str, 
 
 
 def measure_errors(scenes: Sequence[measures.TestScene], model: Behavior | str) -> dict[str, Any]:
-    """Sums of errors and counts by site, of vehicles that stand and of those that move at the moment."""
+    """Sums of errors and counts by site, of vehicles that stand, move, and move and change their speed."""
     sums: dict[str, Any] = {}
     for test in scenes:
         vehicle = learnable(test.scene)
         if isinstance(model, str):
-            off = measures.straight_on(test.scene, vehicle, stands=model == "stands_still")
+            off = YARDSTICKS[model](test.scene, vehicle)
         else:
             off = measures.planned(test, model, vehicle)
         driver = getattr(model, "driver", None)
         free = getattr(driver, "free", False)
         best = None if driver is None or free else measures.best_of_six(test, driver, vehicle)
         moves = measures.moving(test.scene, vehicle)
-        for group, chosen in (("standing", ~moves), ("moving", moves)):
+        changes = moves & measures.changing(test.scene, vehicle)
+        for group, chosen in (("standing", ~moves), ("moving", moves), ("changing", changes)):
             entry = sums.setdefault(f"{place(test.site)}|{test.site}|{group}", [0, 0.0, 0.0, 0.0])
             entry[0] += int(chosen.sum())
             entry[1] += float(off[chosen].mean(1).sum())
@@ -235,7 +245,7 @@ def main() -> None:
     if looped:
         results.add("loop|recorded", lambda: recorded_loop(scenes))
     else:
-        for name in ("straight_on", "stands_still"):
+        for name in YARDSTICKS:
             results.add(f"errors|{name}", lambda: measure_errors(scenes, name))  # noqa: B023
     for name, site, make in variants(given.out, trainings(sites, given.seeds)):
         if given.only not in name:

@@ -12,19 +12,20 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
-from scex_sumo.behaviors.learned.decoding import plan_along
+from scex_sumo.behaviors.learned.decoding import plan_along, way_of
 from scex_sumo.behaviors.learned.driver import LearnedDriver
 from scex_sumo.behaviors.learned.seen.surface import Surface, path_room, surface_of
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, Who
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, Who
 from scex_sumo.training.closed_loop import drive_all
 from scex_sumo.training.data.dataset import part_scenes
 from scex_sumo.training.data.perturb import Perturbation, perturbed
 from scex_sumo.training.data.split import Split
 
 MOVING_MPS = 0.5
+CHANGE_MPS = 3.0
 GUESSES = 6
 LOOP_STEPS = 100
 LOOK_STEPS = 5  # leaving the road is looked for every half second
@@ -65,6 +66,31 @@ def straight_on(scene: SeedScene, vehicle: IntArray, *, stands: bool = False) ->
         now.x[:, None] + (now.speed * np.cos(now.heading))[:, None] * way,
         now.y[:, None] + (now.speed * np.sin(now.heading))[:, None] * way,
     )
+
+
+def foreseen(scene: SeedScene, vehicle: IntArray, kept: float) -> FloatArray:
+    """(k, H) distances of drivers who know the next second, and the way, to what the vehicles did, m.
+
+    Speed and acceleration are those of a parabola through the way of the second before and after the moment;
+    they go on with a share of the acceleration, and stop rather than reverse.
+
+    Args:
+        kept: share of the acceleration.
+    """
+    assert scene.future is not None
+    x, y = (np.concatenate([getattr(scene.history, k), getattr(scene.future, k)], 1)[vehicle] for k in "xy")
+    present = HISTORY_STEPS
+    way = np.cumsum(np.hypot(np.diff(x, axis=1), np.diff(y, axis=1)), axis=1)
+    way = np.concatenate([np.zeros((len(vehicle), 1)), way], 1)
+    way -= way[:, present : present + 1]
+    t = STEP_S * np.arange(-HISTORY_STEPS, HISTORY_STEPS + 1)
+    fit = np.linalg.pinv(np.vander(t, 3, increasing=True))
+    _, speed, half = (way[:, : 2 * present + 1] @ fit.T).T
+    acceleration = np.repeat(2 * kept * half[:, None], PLAN_STEPS, axis=1)
+    off: FloatArray = np.abs(
+        way_of(np.maximum(speed, 0.0), acceleration)[:, 1:] - way[:, present + 1 : present + 1 + PLAN_STEPS]
+    )
+    return off
 
 
 def planned(test: TestScene, model: Behavior, vehicle: IntArray) -> FloatArray:
@@ -226,3 +252,10 @@ def _overlap(scene: SeedScene, now: States, i: IntArray, j: IntArray) -> BoolArr
 def moving(scene: SeedScene, vehicle: IntArray) -> BoolArray:
     """(k,) whether vehicles move at the moment."""
     return np.asarray(scene.now.speed[vehicle] > MOVING_MPS)
+
+
+def changing(scene: SeedScene, vehicle: IntArray) -> BoolArray:
+    """(k,) whether vehicles change their speed by more than `CHANGE_MPS` in the next 3 s."""
+    assert scene.future is not None
+    change = scene.future.speed[vehicle, PLAN_STEPS - 1] - scene.now.speed[vehicle]
+    return np.asarray(np.abs(change) > CHANGE_MPS)

@@ -50,7 +50,7 @@ COMMANDS = {
     "validate": ("of_datasets.validate", "recordings/ --models likely --workers 8 -o out/validation"),
     "compare": ("of_results.compare", "out/k733 out/k729 out/merge -o out/compared"),
     "explain": ("of_results.explain", "out/k733 --metric ttc"),
-    "train": ("of_datasets.train", "graph --data ../shared/data/mona --data taf_bw --out mine.pt"),
+    "train": ("of_datasets.train", "graph --data INTERACTION --out mine.safetensors"),
     "models": ("models", ""),
 }
 """Module in `scex_sumo.commands` and example of each command; its function is ``NAME_command``."""

@@ -39,7 +39,7 @@ class LossWeights:
     """
 
     expected: float = 1.0
-    winner: float = 1.0
+    winner: float = 0.5
     relaxed: float = 0.03
     mode: float = 0.15
     path: float = 0.3

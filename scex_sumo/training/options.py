@@ -50,7 +50,7 @@ class TrainOptions:
 
     kind: Kind
     seed: int = 0
-    epochs: int = 8
+    epochs: int = 6
     minutes: float = 0.0
     rounds: int = 1
     patience: int = 6
@@ -60,7 +60,7 @@ class TrainOptions:
     average: float = 0.99
     gradient: float = 1.0
     dropout: float = 0.2
-    noise: float = 0.1
+    noise: float = 0.05
     unlinked: float = 0.2
     mirror: float = 0.5
     balance: float = 0.25

@@ -132,7 +132,7 @@ def test_training_stops_when_validation_gets_no_better(small: Dataset) -> None:
 
 
 def test_the_hybrid_learns_from_turned_maps(small: Dataset) -> None:
-    _, log = trained(small, options(kind="hybrid", epochs=2))
+    _, log = trained(small, options(kind="hybrid", epochs=3))
     assert "free" in log[0].parts
     assert sum(log[-1].parts.values()) < sum(log[0].parts.values())
 

@@ -32,6 +32,35 @@ class Leaders:
     index: IntArray
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ahead:
+    """All who are in the way of n drivers, k in all; the one with the smallest gap leads.
+
+    Attributes:
+        driver: (k,) the driver.
+        other: (k,) column of who is in the way: vehicles first, then obstacles.
+        gap: (k,) bumper to bumper along the path, m.
+        speed: (k,) speed component along the path, m/s.
+        cos: (k,) cosine of its heading against the path's.
+    """
+
+    driver: IntArray
+    other: IntArray
+    gap: FloatArray
+    speed: FloatArray
+    cos: FloatArray
+
+    def leaders(self, n: int) -> Leaders:
+        """The nearest one ahead of each of the n drivers."""
+        result = Leaders(gap=np.full(n, np.inf), speed=np.zeros(n), index=np.full(n, -1))
+        order = np.lexsort((self.other, self.gap, self.driver))
+        driver, at = np.unique(self.driver[order], return_index=True)
+        chosen = order[at]
+        result.gap[driver], result.speed[driver] = self.gap[chosen], self.speed[chosen]
+        result.index[driver] = self.other[chosen]
+        return result
+
+
 def find_leaders(
     history: SceneHistory,
     who: Who,
@@ -45,7 +74,35 @@ def find_leaders(
     aside: FloatArray | None = None,
     margin: float = CORRIDOR_MARGIN_M,
 ) -> Leaders:
-    """Find the next vehicle or obstacle on or near each driver's path.
+    """The next vehicle or obstacle on or near each driver's path: the nearest that `find_ahead` finds."""
+    return find_ahead(
+        history,
+        who,
+        paths,
+        row,
+        s_centre,
+        clearance=clearance,
+        radius=radius,
+        obstacle_clearance=obstacle_clearance,
+        aside=aside,
+        margin=margin,
+    ).leaders(len(who))
+
+
+def find_ahead(
+    history: SceneHistory,
+    who: Who,
+    paths: SeedPaths,
+    row: IntArray,
+    s_centre: FloatArray,
+    *,
+    clearance: float,
+    radius: float,
+    obstacle_clearance: float = 1.5,
+    aside: FloatArray | None = None,
+    margin: float = CORRIDOR_MARGIN_M,
+) -> Ahead:
+    """Find the vehicles and obstacles on or near each driver's path, ahead of it.
 
     Another one counts when its centre is within `radius` of the driver's, its centre or any part of it is
     near enough to the path (a vehicle's centre within `clearance`, an obstacle's within
@@ -59,7 +116,7 @@ def find_leaders(
       lane, moving or waiting, would stop every driver whose clearance takes in that lane.
 
     Its extent along the path is that of its rectangle turned by its heading, so that a vehicle standing
-    across the path has a rear bumper too. Of those that count the one with the smallest gap leads.
+    across the path has a rear bumper too.
 
     Args:
         row: (n,) path of each driver.
@@ -74,7 +131,7 @@ def find_leaders(
     others = everyone(history)
     size = max(1, MOST_PAIRS // max(1, others.length.size))
     parts = [
-        _leaders_of(
+        _ahead_of(
             history,
             others,
             who[k],
@@ -88,10 +145,12 @@ def find_leaders(
         )
         for k in (slice(i, i + size) for i in range(0, max(1, len(who)), size))
     ]
-    return Leaders(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
+    for number, part in enumerate(parts):
+        part.driver[:] += number * size
+    return Ahead(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
 
 
-def _leaders_of(
+def _ahead_of(
     history: SceneHistory,
     others: Everyone,
     who: Who,
@@ -102,8 +161,8 @@ def _leaders_of(
     radius: float,
     aside: FloatArray | None,
     margin: float,
-) -> Leaders:
-    """Leaders of a part of the drivers; the clearance is that of each of the others, (M,)."""
+) -> Ahead:
+    """Who is ahead of a part of the drivers; the clearance is that of each of the others, (M,)."""
     own = history.now[who.child, who.vehicle]
     length, width = history.scene.length[who.vehicle], history.scene.width[who.vehicle]
     ox, oy = others.states.x[who.child], others.states.y[who.child]  # (n, M)
@@ -137,16 +196,7 @@ def _leaders_of(
     counts = np.where(
         (gap > 0) & ~oncoming, (np.abs(offset) <= clearance[j]) | inside, inside & (ahead > 0)
     )  # fmt: skip
-    return _smallest(len(who), i[counts], j[counts], gap[counts], speed[counts])
-
-
-def _smallest(n: int, i: IntArray, j: IntArray, gap: FloatArray, speed: FloatArray) -> Leaders:
-    result = Leaders(gap=np.full(n, np.inf), speed=np.zeros(n), index=np.full(n, -1))
-    order = np.lexsort((j, gap, i))
-    driver, at = np.unique(i[order], return_index=True)
-    chosen = order[at]
-    result.gap[driver], result.speed[driver], result.index[driver] = gap[chosen], speed[chosen], j[chosen]
-    return result
+    return Ahead(driver=i[counts], other=j[counts], gap=gap[counts], speed=speed[counts], cos=cos[counts])
 
 
 def _first_guess(

@@ -22,7 +22,7 @@ from scex_sumo.behaviors.learned.networks.image import MapImage
 from scex_sumo.behaviors.learned.networks.layers import exact
 from scex_sumo.behaviors.learned.networks.nets import KINDS, GraphImageNet, Net
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
-from scex_sumo.behaviors.learned.seen.inputs import PathInputs, path_inputs
+from scex_sumo.behaviors.learned.seen.inputs import PATH_COLUMNS, PathInputs, path_inputs
 from scex_sumo.behaviors.learned.seen.raster import raster_of
 from scex_sumo.behaviors.learned.weights import load_weights, sha256_of
 from scex_sumo.behaviors.models.path_follower import follow_path
@@ -36,7 +36,9 @@ from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
 OUTPUT_GRID = 2.0**-10  # m/s² and m: what is left of the order of sums is rounded away, see `layers`
 DRAW_DIGITS = 2.0**20  # modes are drawn with the digits of `route_draw` that paths do not use
 STANDING_MPS, STOPPING_MPS2 = 0.5, -1.0
-START_M, START_LIKELY = 1.0, 0.8  # who stands starts where this way in 3 s is so probable
+START_M, START_LIKELY = 1.0, 0.5  # who stands starts where this way in 3 s is so probable
+WAITS_STEPS = 30  # and so long only behind one that moves
+SPEED, LEADER, LEADER_SPEED = (PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_speed"))
 OFF_MAP = "was not on a mapped lane in the seed scene"
 NOT_FINITE = "the network gave no finite plan"
 Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile
@@ -166,12 +168,12 @@ class LearnedDriver:
         self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray
     ) -> tuple[Plan, BoolArray]:
         """Plans of those of n vehicles for which the network's answer is finite, and (n,) which ones."""
-        _, modes = self.predict(history, road, who, paths, row)
+        inputs, modes = self.predict(history, road, who, paths, row)
         chosen = (np.arange(len(who)), self._modes(history, road, who, row, modes))
         free = None if modes.free is None else _rounded(modes.free[chosen])
         acceleration = _rounded(modes.acceleration[chosen])
         if self.profile.mode == "best":
-            stays = _stays(history.now.speed[who.child, who.vehicle], modes)
+            stays = _stays(inputs, modes, waits=history.step < WAITS_STEPS)
             acceleration = np.where(stays[:, None], STOPPING_MPS2, acceleration)
         offset = _rounded(modes.offset[chosen])
         finite = np.ones(len(who), dtype=np.bool_)
@@ -231,12 +233,16 @@ def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
     return upper
 
 
-def _stays(speed: FloatArray, modes: Modes) -> BoolArray:
-    """(n,) whether a vehicle stands and the network does not hold it likely enough that it starts.
+def _stays(inputs: PathInputs, modes: Modes, *, waits: bool) -> BoolArray:
+    """(n,) whether a vehicle stands and does not start.
 
     Its expected mode alone starts too early: at a light a driver who starts wrongly is further off than one
-    who stands for half a second more.
+    who stands for half a second more, and what the first in a queue waits for is not seen.
+
+    Args:
+        waits: nobody starts but behind one that moves.
     """
+    speed = inputs.features[:, SPEED]
     stands = speed < STANDING_MPS
     if not stands.any():
         return stands
@@ -244,7 +250,11 @@ def _stays(speed: FloatArray, modes: Modes) -> BoolArray:
     count = modes.acceleration.shape[1]
     way = [way_of(speed, _rounded(modes.acceleration[:, k]))[:, -1] for k in range(count)]
     starts = np.sum(weight * (np.stack(way, 1) > START_M), 1) / weight.sum(1)
-    return np.asarray(stands & (np.round(starts / OUTPUT_GRID) * OUTPUT_GRID < START_LIKELY))
+    stays = np.round(starts / OUTPUT_GRID) * OUTPUT_GRID < START_LIKELY
+    behind_one_that_moves = (inputs.features[:, LEADER] > 0) & (
+        inputs.features[:, LEADER_SPEED] > STANDING_MPS
+    )
+    return np.asarray(stands & (stays | (waits & ~behind_one_that_moves)))
 
 
 def _rounded(values: FloatArray) -> FloatArray:

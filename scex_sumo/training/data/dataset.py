@@ -44,6 +44,7 @@ class SampleOptions:
         every_s: between two moments of a long recording; a short one is looked at more often, up to
             `MOST_MOMENTS` moments or every 0.2 s.
         copies: perturbed copies of each training scene.
+        stops: further copies with standing vehicles in the way.
         perturbation: how far vehicles are put off in them.
         split: which time is for what.
         seed: of the perturbations.
@@ -51,6 +52,7 @@ class SampleOptions:
 
     every_s: float = 0.5
     copies: int = 2
+    stops: int = 3
     perturbation: Perturbation = field(default_factory=lambda: Perturbation(speed_mps=0.7))
     split: Split = field(default_factory=Split)
     seed: int = 0
@@ -207,8 +209,10 @@ def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> Traini
         whole = States.stack([scene.history, *put_off], 0)
         samples = scene_samples(scene, road, whole, seen=States.stack([scene.history, *seen], 0))
         found += [samples] if samples is not None else []
-        stop = put_in_the_way(scene, road, learnable(scene), rng) if part == "train" else None
-        if stop is not None:
+        for _ in range(options.stops if part == "train" else 0):
+            stop = put_in_the_way(scene, road, learnable(scene), rng)
+            if stop is None:
+                break
             seen_now = measured(stop[0].history, options.perturbation, rng)
             samples = scene_samples(
                 stop[0], road, stop[0].history.repeat(1), seen=seen_now.repeat(1), blocked=stop[1]

@@ -59,6 +59,26 @@ def same(one: Plan, other: Plan, rows: slice | np.ndarray = slice(None)) -> bool
     return all(np.array_equal(getattr(one, key)[rows], getattr(other, key)) for key in STATES)
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_who_stands_starts_behind_one_that_moves_or_after_three_seconds(tmp_path: Path, name: str) -> None:
+    alone = roads.scene_of((10.0, 0.0, 0.0, 0.0))
+    behind = roads.scene_of((10.0, 0.0, 0.0, 0.0), (25.0, 0.0, 0.0, 5.0))
+    model = driver(tmp_path, f"{name}:path=straight", behind)
+    assert isinstance(model, GraphPredictor | GraphImagePredictor)
+
+    def starts(scene: SeedScene, step: int = 0) -> bool:
+        history = replace(roads.present(scene), step=step)
+        plan = model.plan(history, ROAD, Who(child=np.zeros(1, int), vehicle=np.zeros(1, int)), [])
+        return bool((plan.speed > 0).any())
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("scex_sumo.behaviors.learned.driver.START_LIKELY", 0.0)  # the network always starts
+        patch.setattr("scex_sumo.behaviors.learned.driver._rounded", lambda values: np.ones(values.shape))
+        assert not starts(alone)
+        assert starts(behind)
+        assert starts(alone, step=30)
+
+
 @pytest.mark.parametrize("text", [*NAMES, "graph_image_predictor:attention=0", "graph_predictor:mode=draw"])
 def test_nobody_reverses_and_every_box_stays_on_the_road(tmp_path: Path, text: str) -> None:
     straight = roads.straight()

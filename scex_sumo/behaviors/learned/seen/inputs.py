@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.behaviors.driving.leaders import find_leaders
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.leaders import Ahead, find_ahead
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
 from scex_sumo.behaviors.learned.seen.surface import path_room
@@ -19,12 +19,35 @@ from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, States, Who
 
-AHEAD_M = (2.5, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 90.0)
+FURTHEST_M = 100.0
+AHEAD_M = (5.0, 10.0, 20.0, 40.0, 60.0)
 CLEARANCE_M = 1.5  # whose centre is this near to the path is on it
 RADIUS_M = 100.0
+MOST_AHEAD = 10
 RATE_STEPS = 3  # accelerations and yaw rates are means over so many steps
 PAST_S = np.arange(-HISTORY_STEPS, 1) * STEP_S
 TREND = (PAST_S - PAST_S.mean()) / ((PAST_S - PAST_S.mean()) ** 2).sum()  # weights of a straight line's slope
+
+
+def _end_of_fit(degree: int, states: int) -> FloatArray:
+    """(11,) weights of the last states' speeds that give the end of a polynomial through them."""
+    fit = np.linalg.pinv(np.vander(PAST_S[-states:], degree + 1, increasing=True))[0]
+    weights: FloatArray = np.concatenate([np.zeros(HISTORY_STEPS + 1 - states), fit])
+    return weights
+
+
+# What the past second says of the present speed, as weights of its speeds: steadier than the last one alone.
+STEADIER = {
+    "mean_of_3": _end_of_fit(0, 3),
+    "mean_of_6": _end_of_fit(0, 6),
+    "mean_of_11": _end_of_fit(0, 11),
+    "line_of_6": _end_of_fit(1, 6),
+    "line_of_11": _end_of_fit(1, 11),
+    "parabola_of_11": _end_of_fit(2, 11),
+}
+STANDING_MPS = 0.5
+QUEUEING_MPS = 0.7  # a tracker sees standing vehicles creep
+ALONG_COS = 0.7  # of the headings of those that drive the same way
 
 OWN_COLUMNS = (
     "speed",
@@ -38,6 +61,9 @@ OWN_COLUMNS = (
     "room_left",
     "room_right",
     "end",
+    *STEADIER,
+    "unsteady",
+    "stood",
 )
 ROAD_COLUMNS = tuple(
     f"{name}_{ahead:g}" for name in ("x", "y", "heading", "curvature", "limit") for ahead in AHEAD_M
@@ -49,6 +75,11 @@ LEADER_COLUMNS = (
     "leader_trend",
     "closing",
     "needed_deceleration",
+    "ahead",
+    "ahead_standing",
+    "ahead_speed",
+    "first_standing_gap",
+    "last_standing_gap",
 )
 PATH_COLUMNS = OWN_COLUMNS + ROAD_COLUMNS + LEADER_COLUMNS  # what others do comes last
 
@@ -73,11 +104,15 @@ def path_inputs(
 
     Per distance of `AHEAD_M` from the foot point: x ahead and y to the left (m), heading relative to the
     vehicle's (rad, without jumps), curvature (1/m) and speed limit (m/s). Then the vehicle's own motion, with
-    the mean and the slope of its speed over the past second (one state may be far off),
+    the mean and the slope of its speed over the past second (one state may be far off), what
+    means and fits of that second say of the present speed, minus that (`STEADIER`), how unsteady it was, and
+    for what share of the second it stood;
     its offset (m, left positive) and heading error against the path, its yaw rate minus what the path asks
     for, the room on both sides, the way to the end of the mapped road (at most 100 m); and the leader on the
     path: whether there is one, gap (100 m without one), speed (the own without one) and its slope, closing
-    speed, and the deceleration that brings it to zero within the gap.
+    speed, and the deceleration that brings it to zero within the gap; and the queue: how many vehicles ahead
+    drive the same way and how many of them stand, their mean speed (the own without any), the gaps to the
+    first (100 m without one) and to the last that stands (0 m).
 
     Args:
         who: the n vehicles; the same vehicle may be there with several paths.
@@ -105,14 +140,17 @@ def path_inputs(
             error,
             yaw_rate - own.speed * here[5],
             np.minimum(sides, 10.0),
-            np.clip(room.end[row] - s, 0.0, 100.0),
+            np.clip(room.end[row] - s, 0.0, FURTHEST_M),
+            past.speed @ np.column_stack([*STEADIER.values()]) - own.speed[:, None],
+            _unsteady(past.speed),
+            (past.speed < STANDING_MPS).mean(axis=1),
         ]
     )
     features = np.concatenate(
         [
             motion,
             _road_ahead(paths, row, s, own, path_heading + error),
-            _leader(history, who, paths, row, s, own.speed, radius),
+            _others(history, who, paths, row, s, own.speed, radius),
         ],
         axis=1,
     )
@@ -145,7 +183,14 @@ def _road_ahead(
     )
 
 
-def _leader(
+def _unsteady(speed: FloatArray) -> FloatArray:
+    """(n,) how far the speeds of the past second, (n, 11), are off a straight line on average, m/s."""
+    line = speed.mean(axis=1, keepdims=True) + (speed @ TREND)[:, None] * (PAST_S - PAST_S.mean())
+    off: FloatArray = np.abs(speed - line).mean(axis=1)
+    return off
+
+
+def _others(
     history: SceneHistory,
     who: Who,
     paths: SeedPaths,
@@ -154,14 +199,37 @@ def _leader(
     speed: FloatArray,
     radius: float,
 ) -> FloatArray:
-    """(n, 6) the `LEADER_COLUMNS`."""
-    found = find_leaders(history, who, paths, row, s, clearance=CLEARANCE_M, radius=radius)
+    """(n, 11) the `LEADER_COLUMNS`."""
+    ahead = find_ahead(history, who, paths, row, s, clearance=CLEARANCE_M, radius=radius)
+    found = ahead.leaders(len(who))
     there = found.index >= 0
-    gap = np.clip(np.where(there, found.gap, 100.0), -5.0, 100.0)
+    gap = np.clip(np.where(there, found.gap, FURTHEST_M), -5.0, FURTHEST_M)
     leader_speed = np.where(there, found.speed, speed)
     closing = speed - leader_speed
     needed = np.maximum(closing, 0.0) ** 2 / (2 * np.maximum(gap, 1.0))
     vehicle = there & (found.index < history.scene.vehicles)
     past = history.states.speed[who.child, np.where(vehicle, found.index, 0)]
     trend = np.where(vehicle, past @ TREND, 0.0)
-    return np.column_stack([there, gap, leader_speed, trend, closing, np.minimum(needed, 20.0)])
+    leader = [there, gap, leader_speed, trend, closing, np.minimum(needed, 20.0)]
+    same_way = (ahead.cos > ALONG_COS) & (ahead.other < history.scene.vehicles)
+    return np.column_stack([*leader, _queue(ahead, same_way, speed)])
+
+
+def _queue(ahead: Ahead, same_way: BoolArray, speed: FloatArray) -> FloatArray:
+    """(n, 5) of those ahead who drive the same way: how many, how many stand, mean speed, first and last."""
+    n, driver, gap = len(speed), ahead.driver[same_way], np.clip(ahead.gap[same_way], -5.0, FURTHEST_M)
+    stands = ahead.speed[same_way] < QUEUEING_MPS
+    count, queue = np.bincount(driver, minlength=n), driver[stands]
+    total = np.bincount(driver, ahead.speed[same_way], minlength=n)
+    first, last = np.full(n, FURTHEST_M), np.zeros(n)
+    np.minimum.at(first, queue, gap[stands])
+    np.maximum.at(last, queue, gap[stands])
+    return np.column_stack(
+        [
+            np.minimum(count, MOST_AHEAD),
+            np.minimum(np.bincount(queue, minlength=n), MOST_AHEAD),
+            np.where(count > 0, total / np.maximum(count, 1), speed),
+            first,
+            last,
+        ]
+    )

@@ -76,6 +76,41 @@ def test_a_leader_is_seen_with_its_gap_and_what_stopping_for_it_takes() -> None:
     assert column(inputs, "closing", 1) == 0
 
 
+def test_the_queue_ahead_is_counted_from_the_first_to_the_last_who_stands() -> None:
+    queue = [(80.0, 0.0, 0.0, 4.0), (100.0, 0.0, 0.0, 0.0), (110.0, 0.0, 0.0, 0.0)]
+    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 12.0), *queue))
+    wanted = {
+        "ahead": 3,
+        "ahead_standing": 2,
+        "ahead_speed": 4 / 3,
+        "first_standing_gap": 50.0 - 4.5,
+        "last_standing_gap": 60.0 - 4.5,
+    }
+    for name, value in wanted.items():
+        assert column(inputs, name) == pytest.approx(value)
+    nobody = {"ahead": 0, "ahead_standing": 0, "first_standing_gap": 100, "last_standing_gap": 0}
+    assert {name: column(inputs, name, 3) for name in nobody} == nobody
+
+
+def test_who_crosses_the_path_is_not_in_the_queue() -> None:
+    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 12.0), (80.0, 0.0, np.pi / 2, 0.0)))
+    assert column(inputs, "leader") == 1
+    assert column(inputs, "ahead") == 0
+
+
+def test_one_wrong_speed_shows_against_those_before_it() -> None:
+    history = roads.present(roads.scene_of((50.0, 0.0, 0.0, 10.0)))
+    history.states.speed[0, 0] = 10.0
+    history.states.speed[0, 0, -1] = 11.1
+    inputs = seen(roads.straight(), history)
+    assert column(inputs, "mean_of_11") == pytest.approx(0.1 - 1.1)
+    assert column(inputs, "unsteady") > 0.1
+    history.states.speed[0, 0] = 10.0 + np.arange(-10, 1) * 0.1
+    steady = seen(roads.straight(), history)
+    for name in ("line_of_6", "line_of_11", "parabola_of_11", "unsteady", "stood"):
+        assert column(steady, name) == pytest.approx(0.0, abs=1e-9)
+
+
 def test_room_is_what_the_box_has_beside_it() -> None:
     inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 10.0), width=1.8))
     for side in ("room_left", "room_right"):
