@@ -113,6 +113,4 @@ def test_a_users_model_is_asked_for_everybody_even_where_it_takes_after_one_of_o
 
 @pytest.mark.parametrize("name", RANDOM)
 def test_a_model_that_draws_is_asked_for_everybody(name: str) -> None:
-    if name.startswith(LEARNED):
-        pytest.skip("needs weights")
     assert sight_of(build(parse_models(name)[0])) is None

@@ -14,13 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo import road
 from scex_sumo.files import kept, our_modules
-from scex_sumo.road import Road
+from scex_sumo.road import Area, Georeference, Lane, Loss, Marking, Regulation, Road
 
+_PARTS = (Area, Georeference, Lane, Loss, Marking, Regulation, Road)
 _NUMPY = ("numpy._core.numeric", "numpy.core.numeric")  # from NumPy 2 on, and before
 _KNOWN = {
-    *(("scex_sumo.road", name) for name, kind in vars(road).items() if isinstance(kind, type)),
+    *(
+        (part.__module__, part.__name__)
+        for part in (Area, Georeference, Lane, Loss, Marking, Regulation, Road)
+    ),
     *((module, "_frombuffer") for module in _NUMPY),
     *(("numpy", "dtype"), ("numpy", "ndarray"), ("pathlib", "PosixPath")),
 }
