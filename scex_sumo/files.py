@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import hashlib
 import os
 import re
 import shutil
 import tempfile
 import weakref
-from collections.abc import Callable, Iterator
-from functools import cache
+from collections.abc import Iterator
 from pathlib import Path
 
 from scex_sumo.errors import ResultError
 
 _WRITING = ".writing"
-_DIGEST = 32  # bytes of a SHA-256
 _REFERENCES = (
     *(("&", "&amp;"), (">", "&gt;"), ("<", "&lt;")),
     *(("\n", "&#10;"), ("\r", "&#13;"), ("\t", "&#9;")),
@@ -80,37 +77,6 @@ _locked: dict[Path, int] = {}  # open descriptors; the system lets go of them wh
 def cache_folder() -> Path:
     """Where things are kept between runs: ``~/.cache/scex-sumo``, or as ``XDG_CACHE_HOME`` says."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scex-sumo"
-
-
-def kept(kind: str, made_of: bytes, make: Callable[[], bytes], *, most: int = 64) -> bytes:
-    """What ``make`` gives, from the user's cache where it was made of the same before.
-
-    Args:
-        kind: folder of the cache.
-        made_of: everything that the result depends on, the code that makes it included.
-        make: makes it.
-        most: how many of this kind are kept; those not used for longest go first.
-    """
-    place = cache_folder() / kind / hashlib.sha256(made_of).hexdigest()
-    with contextlib.suppress(OSError):  # not there
-        found = place.read_bytes()
-        if found[:_DIGEST] == hashlib.sha256(found[_DIGEST:]).digest():  # whole
-            os.utime(place)
-            return found[_DIGEST:]
-    made = make()
-    with contextlib.suppress(OSError, ResultError):  # a full disk stops no run
-        place.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(place, hashlib.sha256(made).digest() + made)
-        for old in sorted(place.parent.iterdir(), key=lambda file: file.stat().st_mtime)[:-most]:
-            old.unlink(missing_ok=True)
-    return made
-
-
-@cache
-def our_modules() -> bytes:
-    """The state of our own modules: who changes one must not get what it made before."""
-    files = sorted(Path(__file__).parent.rglob("*.py"))
-    return repr([(file.name, (at := file.stat()).st_size, at.st_mtime_ns) for file in files]).encode()
 
 
 def lock(folder: Path) -> None:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
 import pickle
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from scex_sumo.converters.lanelet import kept as roads
 from scex_sumo.converters.maps import read_map
-from scex_sumo.files import cache_folder, kept
+from scex_sumo.files import cache_folder
+from scex_sumo.kept import kept, kept_object
+from scex_sumo.road import Lane
 from scex_sumo.scenarios import EXAMPLES, example_path
+from scex_sumo.scenarios.seeds import synthetic_seed
 
 
 @pytest.fixture(autouse=True)
@@ -74,8 +79,19 @@ INNER = b"\x80\x04\x8c\x13numpy._core.numeric\x8c\x08sys.exit\x93."  # what a mo
 
 
 @pytest.mark.parametrize("packed", [pickle.dumps(print), INNER], ids=["a builtin", "a name within a module"])
-def test_nothing_but_a_road_is_taken_from_the_cache(monkeypatch: pytest.MonkeyPatch, packed: bytes) -> None:
+def test_nothing_but_what_it_consists_of_is_taken_from_the_cache(packed: bytes) -> None:
+    parts = (Lane,)
+    kept_object("things", b"a", lambda: 1, parts)
+    (file,) = (cache_folder() / "things").iterdir()
+    file.write_bytes(hashlib.sha256(packed).digest() + packed)
+    assert kept_object("things", b"a", lambda: 2, parts) == 2
+
+
+def test_a_populated_map_is_the_same_from_the_cache() -> None:
     path = example_path("roundabout")
-    road = read_map(path)
-    monkeypatch.setattr(roads, "kept", lambda *_: packed)
-    assert roads.kept_road(path, lambda: road) is road
+    scenes = [synthetic_seed(path, vehicles=4, seed=3, cache=cache) for cache in (True, True, False)]
+    first, again, made = (dataclasses.asdict(dataclasses.replace(scene, road=None)) for scene in scenes)
+    np.testing.assert_equal(again, first)
+    np.testing.assert_equal(made, first)
+    assert len(list((cache_folder() / "populated").iterdir())) == 1
+    assert synthetic_seed(path, vehicles=4, seed=4).name != scenes[0].name

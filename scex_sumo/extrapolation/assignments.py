@@ -10,7 +10,7 @@ import numpy as np
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.errors import UsageError
-from scex_sumo.files import kept
+from scex_sumo.kept import kept
 from scex_sumo.statistics import designs
 from scex_sumo.statistics.designs import DESIGNS
 

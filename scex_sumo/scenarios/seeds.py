@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import pickle
+from importlib.metadata import version
 from pathlib import Path
+
+import numpy as np
 
 from scex_sumo.errors import TrackError
 from scex_sumo.files import TemporaryFolder
-from scex_sumo.scene import SeedScene
+from scex_sumo.kept import kept_object
+from scex_sumo.scene import SeedScene, States
 
 
 def read_seed(
@@ -73,7 +78,7 @@ def synthetic_seed(
         seed: the same seed gives the same scene.
         origin: latitude and longitude of the map's coordinates; None looks beside the map, and takes its
             south-west corner where nothing is said: no tracks need to match.
-        cache: keep road and net in ``~/.cache/scex-sumo`` for the next run on the same map.
+        cache: keep road, net and scene in ``~/.cache/scex-sumo`` for the next run on the same map.
 
     Returns:
         The seed scene with a history and a future from the same SUMO run, its ``road`` set.
@@ -88,8 +93,16 @@ def synthetic_seed(
 
     map_path = Path(map_path)
     road = read_map(map_path, origin=origin, own_corner=True, keep=cache)
-    with TemporaryFolder() as folder:
-        net = converted(road, Path(folder) / f"{road.name}.net.xml", keep=cache)
-        name = f"{road.name}_synthetic{vehicles}_s{seed}"
-        scene = synthetic_scene(road, net, vehicles=vehicles, seed=seed, name=name)
+    name = f"{road.name}_synthetic{vehicles}_s{seed}"
+
+    def populated() -> SeedScene:
+        with TemporaryFolder() as folder:
+            net = converted(road, Path(folder) / f"{road.name}.net.xml", keep=cache)
+            return synthetic_scene(road, net, vehicles=vehicles, seed=seed, name=name)
+
+    if cache:
+        made_of = pickle.dumps((np.__version__, version("eclipse-sumo"), vehicles, seed, road))
+        scene = kept_object("populated", made_of, populated, (SeedScene, States))
+    else:
+        scene = populated()
     return dataclasses.replace(scene, road=road)

@@ -29,7 +29,7 @@ from scex_sumo.behaviors.models.path_follower import follow_path
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.derived import derived
 from scex_sumo.errors import InputError
-from scex_sumo.files import kept, our_modules
+from scex_sumo.kept import kept, our_modules
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
 

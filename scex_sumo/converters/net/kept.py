@@ -22,7 +22,8 @@ import numpy as np
 
 from scex_sumo.converters.net.lane_table import LaneTable
 from scex_sumo.converters.net.sumo_net import SumoNet, net_file
-from scex_sumo.files import cache_folder, our_modules
+from scex_sumo.files import cache_folder
+from scex_sumo.kept import our_modules
 from scex_sumo.road import Loss, Road
 from scex_sumo.version import __version__
 
