@@ -18,9 +18,9 @@ from scex_sumo.files import cache_folder, write_atomic
 Made = TypeVar("Made")
 
 _DIGEST = 32  # bytes of a SHA-256
-_NUMPY = ("numpy._core.numeric", "numpy.core.numeric")  # from NumPy 2 on, and before
 _KNOWN = {
-    *((module, "_frombuffer") for module in _NUMPY),
+    *((f"numpy.{core}.numeric", "_frombuffer") for core in ("_core", "core")),  # from NumPy 2 on, and before
+    *((f"numpy.{core}.multiarray", "_reconstruct") for core in ("_core", "core")),
     *(("numpy", "dtype"), ("numpy", "ndarray"), ("pathlib", "PosixPath")),
 }
 
