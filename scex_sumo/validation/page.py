@@ -141,7 +141,7 @@ def _summary(info: Mapping[str, Any]) -> Html:
     lines = (
         f"Mean Brier score over the paper's thresholds {info['mean_brier']:.3f}; always saying the base rate "
         f"gives {info['mean_brier_base_rate']:.3f}.",
-        f"P(collision) {info['p_collision']:.2%}; in the recordings {info['recorded_overlaps']:.2%} overlap.",
+        f"P(collision) {collisions_in(info)}.",
         f"Realism {_shown(info['realism'])}, after that of the Waymo Sim Agents Challenge, of 3 s and "
         "without lights: to compare mixes with each other, not with that leaderboard.",
     )
@@ -154,6 +154,13 @@ def _shown(value: float | None) -> str:
 
 def _table(heads: Sequence[tuple[str, str, str, str]], rows: Sequence[Mapping[str, Any]]) -> Table:
     return table([head[1:] for head in heads], [[_cell(row, head[0]) for head in heads] for row in rows])
+
+
+def collisions_in(info: Mapping[str, Any]) -> str:
+    """P(collision) in all seed scenes, and in those whose recorded future has no overlap."""
+    without = info["p_collision_without_overlap"]
+    where = "" if without is None else f", {without:.2%} where no recorded boxes overlap"
+    return f"{info['p_collision']:.2%}{where} (they do in {info['recorded_overlaps']:.2%} of the seed scenes)"
 
 
 def printed_name(column: str) -> str:

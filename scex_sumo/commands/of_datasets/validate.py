@@ -64,7 +64,7 @@ def _print_scores(done: Validation) -> None:
     from rich.table import Table
 
     from scex_sumo.reports.tables.runs import print_table
-    from scex_sumo.validation.page import printed_name
+    from scex_sumo.validation.page import collisions_in, printed_name
 
     info = done.info
     print(
@@ -72,7 +72,7 @@ def _print_scores(done: Validation) -> None:
     )
     print(
         f"mean Brier score of the paper's thresholds {info['mean_brier']:.3f}, "
-        f"of the base rate {info['mean_brier_base_rate']:.3f}; P(collision) {info['p_collision']:.2%}"
+        f"of the base rate {info['mean_brier_base_rate']:.3f}; P(collision) {collisions_in(info)}"
     )
     table = Table(title="events", title_justify="left")
     skills = ("skill_base_rate", "skill_seed_moment", "skill_constant_velocity")
