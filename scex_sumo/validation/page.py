@@ -180,7 +180,7 @@ def _cell(row: Mapping[str, Any], key: str) -> Any:
 def _diagram(row: Mapping[str, Any]) -> Html:
     """Reliability diagram of an event."""
     total = sum(row["diagram_count"])
-    plane = Plane(x=(0.0, 1.0), width=180, height=180)
+    plane = Plane(x=(-0.1, 1.1), y=(-0.1, 1.1), width=180, height=180)  # the largest dots in the corners, too
     whole = np.array([0.0, 1.0])
     kinds = zip(row["diagram_forecast"], row["diagram_observed"], row["diagram_count"], strict=True)
     dots = [
