@@ -12,6 +12,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from scex_sumo.errors import ResultError
 from scex_sumo.files import cache_folder, write_atomic
 
@@ -30,11 +32,11 @@ def kept(kind: str, made_of: bytes, make: Callable[[], bytes], *, most: int = 64
 
     Args:
         kind: folder of the cache.
-        made_of: everything that the result depends on, the code that makes it included.
+        made_of: everything that the result depends on but our own code and NumPy, which are added.
         make: makes it.
         most: how many of this kind are kept; those not used for longest go first.
     """
-    place = cache_folder() / kind / hashlib.sha256(made_of).hexdigest()
+    place = cache_folder() / kind / hashlib.sha256(our_modules() + made_of).hexdigest()
     with contextlib.suppress(OSError):  # not there
         found = place.read_bytes()
         if found[:_DIGEST] == hashlib.sha256(found[_DIGEST:]).digest():  # whole
@@ -54,11 +56,11 @@ def kept_object(kind: str, made_of: bytes, make: Callable[[], Made], parts: tupl
 
     Args:
         kind: folder of the cache.
-        made_of: everything that the result depends on; the state of our own modules is added.
+        made_of: as for `kept`.
         make: makes it.
         parts: the classes that it consists of.
     """
-    packed = kept(kind, our_modules() + made_of, lambda: pickle.dumps(make(), protocol=5))
+    packed = kept(kind, made_of, lambda: pickle.dumps(make(), protocol=5))
     try:
         made: Made = _Reader(packed, parts).load()
     except pickle.UnpicklingError:  # somebody else's
@@ -81,6 +83,7 @@ class _Reader(pickle.Unpickler):
 
 @cache
 def our_modules() -> bytes:
-    """The state of our own modules: who changes one must not get what it made before."""
+    """The state of our own modules and NumPy: who changes one must not get what it made before."""
     files = sorted(Path(__file__).parent.rglob("*.py"))
-    return repr([(file.name, (at := file.stat()).st_size, at.st_mtime_ns) for file in files]).encode()
+    state = [(file.name, (at := file.stat()).st_size, at.st_mtime_ns) for file in files]
+    return repr((np.__version__, state)).encode()

@@ -7,8 +7,6 @@ import pickle
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 from scex_sumo.errors import TrackError
 from scex_sumo.files import TemporaryFolder
 from scex_sumo.kept import kept_object
@@ -101,7 +99,7 @@ def synthetic_seed(
             return synthetic_scene(road, net, vehicles=vehicles, seed=seed, name=name)
 
     if cache:
-        made_of = pickle.dumps((np.__version__, version("eclipse-sumo"), vehicles, seed, road))
+        made_of = pickle.dumps((version("eclipse-sumo"), vehicles, seed, road))
         scene = kept_object("populated", made_of, populated, (SeedScene, States))
     else:
         scene = populated()

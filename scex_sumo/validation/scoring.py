@@ -243,8 +243,7 @@ def position_scores(found: Forecasts) -> list[dict[str, Any]]:
 def summary(found: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """What a reader looks at first."""
     papers = [row for row in events if row["paper"]]
-    collision = next(row for row in events if row["event"] == "collision")
-    p, _, overlap = probability(found, next(event for event in EVENTS if event.column == "collision"))
+    p, _, overlap = probability(found, next(event for event in EVENTS if event.column == COLLISION))
     realism = found.realism[np.isfinite(found.realism)]
     return {
         "seeds": len(found.refs),
@@ -252,8 +251,8 @@ def summary(found: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str, Any
         "mean_brier": float(np.mean([row["brier"] for row in papers])),
         "mean_brier_seen": float(np.mean([row["brier_seen"] for row in papers])),
         "mean_brier_base_rate": float(np.mean([row["uncertainty"] for row in papers])),
-        "p_collision": collision["forecast"],
+        "p_collision": float(p.mean()),
         "p_collision_without_overlap": None if overlap.all() else float(p[~overlap].mean()),
-        "recorded_overlaps": collision["happened"],
+        "recorded_overlaps": float(overlap.mean()),
         "realism": float(realism.mean()) if len(realism) else None,
     }

@@ -22,20 +22,20 @@ from scex_sumo.behaviors.learned.networks.image import MapImage
 from scex_sumo.behaviors.learned.networks.layers import exact
 from scex_sumo.behaviors.learned.networks.nets import KINDS, GraphImageNet, Net
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
-from scex_sumo.behaviors.learned.seen.inputs import PATH_COLUMNS, PathInputs, path_inputs
+from scex_sumo.behaviors.learned.seen.inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
 from scex_sumo.behaviors.learned.seen.raster import raster_of
 from scex_sumo.behaviors.learned.weights import load_weights, sha256_of
 from scex_sumo.behaviors.models.path_follower import follow_path
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.derived import derived
 from scex_sumo.errors import InputError
-from scex_sumo.kept import kept, our_modules
+from scex_sumo.kept import kept
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
 
 OUTPUT_GRID = 2.0**-10  # m/s² and m: what is left of the order of sums is rounded away, see `layers`
 DRAW_DIGITS = 2.0**20  # modes are drawn with the digits of `route_draw` that paths do not use
-STANDING_MPS, STOPPING_MPS2 = 0.5, -1.0
+STOPPING_MPS2 = -1.0
 START_M, START_LIKELY = 1.0, 0.5  # who stands starts where this way in 3 s is so probable
 WAITS_STEPS = 30  # and so long only behind one that moves
 SPEED, LEADER, LEADER_SPEED = (PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_speed"))
@@ -60,7 +60,7 @@ def image_of(road: Road, net: GraphImageNet, kept_as: str) -> MapImage:
     def make() -> bytes:
         return net.image.features_of(raster).astype(np.float32).tobytes()  # exact, on their grid
 
-    made_of = pickle.dumps((our_modules(), np.__version__, kept_as, road))
+    made_of = pickle.dumps((kept_as, road))
     features = np.frombuffer(kept("images", made_of, make), np.float32).astype(np.float64)
     return MapImage.of(raster, features.reshape(FEATURES, -(-raster.values.shape[1] // STRIDE), -1))
 

@@ -246,12 +246,12 @@ def _acceleration(
     first, last = row * paths.samples, paths.samples - 1
     ahead = REAR_AXLE_SHARE * history.scene.length[who.vehicle]
     shown = shown_by(history.scene)
-    habit = (shown.speed[who.vehicle], shown.acceleration[who.vehicle])
-    stood = habit[0] < STANDING_MPS
+    motion = (shown.speed[who.vehicle], shown.acceleration[who.vehicle])
+    stood = motion[0] < STANDING_MPS
     headway = headway_kept(history.states.speed[who.child, who.vehicle, -1], leaders, drivers)
     profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=drivers.braking)
     away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
-    crawl = np.minimum(habit[0] * drivers.crawl, STANDING_MPS)
+    crawl = np.minimum(motion[0] * drivers.crawl, STANDING_MPS)
 
     def at(s: FloatArray) -> IntArray:
         return first + np.clip((s + ahead) * (1 / DS_M), 0, last).astype(np.int64)
@@ -260,7 +260,7 @@ def _acceleration(
         time_s = (history.step + step) * STEP_S
         limit = wished[at(s)]
         # What a standing vehicle shows is no habit.
-        desired = np.where(stood, limit, desired_speed(CALIBRATED, limit, v, *habit, time_s))
+        desired = np.where(stood, limit, desired_speed(CALIBRATED, limit, v, *motion, time_s))
         gap = away + leaders.speed * (step * STEP_S) - travelled
         curve = curves[at(s + v * CURVE_TIME_S)]
         asked = asked_acceleration(profile, v, desired, gap, leaders.speed, curve)

@@ -18,8 +18,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from scex_sumo.converters.net.lane_table import LaneTable
 from scex_sumo.converters.net.sumo_net import SumoNet, net_file
 from scex_sumo.files import cache_folder
@@ -54,7 +52,7 @@ def converted(road: Road, net_path: Path, *, keep: bool = True) -> SumoNet:
 
 
 def _key(road: Road) -> str:
-    made_by = (__version__, np.__version__, version("shapely"), our_modules())
+    made_by = (__version__, version("shapely"), our_modules())
     return hashlib.sha256(pickle.dumps((made_by, road))).hexdigest()
 
 
