@@ -33,6 +33,8 @@ _CONNECT_S = 20
 _ASK_S = 2.0  # how often the number of workers is looked up
 _AHEAD = 2
 """Tasks for each thread of the cluster: one that runs, one that waits for it."""
+_TALKATIVE = ("distributed", "distributed.client", "tornado", "tornado.application", "asyncio")
+"""Loggers that have a level of their own, and tell of a scheduler that goes away."""
 
 
 class MomentWorkers(Protocol):
@@ -105,8 +107,8 @@ class DaskWorkers:
                 "--cluster: distributed is not installed; pip install 'scex-sumo[cluster]'"
             ) from None
         _check_reachable(address)
-        # Its tracebacks; what is wrong is said here in one line.
-        logging.getLogger("distributed.client").setLevel(logging.CRITICAL + 1)
+        for name in _TALKATIVE:  # with tracebacks; what is wrong is said here in one line
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         try:
             self._client: Client = Client(address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:  # a timeout is an OSError
