@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -45,12 +46,22 @@ def safe_speed(
     return np.maximum(speed, 0.0)
 
 
+@runtime_checkable
+class Steers(Protocol):
+    """A model that can steer clear of who is beside it."""
+
+    def clear_of_others(self) -> Behavior:
+        """The same model, one that does."""
+        ...
+
+
 class Guarded:
     """Any model, driven no faster than it could stop for others.
 
     The plan's way is kept; along it the speed stays below `safe_speed` of every leader in the swept corridor
-    and of every crossing that another vehicle reaches first. What the others will do is taken from the
-    history alone, so a plan does not depend on who else plans in the same call.
+    and of every crossing that another vehicle reaches first. A model that `Steers` goes a way that keeps
+    clear of who is beside it. What the others will do is taken from the history alone, so a plan does not
+    depend on who else plans in the same call.
     """
 
     def __init__(self, model: Behavior, profile: GuardProfile | None = None) -> None:
@@ -59,7 +70,7 @@ class Guarded:
         Args:
             profile: the guard's parameters; None takes the defaults.
         """
-        self.model = model
+        self.model = model.clear_of_others() if isinstance(model, Steers) else model
         self.profile = profile or GuardProfile()
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
