@@ -67,7 +67,7 @@ class _Boxes:
         )
 
 
-def room_beside(
+def offsets_beside(
     history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """(n, H + 1) least and most offset from the path, m; infinite where nobody is beside the vehicle.

@@ -8,7 +8,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
-from scex_sumo.behaviors.learned.beside import reached, room_beside
+from scex_sumo.behaviors.learned.beside import offsets_beside, reached
 from scex_sumo.behaviors.learned.seen.surface import path_room
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -57,7 +57,7 @@ def plan_along(
         half = history.scene.width[who.vehicle] / 2 + EDGE_MARGIN_M
         least, most = bounds_along(road, paths, row, s, way, half)
         if clear:
-            right, left = room_beside(history, who, paths, row, s, way)
+            right, left = offsets_beside(history, who, paths, row, s, way)
             least, most = _met(np.maximum(least, right), np.minimum(most, left))
         # Smoothed once it is bounded, so that the vehicle is not still on its way out at the edge; and not
         # bounded again, for bounds jump by centimetres, and what is steered is their second derivative.
