@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,9 +15,15 @@ Tick = Callable[[int, int], None]
 
 
 def warn(notes: Iterable[str]) -> None:
-    """Print what the reader should know, one line each."""
+    """Print what the reader should know, one line each, which a terminal breaks between words."""
     for note in notes:
-        print(f"note: {one_line(note)}", file=sys.stderr)
+        line = f"note: {one_line(note)}"
+        wide = shutil.get_terminal_size().columns if sys.stderr.isatty() else len(line)
+        print(
+            *textwrap.wrap(line, wide, subsequent_indent="  ", break_on_hyphens=False),
+            sep="\n",
+            file=sys.stderr,
+        )
 
 
 @contextmanager

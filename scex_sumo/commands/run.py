@@ -204,7 +204,11 @@ def _tell(run: Run) -> None:
 
 
 def _worst_option(run: Run) -> dict[str, Any]:
-    """The option of ``view`` that shows the child most worth a look; any, where no metric is defined."""
+    """The option of ``view`` that shows what is most worth a look: an encounter, a child, or any child."""
+    from scex_sumo.reports.tables.runs import worst_encounters
+
+    if worst := worst_encounters(run):
+        return {"encounter": f"{worst[0]['track_id']},{worst[0]['other_id']}"}
     defined = [column for column in ("ttc", "wttc") if len(run.samples(column))]
     return {"critical": defined[0]} if defined else {"child": 0}
 
