@@ -48,7 +48,7 @@ def convert_command(
         str | None, Option(metavar="CODE", help="Whose speed limits hold where the map gives none, e.g. us.")
     ] = None,
 ) -> None:
-    """Convert a Lanelet2 or CommonRoad map to a SUMO net and judge it, or judge a net against its map."""
+    """Convert a map to a SUMO net and judge it, or judge a net."""
     source = check_map or map_path
     if check is not None and source is None:
         raise UsageError("--check: needs the map too, with --map MAP.osm")

@@ -33,7 +33,7 @@ def inspect_command(
         Path | None, Option("-o", "--out", metavar="FILE.html", help="Write a page with the map as well.")
     ] = None,
 ) -> None:
-    """List the moments of a recording, or the vehicles of one of them, to choose --time and --assign."""
+    """List the moments of a recording, or the vehicles of one."""
     from rich.console import Console
 
     from scex_sumo.converters.datasets.recordings import load_recording, recording_moments, seed_at

@@ -101,7 +101,7 @@ def run_command(
     overwrite: Overwrite = False,
     out: ResultPath = None,
 ) -> None:
-    """Let one moment of traffic run on many times, and measure every child scenario."""
+    """Let one moment of traffic run on many times, and judge it."""
     from scex_sumo.behaviors.registry import parse_models
     from scex_sumo.extrapolation.extrapolate import extrapolate, load_for
     from scex_sumo.extrapolation.reference import add_reference, begin_reference, drop_reference

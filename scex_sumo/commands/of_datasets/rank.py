@@ -54,7 +54,7 @@ def rank_command(
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)
     ] = Path("out") / "ranking",
 ) -> None:
-    """Run all moments of a dataset, and rank them: which are worth testing."""
+    """Rank the moments of a dataset: which are worth testing."""
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.ranking.rank import rank
 

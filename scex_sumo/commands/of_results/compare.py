@@ -40,7 +40,7 @@ def compare_command(
         Path | None, Option("-o", "--out", metavar="FOLDER", help="Write tables and a page to look at here.")
     ] = None,
 ) -> None:
-    """Compare seed scenes by the densities of their metrics: distances, groups, nearest neighbours."""
+    """Compare seed scenes by the densities of their metrics."""
     from scex_sumo.reports.tables.comparison import comparison_lines
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
