@@ -94,7 +94,9 @@ def run_command(
     ] = True,
     world: Annotated[
         str,
-        Option(metavar="sumo|plain|checked", help="plain: arrays, where SUMO drives nobody; or seen to do."),
+        Option(
+            metavar="sumo|plain|checked", help="plain: arrays in SUMO's place; checked: and compared with it."
+        ),
     ] = "sumo",
     cache: Cache = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = True,

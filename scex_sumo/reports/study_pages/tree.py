@@ -8,7 +8,7 @@ from scex_sumo.reports.page.html import Html, element
 from scex_sumo.statistics.grouping import Grouping
 from scex_sumo.studies.compare import Comparison
 
-_TREE_PX, _ROW_PX, _LETTER_PX, _GAP_PX = 170, 24, 6.6, 8
+_TREE_PX, _ROW_PX, _LETTER_PX, _GAP_PX = 170, 24, 7.4, 8
 _NUMBERS_UP_TO = 20
 """Runs whose distances are written into the matrix."""
 _COLORS = 6
