@@ -64,9 +64,10 @@ def print_line(text: str, console: Console) -> None:
 
 
 def always_critical(run: Run) -> list[str]:
-    """Printed names of the metrics that are critical in every child, as many are where traffic waits."""
+    """Printed names of the metrics that are critical in every child, the likely ones too."""
     columns = [c for c in critical_columns(run.columns) if c in run.thresholds]
-    return [metric_of(c).words for c in columns if run.p_critical(c).value == 1.0]
+    both = [one for one in (run, run.reference) if one is not None]
+    return [metric_of(c).words for c in columns if all(one.p_critical(c).value == 1.0 for one in both)]
 
 
 def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -> None:

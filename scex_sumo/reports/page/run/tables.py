@@ -101,10 +101,7 @@ def collision_share(run: Run) -> dict[str, Any] | None:
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     """Rows of ``encounters.parquet`` with ``words``, the ``pair`` by index, a ``child`` and its ``step``."""
     where = {int(track): index for index, track in enumerate(track_ids)}
-    of, near = (
-        "Share of the children; a click on a row shows one of them",
-        "Least gap of the two in the nearest",
-    )
+    of = "Share of the children; a click on a row shows one of them"
     columns = [
         {"title": "pair"},
         {"title": "P(collision)", "as": "percent", "down": True, "hint": of},
@@ -113,8 +110,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
             {"title": f"P({q.upper()})", "as": "percent", "down": True, "hint": f"{QUESTIONS[q]}. {of}"}
             for q in ("ttc", "pet", "drac")
         ),
-        {"title": "gap 5 %", "as": "metres", "hint": f"{near} 5 % of the children; none above 10 m"},
-        {"title": "gap 50 %", "as": "metres", "hint": f"{near} half of the children; none above 10 m"},
+        {"title": "gap", "as": "metres", "hint": "Least gap in the nearest 5 % of the children; up to 10 m"},
         {"title": "after", "as": "seconds"},
     ]
     rows = [
@@ -123,7 +119,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 f"{row['track_id']} → {row['other_id']}",
                 _short(row["collision"]),
                 f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %",
-                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05", "gap_p50")),
+                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05")),
                 round(row["time_s"], 1),
             ],
             "words": in_words(row),
