@@ -129,17 +129,12 @@ def _sizes(text: str) -> tuple[int, ...]:
 def _answers(rows: list[dict[str, Any]]) -> Iterator[str]:
     """How far the shares of samples are from those of all assignments, for each design and size."""
     for design, size in dict.fromkeys((row["design"], row["size"]) for row in rows):
-        known = [
-            row
-            for row in rows
-            if (row["design"], row["size"]) == (design, size) and row["ks_p95"] is not None
-        ]
-        if known:
-            worst = max(known, key=lambda row: float(row["ks_p95"]))
-            middle = median(row["ks_p95"] for row in known)
+        part = [row for row in rows if (row["design"], row["size"]) == (design, size)]
+        if ks := {row["metric"]: row["ks_p95"] for row in part if row["ks_p95"] is not None}:
+            worst = max(ks, key=ks.__getitem__)
             yield (
-                f"{size} children, {design}: 95 % of samples have shares right within {middle:.2f}; "
-                f"{worst['metric']} within {worst['ks_p95']:.2f}"
+                f"{size} children, {design}: 95 % of samples have shares right within "
+                f"{median(ks.values()):.2f}; {worst} within {ks[worst]:.2f}"
             )
 
 

@@ -67,13 +67,8 @@ def _branches(grouping: Grouping, noise: float, height: int) -> list[Html]:
     found = []
     if noise == noise and noise > 0:
         x = x_of(noise)
-        box: dict[str, str | int] = {
-            "x": f"{x:.1f}",
-            "y": 0,
-            "width": f"{_TREE_PX - x:.1f}",
-            "height": height,
-        }
-        found.append(element("rect.chance", element("title", "by chance"), **box))
+        box: dict[str, str | int] = {"x": f"{x:.1f}", "width": f"{_TREE_PX - x:.1f}", "height": height}
+        found.append(element("rect.chance", element("title", "by chance"), y=0, **box))
     for step, (one, two, at, _) in enumerate(grouping.linkage):
         parts, joined = (int(one), int(two)), count + step
         same = group[parts[0]] if group[parts[0]] == group[parts[1]] else 0

@@ -34,18 +34,8 @@ def print_encounters(run: Run, console: Console, *, most: int) -> None:
         caption="→: hits or follows; shares of all children; gap: the least in the nearest 5 % of them",
         caption_justify="left",
     )
-    for name in (
-        "pair",
-        "place",
-        "collides",
-        "95 %",
-        "TTC",
-        "PET",
-        "DRAC",
-        "any",
-        "gap [m]",
-        "mostly driven by",
-    ):
+    heads = ("pair", "place", "collides", "95 %", "TTC", "PET", "DRAC", "any", "gap [m]", "mostly driven by")
+    for name in heads:
         if name == "mostly driven by":
             table.add_column(name, overflow="fold")
         else:

@@ -32,13 +32,12 @@ def print_summary(run: Run, console: Console) -> None:
 
 def answer_lines(run: Run) -> list[str]:
     """How often two vehicles collide, who they are, and what is critical whoever drives."""
-    lines = []
-    if run.outcomes:
-        share = run.p_collision.percent
-        lines.append(f"possible: a collision in {share} of children, driven as any of the models")
-    if run.outcomes and run.reference is not None:
-        share = run.reference.p_collision.percent
-        lines.append(f"likely: a collision in {share} of children, driven as people were recorded")
+    both = (("possible", run, "any of the models"), ("likely", run.reference, "people were recorded"))
+    lines = [
+        f"{name}: a collision in {one.p_collision.percent} of children, driven as {how}"
+        for name, one, how in both
+        if one is not None and one.outcomes
+    ]
     if always := always_critical(run):
         lines.append(f"critical in every child, whoever drives: {', '.join(always)}")
     if worst := worst_encounters(run):
@@ -50,8 +49,7 @@ def answer_lines(run: Run) -> list[str]:
 
 def worst_encounters(run: Run) -> list[dict[str, Any]]:
     """The most critical pairs of vehicles; none that is critical in no child."""
-    there = (run.folder / ENCOUNTERS).is_file()
-    rows = run.encounters.slice(0, WORST).to_pylist() if there else []
+    rows = run.encounters.slice(0, WORST).to_pylist() if (run.folder / ENCOUNTERS).is_file() else []
     return [row for row in rows if row["critical"] > 0]
 
 
@@ -163,9 +161,9 @@ def _shares(share: Interval) -> tuple[str, str]:
 def _recorded_overlaps(run: Run) -> str:
     """Recorded boxes that overlap are no collisions; how many pairs there are is said in their place."""
     known = run.info.get("recorded")
-    return (
-        "–" if known is None else counted(len(known["overlaps"]), "overlap") if known["overlaps"] else "none"
-    )
+    if known is not None and not known["overlaps"]:
+        return "none"
+    return "–" if known is None else counted(len(known["overlaps"]), "overlap")
 
 
 def counted(count: int, noun: str) -> str:

@@ -29,12 +29,10 @@ def print_under_test(tested: UnderTest, console: Console) -> None:
 
 def verdict(tested: UnderTest) -> str:
     """How often the vehicles under test collide, with their models and without."""
-    found = tested.difference(COLLISION)
-    assert found.p_critical is not None and found.baseline_p_critical is not None
-    return (
-        f"under test, {tested.label}: collides in {found.p_critical.percent} of the children, "
-        f"in {found.baseline_p_critical.percent} if driven as drawn"
-    )
+    one, other = tested.p_critical(COLLISION), tested.p_critical(COLLISION, "baseline")
+    assert one is not None and other is not None
+    shares = f"{one.percent} of the children, in {other.percent} if driven as drawn"
+    return f"under test, {tested.label}: collides in {shares}"
 
 
 def under_test_table(tested: UnderTest) -> Table:

@@ -115,13 +115,13 @@ def _encounter_card(info: Mapping[str, Any]) -> Html:
         for number, row in enumerate(info["encounters"]["rows"][:_WORST])
         if row["critical"]
     ]
-    if not buttons:
-        shown = [element("p", "Nobody meets anybody critically.")]
-    else:
-        about = "Who hits or follows → whom (how, where, after what time). A click shows it."
-        shown = [element("p.soft", about), element("ol", *buttons)]
-    tested = [element("p", info["tested"])] if info["tested"] else []
-    return element("div.card", element("h2", "Worst encounters"), *shown, *tested)
+    about = "Who hits or follows → whom (how, where, after what time). A click shows it."
+    parts = [
+        element("p.soft", about if buttons else "Nobody meets anybody critically."),
+        element("ol", *buttons),
+    ]
+    parts += [element("p", info["tested"])] if info["tested"] else []
+    return element("div.card", element("h2", "Worst encounters"), *parts)
 
 
 def _legend(info: Mapping[str, Any]) -> Html:
