@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
-import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,15 +13,21 @@ Tick = Callable[[int, int], None]
 
 
 def warn(notes: Iterable[str]) -> None:
-    """Print what the reader should know, one line each, which a terminal breaks between words."""
+    """Print what the reader should know, one line each."""
     for note in notes:
-        line = f"note: {one_line(note)}"
-        wide = shutil.get_terminal_size().columns if sys.stderr.isatty() else len(line)
-        print(
-            *textwrap.wrap(line, wide, subsequent_indent="  ", break_on_hyphens=False),
-            sep="\n",
-            file=sys.stderr,
-        )
+        tell(f"note: {note}")
+
+
+def tell(words: str) -> None:
+    """Print to standard error in one line, which a terminal breaks between words."""
+    lines = [one_line(words)]
+    if sys.stderr.isatty():
+        from shutil import get_terminal_size
+        from textwrap import wrap
+
+        wide = get_terminal_size().columns
+        lines = wrap(lines[0], wide, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+    print(*lines, sep="\n", file=sys.stderr)
 
 
 @contextmanager

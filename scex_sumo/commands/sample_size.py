@@ -6,7 +6,6 @@ import sys
 import time as clock
 from collections.abc import Iterator
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
@@ -128,13 +127,15 @@ def _sizes(text: str) -> tuple[int, ...]:
 
 def _answers(rows: list[dict[str, Any]]) -> Iterator[str]:
     """How far the shares of samples are from those of all assignments, for each design and size."""
+    from numpy import median
+
     for design, size in dict.fromkeys((row["design"], row["size"]) for row in rows):
         part = [row for row in rows if (row["design"], row["size"]) == (design, size)]
         if ks := {row["metric"]: row["ks_p95"] for row in part if row["ks_p95"] is not None}:
             worst = max(ks, key=ks.__getitem__)
             yield (
                 f"{size} children, {design}: 95 % of samples have shares right within "
-                f"{median(ks.values()):.2f}; {worst} within {ks[worst]:.2f}"
+                f"{median([*ks.values()]):.2f}; {worst} within {ks[worst]:.2f}"
             )
 
 
