@@ -99,7 +99,7 @@ class _Corridors:
         """Pairs whose boxes meet: flat index of path and other, index into (2P, C, T), widest offset."""
         scenes = self.scenes
         ends = octagon(self.last[0] + self.last[2], self.last[1] + self.last[3])
-        ahead = self.paths.boxes_ahead()
+        ahead = self.paths.boxes_ahead
         low, high = np.minimum(ahead[:, 0], ends), np.maximum(ahead[:, 1], ends)
         half = np.broadcast_to(scenes.width / 2, scenes.x.shape)
         # Twice the reach covers the octagon's diagonal directions too.
