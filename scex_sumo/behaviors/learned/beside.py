@@ -81,15 +81,13 @@ def offsets_beside(
         s: (n,) arc length of its centre now, m.
         way: (n, H + 1) further way now and after each step, m.
     """
-    everybody, scene = everyone(history), history.scene
-    states, theirs = history.now[who.child, who.vehicle], everybody.states[who.child]
-    near = np.hypot(theirs.x - states.x[:, None], theirs.y - states.y[:, None]) < NEAR_M
-    near &= everybody.present[who.child]
-    near[np.arange(len(who)), who.vehicle] = False
-    i, j = np.nonzero(near)
-    size = scene.length[who.vehicle[i]], scene.width[who.vehicle[i]]
-    own = _Boxes.of(paths, row[i], s[i], states[i], *size)
-    other = _Boxes.of(paths, row[i], s[i], theirs[i, j], everybody.length[j], everybody.width[j])
+    (i, j), everybody = _near(history, who), everyone(history)
+    own, other = (
+        _Boxes.of(
+            paths, row[i], s[i], everybody.states[who.child[i], k], everybody.length[k], everybody.width[k]
+        )
+        for k in (who.vehicle[i], j)
+    )
     side = np.where(other.offset > own.offset, 1.0, -1.0)
     t: FloatArray = STEP_S * np.arange(way.shape[1], dtype=np.float64)
     ahead = (other.s - own.s)[:, None] + other.ahead[:, None] * t - way[i]
@@ -105,6 +103,17 @@ def offsets_beside(
     np.minimum.at(most, i[left], own.offset[left, None] + room[left])
     np.maximum.at(least, i[right], own.offset[right, None] - room[right])
     return least, most
+
+
+def _near(history: SceneHistory, who: Who) -> tuple[IntArray, IntArray]:
+    """(p,) which of the vehicles, and (p,) the column of one who is near it."""
+    everybody = everyone(history)
+    own, theirs = history.now[who.child, who.vehicle], everybody.states[who.child]
+    near = np.hypot(theirs.x - own.x[:, None], theirs.y - own.y[:, None]) < NEAR_M
+    near &= everybody.present[who.child]
+    near[np.arange(len(who)), who.vehicle] = False
+    i, j = np.nonzero(near)
+    return i, j
 
 
 def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: FloatArray) -> FloatArray:

@@ -54,11 +54,7 @@ def plan_along(
     if road is None:
         wanted = _smoothed(wanted)
     else:
-        half = history.scene.width[who.vehicle] / 2 + EDGE_MARGIN_M
-        least, most = bounds_along(road, paths, row, s, way, half)
-        if clear:
-            right, left = offsets_beside(history, who, paths, row, s, way)
-            least, most = _met(np.maximum(least, right), np.minimum(most, left))
+        least, most = _bounds(history, who, paths, row, s, way, road, clear=clear)
         # Smoothed once it is bounded, so that the vehicle is not still on its way out at the edge; and not
         # bounded again, for bounds jump by centimetres, and what is steered is their second derivative.
         wanted = _smoothed(np.clip(wanted, least, most))
@@ -66,6 +62,25 @@ def plan_along(
     wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(wanted, way)
 
     return drive(history, who, paths, row, lambda step, *_: acceleration[:, step], steps=steps, aside=wanted)
+
+
+def _bounds(
+    history: SceneHistory,
+    who: Who,
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    way: FloatArray,
+    road: Road,
+    *,
+    clear: bool,
+) -> tuple[FloatArray, FloatArray]:
+    half = history.scene.width[who.vehicle] / 2 + EDGE_MARGIN_M
+    least, most = bounds_along(road, paths, row, s, way, half)
+    if not clear:
+        return least, most
+    right, left = offsets_beside(history, who, paths, row, s, way)
+    return _met(np.maximum(least, right), np.minimum(most, left))
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:
