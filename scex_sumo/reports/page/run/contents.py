@@ -19,11 +19,12 @@ from scex_sumo.reports.page.run.tables import (
     collision_share,
     encounter_table,
     event_table,
-    likely_collisions,
     metric_values,
 )
 from scex_sumo.reports.page.svg import ticks
 from scex_sumo.reports.page.tracks import POSITION_M, UniqueTracks, unique_tracks, whole_tracks
+from scex_sumo.reports.tables.runs import always_critical
+from scex_sumo.reports.tables.under_test import verdict
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH
@@ -106,7 +107,9 @@ def _words(
         "encounters": encounter_table(run, track_ids),
         "events": event_table(run, track_ids, [metric["side"] for metric in metrics]),
         "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
-        "likely_collisions": likely_collisions(run),
+        "likely_collisions": None if run.reference is None else collision_share(run.reference),
+        "always": always_critical(run),
+        "tested": verdict(run.under_test) if run.baseline is not None and run.info.get("under_test") else "",
     }
 
 
