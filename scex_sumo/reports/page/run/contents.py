@@ -50,8 +50,9 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     track_ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
     levels, models = _assignment(run, len(track_ids))
     metrics = [metric_words(run, column) for column in run.columns]
-    curves, numbers = densities_of(run), effective_numbers(run, [metric["side"] for metric in metrics])
-    likely = None if run.reference is None else densities_of(run.reference)
+    curves = densities_of(run, run.columns)
+    numbers = effective_numbers(run, [metric["side"] for metric in metrics])
+    likely = None if run.reference is None else densities_of(run.reference, run.columns)
     for metric, number in zip(metrics, numbers, strict=True):
         metric |= {"numbers": number, **curve_words(curves, likely, metric["column"])}
     views = {metric["column"]: metric["view"] for metric in metrics}
@@ -65,7 +66,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
         **curve_arrays(curves, "curve", views),
         **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
     }
-    if run.reference is not None:
+    if run.reference is not None and likely is not None:
         arrays["likely"] = metric_values(run.reference.metrics, run.columns)
         arrays |= curve_arrays(likely, "likely", views)
     box = _box(tracks)
