@@ -17,7 +17,9 @@ from scex_sumo.behaviors.models.idm import (
     HABIT_STEPS,
     IdmParameters,
     desired_speeds,
+    free_share,
     idm_acceleration,
+    leader_share,
 )
 from scex_sumo.behaviors.models.population import FAR_M, MOST_ASIDE_M, Population
 from scex_sumo.derived import derived
@@ -76,9 +78,8 @@ def asked_acceleration(
     """(n,) acceleration that the situation asks of a driver: the least of free road, leader and curve.
 
     The sum of the first two, as in the Intelligent Driver Model, makes who keeps to its speed behind a leader
-    fall back from it; people keep their distance. Nor do they brake for being too near alone: no harder than
-    it takes to get down to the leader's speed before the least gap, but for `HASTE_MPS2`. Before curves they
-    brake as ``calibrated_driver`` does.
+    fall back from it; people keep their distance. Nor do they brake harder than it takes to be as slow as the
+    leader at the least gap, but for `HASTE_MPS2`. Before curves they brake as ``calibrated_driver`` does.
 
     Args:
         profile: the drivers.
@@ -88,17 +89,16 @@ def asked_acceleration(
         leader_speed: (n,) m/s along the path.
         curve_speed: (n,) what the curves ahead allow where the vehicle will be in a moment, m/s.
 
-    Source: the least of both, Treiber and Kesting 2013, section 11.3; braking bounded by what it takes, after
-    the constant-acceleration heuristic of Kesting, Treiber, Helbing 2010.
+    Source: the least of both, Treiber and Kesting 2013, section 11.3; what it takes, Kesting et al. 2010.
     """
-    free = idm_acceleration(profile, speed, desired_speed, np.full_like(gap, np.inf), leader_speed)
-    following = idm_acceleration(profile, speed, np.full_like(gap, np.inf), gap, leader_speed)
-    closing = np.maximum(speed - leader_speed, 0.0)
-    needed = -(closing**2) / (2 * np.maximum(gap - profile.minimum_gap, LEAST_ROOM_M))
+    free = profile.max_acceleration * free_share(speed, desired_speed)
+    following = profile.max_acceleration * (1 - leader_share(profile, speed, gap, leader_speed))
+    room = np.maximum(gap - profile.minimum_gap, LEAST_ROOM_M)
+    needed = -(np.maximum(speed - leader_speed, 0.0) ** 2) / (2 * room)
     beyond = np.maximum(needed - following, 0.0)
     following += beyond - HASTE_MPS2 * np.tanh(beyond / HASTE_MPS2)
     slowing = np.maximum((curve_speed - speed) / CURVE_TIME_S, -CALIBRATED.comfort_deceleration)
-    return np.minimum(np.minimum(free, following), slowing)
+    return np.minimum(np.maximum(np.minimum(free, following), -profile.max_deceleration), slowing)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
