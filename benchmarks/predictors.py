@@ -14,7 +14,7 @@ Test part: the last fifth of each recording, at least 1 s after what validation 
 recordings are too short to be cut, the files of `recorded_scenes.NGSIM_TEST`. Nothing of Peachtree is trained
 on. Vehicles with 1 s of recorded past and 3 s of recorded future, those that move and those that stand apart.
 Errors are those of the plan that the model drives, means over vehicles. Closed loop: all vehicles of a scene,
-put off by up to 0.7 m and 5 degrees, driven by the model for 10 s.
+put off by up to 0.7 m and 5 degrees, driven by the model for 10 s; with the guard also from where they were.
 """
 
 from __future__ import annotations
@@ -153,27 +153,24 @@ def measure_errors(scenes: Sequence[measures.TestScene], model: Behavior | str) 
     return sums
 
 
-def measure_loop(scenes: Sequence[measures.TestScene], model: Behavior) -> dict[str, Any]:
-    """Counts by site: vehicles driven, that left the road, that collided, that braked or accelerated hard."""
+def measure_loop(
+    scenes: Sequence[measures.TestScene], model: Behavior | None, *, perturbs: bool = True
+) -> dict[str, Any]:
+    """Counts by site: vehicles driven, that left the road, that collided, that braked or accelerated hard.
+
+    Args:
+        model: None for what was recorded.
+        perturbs: starts are perturbed ones.
+    """
     sums: dict[str, Any] = {}
     for test in scenes:
-        _count(sums, test, measures.closed_loop(test, model))
-    return sums
-
-
-def _count(sums: dict[str, Any], test: measures.TestScene, found: measures.Loop) -> None:
-    entry = sums.setdefault(f"{place(test.site)}|{test.site}", [0, 0, 0, 0])
-    for k, flags in enumerate((found.driven, found.left, found.collided, found.hard)):
-        entry[k] += int((flags & found.driven).sum())
-
-
-def recorded_loop(scenes: Sequence[measures.TestScene]) -> dict[str, Any]:
-    """The same counts of what was recorded, as long as it was (at most 5 s), not perturbed."""
-    sums: dict[str, Any] = {}
-    for test in scenes:
-        seed = test.scene
-        assert seed.future is not None
-        _count(sums, test, measures.judged(seed, test.road, seed.future))
+        if model is None:
+            found = measures.recorded_motion(test, perturbs=perturbs)
+        else:
+            found = measures.closed_loop(test, model, perturbs=perturbs)
+        entry = sums.setdefault(f"{place(test.site)}|{test.site}", [0, 0, 0, 0])
+        for k, flags in enumerate((found.driven, found.left, found.collided, found.hard)):
+            entry[k] += int((flags & found.driven).sum())
     return sums
 
 
@@ -245,7 +242,8 @@ def main() -> None:
         for scene in measures.test_scenes(recording, every.get(place(recording.site), often))
     ]
     if looped:
-        results.add("loop|recorded", lambda: recorded_loop(scenes))
+        results.add("loop|recorded", lambda: measure_loop(scenes, None))
+        results.add("calm|recorded", lambda: measure_loop(scenes, None, perturbs=False))
     else:
         for name in YARDSTICKS:
             results.add(f"errors|{name}", lambda: measure_errors(scenes, name))  # noqa: B023
@@ -257,7 +255,11 @@ def main() -> None:
             results.add(f"errors|{name}", lambda: measure_errors(some, make()))  # noqa: B023
         elif not site:
             results.add(f"loop|{name}", lambda: measure_loop(some, make()))  # noqa: B023
-            results.add(f"loop|{name}+guard", lambda: measure_loop(some, Guarded(make())))  # noqa: B023
+            for part, perturbs in (("loop", True), ("calm", False)):
+                results.add(
+                    f"{part}|{name}+guard",
+                    lambda: measure_loop(some, Guarded(make()), perturbs=perturbs),  # noqa: B023
+                )
 
 
 if __name__ == "__main__":

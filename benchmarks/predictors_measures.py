@@ -23,12 +23,14 @@ from scex_sumo.training.closed_loop import drive_all
 from scex_sumo.training.data.dataset import part_scenes
 from scex_sumo.training.data.perturb import Perturbation, perturbed
 from scex_sumo.training.data.split import Split
+from scex_sumo.training.data.targets import smooth_return
 
 MOVING_MPS = 0.5
 CHANGE_MPS = 3.0
 GUESSES = 6
 LOOP_STEPS = 100
 LOOK_STEPS = 5  # leaving the road is looked for every half second
+STANDING_M = 0.01  # per step
 OUTSIDE = 0.15  # of the box
 HARD_MPS2 = 6.0
 
@@ -148,7 +150,8 @@ class Loop:
     Attributes:
         driven: vehicles that were on the mapped road at the beginning.
         left: more than `OUTSIDE` of the box off the drivable surface, after it had been on it.
-        collided: the box overlapped another's, those that overlapped at the start left out.
+        collided: the box overlapped another's; pairs that overlapped at the start, or were recorded so, as a
+            car and its trailer, left out.
         hard: the speed changed by more than `HARD_MPS2` for a step.
     """
 
@@ -164,18 +167,54 @@ def perturbed_start(test: TestScene) -> SeedScene:
     return replace(test.scene, history=perturbed(test.scene.history, Perturbation(), rng))
 
 
-def closed_loop(test: TestScene, model: Behavior) -> Loop:
-    """Let a model drive all vehicles of a scene for 10 s from perturbed starts, a new plan every 0.5 s."""
-    start = perturbed_start(test)
+def closed_loop(test: TestScene, model: Behavior, *, perturbs: bool) -> Loop:
+    """Let a model drive all vehicles of a scene for 10 s, a new plan every 0.5 s."""
+    start = perturbed_start(test) if perturbs else test.scene
     states = drive_all(start, test.road, model, steps=LOOP_STEPS)[0].swapaxes(0, 1)
-    return judged(start, test.road, states)
+    return judged(test, start, states)
 
 
-def judged(scene: SeedScene, road: Road, states: States) -> Loop:
-    """What (V, T) states are, from the seed scene on.
+def recorded_motion(test: TestScene, *, perturbs: bool) -> Loop:
+    """What was recorded, as long as it was (at most 5 s); from a perturbed start, on the way back to it.
+
+    The way back is the one that networks are taught.
+    """
+    scene, future = test.scene, test.scene.future
+    assert future is not None
+    if not perturbs:
+        return judged(test, scene, future)
+    start = perturbed_start(test)
+    now, put = scene.now, start.now
+    cos, sin = np.cos(now.heading), np.sin(now.heading)
+    aside = cos * (put.y - now.y) - sin * (put.x - now.x)
+    slope = np.tan(put.heading - now.heading)
+    step = np.hypot(
+        np.diff(future.x, axis=1, prepend=now.x[:, None]), np.diff(future.y, axis=1, prepend=now.y[:, None])
+    )
+    off = smooth_return(aside, slope, now.speed, np.cumsum(step, axis=1))
+    turned = np.arctan(_leaning(step, np.diff(off, axis=1, prepend=aside[:, None]), slope))
+    x, y = future.x - np.sin(future.heading) * off, future.y + np.cos(future.heading) * off
+    return judged(test, start, States(x=x, y=y, heading=future.heading + turned, speed=future.speed))
+
+
+def _leaning(step: FloatArray, change: FloatArray, slope: FloatArray) -> FloatArray:
+    """(V, T) way aside per way ahead, the last one of who stands; slope before all steps."""
+    moves = step > STANDING_M
+    lean = np.concatenate([slope[:, None], change / np.where(moves, step, 1.0)], axis=1)
+    last = np.maximum.accumulate(np.where(moves, np.arange(1, lean.shape[1]), 0), axis=1)
+    leaning: FloatArray = np.take_along_axis(lean, last, axis=1)
+    return leaning
+
+
+def judged(test: TestScene, scene: SeedScene, states: States) -> Loop:
+    """What (V, T) states are, from a start on.
 
     A vehicle counts as long as its box is on the mapped stretch of one of its paths: no road is drawn beyond.
+
+    Args:
+        scene: the start.
     """
+    road = test.road
     on_map = _on_map(scene, road, states)
     outside = np.stack(
         [_outside(surface_of(road), scene, states[:, k]) for k in range(0, states.shape[1], LOOK_STEPS)], 1
@@ -187,7 +226,7 @@ def judged(scene: SeedScene, road: Road, states: States) -> Loop:
     return Loop(
         driven=seed_paths(scene, road).on_road,
         left=((outside > OUTSIDE) & been & looked).any(1),
-        collided=_collided(scene, states, on_map),
+        collided=_collided(scene, test.scene, states, on_map),
         hard=hard.any(1),
     )
 
@@ -227,10 +266,10 @@ def _outside(surface: Surface, scene: SeedScene, states: States) -> FloatArray:
     return share
 
 
-def _collided(scene: SeedScene, states: States, counts: BoolArray) -> BoolArray:
+def _collided(scene: SeedScene, recorded: SeedScene, states: States, counts: BoolArray) -> BoolArray:
     """(V,) vehicles whose box comes to overlap another's at a step at which both count."""
     first, second = np.triu_indices(scene.vehicles, 1)
-    fresh = ~_overlap(scene, scene.now, first, second)
+    fresh = ~_overlap(scene, scene.now, first, second) & ~_overlap(scene, recorded.now, first, second)
     first, second = first[fresh], second[fresh]
     hit = np.zeros(scene.vehicles, dtype=np.bool_)
     reach = (np.hypot(scene.length, scene.width) / 2)[:, None]

@@ -17,6 +17,7 @@ WORDS = {
     "standing": "Vehicles that are standing at the moment",
     "changing": "Moving vehicles whose speed changes by more than 3 m/s in these 3 s",
 }
+STARTS = {"loop": "perturbed", "calm": "recorded"}
 ALONE = ("moving", "standing")  # every vehicle is in one of them
 
 
@@ -27,7 +28,11 @@ def place(site: str) -> str:
 
 def tables(numbers: Mapping[str, Any]) -> str:
     """All tables that the results allow."""
-    parts = (*(_errors(numbers, group) for group in WORDS), _left_out(numbers), _loops(numbers))
+    parts = (
+        *(_errors(numbers, group) for group in WORDS),
+        _left_out(numbers),
+        *(_loops(numbers, part) for part in STARTS),
+    )
     return "\n\n".join(part for part in parts if part)
 
 
@@ -102,14 +107,15 @@ def _left_out(numbers: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _loops(numbers: Mapping[str, Any]) -> str:
+def _loops(numbers: Mapping[str, Any], part: str) -> str:
     lines = [
-        "**10 s of closed loop, perturbed starts** (% of vehicles: leave the road / collide / |a| > 6 m/s²)",
+        f"**10 s of closed loop, {STARTS[part]} starts** "
+        "(% of vehicles: leave the road / collide / |a| > 6 m/s²)",
         "",
         "| driver | trainings | " + " | ".join(NAMES) + " |",
         "|---|---|" + "---|" * len(NAMES),
     ]
-    for name, runs in _runs(numbers, "loop").items():
+    for name, runs in _runs(numbers, part).items():
         cells = []
         for begin in NAMES:
             each = []

@@ -28,8 +28,9 @@ COMMANDS = {
     "four rule-based models": ["--models", "rules"],
     "the paper's six": ["--models", "paper"],
     "a run of one child": ["--children", "1"],
+    "a run of one child, --reference none": ["--children", "1", "--reference", "none"],
 }
-GOALS = {"four rule-based models": 1.0, "the paper's six": 2.0, "a run of one child": 0.3}
+GOALS = dict(zip(COMMANDS, (1.0, 2.0, 0.3, 0.3), strict=True))
 HERE = Path(__file__).resolve().parent
 STEPS, RANKED = 30, 32
 RANK = ["--models", "rules", "--every", "5", "--children", str(RANKED), "--first", str(RANKED)]

@@ -48,7 +48,7 @@ def overview() -> None:
     titles = {
         "scene": f"one moment, {run.children} futures of 3 s",
         "a": "mean of the closest distances [m]: density; dashed: recorded",
-        "b": "worst 1/TTC [1/s]: cumulative, with its 95 % band",
+        "b": "worst 1/TTC [1/s], cumulative",
     }
     for name, title in titles.items():
         axes[name].set_title(title, loc="left", fontsize=10)

@@ -35,3 +35,20 @@ def distinct(rows: FloatArray) -> tuple[IntArray, IntArray]:
     number = np.empty(len(first), dtype=np.int64)
     number[np.argsort(first)] = np.arange(len(first))
     return np.sort(first), number[kind.reshape(-1)]
+
+
+def least_of(group: IntArray, *keys: FloatArray | IntArray) -> IntArray:
+    """(k,) index of the least entry of each group that has any, by group; of equals the first.
+
+    Args:
+        group: (n,) number of each entry's group.
+        keys: (n,) values of the entries, the most important ones first.
+    """
+    index, count = np.arange(group.size), int(group.max(initial=-1)) + 1
+    for key in keys:
+        least = np.full(count, np.inf)
+        np.minimum.at(least, group[index], key[index])
+        index = index[key[index] == least[group[index]]]
+    first = np.full(count, group.size)
+    np.minimum.at(first, group[index], index)
+    return first[first < group.size]

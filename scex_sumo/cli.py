@@ -16,7 +16,8 @@ from typing import Annotated, Any
 
 import typer
 
-from scex_sumo.errors import ScexError, UsageError, one_line
+from scex_sumo.commands.console import tell
+from scex_sumo.errors import ScexError, UsageError
 
 GARBAGE_AFTER = 250_000  # new objects; Python's own is 700
 
@@ -159,5 +160,5 @@ def _is_out_of_memory(error: Exception) -> bool:
 
 
 def _fail(message: str, status: int) -> None:
-    print(one_line(message), file=sys.stderr)
+    tell(message)
     raise SystemExit(status)

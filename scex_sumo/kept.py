@@ -84,6 +84,12 @@ class _Reader(pickle.Unpickler):
 @cache
 def our_modules() -> bytes:
     """The state of our own modules and NumPy: who changes one must not get what it made before."""
-    files = sorted(Path(__file__).parent.rglob("*.py"))
-    state = [(file.name, (at := file.stat()).st_size, at.st_mtime_ns) for file in files]
-    return repr((np.__version__, state)).encode()
+    state, folders = [], [str(Path(__file__).parent)]
+    for folder in folders:
+        for entry in os.scandir(folder):
+            if entry.name.endswith(".py"):
+                at = entry.stat()
+                state.append((entry.name, at.st_size, at.st_mtime_ns))
+            elif entry.is_dir() and entry.name != "__pycache__":
+                folders.append(entry.path)
+    return repr((np.__version__, sorted(state))).encode()

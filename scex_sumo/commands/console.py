@@ -15,7 +15,19 @@ Tick = Callable[[int, int], None]
 def warn(notes: Iterable[str]) -> None:
     """Print what the reader should know, one line each."""
     for note in notes:
-        print(f"note: {one_line(note)}", file=sys.stderr)
+        tell(f"note: {note}")
+
+
+def tell(words: str) -> None:
+    """Print to standard error in one line, which a terminal breaks between words."""
+    lines = [one_line(words)]
+    if sys.stderr.isatty():
+        from shutil import get_terminal_size
+        from textwrap import wrap
+
+        wide = get_terminal_size().columns
+        lines = wrap(lines[0], wide, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+    print(*lines, sep="\n", file=sys.stderr)
 
 
 @contextmanager

@@ -48,7 +48,7 @@ def convert_command(
         str | None, Option(metavar="CODE", help="Whose speed limits hold where the map gives none, e.g. us.")
     ] = None,
 ) -> None:
-    """Convert a Lanelet2 or CommonRoad map to a SUMO net and judge it, or judge a net against its map."""
+    """Convert a map to a SUMO net and judge it, or judge a net."""
     source = check_map or map_path
     if check is not None and source is None:
         raise UsageError("--check: needs the map too, with --map MAP.osm")
@@ -120,6 +120,8 @@ def _verdict(
     problems = report.problems()
     if problems:
         raise MapError(f"{net_path}: {len(problems)} of its figures miss what a faithful net has")
+    if not losses and not quiet:
+        print("faithful: nothing of the map is lost, all figures are within their bounds")
     if strict and losses:
         lost = ", ".join(f"{len(loss.elements)} {loss.kind} {loss.why}" for loss in losses)
         raise MapError(f"{net_path}: --strict, and the map lost {lost}; mend the map, or leave --strict out")
@@ -155,7 +157,7 @@ def _print_report(report: FidelityReport) -> None:
     figures |= {f"driving_{name}": value for name, value in figures.pop("driving", {}).items()}
     for name, value in figures.items():
         if isinstance(value, (int, float, str)):
-            table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
+            table.add_row(name, f"{round(value, 4):.4g}" if isinstance(value, float) else str(value))
     Console().print(table)
     for problem in report.problems():
         print(f"- {problem}")

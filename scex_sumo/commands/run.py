@@ -94,14 +94,16 @@ def run_command(
     ] = True,
     world: Annotated[
         str,
-        Option(metavar="sumo|plain|checked", help="plain: arrays, where SUMO drives nobody; or seen to do."),
+        Option(
+            metavar="sumo|plain|checked", help="plain: arrays in SUMO's place; checked: and compared with it."
+        ),
     ] = "sumo",
     cache: Cache = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = True,
     overwrite: Overwrite = False,
     out: ResultPath = None,
 ) -> None:
-    """Let one moment of traffic run on many times, and measure every child scenario."""
+    """Let one moment of traffic run on many times, and judge it."""
     from scex_sumo.behaviors.registry import parse_models
     from scex_sumo.extrapolation.extrapolate import extrapolate, load_for
     from scex_sumo.extrapolation.reference import add_reference, begin_reference, drop_reference
@@ -204,7 +206,11 @@ def _tell(run: Run) -> None:
 
 
 def _worst_option(run: Run) -> dict[str, Any]:
-    """The option of ``view`` that shows the child most worth a look; any, where no metric is defined."""
+    """The option of ``view`` that shows what is most worth a look: an encounter, a child, or any child."""
+    from scex_sumo.reports.tables.runs import worst_encounters
+
+    if worst := worst_encounters(run):
+        return {"encounter": f"{worst[0]['track_id']},{worst[0]['other_id']}"}
     defined = [column for column in ("ttc", "wttc") if len(run.samples(column))]
     return {"critical": defined[0]} if defined else {"child": 0}
 

@@ -11,6 +11,8 @@ from scex_sumo.errors import TrackError, UsageError
 if TYPE_CHECKING:
     from scex_sumo.scene import SeedScene
 
+_LONG = 200
+
 
 def seed_scene(
     map_path: Path,
@@ -44,7 +46,7 @@ def seed_scene(
             raise UsageError(f"--synthetic: makes its own tracks; leave out {', '.join(given)}")
         scene = synthetic_seed(map_path, vehicles=synthetic, seed=seed, origin=zero, cache=cache)
     assert scene.road is not None
-    warn([*scene.road.notes, *scene.notes])
+    warn(_brief(note) for note in (*scene.road.notes, *scene.notes))
     off = off_road(scene.road, scene)
     if len(off) == scene.vehicles and synthetic is None:
         from scex_sumo.converters.datasets.recordings import beside_lanes
@@ -55,6 +57,12 @@ def seed_scene(
         )
     _warn_off_road(scene, off)
     return scene
+
+
+def _brief(note: str) -> str:
+    """The first finding of a long note; ``run.json`` and the report have all of it."""
+    first, *others = note.split("; ")
+    return f"{first}; {len(others)} more in run.json" if others and len(note) > _LONG else note
 
 
 def one_source(tracks: Path | None, fcd: Path | None, state: Path | None) -> Path | None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 
 from scex_sumo.converters.formats import OPENDRIVE, is_commonroad, is_highd, is_net
 from scex_sumo.converters.sumo.imported import is_open_street_map, read_imported_road
 from scex_sumo.kept import kept_object
 from scex_sumo.road import Area, Georeference, Lane, Loss, Marking, Regulation, Road
+from scex_sumo.version import version_of
 
 _PARTS = (Area, Georeference, Lane, Loss, Marking, Regulation, Road)
 
@@ -52,7 +52,7 @@ def read_map(
         known = origin or recorded_origin(path, tracks_path=None if own_corner else tracks)
         read = partial(_lanelets, path, known, own_corner=own_corner, country=country)
         if keep and path.is_file() and os.access(path, os.R_OK):
-            made_by = repr((version("lanelet2"), path.name, known, own_corner, country))
+            made_by = repr((version_of("lanelet2"), path.name, known, own_corner, country))
             road = kept_object("roads", made_by.encode() + path.read_bytes(), read, _PARTS)
         else:
             road = read()

@@ -19,6 +19,7 @@ from scex_sumo.metrics.outlines.encounters import (
 )
 from scex_sumo.road import Road
 from scex_sumo.roads.places import places_of
+from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 
 ENCOUNTERS: Final = "encounters.parquet"
@@ -225,6 +226,5 @@ def in_words(row: Mapping[str, Any]) -> str:
 
 
 def _percent(row: Mapping[str, Any], name: str) -> str:
-    low, high = 100 * row[f"{name}_low"], 100 * row[f"{name}_high"]
-    interval = "" if low == high else f" [{low:.0f}–{high:.0f}]"
-    return f"{100 * row[name]:.0f} %{interval}"
+    share = {"value": row[name], "low": row[f"{name}_low"], "high": row[f"{name}_high"]}
+    return Interval(**share, count=0).percent

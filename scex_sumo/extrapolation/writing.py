@@ -47,7 +47,7 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     """
     these = folder, job.scene, len(job.assignment), job.settings
     written = workers.beside(partial(_write_tracks, *these), where="over the tracks")
-    parts = _write_each(*these) if written is None else _each(*these)
+    parts = _write_each(*these) if written is None else _each(*these, plans=False)
     part, intervals = joined_parts([_first_step(part) for part in parts]), job.intervals
     columns, settings = job.settings.columns, job.settings
     metrics = values_table(columns, part.values, part.defined, part.children)
@@ -81,10 +81,12 @@ def _encounters(job: Job, rows: pa.Table, intervals: DesignIntervals) -> pa.Tabl
     return encounters_table(found, track_ids=ids, models=models, intervals=intervals, road=job.road)
 
 
-def _each(folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings) -> Iterator[Part]:
+def _each(
+    folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings, *, plans: bool = True
+) -> Iterator[Part]:
     """All children, some at a time, so that memory does not grow with their number."""
     rows = scene.vehicles * (LOGGED_HISTORY + settings.steps)
-    return folder.in_order(children, size=max(ROWS_AT_ONCE // rows, 1))
+    return folder.in_order(children, size=max(ROWS_AT_ONCE // rows, 1), plans=plans)
 
 
 def _write_each(

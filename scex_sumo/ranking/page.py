@@ -20,7 +20,6 @@ from scex_sumo.ranking.moments import MomentRef
 from scex_sumo.ranking.places import distinct_moments, nearby
 from scex_sumo.ranking.ranking_run import RankingRun
 from scex_sumo.ranking.settings import written
-from scex_sumo.reports.page.density_plot import metric_title
 from scex_sumo.reports.page.html import Html, element
 from scex_sumo.reports.page.run.body import percent
 from scex_sumo.reports.page.study import Table, card, table, table_place, write_study
@@ -146,8 +145,9 @@ def _moment(
 
 
 def _critical(column: str, limit: float) -> str:
-    sign = "≤" if metric_of(column).side == "left" else "≥"
-    return f"{metric_title(column)} {sign} {limit:.3g}"
+    metric, mean = metric_of(column), ", mean" if column.endswith("_mean") else ""
+    sign = "≤" if metric.side == "left" else "≥"
+    return f"{metric.words}{mean} {sign} {limit:.3g} {metric.column_unit}".rstrip()
 
 
 def _share(words: str, row: Mapping[str, Any], name: str) -> Html:

@@ -44,12 +44,13 @@ class ResultFolder(ClaimedFolder):
         remove_unfinished(self.path)
         remove_broken(self.path)
 
-    def in_order(self, children: int, *, size: int) -> Iterator[Part]:
+    def in_order(self, children: int, *, size: int, plans: bool = True) -> Iterator[Part]:
         """All children in order, whatever the batches they ran in; some at a time, to spare memory.
 
         Args:
             children: how many there are.
             size: how many at a time.
+            plans: with their plans.
 
         Raises:
             ResultError: some are missing.
@@ -59,7 +60,7 @@ class ResultFolder(ClaimedFolder):
         if there != children:
             raise ResultError(f"{self.path}: {there} of {children} children are there; run again to resume")
         for first in range(0, children, size):
-            yield parts.read(first, min(first + size, children))
+            yield parts.read(first, min(first + size, children), plans=plans)
 
     def write_table(self, name: str, table: pa.Table) -> None:
         """Write one of the folder's Parquet files."""

@@ -122,10 +122,11 @@ class Parts:
         some = self._taken(slice(0, children), ("values", "defined"))
         return some["values"], some["defined"]
 
-    def read(self, first: int, stop: int) -> Part:
-        """Children ``first`` to ``stop - 1`` in order; they must be there."""
+    def read(self, first: int, stop: int, *, plans: bool = True) -> Part:
+        """Children ``first`` to ``stop - 1`` in order, with their plans or without; they must be there."""
         part = slice(*np.searchsorted(self.children, (first, stop)))
-        some = self._taken(part, (*_STATES, "values", "defined", "plan_x", "plan_y", "tested"))
+        names = (*_STATES, "values", "defined", *(("plan_x", "plan_y") if plans else ()), "tested")
+        some = self._taken(part, names)
         tables: dict[str, list[pa.Table]] = {name: [] for name in TABLES}
         for file in np.unique(self._file[part]):
             mine = pa.array(self.children[part][self._file[part] == file])

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from scex_sumo.scene import SeedScene
+from scex_sumo.version import version_of
 
 
 def digest(scene: SeedScene) -> str:
@@ -49,4 +49,4 @@ def describe(scene: SeedScene) -> dict[str, Any]:
 def versions() -> dict[str, str]:
     """Versions of what the numbers depend on."""
     names = ("libsumo", "eclipse-sumo", "lanelet2", "numpy", "scipy", "shapely", "pyarrow")
-    return {"python": platform.python_version(), **{n: version(n) for n in names}}
+    return {"python": platform.python_version(), **{n: version_of(n) for n in names}}

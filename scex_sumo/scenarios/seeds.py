@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import pickle
-from importlib.metadata import version
 from pathlib import Path
 
 from scex_sumo.errors import TrackError
 from scex_sumo.files import TemporaryFolder
 from scex_sumo.kept import kept_object
 from scex_sumo.scene import SeedScene, States
+from scex_sumo.version import version_of
 
 
 def read_seed(
@@ -99,7 +99,7 @@ def synthetic_seed(
             return synthetic_scene(road, net, vehicles=vehicles, seed=seed, name=name)
 
     if cache:
-        made_of = pickle.dumps((version("eclipse-sumo"), vehicles, seed, road))
+        made_of = pickle.dumps((version_of("eclipse-sumo"), vehicles, seed, road))
         scene = kept_object("populated", made_of, populated, (SeedScene, States))
     else:
         scene = populated()

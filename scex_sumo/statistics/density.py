@@ -69,6 +69,13 @@ class Interval:
     high: float
     count: int
 
+    @property
+    def percent(self) -> str:
+        """In words, e.g. ``12 % [9–16]``, with a digit after the point where less than 2 % is uncertain."""
+        digits = 0 if self.high - self.low >= 0.02 else 1
+        value, low, high = (f"{100 * x:.{digits}f}" for x in (self.value, self.low, self.high))
+        return f"{value} %" if self.low == self.high else f"{value} % [{low}–{high}]"
+
 
 def density(
     samples: ArrayLike,

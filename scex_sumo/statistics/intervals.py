@@ -265,7 +265,7 @@ def _kernels(factors: Sequence[tuple[IntArray, FloatArray]]) -> list[FloatArray]
     rows, most = len(factors[0][0]), min(ORDERS + 2, len(factors))
     sums = [np.ones((rows, rows)), *(np.zeros((rows, rows)) for _ in range(most))]
     for level, share in factors:
-        alike = np.diag(1 / share)[np.ix_(level, level)]
+        alike = (level[:, None] == level) * (1 / share)[level]
         alike -= 1
         alike /= len(share) - 1
         for order in range(most, 0, -1):

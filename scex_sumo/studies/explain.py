@@ -187,8 +187,10 @@ def worst_rows(
         for row in (run.worst.to_pylist() if metric == explanation.metric else [])
         if row["metric"] == metric and row["child"] in explanation.worst
     }
-    if explanation.metric == COLLISION:
+    pair = pair_of(explanation.metric)
+    if explanation.metric == COLLISION or pair:
         hits = run.collisions.sort_by([("time_s", "descending")]).to_pylist()  # the first of a child stays
+        hits = [hit for hit in hits if not pair or {hit["track_id"], hit["other_id"]} == set(pair)]
         source = {hit["child"]: hit | {"timestamp_ms": MOMENT_MS + 1000 * hit["time_s"]} for hit in hits}
     values, rows = asked(run, explanation.metric), []
     for rank, child in enumerate(explanation.worst, 1):

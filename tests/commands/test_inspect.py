@@ -22,6 +22,9 @@ def test_moments_come_with_their_vehicles_and_the_fullest_are_marked(
     assert rows and all(int(row[2]) <= int(row[1]) for row in rows)
     complete = [int(row[2]) for row in rows]
     assert [("*" in row[3]) for row in rows] == [count == max(complete) for count in complete]
+    best = rows[complete.index(max(complete))][0].strip()
+    assert said.splitlines()[-1] == f"most vehicles: scex-sumo run {MAP} --time {best}"
+    assert "time [s]" in said
 
 
 def test_a_moment_lists_its_vehicles_by_id(capsys: pytest.CaptureFixture[str]) -> None:
@@ -31,6 +34,7 @@ def test_a_moment_lists_its_vehicles_by_id(capsys: pytest.CaptureFixture[str]) -
     ids = [int(line.split("│")[1]) for line in said.splitlines() if line.startswith("│")]
     assert ids == list(range(3, 17))
     assert said.splitlines()[-1].endswith("--time 4.5")
+    assert "speed [m/s]" in said
 
 
 def test_what_cannot_be_inspected_is_said(tmp_path: Path) -> None:

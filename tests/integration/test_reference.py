@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+from rich.console import Console
 
 from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.extrapolation.reference import (
@@ -15,7 +17,7 @@ from scex_sumo.extrapolation.reference import (
     drop_reference,
     reference_children,
 )
-from scex_sumo.reports.tables.runs import summary_table
+from scex_sumo.reports.tables.runs import print_summary, summary_table
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 
@@ -34,6 +36,16 @@ def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Pat
     again = type(run)(tmp_path)
     headers = [str(column.header) for column in summary_table(again).columns]
     assert "P likely" in headers and "P possible" in headers
+    terminal = Console(width=80, force_terminal=True, color_system=None, file=io.StringIO())
+    print_summary(again, terminal)
+    assert isinstance(terminal.file, io.StringIO)
+    lines = terminal.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= 80
+    shares = (again.p_collision.percent, likely.p_collision.percent)
+    assert [
+        f"possible: a collision in {shares[0]} of children, driven as any of the models",
+        f"likely: a collision in {shares[1]} of children, driven as people were recorded",
+    ] == [" ".join(lines[i].split()) for i in range(len(lines)) if " a collision in " in lines[i]]
     drop_reference(again)
     assert type(run)(tmp_path).reference is None
 

@@ -54,6 +54,7 @@ def test_plans_are_collected_like_the_children_that_made_them(tmp_path: Path) ->
     assert whole.plan_x.shape == (5, 2, 2, 30)
     assert whole.plan_x[:, 1, 1, 29].tolist() == [0, 1, 2, 3, 4]
     assert whole.plan_y[:, 0, 0, 0].tolist() == [0.5, 1.5, 2.5, 3.5, 4.5]
+    assert next(folder.in_order(5, size=5, plans=False)).plan_x is None
 
 
 def test_children_are_read_some_at_a_time_in_order_from_parts_that_interlock(tmp_path: Path) -> None:

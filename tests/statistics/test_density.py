@@ -10,6 +10,7 @@ from scipy import stats
 
 from scex_sumo.errors import InputError
 from scex_sumo.statistics.density import (
+    Interval,
     density,
     dkw_half_width,
     p_critical,
@@ -119,3 +120,11 @@ def test_what_makes_no_sense_is_refused(call: object, message: str) -> None:
     assert callable(call)
     with pytest.raises(InputError, match=message):
         call()
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [(0.09, 0.16, "12 % [9–16]"), (0.116, 0.124, "12.0 % [11.6–12.4]"), (0.12, 0.12, "12.0 %")],
+)
+def test_an_interval_in_words_has_the_digits_that_are_sure(low: float, high: float, words: str) -> None:
+    assert Interval(value=0.12, low=low, high=high, count=385).percent == words

@@ -104,6 +104,19 @@ def test_the_command_prints_and_writes_it(folder: Path, capsys: pytest.CaptureFi
     assert page.count("<figure>") == 1  # nothing else varies
 
 
+def test_two_that_collide_are_explained_with_the_children_in_which_they_do(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hits = {"child": [2, 2], "track_id": [11, 8], "other_id": [7, 7], "time_s": [2.2, 1.0]}
+    pq.write_table(pa.table(hits), folder / "collisions.parquet")
+    explain_command(folder, encounter="7,11", worst=5, plots=False)
+    said = capsys.readouterr().out
+    assert "collision of 7 and 11: 3.7% of 27 children" in said
+    assert [line for line in said.splitlines() if "child " in line] == [
+        "  child 2: 11 with 7 after 2.2 s: 7=brakes 8=brakes 11=races"
+    ]
+
+
 def test_all_metrics_are_printed_where_none_is_named(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import FloatArray, IntArray, least_of
 from scex_sumo.behaviors.driving.paths import COARSE, DS_M, SeedPaths
 from scex_sumo.behaviors.driving.perception import Everyone, everyone
 from scex_sumo.behaviors.driving.projection import refine
@@ -53,9 +53,8 @@ class Ahead:
     def leaders(self, n: int) -> Leaders:
         """The nearest one ahead of each of the n drivers."""
         result = Leaders(gap=np.full(n, np.inf), speed=np.zeros(n), index=np.full(n, -1))
-        order = np.lexsort((self.other, self.gap, self.driver))
-        driver, at = np.unique(self.driver[order], return_index=True)
-        chosen = order[at]
+        chosen = least_of(self.driver, self.gap, self.other)
+        driver = self.driver[chosen]
         result.gap[driver], result.speed[driver] = self.gap[chosen], self.speed[chosen]
         result.index[driver] = self.other[chosen]
         return result

@@ -121,6 +121,7 @@ def drive(
     there = (begin.x == now.x) & (begin.y == now.y)
     bend = np.where(there, _present_bend(history, who, paths, row, s, path_heading, v), 0.0)
     s0, out = s, np.empty((4, steps, len(who)))
+    wanted = None if aside is None else np.ascontiguousarray(aside.T)
     for step in range(steps):
         a = accelerate(step, v, s - s0, s)
         following = v + a * STEP_S
@@ -131,9 +132,9 @@ def drive(
         dx, dy = x - px, y - py
         s = s + (cos * dx + sin * dy)
         offset, lead = cos * dy - sin * dx, None
-        if aside is not None:
-            offset = offset - aside[:, step]
-            lead = _lead(aside, step, moved)
+        if wanted is not None:
+            offset = offset - wanted[step]
+            lead = _lead(wanted, step, moved)
         bend = _steer(bend, offset, heading - path_heading, v, moved, lead)
         curvature = bend_at(paths, row, s + moved / 2)
         turn = clipped(curvature + bend, -CURVATURE_LIMIT, CURVATURE_LIMIT)
@@ -178,12 +179,12 @@ def _along_arc(
     return x + chord * np.cos(middle), y + chord * np.sin(middle), heading + angle
 
 
-def _lead(aside: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """First and second derivative of wanted offsets in arc length, over one and two steps."""
+def _lead(wanted: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """First and second derivative of wanted offsets (H + 1, n) in arc length, over one and two steps."""
     way = np.maximum(moved, SLOPE_SPEED * STEP_S)
-    change = aside[:, step + 1] - aside[:, step]
-    further = aside[:, min(step + 2, aside.shape[1] - 1)] - aside[:, step + 1]
-    return change / way, (further - change) / way**2 if step + 2 < aside.shape[1] else np.zeros_like(way)
+    change = wanted[step + 1] - wanted[step]
+    further = wanted[min(step + 2, len(wanted) - 1)] - wanted[step + 1]
+    return change / way, (further - change) / way**2 if step + 2 < len(wanted) else np.zeros_like(way)
 
 
 def _steer(

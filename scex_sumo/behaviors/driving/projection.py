@@ -87,10 +87,15 @@ def foot_points(
     Returns:
         As `refine`.
     """
-    coarse = paths.coarse[row]
+    coarse = paths.coarse.take(row, axis=0)
     dx, dy = (x - paths.centre[0])[:, None], (y - paths.centre[1])[:, None]
-    square = coarse[:, 0] * dx + coarse[:, 1] * dy + coarse[:, 2]
+    square = coarse[:, 0] * dx
+    square += coarse[:, 1] * dy
+    square += coarse[:, 2]
     # Two laps of a roundabout differ by centimetres in distance and some 50 m in arc length.
     off = COARSE * DS_M * np.arange(coarse.shape[2]) - expected[:, None]
-    nearest = np.argmin(square + LAP_WEIGHT * off**2, axis=1)
+    off *= off
+    off *= LAP_WEIGHT
+    square += off
+    nearest = np.argmin(square, axis=1)
     return refine(paths, row, nearest * (COARSE * DS_M), x, y, 4)

@@ -13,7 +13,7 @@ from scex_sumo.behaviors.guard.ways import SAMPLE_S, SAMPLES, Expected, PlannedW
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, Who
 
-MOST_PAIRS = 256  # at a time: bounds the memory, and stays near the processor
+MOST_PAIRS = 1024  # at a time: bounds the memory, and stays near the processor
 SAME_WAY = 0.5  # cosine above which two go the same way: one follows the other instead of waiting for it
 TOWARDS = -0.5  # cosine below which one comes towards the other
 ORDER_DOUBT_M = 0.5
@@ -109,7 +109,7 @@ def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Blocked:
-    """How others cover a corridor, (P, K): places are of the own centre, m along the plan.
+    """How others cover a corridor, (K, P): places are of the own centre, m along the plan.
 
     Attributes:
         inside: the other's body is in the corridor.
@@ -132,9 +132,9 @@ def _holds_of(view: _View, i: IntArray, j: IntArray) -> Holds:
     """Holds of pairs: vehicle i of the n, other j of the M."""
     paths, around, who, profile = view.paths, view.around, view.who, view.profile
     blocked = _blocked(view, i, j)
-    some = blocked.inside.any(axis=1)
+    some = blocked.inside.any(axis=0)
     i, j = i[some], j[some]
-    blocked = _Blocked(**{f.name: getattr(blocked, f.name)[some] for f in fields(_Blocked)})
+    blocked = _Blocked(**{f.name: getattr(blocked, f.name)[:, some] for f in fields(_Blocked)})
     v, v_other = paths.start_speed[i], np.maximum(around.others.states.speed[who.child[i], j], 0.0)
     meeting = _meetings(blocked, v, v_other, profile)
     obstacle = around.others.obstacle[j]
@@ -187,19 +187,19 @@ class _Meeting:
 def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray, profile: GuardProfile) -> _Meeting:
     """Where and when pairs meet, whose other one gets into the corridor at least once."""
     inside, pair = blocked.inside, np.arange(len(v))
-    enter = inside.argmax(axis=1)
-    leave = SAMPLES - inside[:, ::-1].argmax(axis=1)
+    enter = inside.argmax(axis=0)
+    leave = SAMPLES - inside[::-1].argmax(axis=0)
     distance = np.where(inside, np.abs(blocked.offset), np.inf)
-    crossing = (distance <= distance.min(axis=1, keepdims=True) + CROSSING_M).argmax(axis=1)
+    crossing = (distance <= distance.min(axis=0) + CROSSING_M).argmax(axis=0)
     crossing = np.where(enter == 0, 0, crossing)
-    cos = blocked.cos[pair, crossing]
+    cos = blocked.cos[crossing, pair]
     speed = np.where(cos > SAME_WAY, v_other * cos, 0.0)
     # The line that lies under all places where the other is in the way.
-    line = np.where(inside, blocked.low - speed[:, None] * (SAMPLE_S * np.arange(SAMPLES)), np.inf)
-    position = line.min(axis=1)
-    entry = np.where(speed > 0, blocked.low[pair, enter], position)
+    line = np.where(inside, blocked.low - speed * (SAMPLE_S * np.arange(SAMPLES))[:, None], np.inf)
+    position = line.min(axis=0)
+    entry = np.where(speed > 0, blocked.low[enter, pair], position)
     # Two who come towards each other share the way between them.
-    share = blocked.low[:, 0] * v / np.maximum(v + v_other, 0.1)
+    share = blocked.low[0] * v / np.maximum(v + v_other, 0.1)
     towards = (enter == 0) & (cos < TOWARDS)
     return _Meeting(
         enter=SAMPLE_S * enter,
@@ -207,8 +207,8 @@ def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray, profile: Gu
         position=np.where(towards, np.maximum(position, share), position),
         speed=speed,
         entry=entry,
-        high=np.where(inside, blocked.high, -np.inf).max(axis=1),
-        lead=v * (SAMPLE_S * crossing) - blocked.s[pair, crossing],
+        high=np.where(inside, blocked.high, -np.inf).max(axis=0),
+        lead=v * (SAMPLE_S * crossing) - blocked.s[crossing, pair],
         # One who is slow stops where it is: better beside the other's way than in it. Behind one who goes
         # the same way, to get down to its speed is enough.
         stops=np.maximum(entry, AT_ONCE_M)
@@ -250,47 +250,53 @@ def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
     """How the others j cover the corridors of the vehicles i."""
     paths, around, profile = view.paths, view.around, view.profile
     child, vehicle = view.who.child[i], view.who.vehicle[i]
-    x, y, heading = around.x[child, j], around.y[child, j], around.heading[child, j]
+    # Pairs last: what is done with all of them at once is a long row in memory.
+    x, y, heading = (np.ascontiguousarray(a[child, j].T) for a in (around.x, around.y, around.heading))
     s, offset, line_cos, line_sin, swing = _onto(paths, i, x, y)
     ahead, left = np.cos(heading), np.sin(heading)
     cos, sin = ahead * line_cos + left * line_sin, left * line_cos - ahead * line_sin
-    half_length, half_width = around.others.length[j][:, None] / 2, around.others.width[j][:, None] / 2
+    half_length, half_width = around.others.length[j] / 2, around.others.width[j] / 2
     own_length, own_width = view.history.scene.length[vehicle], view.history.scene.width[vehicle]
-    extent = np.abs(cos) * half_length + np.abs(sin) * half_width + own_length[:, None] / 2
-    body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width - own_width[:, None] / 2
+    extent = np.abs(cos) * half_length + np.abs(sin) * half_width + own_length / 2
+    body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width - own_width / 2
     low, high = s - extent, s + extent
     # Beside each other, or face to face: a margin would stop who passes within his lane.
-    beside = (low[:, 0] < 0) & (high[:, 0] > 0)
-    margin = np.where(beside[:, None] | (cos < TOWARDS), profile.alongside_margin, profile.margin)
-    reach = paths.corner_arc[i, -1:]
-    inside = (body <= margin + swing) & (low <= reach)
+    beside = (low[0] < 0) & (high[0] > 0)
+    margin = np.where(beside | (cos < TOWARDS), profile.alongside_margin, profile.margin)
+    inside = (body <= margin + swing) & (low <= paths.corner_arc[i, -1])
     return _Blocked(inside=inside, s=s, offset=offset, cos=cos, low=low, high=high)
 
 
 def _onto(
     paths: PlannedWays, i: IntArray, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Foot points of places (P, K) on the middle lines of corridors i (P,).
+    """Foot points of places (K, P) on the middle lines of corridors i (P,).
 
     Returns:
-        (P, K) arc length (straight on past both ends), offset (left positive), cosine and sine of the line's
+        (K, P) arc length (straight on past both ends), offset (left positive), cosine and sine of the line's
         direction, and `PlannedWays.swing` on that side.
     """
-    cos, sin, begin = paths.corner_cos[i], paths.corner_sin[i], paths.corner_arc[i]
-    px = x[:, :, None] - paths.corner_x[i][:, None, :-1]  # (P, K, G - 1)
-    py = y[:, :, None] - paths.corner_y[i][:, None, :-1]
-    ahead = px * cos[:, None] + py * sin[:, None]
-    side = py * cos[:, None] - px * sin[:, None]
-    low, high = np.zeros_like(cos), np.diff(begin, axis=1)
-    low[:, 0], high[:, -1] = -np.inf, np.inf
-    foot = np.minimum(np.maximum(ahead, low[:, None]), high[:, None])
-    ahead -= foot
-    ahead *= ahead
-    ahead += side * side
-    best = np.argmin(ahead, axis=2)
-    flat = best.ravel() + np.arange(best.size) * cos.shape[1]
-    distance, side, foot = (values.ravel()[flat].reshape(best.shape) for values in (ahead, side, foot))
-    p = np.arange(len(i))[:, None]
-    swing = np.where(side >= 0, paths.swing[0][i[:, None], best], paths.swing[1][i[:, None], best])
-    offset = np.copysign(np.sqrt(distance), side)
-    return begin[p, best] + foot, offset, cos[p, best], sin[p, best], swing
+    begin_x, begin_y, begin = (a[i].T.copy() for a in (paths.corner_x, paths.corner_y, paths.corner_arc))
+    cos, sin = paths.corner_cos[i].T.copy(), paths.corner_sin[i].T.copy()  # (G - 1, P)
+    low, high = np.zeros_like(cos), np.diff(begin, axis=0)
+    low[0], high[-1] = -np.inf, np.inf
+    square, best = np.full(x.shape, np.inf), np.zeros(x.shape, dtype=np.int16)
+    for line in range(len(cos)):
+        px, py = x - begin_x[line], y - begin_y[line]
+        ahead = px * cos[line] + py * sin[line]
+        side = py * cos[line] - px * sin[line]
+        ahead -= np.minimum(np.maximum(ahead, low[line]), high[line])
+        ahead *= ahead
+        side *= side
+        ahead += side
+        # The first of the nearest; a masked copy would take ten times as long.
+        np.maximum(best, (ahead < square) * np.int16(line), out=best)
+        np.minimum(square, ahead, out=square)
+    at = np.multiply(best, len(i), dtype=np.int64) + np.arange(len(i))
+    cos, sin = cos.take(at), sin.take(at)
+    px, py = x - begin_x.take(at), y - begin_y.take(at)
+    ahead, side = px * cos + py * sin, py * cos - px * sin
+    foot = np.minimum(np.maximum(ahead, low.take(at)), high.take(at))
+    left, right = (swing.take(i * len(low) + best) for swing in paths.swing)
+    swing = np.where(side >= 0, left, right)
+    return begin.take(at) + foot, np.copysign(np.sqrt(square), side), cos, sin, swing

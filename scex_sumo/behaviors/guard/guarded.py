@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -45,12 +46,22 @@ def safe_speed(
     return np.maximum(speed, 0.0)
 
 
+@runtime_checkable
+class Steers(Protocol):
+    """A model that can steer clear of who is beside it."""
+
+    def clear_of_others(self) -> Behavior:
+        """The same model, one that does."""
+        ...
+
+
 class Guarded:
     """Any model, driven no faster than it could stop for others.
 
     The plan's way is kept; along it the speed stays below `safe_speed` of every leader in the swept corridor
-    and of every crossing that another vehicle reaches first. What the others will do is taken from the
-    history alone, so a plan does not depend on who else plans in the same call.
+    and of every crossing that another vehicle reaches first. A model that `Steers` goes a way that keeps
+    clear of who is beside it. What the others will do is taken from the history alone, so a plan does not
+    depend on who else plans in the same call.
     """
 
     def __init__(self, model: Behavior, profile: GuardProfile | None = None) -> None:
@@ -59,7 +70,7 @@ class Guarded:
         Args:
             profile: the guard's parameters; None takes the defaults.
         """
-        self.model = model
+        self.model = model.clear_of_others() if isinstance(model, Steers) else model
         self.profile = profile or GuardProfile()
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
@@ -105,27 +116,29 @@ def _timed(
     paths: PlannedWays, holds: Holds, profile: GuardProfile
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """(n, H) speeds and arc lengths under all bounds, and (n,) which vehicles are held back at all."""
-    n, steps = paths.speed.shape
     speed, arc = paths.speed.copy(), paths.arc[:, 1:].copy()
-    changed = np.zeros(n, dtype=np.bool_)
+    changed = np.zeros(len(speed), dtype=np.bool_)
     mine, first = np.unique(holds.row, return_index=True)  # rows are sorted
     s, v = np.zeros(len(mine)), paths.start_speed[mine]
-    planned, way = paths.speed[mine], np.diff(paths.arc[mine], axis=1)
+    # Steps first: what is done with all vehicles at once is a long row in memory.
+    planned, arcs = paths.speed[mine].T.copy(), paths.arc[mine].T.copy()
+    way, held = np.diff(arcs, axis=0), np.zeros(len(mine), dtype=np.bool_)
     count = np.diff(np.append(first, len(holds.row)))
-    gain = np.diff(planned, axis=1, prepend=v[:, None]) / STEP_S
+    gain = np.diff(planned, axis=0, prepend=v[None]) / STEP_S
     gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), profile.release_acceleration)
-    for step in range(steps):
+    timed = np.empty((2, *planned.shape))
+    for step, (speed_then, way_then) in enumerate(zip(planned, way, strict=True)):
         bound, braking = _bounds(holds, profile, step, np.repeat(s, count), np.repeat(v, count), first)
-        wanted = np.minimum(planned[:, step], bound)
-        wanted = np.minimum(np.maximum(wanted, v - braking * STEP_S), v + gain[:, step] * STEP_S)
-        following = np.maximum(np.minimum(wanted, planned[:, step]), 0.0)
+        wanted = np.minimum(speed_then, bound)
+        wanted = np.minimum(np.maximum(wanted, v - braking * STEP_S), v + gain[step] * STEP_S)
+        following = np.maximum(np.minimum(wanted, speed_then), 0.0)
         moved = (v + following) * (STEP_S / 2)
-        held = (following < planned[:, step] - LEAST_CHANGE_MPS) | (moved < way[:, step] - LEAP_M)
-        changed[mine] |= held
-        free = ~changed[mine]
-        s = np.where(free, paths.arc[mine, step + 1], s + np.minimum(moved, way[:, step]))
+        held |= (following < speed_then - LEAST_CHANGE_MPS) | (moved < way_then - LEAP_M)
+        s = np.where(held, s + np.minimum(moved, way_then), arcs[step + 1])
         v = following
-        speed[mine, step], arc[mine, step] = v, s
+        timed[0, step], timed[1, step] = v, s
+    changed[mine] = held
+    speed[mine], arc[mine] = timed[0].T, timed[1].T
     return speed, arc, changed
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import FloatArray, IntArray, least_of
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, rear_axle
 from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.perception import Everyone, everyone
@@ -251,8 +251,7 @@ def _nearest_path(
     candidate = np.repeat(paths.first[vehicle[doubt]] - (np.cumsum(count) - count), count) + np.arange(len(i))
     others = foot_points(paths, candidate, x[i], y[i], way[i])
     misfit = _misfit(others, heading[i])
-    order = np.lexsort((candidate, misfit, i))
-    chosen = order[np.unique(i[order], return_index=True)[1]]
+    chosen = least_of(i, misfit, candidate)
     chosen = chosen[misfit[chosen] < best[i[chosen]] - OTHER_PATH]
     row[i[chosen]] = candidate[chosen]
     for values, better in zip(found, others, strict=True):

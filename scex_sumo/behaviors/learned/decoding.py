@@ -8,6 +8,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.learned.beside import offsets_beside, reached
 from scex_sumo.behaviors.learned.seen.surface import path_room
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -15,7 +16,6 @@ from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
 
 RETURN_S = 3.0  # a driver who does not steer otherwise comes back to the path with this time constant
 EDGE_MARGIN_M = 0.15  # of the box to the edge of the drivable surface
-ASIDE_SPEED = 0.8  # m/s; so fast a driver moves aside for a narrower place ahead
 SMOOTHING_STEPS = 4  # to both sides
 STANDING_M = 0.01  # per step; a free trajectory that moves less keeps its heading
 
@@ -29,6 +29,7 @@ def plan_along(
     offset: FloatArray | None,
     *,
     road: Road | None = None,
+    clear: bool = False,
 ) -> Plan:
     """Drive along paths with given accelerations and offsets.
 
@@ -38,6 +39,7 @@ def plan_along(
         offset: (n, H) wanted distance left of the path after each step, m; None comes back to the path from
             the present offset like exp(-t / RETURN_S).
         road: keeps the box of every vehicle on the drivable surface of this map; None does not.
+        clear: keeps it away from boxes beside it, too.
 
     Returns:
         (n, H).
@@ -52,8 +54,7 @@ def plan_along(
     if road is None:
         wanted = _smoothed(wanted)
     else:
-        half = history.scene.width[who.vehicle] / 2 + EDGE_MARGIN_M
-        least, most = bounds_along(road, paths, row, s, way, half)
+        least, most = _bounds(history, who, paths, row, s, way, road, clear=clear)
         # Smoothed once it is bounded, so that the vehicle is not still on its way out at the edge; and not
         # bounded again, for bounds jump by centimetres, and what is steered is their second derivative.
         wanted = _smoothed(np.clip(wanted, least, most))
@@ -61,6 +62,25 @@ def plan_along(
     wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(wanted, way)
 
     return drive(history, who, paths, row, lambda step, *_: acceleration[:, step], steps=steps, aside=wanted)
+
+
+def _bounds(
+    history: SceneHistory,
+    who: Who,
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    way: FloatArray,
+    road: Road,
+    *,
+    clear: bool,
+) -> tuple[FloatArray, FloatArray]:
+    half = history.scene.width[who.vehicle] / 2 + EDGE_MARGIN_M
+    least, most = bounds_along(road, paths, row, s, way, half)
+    if not clear:
+        return least, most
+    right, left = offsets_beside(history, who, paths, row, s, way)
+    return _met(np.maximum(least, right), np.minimum(most, left))
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:
@@ -113,18 +133,16 @@ def bounds_along(
     """
     left, right = path_room(paths, road).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
     most, least = (
-        _ahead_of_narrows(left) - half_width[:, None],
-        half_width[:, None] - _ahead_of_narrows(right),
+        reached(left) - half_width[:, None],
+        half_width[:, None] - reached(right),
     )
+    return _met(least, most)
+
+
+def _met(least: FloatArray, most: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same bounds, both in their middle where they leave nothing."""
     middle, narrow = (most + least) / 2, most < least
     return np.where(narrow, middle, least), np.where(narrow, middle, most)
-
-
-def _ahead_of_narrows(room: FloatArray) -> FloatArray:
-    """(n, H + 1) room from which what is left later can be reached at `ASIDE_SPEED`."""
-    reach = ASIDE_SPEED * STEP_S * np.arange(room.shape[1])
-    reachable: FloatArray = np.minimum.accumulate((room + reach)[:, ::-1], axis=1)[:, ::-1] - reach
-    return reachable
 
 
 def plan_freely(history: SceneHistory, who: Who, free: FloatArray) -> Plan:

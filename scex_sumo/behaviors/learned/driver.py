@@ -104,9 +104,11 @@ class LearnedDriver:
 
     Attributes:
         keeps: whether what it makes of a map stays in the user's cache.
+        clear: whether it steers clear of who is beside it.
     """
 
     keeps = False
+    clear = False
 
     def __init__(self, kind: str, file: Path, profile: Profile, *, attention: float, free: bool) -> None:
         """Load the weights.
@@ -183,7 +185,8 @@ class LearnedDriver:
         if free is not None:
             return plan_freely(history, who[finite], free[finite]), finite
         wanted = (acceleration[finite], offset[finite])
-        return plan_along(history, who[finite], paths, row[finite], *wanted, road=road), finite
+        plan = plan_along(history, who[finite], paths, row[finite], *wanted, road=road, clear=self.clear)
+        return plan, finite
 
     def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
         paths, row = chosen_paths(history, road, who, _plain(self.profile.path))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
@@ -60,6 +61,13 @@ class LearnedModel:
     def sight(self) -> Sight | None:
         """What decides on a plan; a path that is drawn differs between children."""
         return None if self.profile.path == "random" or self.profile.mode == "draw" else "everyone"
+
+    def clear_of_others(self) -> LearnedModel:
+        """The same driver, one that steers clear of who is beside it."""
+        other = copy(self)
+        other.driver = copy(self.driver)
+        other.driver.clear = True
+        return other
 
     def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""

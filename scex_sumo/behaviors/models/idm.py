@@ -158,12 +158,30 @@ def idm_acceleration(
     Source: Treiber, Hennecke, Helbing 2000; the lower bound on s* from Treiber and Kesting 2013.
     """
     a_max = profile.max_acceleration
-    free = 1 - (speed / np.maximum(desired_speed, 0.1)) ** 4
-    free = np.where(desired_speed < 0.1, np.minimum(free, 0.0), free)
-    braking = speed * (speed - leader_speed) / (2 * np.sqrt(a_max * profile.comfort_deceleration))
-    wanted = profile.minimum_gap + np.maximum(speed * profile.time_headway + braking, 0.0)
-    result: FloatArray = a_max * (free - (wanted / np.maximum(gap, 0.1)) ** 2)
+    result: FloatArray = a_max * (
+        free_share(speed, desired_speed) - leader_share(profile, speed, gap, leader_speed)
+    )
     return np.maximum(result, -profile.max_deceleration)
+
+
+def free_share(speed: FloatArray, desired_speed: FloatArray) -> FloatArray:
+    """(n,) of a_max with which a driver without a leader accelerates: 1 - (v/v0)⁴."""
+    free = 1 - (speed / np.maximum(desired_speed, 0.1)) ** 4
+    return np.where(desired_speed < 0.1, np.minimum(free, 0.0), free)
+
+
+def leader_share(
+    profile: IdmProfile | IdmParameters, speed: FloatArray, gap: FloatArray, leader_speed: FloatArray
+) -> FloatArray:
+    """(n,) of a_max that a leader takes from that: (s*/s)²."""
+    braking = (
+        speed
+        * (speed - leader_speed)
+        / (2 * np.sqrt(profile.max_acceleration * profile.comfort_deceleration))
+    )
+    wanted = profile.minimum_gap + np.maximum(speed * profile.time_headway + braking, 0.0)
+    share: FloatArray = (wanted / np.maximum(gap, 0.1)) ** 2
+    return share
 
 
 class IdmDriver:
@@ -281,7 +299,7 @@ def desired_speed(
     """
     if profile.habit_memory == 0:
         return wished
-    shown = np.clip(
+    shown = clipped(
         speed + profile.habit_lead * acceleration + profile.habit_margin, 0.0, np.maximum(wished, speed)
     )
     desired = wished + (shown - wished) * np.exp(-time_s / profile.habit_memory)

@@ -19,7 +19,7 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
 from scex_sumo.behaviors.models.idm import (
     CALIBRATED,
     CURVE_TIME_S,
@@ -254,7 +254,7 @@ def _acceleration(
     crawl = np.minimum(motion[0] * drivers.crawl, STANDING_MPS)
 
     def at(s: FloatArray) -> IntArray:
-        return first + np.clip((s + ahead) * (1 / DS_M), 0, last).astype(np.int64)
+        return first + clipped((s + ahead) * (1 / DS_M), 0.0, last).astype(np.int64)
 
     def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
         time_s = (history.step + step) * STEP_S
@@ -265,10 +265,10 @@ def _acceleration(
         curve = curves[at(s + v * CURVE_TIME_S)]
         asked = asked_acceleration(profile, v, desired, gap, leaders.speed, curve)
         own = np.where(waits > 0, 0.0, drivers.own @ node_shares(time_s))
-        own = np.where(own > 0, own * np.clip(1 + asked / RELIEF_MPS2, 0.0, 1.0), own)
+        own = np.where(own > 0, own * clipped(1 + asked / RELIEF_MPS2, 0.0, 1.0), own)
         asked = asked + drivers.habit * np.exp(-time_s / habit_s)
-        still = np.clip((crawl - v) / CRAWL_S, -STRONGEST_MPS2, STRONGEST_MPS2)
+        still = clipped((crawl - v) / CRAWL_S, -STRONGEST_MPS2, STRONGEST_MPS2)
         still = np.minimum(still, np.where(gap < QUEUE_GAP_M, -v / CRAWL_S, np.inf))
-        return np.where(waits > step * STEP_S, still, np.clip(asked + own, HARDEST_MPS2, STRONGEST_MPS2))
+        return np.where(waits > step * STEP_S, still, clipped(asked + own, HARDEST_MPS2, STRONGEST_MPS2))
 
     return accelerate

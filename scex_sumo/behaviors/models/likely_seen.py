@@ -17,7 +17,9 @@ from scex_sumo.behaviors.models.idm import (
     HABIT_STEPS,
     IdmParameters,
     desired_speeds,
+    free_share,
     idm_acceleration,
+    leader_share,
 )
 from scex_sumo.behaviors.models.population import FAR_M, MOST_ASIDE_M, Population
 from scex_sumo.derived import derived
@@ -86,10 +88,10 @@ def asked_acceleration(
 
     Source: the least of both, Treiber and Kesting 2013, section 11.3.
     """
-    free = idm_acceleration(profile, speed, desired_speed, np.full_like(gap, np.inf), leader_speed)
-    following = idm_acceleration(profile, speed, np.full_like(gap, np.inf), gap, leader_speed)
+    share = np.minimum(free_share(speed, desired_speed), 1 - leader_share(profile, speed, gap, leader_speed))
+    driven = np.maximum(profile.max_acceleration * share, -profile.max_deceleration)
     slowing = np.maximum((curve_speed - speed) / CURVE_TIME_S, -profile.comfort_deceleration)
-    return np.minimum(np.minimum(free, following), slowing)
+    return np.minimum(driven, slowing)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -54,7 +54,7 @@ def rank_command(
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)
     ] = Path("out") / "ranking",
 ) -> None:
-    """Run all moments of a dataset, and rank them: which are worth testing."""
+    """Rank the moments of a dataset: which are worth testing."""
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.ranking.rank import rank
 
@@ -105,12 +105,12 @@ def _print_top(ranking: Ranking) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from scex_sumo.reports.tables.runs import print_table
+    from scex_sumo.reports.tables.runs import print_line, print_table
 
     table = Table(title="most critical moments, at least 3 s apart", title_justify="left")
     shown = is_in(ranking.table["seed"], array(ranking.info["shown"], string()))
-    for name in ("rank", "95 %", "seed", "vehicles", "children", "P(collision)", "encounters", "worst pair"):
-        if name in ("seed", "worst pair"):
+    for name in ("rank", "95 %", "moment", "vehicles", "children", "P(collision)", "encounters", "worst"):
+        if name in ("moment", "worst"):
             table.add_column(name, overflow="fold")
         else:
             table.add_column(name, justify="right", no_wrap=True)
@@ -127,10 +127,10 @@ def _print_top(ranking: Ranking) -> None:
             f"{row['encounters']:.2f}",
             _worst_pair(row),
         )
-    print_table(table, Console(width=None if sys.stdout.isatty() else 160))
-    print(
-        "encounters: critical ones of a child on average; ranked by collisions, how hard they are, and these"
-    )
+    console = Console(width=None if sys.stdout.isatty() else 160)
+    print_table(table, console)
+    about = "P(collision): possible, driven as any of the models; encounters: critical ones of a child"
+    print_line(f"{about} on average; ranked by collisions, how hard they are, and these", console)
 
 
 def _worst_pair(row: Mapping[str, Any]) -> str:

@@ -52,7 +52,7 @@ def train_command(
     ] = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace the weights.")] = False,
 ) -> None:
-    """Train a learned driver on recordings: INTERACTION, TAF-BW, CommonRoad, inD and its family."""
+    """Train a learned driver on recordings."""
     weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
     if every <= 0 or minutes < 0:
         raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")

@@ -63,18 +63,20 @@ def _print_scores(done: Validation) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from scex_sumo.reports.tables.runs import print_table
+    from scex_sumo.reports.tables.runs import counted, print_line, print_table
     from scex_sumo.validation.page import collisions_in, printed_name
 
     info = done.info
-    print(
-        f"{info['seeds']} seed scenes of {info['recordings']} recordings, models {', '.join(info['models'])}"
-    )
-    print(
-        f"mean Brier score of the paper's thresholds {info['mean_brier']:.3f}, "
+    console = Console(width=None if sys.stdout.isatty() else 140)
+    scenes, recordings = counted(info["seeds"], "seed scene"), counted(info["recordings"], "recording")
+    print(f"{scenes} of {recordings}, models {', '.join(info['models'])}")
+    told = (
+        f"mean Brier score of the paper's thresholds {info['mean_brier']:.3f} (0: every forecast right), "
         f"of the base rate {info['mean_brier_base_rate']:.3f}; P(collision) {collisions_in(info)}"
     )
-    table = Table(title="events", title_justify="left")
+    print_line(told, console)
+    about = "skill: 1 perfect, 0 as good as the base rate, what was so at the start, constant velocity"
+    table = Table(title="events", title_justify="left", caption=about, caption_justify="left")
     skills = ("skill_base_rate", "skill_seed_moment", "skill_constant_velocity")
     for name in ("event", "happened", "forecast", "Brier", "skill: base rate", "seed moment", "const. vel."):
         table.add_column(name, justify="left" if name == "event" else "right")
@@ -89,4 +91,4 @@ def _print_scores(done: Validation) -> None:
         name, share = escape(printed_name(row["column"])), f"{row['coverage']:.0%}"
         values.add_row(name, str(row["count"]), f"{row['crps_skill']:.2f}", share)
     for each in (table, values):
-        print_table(each, Console(width=None if sys.stdout.isatty() else 140))
+        print_table(each, console, breaks=(" base rate", " moment", " vel."))

@@ -40,8 +40,11 @@ def compare_command(
         Path | None, Option("-o", "--out", metavar="FOLDER", help="Write tables and a page to look at here.")
     ] = None,
 ) -> None:
-    """Compare seed scenes by the densities of their metrics: distances, groups, nearest neighbours."""
+    """Compare seed scenes by the densities of their metrics."""
+    from rich.console import Console
+
     from scex_sumo.reports.tables.comparison import comparison_lines
+    from scex_sumo.reports.tables.runs import print_line
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
     from scex_sumo.statistics.grouping import group_runs
@@ -62,7 +65,8 @@ def compare_command(
         comparison = compare(runs, labels=labels, distance=distance)
     grouping = group_runs(comparison.total, labels, groups=groups)
     centre = None if nearest is None else [p.resolve() for p in wanted].index(nearest.resolve())
-    print("\n".join(comparison_lines(runs, comparison, grouping, centre)))
+    for line in comparison_lines(runs, comparison, grouping, centre):
+        print_line(line, Console())
     if out is not None:
         _write(runs, comparison, grouping, out)
 

@@ -17,7 +17,7 @@ def encounters_command(
     pair: Annotated[str | None, Option(metavar="A,B", help="Only these two vehicles, in full.")] = None,
     most: Annotated[int, Option(metavar="N", help="How many pairs are listed.")] = 20,
 ) -> None:
-    """List the pairs of vehicles that meet in a run, the most critical first."""
+    """List which vehicles meet in a run, the most critical first."""
     from rich.console import Console
 
     from scex_sumo.reports.tables.encounters import print_encounters, print_pair

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,14 +13,12 @@ from scex_sumo.commands.options import Result, metric_option
 from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from scex_sumo.results.run import Run
     from scex_sumo.statistics.effects import Effect
     from scex_sumo.studies.explain import Explanation
 
-_SHOWN_PAIRS = 6
-_SHOWN_DRIVERS = 12  # of more vehicles, those of the two concerned
+_LEAST_SHARE = 0.05  # of the variance, to be named
+_SHOWN_DRIVERS = 3  # of more vehicles, those of the two concerned
 
 
 def explain_command(
@@ -39,6 +36,7 @@ def explain_command(
     from rich.console import Console
 
     from scex_sumo.metrics.registry import COLLISION, COLUMNS, column_named
+    from scex_sumo.reports.tables.runs import print_line
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
     from scex_sumo.studies.explain import (
@@ -69,16 +67,12 @@ def explain_command(
     _write(folder / "explain_worst.parquet", [r for rows in worst_of.values() for r in rows])
     wanted = [COLLISION, *COLUMNS[::2], *run.thresholds] if metric is None else [metric]
     shown = [e for e in found if e.metric in wanted]
-    scene = run.info["seed_scene"]["name"]
-    print(f"{scene}: share of the variance over {run.children} children that comes from who drives")
-    if any(explanation.effects for explanation in shown):
-        Console(width=None if sys.stdout.isatty() else 140).print(_effects_table(run, shown))
-    else:
-        print("too few children, or values that do not vary: no shares; run with more --children")
     for explanation in shown:
-        _print_conditions(
-            run, explanation, ids, names, worst_of[explanation.metric], every=metric is not None
-        )
+        worst_ones = worst_of[explanation.metric][: 1 if metric is None else None]
+        for line in _told(run, explanation, ids, names, worst_ones):
+            print_line(line, Console())
+    if not any(explanation.effects for explanation in shown):
+        print("too few children, or values that do not vary: no shares; run with more --children")
     print(f"result: {folder / 'explain_effects.parquet'}, explain_conditions, explain_worst")
     if plots:
         from scex_sumo.reports.study_pages.explain import write_explanations
@@ -95,40 +89,17 @@ def _write(path: Path, rows: list[dict[str, Any]]) -> None:
         path.unlink(missing_ok=True)
 
 
-def _effects_table(run: Run, shown: Sequence[Explanation]) -> Table:
-    from rich.table import Table
-
-    ids = run.info["seed_scene"]["track_ids"]
-    table = Table(
-        caption="with: only together; rest: more together, random routes",
-        caption_justify="left",
-    )
-    table.add_column("vehicle", no_wrap=True)
-    for explanation in shown:
-        table.add_column(explanation.metric, justify="right", no_wrap=True)
-    share = [{(e.kind, e.vehicle, e.other): e for e in x.effects} for x in shown]
-    mains = {k for s in share for k in s if k[0] == "main"}
-    pairs = {k for s in share for k in s if k[0] == "pair"}
-    biggest = sorted(pairs, key=lambda k: -max(s[k].share for s in share if k in s))[:_SHOWN_PAIRS]
-    for key in sorted(mains):
-        table.add_row(str(ids[key[1]]), *(_percent(s.get(key)) for s in share))
-    table.add_section()
-    for key in biggest:
-        table.add_row(f"{ids[key[1]]} with {ids[key[2]]}", *(_percent(s.get(key)) for s in share))
-    table.add_row(
-        "other pairs",
-        *(_sum([e for k, e in s.items() if k[0] == "pair" and k not in biggest]) for s in share),
-    )
-    table.add_row("rest", *(_percent(s.get(("rest", -1, -1))) for s in share))
-    return table
+def _sources(explanation: Explanation, ids: Sequence[int]) -> str:
+    """Whose models the values vary with, the largest shares of the variance first."""
+    found = sorted((e for e in explanation.effects if e.share >= _LEAST_SHARE), key=lambda e: -e.share)
+    return ", ".join(f"{e.share:.1%} {_source(e, ids)}" for e in found)
 
 
-def _percent(effect: Effect | None) -> str:
-    return "–" if effect is None else f"{max(effect.share, 0.0):.1%}"
-
-
-def _sum(effects: Sequence[Effect]) -> str:
-    return f"{max(sum(e.share for e in effects), 0.0):.1%}" if effects else "–"
+def _source(effect: Effect, ids: Sequence[int]) -> str:
+    if effect.kind == "rest":
+        return "more together or random routes"
+    first = str(ids[effect.vehicle])
+    return f"{first} alone" if effect.kind == "main" else f"{first} with {ids[effect.other]}"
 
 
 def _question(explanation: Explanation) -> str:
@@ -145,28 +116,28 @@ def _question(explanation: Explanation) -> str:
     return f"{explanation.metric} {kind} ({sign} {explanation.threshold:.3g})"
 
 
-def _print_conditions(
+def _told(
     run: Run,
     explanation: Explanation,
     ids: Sequence[int],
     names: Sequence[str],
     worst: Sequence[dict[str, Any]],
-    *,
-    every: bool,
-) -> None:
+) -> Iterator[str]:
     """What must happen for this scene to become dangerous, in sentences."""
     if explanation.defined == 0:
-        print(f"{explanation.metric}: defined in no child")
+        yield f"{explanation.metric}: defined in no child"
         return
     p = explanation.p_critical
     sure = "" if p.low == p.high else f" (95 %: {p.low:.1%} – {p.high:.1%})"
-    print(f"{_question(explanation)}: {p.value:.1%} of {p.count} children{sure}")
+    yield f"{_question(explanation)}: {p.value:.1%} of {p.count} children{sure}"
     for c in explanation.rules:
         who = " and ".join(f"{ids[v]}={names[m]}" for v, m in zip(c.vehicles, c.models, strict=True))
         sure = "" if c.low == c.high else f"95 %: {c.low:.0%} – {c.high:.0%}, "
         counted = f"{c.critical} of {c.children}; {c.covered:.0%} of the critical ones"
-        print(f"  {c.share:.0%} with {who} ({sure}{counted})")
-    for row in worst if every else worst[:1]:
+        yield f"  {c.share:.0%} with {who} ({sure}{counted})"
+    if sources := _sources(explanation, ids):
+        yield f"  variance: {sources}"
+    for row in worst:
         value = [f"{row['value']:.3g}"] if explanation.metric in run.columns else []
         if row["track_id"] is not None:
             other = "" if row["other_id"] is None else f" with {row['other_id']}"
@@ -177,4 +148,4 @@ def _print_conditions(
         if len(drivers) > _SHOWN_DRIVERS:
             both = (f"{row['track_id']}=", f"{row['other_id']}=")
             drivers = [name for name in drivers if name.startswith(both)]
-        print(f"  child {row['child']}: {', '.join(value)}: {' '.join(drivers)}")
+        yield f"  child {row['child']}: {', '.join(value)}: {' '.join(drivers)}"

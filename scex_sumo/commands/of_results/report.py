@@ -6,7 +6,7 @@ from scex_sumo.commands.options import Result
 
 
 def report_command(folder: Result) -> None:
-    """Write report.html of a result folder again: all that is in it, to look at in a browser."""
+    """Write report.html of a result folder again."""
     from scex_sumo.reports.page.report import write_report
     from scex_sumo.results.run import open_run
 

@@ -132,7 +132,9 @@ def _interaction(path: Path) -> Recording | None:
     beside = there(path.with_name(f"{stem}.osm"))
     if path.name.startswith("vehicle_tracks_"):
         map_path = folder.parent.parent / "maps" / f"{folder.name}.osm"
-        map_path = there(map_path) or there(path.with_name(f"{folder.name}.osm")) or map_path
+        only = [*folder.glob("*.osm")]  # somebody's own folder
+        beside = there(path.with_name(f"{folder.name}.osm")) or (only[0] if len(only) == 1 else None)
+        map_path = there(map_path) or beside or map_path
     elif folder.name in ("train", "val") and stem.endswith(f"_{folder.name}"):
         map_path = folder.parent / "maps" / f"{stem.removesuffix(f'_{folder.name}')}.osm"
         map_path = there(map_path) or map_path

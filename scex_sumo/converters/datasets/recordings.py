@@ -50,8 +50,12 @@ class LoadedRecording:
     findings: tuple[str, ...]
 
 
-def load_recording(recording: Recording) -> LoadedRecording:
+def load_recording(recording: Recording, origin: tuple[float, float] | None = None) -> LoadedRecording:
     """Read a recording and its map, repair it and align it to the map.
+
+    Args:
+        recording: where it is.
+        origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
 
     Raises:
         MapError: the map is missing or cannot be read, or its origin is not known.
@@ -59,11 +63,8 @@ def load_recording(recording: Recording) -> LoadedRecording:
     """
     map_path, track_path = recording.map_path, recording.track_paths[0]
     stamp = map_path.stat().st_mtime_ns if map_path.exists() else 0
-    origin = (
-        recorded_origin(map_path, tracks_path=track_path)
-        if unpacked_name(map_path).endswith(".osm")
-        else None
-    )
+    if origin is None and unpacked_name(map_path).endswith(".osm"):
+        origin = recorded_origin(map_path, tracks_path=track_path)
     road = _read_road(map_path, stamp, origin)
     clean = read_clean(recording.track_paths, road)
     _check(clean.table, road, map_path)

@@ -14,7 +14,6 @@ import os
 import pickle
 import shutil
 import tempfile
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from scex_sumo.converters.net.sumo_net import SumoNet, net_file
 from scex_sumo.files import cache_folder
 from scex_sumo.kept import our_modules
 from scex_sumo.road import Loss, Road
-from scex_sumo.version import __version__
+from scex_sumo.version import __version__, version_of
 
 MOST_NETS = 64  # those not used for longest go first
 _ENDINGS = (".net.xml", ".lanes.csv", ".add.xml")
@@ -52,7 +51,7 @@ def converted(road: Road, net_path: Path, *, keep: bool = True) -> SumoNet:
 
 
 def _key(road: Road) -> str:
-    made_by = (__version__, version("shapely"), our_modules())
+    made_by = (__version__, version_of("shapely"), our_modules())
     return hashlib.sha256(pickle.dumps((made_by, road))).hexdigest()
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import FloatArray, IntArray, least_of
 from scex_sumo.geometry.crossings import meeting_segments, octagon
 from scex_sumo.metrics.pairs.by_heading import ROUNDING, gather
 from scex_sumo.metrics.pairs.entries import Following, Placed
@@ -28,13 +28,8 @@ def following_on_path(scenes: Scenes) -> Following:
         return gather(scenes, np.empty(0, dtype=np.int64), np.empty(0))
     found = scenes.of_ordered_pairs(_on_paths)
     follower, _ = scenes.flat_of(found.where)
-    # The next one: the smallest arc length to its centre, the first of equals.
-    nearest = np.full(scenes.x.size, np.inf)
-    np.minimum.at(nearest, follower, found.along)
-    near = np.flatnonzero(found.along == nearest[follower])
-    first = np.full(scenes.x.size, follower.size)
-    np.minimum.at(first, follower[near], near)
-    chosen = near[first[follower[near]] == near]
+    # The next one: the smallest arc length to its centre.
+    chosen = np.sort(least_of(follower, found.along))
     return gather(scenes, found.where[chosen], found.gap[chosen])
 
 
@@ -88,11 +83,8 @@ class _Corridors:
         aside, along, cos = (np.concatenate([part[i] for part in found]) for i in (1, 2, 3))
         keep = np.flatnonzero(aside <= near[entry])
         entry, aside, along, cos = entry[keep], aside[keep], along[keep], cos[keep]
-        # Of the pieces near a vehicle the nearest one tells where on the path it is.
-        order = np.lexsort((along, aside, entry))
-        first = np.ones(order.size, dtype=bool)
-        first[1:] = np.diff(entry[order]) != 0
-        best = order[first]
+        # Of the pieces near a vehicle the nearest one tells where on the path it is, of equals the first.
+        best = least_of(entry, aside, along)
         limit = np.cos(self.scenes.parameters.following_angle) - ROUNDING
         best = best[(along[best] > 0) & (cos[best] >= limit)]
         entry, along = entry[best], along[best]
@@ -107,7 +99,7 @@ class _Corridors:
         """Pairs whose boxes meet: flat index of path and other, index into (2P, C, T), widest offset."""
         scenes = self.scenes
         ends = octagon(self.last[0] + self.last[2], self.last[1] + self.last[3])
-        ahead = self.paths.boxes_ahead()
+        ahead = self.paths.boxes_ahead
         low, high = np.minimum(ahead[:, 0], ends), np.maximum(ahead[:, 1], ends)
         half = np.broadcast_to(scenes.width / 2, scenes.x.shape)
         # Twice the reach covers the octagon's diagonal directions too.

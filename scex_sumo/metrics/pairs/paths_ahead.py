@@ -157,7 +157,7 @@ class PathsAhead:
     def _with_first_segments(self) -> tuple[Crossings, Crossings]:
         """Crossings of a vehicle's first segment with the other's first segment and plan."""
         scenes, lines = self.scenes, self.lines
-        where = meeting_pairs(scenes, self.first_boxes, self.boxes_ahead(), self.ahead, self.ahead)
+        where = meeting_pairs(scenes, self.first_boxes, self.boxes_ahead, self.ahead, self.ahead)
         row, theirs = scenes.flat_of(where)
         x, y, dx, dy = (a.reshape(-1) for a in (scenes.x, scenes.y, self.dx, self.dy))
         mine = x[row], y[row], dx[row], dy[row]
@@ -183,6 +183,7 @@ class PathsAhead:
             np.flatnonzero(segment >= self.column[where[at] % scenes.shape[1]])
         )
 
+    @cached_property
     def boxes_ahead(self) -> FloatArray:
         """(4, 2, V, C, T) octagons around each path ahead, first segment included."""
         nodes = self.lines.octagons

@@ -36,11 +36,18 @@ def pack(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
         heads.append({"name": name, "type": small.dtype.str[1:], "shape": small.shape})
         # Bytes of equal significance side by side: the upper ones hardly vary and compress to nothing.
         planes.append(small.reshape(-1, 1).view(np.uint8).T.tobytes() if small.size else b"")
-    head = json.dumps(
-        _plain({"info": info, "arrays": heads}), allow_nan=False, separators=(",", ":")
-    ).encode()
+    known = {"info": info, "arrays": heads}
+    try:
+        text = _json(known)
+    except ValueError:  # an infinity
+        text = _json(_plain(known))
+    head = text.encode()
     whole = b"".join([len(head).to_bytes(4, "little"), head, *planes])
     return base64.b64encode(zlib.compress(whole, _LEVEL)).decode()
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, default=_plain, allow_nan=False, separators=(",", ":"))
 
 
 def _plain(value: Any) -> Any:

@@ -37,7 +37,7 @@ def draw_figure(run: Run, curve: str, path: Path, *, metric: str | None = None) 
                 continue
             panel(run, column, axes)
             if len(values) < run.children:
-                sheet.note(axes, 0.82, f"defined in\n{len(values)}/{run.children}")
+                axes.set_xlabel(f"{axes.get_xlabel()}; defined in {len(values)}/{run.children}")
         if len(columns) > 1:
             _explain_lines(run, figure)
         sheet.left_label(figure, "density" if curve == "density" else "cumulative density")

@@ -43,7 +43,7 @@ def density_panel(run: Run, column: str, axes: Axes) -> None:
     if run.reference is not None and len(run.reference.samples(column)):
         likely = run.reference.density(column)
         axes.plot(likely.x, likely.pdf, color=_LIKELY, linewidth=1.2)
-        sheet.note(axes, 0.84, "likely", _LIKELY, fontsize=7)
+        sheet.note(axes, 0.95, "likely", _LIKELY, fontsize=7)
     axes.set_ylim(0, 1.05 * max((float(np.max(line.get_ydata())) for line in axes.lines), default=0) or 1)
     _mark(run, column, axes, curve.x)
     _atoms(curve, axes)
@@ -95,7 +95,7 @@ def _mark(run: Run, column: str, axes: Axes, x: FloatArray) -> None:
         low, high = max(critical[0], left), min(critical[1], right)
         if low < high:
             axes.axvspan(low, high, color=CRITICAL, alpha=0.07, linewidth=0)
-        sheet.note(axes, 0.95, f"P = {run.p_critical(column).value:.1%}", CRITICAL)
+        axes.set_title(f"P = {run.p_critical(column).value:.1%}", loc="right", color=CRITICAL)
     beyond = float(np.mean(run.samples(column) > right))
     if beyond > 0:
         sheet.note(axes, 0.04, f"{max(beyond, 0.001):.1%} beyond →", fontsize=7)

@@ -16,7 +16,7 @@ from scex_sumo.reports.page.study import Table, card, plots, table, table_place,
 from scex_sumo.reports.tables.runs import counted
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.effects import Condition
-from scex_sumo.studies.explain import Explanation, pair_of
+from scex_sumo.studies.explain import WORST_SHARE, Explanation, pair_of
 
 HTML = "explain.html"
 _CELL_PX = 26
@@ -113,6 +113,7 @@ def _conditions(found: Sequence[Explanation], ids: Sequence[int], names: Sequenc
     rows = [
         [_question(one), _who(c, ids, names), c.share, one.p_critical.value, c.low, c.high, c.covered]
         for one in found
+        if one.given or one.p_critical.value <= 2 * WORST_SHARE  # else many share the value of the tenth
         for c in one.conditions
     ]
     return table(heads, sorted(rows, key=lambda row: -row[2]))

@@ -8,7 +8,7 @@ from scex_sumo.reports.page.html import Html, element
 from scex_sumo.statistics.grouping import Grouping
 from scex_sumo.studies.compare import Comparison
 
-_TREE_PX, _ROW_PX, _LETTER_PX, _GAP_PX = 170, 24, 6.6, 8
+_TREE_PX, _ROW_PX, _LETTER_PX, _GAP_PX = 170, 24, 7.4, 8
 _NUMBERS_UP_TO = 20
 """Runs whose distances are written into the matrix."""
 _COLORS = 6
@@ -67,13 +67,8 @@ def _branches(grouping: Grouping, noise: float, height: int) -> list[Html]:
     found = []
     if noise == noise and noise > 0:
         x = x_of(noise)
-        box: dict[str, str | int] = {
-            "x": f"{x:.1f}",
-            "y": 0,
-            "width": f"{_TREE_PX - x:.1f}",
-            "height": height,
-        }
-        found.append(element("rect.chance", element("title", "by chance"), **box))
+        box: dict[str, str | int] = {"x": f"{x:.1f}", "width": f"{_TREE_PX - x:.1f}", "height": height}
+        found.append(element("rect.chance", element("title", "by chance"), y=0, **box))
     for step, (one, two, at, _) in enumerate(grouping.linkage):
         parts, joined = (int(one), int(two)), count + step
         same = group[parts[0]] if group[parts[0]] == group[parts[1]] else 0

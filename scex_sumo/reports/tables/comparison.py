@@ -15,7 +15,6 @@ from scex_sumo.studies.compare import Comparison
 
 MOST_IN_MATRIX = 20  # runs whose matrix fits a terminal of 110 characters
 MOST_PAIRS = 15
-_CODES = {"distance": "D", "tq": "Q", "gap_time": "G", "pttc": "P", "wttc": "W", "ttc": "T"}
 
 
 def comparison_lines(
@@ -64,7 +63,7 @@ def comparison_lines(
 
 
 def _matrix(comparison: Comparison, grouping: Grouping) -> Iterable[str]:
-    """Below the diagonal hundredths of the distance, above it the metric that sets the pair apart most."""
+    """Hundredths of the distances."""
     order = [int(r) for r in grouping.order]
     if len(order) > MOST_IN_MATRIX:
         yield f"(the matrix of more than {MOST_IN_MATRIX} runs: -o FOLDER, distances.csv and compare.html)"
@@ -73,15 +72,8 @@ def _matrix(comparison: Comparison, grouping: Grouping) -> Iterable[str]:
     wide = max(len(comparison.labels[r]) for r in order)
     yield f"{'distance x 100':<{wide + 3}}" + "".join(f"{n:>4}" for n in range(1, len(order) + 1))
     for row, run in enumerate(order):
-        cells = []
-        for column, other in enumerate(order):
-            if column < row:
-                cells.append(f"{100 * comparison.total[run, other]:>4.0f}")
-            else:
-                cells.append("   ." if column == row else f"{_code(comparison.apart(run, other)[0][0]):>4}")
-        yield f"{row + 1:>2} {comparison.labels[run]:<{wide}}" + "".join(cells)
-    used = ", ".join(f"{code} {metric}" for metric, code in _CODES.items() if metric in comparison.metrics)
-    yield f"above the diagonal: what sets the pair apart most; {used}; small letters: their means"
+        cells = [f"{100 * comparison.total[run, other]:>4.0f}" for other in order[:row]]
+        yield f"{row + 1:>2} {comparison.labels[run]:<{wide}}{''.join(cells)}   ."
     yield ""
 
 
@@ -112,11 +104,6 @@ def _typical(run: Run, metric: str) -> str:
         return "undefined"
     text = f"{np.median(samples):.2f} {metric_of(metric).column_unit}".rstrip()
     return text if share == 1 else f"{text}, defined in {share:.0%}"
-
-
-def _code(metric: str) -> str:
-    code = _CODES.get(metric.removesuffix("_mean"), "?")
-    return code.lower() if metric.endswith("_mean") else code
 
 
 def distances_table(comparison: Comparison) -> pa.Table:

@@ -11,16 +11,17 @@ from rich.table import Table
 from rich.text import Text
 
 from scex_sumo.evaluation.encounters import in_words
-from scex_sumo.reports.tables.runs import counted, print_table
+from scex_sumo.reports.tables.runs import counted, print_line, print_table
 from scex_sumo.results.run import Run
 
-_QUESTIONS = {
+QUESTIONS = {
     "collision": "collision",
     "ttc": "TTC on path < 1.5 s",
     "pet": "PET < 1 s",
     "drac": "DRAC > 3.4 m/s²",
     "critical": "any of these",
 }
+"""What is asked about a pair, in words."""
 
 
 def print_encounters(run: Run, console: Console, *, most: int) -> None:
@@ -30,23 +31,16 @@ def print_encounters(run: Run, console: Console, *, most: int) -> None:
     table = Table(
         title=f"{name}: {pairs} of vehicles meet in {children}",
         title_justify="left",
-        caption="shares of all children; gap: 5th percentile of the least distance of the outlines",
+        caption="→: hits or follows; shares of all children; gap: the least in the nearest 5 % of them",
         caption_justify="left",
     )
-    for name in (
-        "pair",
-        "place",
-        "collides",
-        "95 %",
-        "TTC",
-        "PET",
-        "DRAC",
-        "any",
-        "gap [m]",
-        "mostly driven by",
-    ):
-        left = name in ("pair", "place", "mostly driven by")
-        table.add_column(name, justify="left" if left else "right", no_wrap=not name.startswith("mostly"))
+    heads = ("pair", "place", "collides", "95 %", "TTC", "PET", "DRAC", "any", "gap [m]", "mostly driven by")
+    for name in heads:
+        if name == "mostly driven by":
+            table.add_column(name, overflow="fold")
+        else:
+            left = name in ("pair", "place")
+            table.add_column(Text(name), justify="left" if left else "right", no_wrap=True)
     for row in found:
         low, high = row["collision_low"], row["collision_high"]
         models = row["models"][0] if row["models"] else None
@@ -65,17 +59,19 @@ def print_encounters(run: Run, console: Console, *, most: int) -> None:
 
 def print_pair(run: Run, row: Mapping[str, Any], console: Console) -> None:
     """Print all that is known of a pair: shares, gaps, models, and the children in which they collide."""
-    console.print(Text(in_words(row)), soft_wrap=True)
+    print_line(in_words(row), console)
     table = Table(title="shares of all children, 95 % interval", title_justify="left")
     table.add_column("question")
     table.add_column("share", justify="right")
     table.add_column("interval", justify="right")
-    for name, words in _QUESTIONS.items():
+    for name, words in QUESTIONS.items():
         low, high = row[f"{name}_low"], row[f"{name}_high"]
         table.add_row(words, f"{row[name]:.1%}", f"{low:.1%} – {high:.1%}")
     print_table(table, console)
     gaps = ["> 10" if row[f"gap_p{p}"] is None else f"{row[f'gap_p{p}']:.1f}" for p in ("05", "50", "95")]
-    console.print(f"least gap in m: {gaps[0]} in 5 %, {gaps[1]} in 50 %, {gaps[2]} in 95 % of the children")
+    print_line(
+        f"least gap in m: {gaps[0]} in 5 %, {gaps[1]} in 50 %, {gaps[2]} in 95 % of the children", console
+    )
     models = Table(title="by their models", title_justify="left")
     for name in (str(row["track_id"]), str(row["other_id"])):
         models.add_column(name)
@@ -96,7 +92,8 @@ def print_pair(run: Run, row: Mapping[str, Any], console: Console) -> None:
     hits = [child for child in _children(run, row)]
     if hits:
         shown = ", ".join(str(child) for child in hits[:12]) + (", ..." if len(hits) > 12 else "")
-        console.print(f"collides in children {shown}; scex-sumo view {run.folder} --child {hits[0]}")
+        print_line(f"collides in children {shown}", console)
+        console.print(f"look: scex-sumo view {run.folder} --child {hits[0]}", soft_wrap=True, highlight=False)
 
 
 def _children(run: Run, row: Mapping[str, Any]) -> list[int]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
+from typing import Any
 
 from rich.cells import cell_len
 from rich.console import Console
@@ -22,23 +24,48 @@ _LEAST = 12  # characters of a column that may take several lines
 
 
 def print_summary(run: Run, console: Console) -> None:
-    """Print the table, the worst encounters, and what was planned by the path-following driver instead."""
-    print_table(summary_table(run), console, breaks=(" if", " interval"))
+    """Print the table, then the answer in words, and what the path-following driver planned instead."""
+    print_table(summary_table(run), console, breaks=(" if", " likely", " possible"))
+    for line in [*answer_lines(run), *fallback_lines(run.info.get("fallbacks", []))]:
+        print_line(line, console)
+
+
+def answer_lines(run: Run) -> list[str]:
+    """How often two vehicles collide, who they are, and what is critical whoever drives."""
+    both = (("possible", run, "any of the models"), ("likely", run.reference, "people were recorded"))
+    lines = [
+        f"{name}: a collision in {one.p_collision.percent} of children, driven as {how}"
+        for name, one, how in both
+        if one is not None and one.outcomes
+    ]
     if always := always_critical(run):
-        console.print(
-            Text(f"critical whoever drives, so not by the drivers: {', '.join(always)}"), soft_wrap=True
-        )
-    if (run.folder / ENCOUNTERS).is_file():
-        for row in run.encounters.slice(0, WORST).to_pylist():
-            console.print(Text(in_words(row)), soft_wrap=True)
-    for line in fallback_lines(run.info.get("fallbacks", [])):
-        console.print(Text(line), soft_wrap=True)
+        lines.append(f"critical in every child, whoever drives: {', '.join(always)}")
+    if worst := worst_encounters(run):
+        lines.append("worst encounters, who hits or follows → whom (how, where, after what time):")
+    elif (run.folder / ENCOUNTERS).is_file():
+        lines.append("no encounter of two vehicles is critical in any child")
+    return lines + [f"  {in_words(row)}" for row in worst]
+
+
+def worst_encounters(run: Run) -> list[dict[str, Any]]:
+    """The most critical pairs of vehicles; none that is critical in no child."""
+    rows = run.encounters.slice(0, WORST).to_pylist() if (run.folder / ENCOUNTERS).is_file() else []
+    return [row for row in rows if row["critical"] > 0]
+
+
+def print_line(text: str, console: Console) -> None:
+    """Print a sentence, broken between words on a terminal and not at all elsewhere."""
+    indent = len(text) - len(text.lstrip())
+    wide = console.size.width if console.is_terminal else len(text) + 1
+    told = textwrap.wrap(text, wide, subsequent_indent=" " * (indent + 2), break_on_hyphens=False)
+    console.print(Text("\n".join(told)), soft_wrap=True)
 
 
 def always_critical(run: Run) -> list[str]:
-    """Printed names of the metrics that are critical in every child, as many are where traffic waits."""
+    """Printed names of the metrics that are critical in every child, the likely ones too."""
     columns = [c for c in critical_columns(run.columns) if c in run.thresholds]
-    return [metric_of(c).words for c in columns if run.p_critical(c).value == 1.0]
+    both = [one for one in (run, run.reference) if one is not None]
+    return [metric_of(c).words for c in columns if all(one.p_critical(c).value == 1.0 for one in both)]
 
 
 def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -> None:
@@ -71,7 +98,7 @@ def summary_table(run: Run) -> Table:
         title=f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, "
         f"{counted(run.children, 'child scenario')}",
         title_justify="left",
-        caption=f"worst value of each child; critical of all children, {_interval_of(run)}",
+        caption=f"median: of each child's worst value; {_interval_of(run)}",
         caption_justify="left",
     )
     table.add_column("metric")
@@ -79,7 +106,7 @@ def summary_table(run: Run) -> Table:
     possible = "P(critical)" if likely is None else "P possible"
     for name in ("recorded", "median", "critical if", *_beside(likely, "P likely"), possible):
         table.add_column(name, justify="right", no_wrap=True)
-    for name in ("95 % interval", "defined"):
+    for name in ("95 %", "defined"):
         table.add_column(name, justify="right", no_wrap=True)
     if COLLISION in run.metrics.column_names:
         share = run.p_collision
@@ -109,8 +136,8 @@ def summary_table(run: Run) -> Table:
 def _interval_of(run: Run) -> str:
     """What the interval of a share is."""
     if run.intervals.whole:
-        return "which are all assignments: nothing is uncertain but the routes drawn"
-    return "with the design's 95 % interval"
+        return "the children are all assignments: only routes are drawn"
+    return "95 %: interval of the P before it, in %"
 
 
 def _beside(likely: Run | None, cell: str) -> tuple[str, ...]:
@@ -128,12 +155,14 @@ def _critical(run: Run, column: str, threshold: float | None, likely: Run | None
 
 def _shares(share: Interval) -> tuple[str, str]:
     known = share.low == share.high
-    return f"{share.value:.1%}", "–" if known else f"{share.low:.1%} – {share.high:.1%}"
+    return f"{share.value:.1%}", "–" if known else f"{100 * share.low:.1f}–{100 * share.high:.1f}"
 
 
 def _recorded_overlaps(run: Run) -> str:
     """Recorded boxes that overlap are no collisions; how many pairs there are is said in their place."""
     known = run.info.get("recorded")
+    if known is not None and not known["overlaps"]:
+        return "none"
     return "–" if known is None else counted(len(known["overlaps"]), "overlap")
 
 

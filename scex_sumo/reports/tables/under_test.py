@@ -8,24 +8,31 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scex_sumo.metrics.registry import critical_columns, metric_of
-from scex_sumo.reports.tables.runs import counted, print_table
+from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of
+from scex_sumo.reports.tables.runs import counted, print_line, print_table
 from scex_sumo.results.under_test import UnderTest
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.paired import holm
 
 
 def print_under_test(tested: UnderTest, console: Console) -> None:
-    """Print the comparison, and what its columns mean."""
+    """Print the comparison, what its columns mean, and the answer."""
     print_table(under_test_table(tested), console, breaks=(" better",))
-    console.print(
-        Text(
-            "only pairs that involve a vehicle under test; baseline: the same children, driven as drawn\n"
-            "worse : better: children that are more and less critical than in the baseline\n"
-            "p: of no difference; signed-rank test of values, McNemar's of shares, corrected after Holm"
-        ),
-        soft_wrap=True,
-    )
+    for line in (
+        "only pairs that involve a vehicle under test; baseline: the same children, driven as drawn",
+        "worse : better: children that are more and less critical than in the baseline",
+        "p: of no difference; signed-rank test of values, McNemar's of shares, corrected after Holm",
+        *([verdict(tested)] if COLLISION in tested.columns else []),
+    ):
+        print_line(line, console)
+
+
+def verdict(tested: UnderTest) -> str:
+    """How often the vehicles under test collide, with their models and without."""
+    one, other = tested.p_critical(COLLISION), tested.p_critical(COLLISION, "baseline")
+    assert one is not None and other is not None
+    shares = f"{one.percent} of the children, in {other.percent} if driven as drawn"
+    return f"under test, {tested.label}: collides in {shares}"
 
 
 def under_test_table(tested: UnderTest) -> Table:
@@ -33,7 +40,7 @@ def under_test_table(tested: UnderTest) -> Table:
     children = counted(tested.metrics.num_rows, "child scenario")
     table = Table(title=f"under test, {tested.label}: {children}", title_justify="left")
     table.add_column("metric")
-    for name in ("median", "baseline", "worse : better", "p", "P(critical)", "baseline", "p"):
+    for name in ("median", "baseline", "worse : better", "p", "critical", "baseline", "p"):
         table.add_column(name, justify="right", no_wrap=True)
     found = [tested.difference(column) for column in critical_columns(tested.columns)]
     values = holm([one.p_value for one in found])

@@ -11,6 +11,7 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.learned.decoding import EDGE_MARGIN_M, plan_along, plan_freely, way_of
 from scex_sumo.behaviors.learned.seen.surface import CELL_M
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene
 from tests.behaviors import roads
@@ -20,14 +21,19 @@ TIMES = 0.1 * np.arange(1, 31)
 
 
 def along(
-    road: Road, scene: SeedScene | SceneHistory, acceleration: FloatArray, offset: FloatArray | None
+    road: Road,
+    scene: SeedScene | SceneHistory,
+    acceleration: FloatArray,
+    offset: FloatArray | None,
+    *,
+    clear: bool = False,
 ) -> Plan:
     history = scene if isinstance(scene, SceneHistory) else roads.present(scene)
     who = roads.every(history)
     paths, row = chosen_paths(history, road, who, "straight")
     rows = np.broadcast_to(acceleration, (len(who), 30))
     wanted = None if offset is None else np.broadcast_to(offset, (len(who), 30))
-    return plan_along(history, who, paths, row, rows, wanted, road=road)
+    return plan_along(history, who, paths, row, rows, wanted, road=road, clear=clear)
 
 
 @pytest.mark.parametrize("acceleration", [-3.0, 0.0, 2.0])
@@ -89,6 +95,48 @@ def test_where_the_road_is_narrower_than_the_box_its_middle_is_aimed_at() -> Non
     alley = roads.road(roads.lane(1, [(0.0, 0.0), (300.0, 0.0)], width=1.5))
     made = along(alley, roads.scene_of((50.0, 0.3, 0.0, 10.0)), np.zeros(30), np.full(30, 0.3))
     assert made.y[0, 29] == pytest.approx(0.0, abs=0.1)
+
+
+def least_distance(scene: SeedScene, made: Plan) -> float:
+    sizes = scene.length[0], scene.width[0]
+    return float(rectangle_distance(*(Rectangles.of(made[k], *sizes) for k in (0, 1))).min())
+
+
+@pytest.mark.parametrize("behind", [0.0, 3.0, 12.0])
+@pytest.mark.parametrize("apart", [2.4, 3.0])
+def test_two_who_head_for_each_other_side_by_side_do_not_touch(behind: float, apart: float) -> None:
+    scene = roads.scene_of(
+        (60.0, apart / 2, -0.04, 12.0), (60.0 - behind, -apart / 2, 0.04, 12.0 + behind / 1.5)
+    )
+    # Both aim at the middle of the road, and go on as they are at first.
+    u = TIMES / 3
+    fades, drifts = 1 - u**3 * (10 - 15 * u + 6 * u**2), 0.48 * 3 * (u - u**3 * (6 - 8 * u + 3 * u**2))
+    wanted = np.array([[1.0], [-1.0]]) * (apart / 2 * fades - drifts)
+    assert least_distance(scene, along(WIDE, scene, np.zeros(30), wanted)) == 0.0
+    made = along(WIDE, scene, np.zeros(30), wanted, clear=True)
+    assert least_distance(scene, made) > 0.15
+    assert np.abs(np.diff(made.y, 2, axis=1)).max() < 0.04  # 4 m/s²
+
+
+def test_one_who_is_too_near_is_made_room_for() -> None:
+    scene = roads.scene_of((50.0, 1.0, 0.0, 10.0), (50.0, -1.0, 0.0, 10.0))
+    made = along(WIDE, scene, np.zeros(30), np.array([[1.0], [-1.0]]) * np.ones(30), clear=True)
+    assert 2.15 < made.y[0, 29] - made.y[1, 29] < 2.3  # 1.8 m and 0.4 m
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        (62.0, 0.3, 0.0, 8.0),  # ahead in the lane
+        (52.0, 3.5, 0.0, 12.0),  # in the next lane
+        (70.0, -8.0, np.pi / 2, 6.0),  # about to cross
+        (50.0, 90.0, 0.0, 10.0),
+    ],
+)
+def test_those_who_are_not_in_the_way_sideways_change_nothing(other: roads.Vehicle) -> None:
+    scene = roads.scene_of((50.0, 0.3, 0.0, 10.0), other)
+    plans = [along(WIDE, scene, np.zeros(30), np.zeros(30), clear=clear) for clear in (False, True)]
+    assert all(np.array_equal(*(getattr(made, key)[0] for made in plans)) for key in ("x", "y", "heading"))
 
 
 def test_without_a_road_offsets_are_not_bounded() -> None:

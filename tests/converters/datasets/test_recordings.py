@@ -114,6 +114,15 @@ def test_a_map_stands_for_its_recordings_and_a_file_for_itself(tmp_path: Path) -
     assert [r.track_paths for r in find_recordings([one])] == [(one,)]
 
 
+def test_tracks_in_a_folder_with_one_map_belong_to_it(tmp_path: Path) -> None:
+    write_rows(tmp_path / "mine" / "vehicle_tracks_000.csv", straight(1, range(61)))
+    town(tmp_path)
+    (tmp_path / "maps" / "town.osm").rename(tmp_path / "mine" / "town.osm")
+    assert [r.map_path for r in find_recordings([tmp_path / "mine"])] == [tmp_path / "mine" / "town.osm"]
+    write_map(tmp_path / "mine" / "village.osm", [lanelet(1, -50.0, 400.0, -1.75)])
+    assert [r.map_path.name for r in find_recordings([tmp_path / "mine"])] == ["mine.osm"]  # which one?
+
+
 def test_what_is_found_twice_counts_once_and_equal_names_are_told_apart(tmp_path: Path) -> None:
     interaction(tmp_path / "a")
     interaction(tmp_path / "b")

@@ -165,4 +165,4 @@ def test_likely_children_that_collide_are_counted(run: Run, tmp_path: Path) -> N
     copy = tmp_path / "out"
     shutil.copytree(run.folder, copy)
     shutil.copytree(run.folder, copy / "reference")
-    assert report_contents(open_run(copy))[0]["likely_collisions"] == run.p_collision.value
+    assert report_contents(open_run(copy))[0]["likely_collisions"]["value"] == run.p_collision.value

@@ -21,6 +21,14 @@ def test_arrays_and_words_come_out_as_they_went_in() -> None:
         np.testing.assert_array_equal(found[name], values)
 
 
+def test_what_json_does_not_know_becomes_null_or_words() -> None:
+    known = {"whole": np.int64(3), "real": np.float64(0.5), "pair": (1, 2.5)}
+    assert unpack(pack(known, {}))[0] == {"whole": "3", "real": 0.5, "pair": [1, 2.5]}
+    endless = {**known, "most": np.inf, "deep": [{"least": -np.inf}, np.nan]}
+    plain = {"whole": "3", "real": 0.5, "pair": [1, 2.5], "most": None, "deep": [{"least": None}, None]}
+    assert unpack(pack(endless, {}))[0] == plain
+
+
 @pytest.mark.parametrize(("value", "size"), [(127, 1), (-128, 1), (128, 2), (-32_769, 4)])
 def test_integers_take_as_few_bytes_as_they_need(value: int, size: int) -> None:
     assert smallest(np.array([value])).itemsize == size

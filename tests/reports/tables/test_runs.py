@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from scex_sumo.reports.tables.runs import always_critical, print_table
+from scex_sumo.reports.tables.runs import always_critical, print_line, print_table
 from scex_sumo.results.run import open_run
 
 
@@ -64,3 +64,13 @@ def test_what_is_critical_in_every_child_is_told_apart(tmp_path: Path) -> None:
     limits = {"distance": 5.0, "wttc": 0.26, "ttc": 0.5}
     (tmp_path / "run.json").write_text(json.dumps(about | {"thresholds": limits}))
     assert always_critical(open_run(tmp_path)) == ["distance"]
+
+
+@pytest.mark.parametrize(
+    ("terminal", "lines"), [(True, ["  who drives", "    how"]), (False, ["  who drives how"])]
+)
+def test_a_sentence_is_broken_between_words_on_a_terminal_only(terminal: bool, lines: list[str]) -> None:
+    console = Console(file=io.StringIO(), width=14, force_terminal=terminal, no_color=True)
+    print_line("  who drives how", console)
+    assert isinstance(console.file, io.StringIO)
+    assert console.file.getvalue().splitlines() == lines

@@ -74,7 +74,7 @@ function makeChart(run, state, element) {
       said.title = `${words}; likely: ${percent(likelyShare)}`;
     }
     line.hidden = !isSet || metric.mean;
-    line.firstChild.textContent = `${metric.name} ${metric.sign} ${short(threshold)}`;
+    line.firstChild.textContent = isSet ? `${metric.name} ${metric.sign} ${Number(threshold.toFixed(3))} ${metric.unit}` : "";
     line.style.cssText = `--value: ${value}; --low: ${least}; --high: ${most95}; --chance: ${isMissing(likelyShare) ? -1 : likelyShare}`;
   }
 

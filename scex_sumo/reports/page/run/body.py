@@ -48,16 +48,18 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
     if found is None:
         words = element("p.soft", "not in this result; run it again")
         return element("div.card", element("h2", "P(collision)"), element("div.big", "–"), words)
-    of = f"{found['count']} of {counted(info['children'], 'child scenario')}; "
-    sure = element("span.nowrap", f"95 %: {percent(found['low'])} – {percent(found['high'])}")
-    parts = [
-        element("h2", "P(collision)"),
-        element("div.big.hot" if found["count"] else "div.big", percent(found["value"])),
-        element("p.soft", of, sure),
-    ]
+    parts = [element("h2", "P(collision)"), *_big(found, "possible, each driven as any of the models")]
     if likely is not None:
-        parts.append(element("p", f"likely: {percent(likely)}"))
+        parts += _big(likely, "likely, driven as people were recorded")
     return element("div.card", *parts)
+
+
+def _big(share: Mapping[str, Any], what: str) -> tuple[Html, Html]:
+    """A share in large digits, and what it is of."""
+    of = f"{what}: {share['count']} of {counted(share['children'], 'child scenario')}; "
+    sure = element("span.nowrap", f"95 %: {percent(share['low'])} – {percent(share['high'])}")
+    number = element("div.big.hot" if share["count"] else "div.big", percent(share["value"]))
+    return number, element("p.soft", of, sure)
 
 
 def _share_card(info: Mapping[str, Any]) -> Html:
@@ -69,7 +71,9 @@ def _share_card(info: Mapping[str, Any]) -> Html:
     ]
     likely = "; violet: likely" if info["likely_collisions"] is not None else ""
     about = element("p.soft", f"Blue: possible; line: 95 %{likely}. {_recorded_words(info['metrics'])}")
-    return element("div.card", element("h2", "P(critical)"), *lines, about)
+    whoever = f"Critical in every child, whoever drives: {', '.join(info['always'])}."
+    always = [element("p", whoever)] if info["always"] else []
+    return element("div.card", element("h2", "P(critical)"), *lines, about, *always)
 
 
 def _recorded_words(metrics: Sequence[Mapping[str, Any]]) -> str:
@@ -78,7 +82,7 @@ def _recorded_words(metrics: Sequence[Mapping[str, Any]]) -> str:
     if not judged:
         return "What really happened was not recorded."
     names = [
-        f"{m['name']} {m['sign']} {m['threshold']:.2f}"
+        f"{m['name']} {m['sign']} {m['threshold']:.3g} {m['unit']}".rstrip()
         for m in judged
         if (m["recorded"] <= m["threshold"] if m["side"] == "left" else m["recorded"] >= m["threshold"])
     ]
@@ -106,13 +110,18 @@ def _chart(info: Mapping[str, Any], number: int) -> Html:
 
 
 def _encounter_card(info: Mapping[str, Any]) -> Html:
-    rows = info["encounters"]["rows"][:_WORST]
     buttons = [
         element("li", element("button", row["words"], data_encounter=number))
-        for number, row in enumerate(rows)
+        for number, row in enumerate(info["encounters"]["rows"][:_WORST])
+        if row["critical"]
     ]
-    shown = element("ol", *buttons) if rows else element("p", "Nobody meets anybody.")
-    return element("div.card", element("h2", "Worst encounters"), shown)
+    about = "Who hits or follows → whom (how, where, after what time). A click shows it."
+    parts = [
+        element("p.soft", about if buttons else "Nobody meets anybody critically."),
+        element("ol", *buttons),
+    ]
+    parts += [element("p", info["tested"])] if info["tested"] else []
+    return element("div.card", element("h2", "Worst encounters"), *parts)
 
 
 def _legend(info: Mapping[str, Any]) -> Html:

@@ -19,11 +19,12 @@ from scex_sumo.reports.page.run.tables import (
     collision_share,
     encounter_table,
     event_table,
-    likely_collisions,
     metric_values,
 )
 from scex_sumo.reports.page.svg import ticks
 from scex_sumo.reports.page.tracks import POSITION_M, UniqueTracks, unique_tracks, whole_tracks
+from scex_sumo.reports.tables.runs import always_critical
+from scex_sumo.reports.tables.under_test import verdict
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH
@@ -49,8 +50,9 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     track_ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
     levels, models = _assignment(run, len(track_ids))
     metrics = [metric_words(run, column) for column in run.columns]
-    curves, numbers = densities_of(run), effective_numbers(run, [metric["side"] for metric in metrics])
-    likely = None if run.reference is None else densities_of(run.reference)
+    curves = densities_of(run, run.columns)
+    numbers = effective_numbers(run, [metric["side"] for metric in metrics])
+    likely = None if run.reference is None else densities_of(run.reference, run.columns)
     for metric, number in zip(metrics, numbers, strict=True):
         metric |= {"numbers": number, **curve_words(curves, likely, metric["column"])}
     views = {metric["column"]: metric["view"] for metric in metrics}
@@ -64,7 +66,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
         **curve_arrays(curves, "curve", views),
         **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
     }
-    if run.reference is not None:
+    if run.reference is not None and likely is not None:
         arrays["likely"] = metric_values(run.reference.metrics, run.columns)
         arrays |= curve_arrays(likely, "likely", views)
     box = _box(tracks)
@@ -105,7 +107,9 @@ def _words(
         "encounters": encounter_table(run, track_ids),
         "events": event_table(run, track_ids, [metric["side"] for metric in metrics]),
         "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
-        "likely_collisions": likely_collisions(run),
+        "likely_collisions": None if run.reference is None else collision_share(run.reference),
+        "always": always_critical(run),
+        "tested": verdict(run.under_test) if run.baseline is not None and run.info.get("under_test") else "",
     }
 
 

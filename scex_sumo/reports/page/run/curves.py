@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from scex_sumo.arrays import BoolArray, FloatArray
 from scex_sumo.results.densities import DENSITIES, densities_table
 from scex_sumo.results.run import Run
+
+Curves: TypeAlias = dict[str, dict[str, FloatArray]]
+"""By metric column, arrays of one length: x, pdf, cdf, low, high, atom, as in ``densities.parquet``."""
 
 X_UNIT, DENSITY_UNIT, SHARE_UNIT = 1e-3, 1e-4, 1e-4
 _LEVELS = 9
@@ -20,12 +21,12 @@ _LEVELS = 9
 
 
 def curve_arrays(
-    table: pa.Table, prefix: str, views: Mapping[str, tuple[float, float]]
+    curves: Curves, prefix: str, views: Mapping[str, tuple[float, float]]
 ) -> dict[str, NDArray[Any]]:
     """Curves of metric columns, numbered in their order, of those that have any.
 
     Args:
-        table: of densities.
+        curves: of the columns.
         prefix: of the names.
         views: range of values that is seen, by metric column; the curves go on to its ends.
 
@@ -34,7 +35,7 @@ def curve_arrays(
     """
     arrays: dict[str, NDArray[Any]] = {}
     for number, (column, (low, high)) in enumerate(views.items()):
-        rows = _rows_of(table, column)
+        rows = curves[column]
         x, cdf = rows["x"], rows["cdf"]
         if not x.size:
             continue
@@ -48,11 +49,11 @@ def curve_arrays(
     return arrays
 
 
-def curve_words(table: pa.Table, likely: pa.Table | None, column: str) -> dict[str, Any]:
+def curve_words(curves: Curves, likely: Curves | None, column: str) -> dict[str, Any]:
     """What is known of a metric's curves beside their points.
 
     Args:
-        table: of densities.
+        curves: of the columns.
         likely: the same of the likely children, where there are any.
         column: of a metric.
 
@@ -60,7 +61,7 @@ def curve_words(table: pa.Table, likely: pa.Table | None, column: str) -> dict[s
         ``atoms`` and ``likely_atoms`` with their shares, ``band`` its half-width, ``peak`` the largest
         density and ``most`` the largest share of an atom.
     """
-    rows = [_rows_of(part, column) for part in (table, likely) if part is not None]
+    rows = [part[column] for part in (curves, likely) if part is not None]
     atoms = [
         [(x, share) for x, share in zip(part["x"].tolist(), part["atom"].tolist(), strict=True) if share > 0]
         for part in rows
@@ -75,18 +76,18 @@ def curve_words(table: pa.Table, likely: pa.Table | None, column: str) -> dict[s
     }
 
 
-def _rows_of(table: pa.Table, column: str) -> dict[str, FloatArray]:
-    rows = table.filter(pc.equal(table["metric"], column)).drop_columns(["metric"])
-    return {name: np.asarray(rows[name]) for name in rows.column_names}
-
-
-def densities_of(run: Run) -> pa.Table:
-    """The run's table of densities; made anew where its folder has none."""
+def densities_of(run: Run, columns: Sequence[str]) -> Curves:
+    """Densities of some metrics of a run; made anew where its folder has none."""
     if (run.folder / DENSITIES).is_file():
-        return run.table(DENSITIES)
-    return densities_table(
-        run.metrics, run.columns, run.intervals, reflect=bool(run.info.get("reflect", True))
-    )
+        table = run.table(DENSITIES)
+    else:
+        folded = bool(run.info.get("reflect", True))
+        table = densities_table(run.metrics, run.columns, run.intervals, reflect=folded)
+    coded = table["metric"].combine_chunks().dictionary_encode()
+    number = {name: index for index, name in enumerate(coded.dictionary.to_pylist())}
+    arrays = {name: np.asarray(table[name]) for name in table.column_names if name != "metric"}
+    rows = {column: np.asarray(coded.indices) == number.get(column, -1) for column in columns}
+    return {column: {name: values[mine] for name, values in arrays.items()} for column, mine in rows.items()}
 
 
 def effective_numbers(run: Run, sides: Iterable[str]) -> list[list[tuple[float, float]]]:

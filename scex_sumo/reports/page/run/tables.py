@@ -12,6 +12,7 @@ from scex_sumo.arrays import FloatArray
 from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
 from scex_sumo.evaluation.outcomes import COLLISIONS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
+from scex_sumo.reports.tables.encounters import QUESTIONS
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
@@ -88,28 +89,28 @@ def collision_places(run: Run) -> dict[str, Any]:
 
 
 def collision_share(run: Run) -> dict[str, Any] | None:
-    """How many children collide, and their share with its 95 % interval; None where that is not known."""
+    """How many of the children collide, and their share with its 95 % interval; None if not known."""
     if COLLISION_COLUMN not in run.metrics.column_names:
         return None
     share = run.p_collision
     count = int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
-    return {"count": count, "value": share.value, "low": share.low, "high": share.high}
+    sure = {"value": share.value, "low": share.low, "high": share.high}
+    return {"count": count, "children": run.children, **sure}
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     """Rows of ``encounters.parquet`` with ``words``, the ``pair`` by index, a ``child`` and its ``step``."""
     where = {int(track): index for index, track in enumerate(track_ids)}
-    of, near = (
-        "Share of the children; a click on a row shows one of them",
-        "Least gap of the two in the nearest",
-    )
+    of = "Share of the children; a click on a row shows one of them"
     columns = [
         {"title": "pair"},
         {"title": "P(collision)", "as": "percent", "down": True, "hint": of},
         {"title": "95 %"},
-        *({"title": f"P({q})", "as": "percent", "down": True, "hint": of} for q in ("TTC", "PET", "DRAC")),
-        {"title": "gap 5 %", "as": "metres", "hint": f"{near} 5 % of the children; none above 10 m"},
-        {"title": "gap 50 %", "as": "metres", "hint": f"{near} half of the children; none above 10 m"},
+        *(
+            {"title": f"P({q.upper()})", "as": "percent", "down": True, "hint": f"{QUESTIONS[q]}. {of}"}
+            for q in ("ttc", "pet", "drac")
+        ),
+        {"title": "gap", "as": "metres", "hint": "Least gap in the nearest 5 % of the children; up to 10 m"},
         {"title": "after", "as": "seconds"},
     ]
     rows = [
@@ -118,10 +119,11 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 f"{row['track_id']} → {row['other_id']}",
                 _short(row["collision"]),
                 f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %",
-                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05", "gap_p50")),
+                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05")),
                 round(row["time_s"], 1),
             ],
             "words": in_words(row),
+            "critical": row["critical"] > 0,
             "pair": [where[row["track_id"]], where[row["other_id"]]],
             "child": row["child"],
             "step": round(row["time_s"] / STEP_S),
@@ -129,12 +131,6 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
         for row in _rows(optional_table(run, ENCOUNTERS))
     ]
     return {"columns": columns, "rows": rows}
-
-
-def likely_collisions(run: Run) -> float | None:
-    """Share of the likely children that collide; None where that is not known."""
-    share = None if run.reference is None else collision_share(run.reference)
-    return None if share is None else float(share["value"])
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
