@@ -39,6 +39,8 @@ QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
 COUPLED_M = 2.0  # who drives nearer to its leader than this, as fast as it, is taken to keep this distance
 COUPLED_MPS = (3.0, 5.0)  # at this speed and difference of speed, at least and at most
 MOST_SLACK_M = 4.0
+HASTE_MPS2 = 1.6  # nobody brakes for a leader harder than it takes, and by this much: set by CRPS
+LEAST_ROOM_M = 0.1
 
 
 def queue_place(gap_m: FloatArray, leader_speed_mps: FloatArray) -> IntArray:
@@ -76,7 +78,8 @@ def asked_acceleration(
     """(n,) acceleration that the situation asks of a driver: the least of free road, leader and curve.
 
     The sum of the first two, as in the Intelligent Driver Model, makes who keeps to its speed behind a leader
-    fall back from it; people keep their distance.
+    fall back from it; people keep their distance. Nor do they brake harder than it takes to be as slow as the
+    leader at the least gap, but for `HASTE_MPS2`. Before curves they brake as ``calibrated_driver`` does.
 
     Args:
         profile: the drivers.
@@ -86,12 +89,16 @@ def asked_acceleration(
         leader_speed: (n,) m/s along the path.
         curve_speed: (n,) what the curves ahead allow where the vehicle will be in a moment, m/s.
 
-    Source: the least of both, Treiber and Kesting 2013, section 11.3.
+    Source: the least of both, Treiber and Kesting 2013, section 11.3; what it takes, Kesting et al. 2010.
     """
-    share = np.minimum(free_share(speed, desired_speed), 1 - leader_share(profile, speed, gap, leader_speed))
-    driven = np.maximum(profile.max_acceleration * share, -profile.max_deceleration)
-    slowing = np.maximum((curve_speed - speed) / CURVE_TIME_S, -profile.comfort_deceleration)
-    return np.minimum(driven, slowing)
+    free = profile.max_acceleration * free_share(speed, desired_speed)
+    following = profile.max_acceleration * (1 - leader_share(profile, speed, gap, leader_speed))
+    room = np.maximum(gap - profile.minimum_gap, LEAST_ROOM_M)
+    needed = -(np.maximum(speed - leader_speed, 0.0) ** 2) / (2 * room)
+    beyond = np.maximum(needed - following, 0.0)
+    following += beyond - HASTE_MPS2 * np.tanh(beyond / HASTE_MPS2)
+    slowing = np.maximum((curve_speed - speed) / CURVE_TIME_S, -CALIBRATED.comfort_deceleration)
+    return np.minimum(np.maximum(np.minimum(free, following), -profile.max_deceleration), slowing)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

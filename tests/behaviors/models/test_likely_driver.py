@@ -9,8 +9,17 @@ import pytest
 
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.paths import seed_paths
+from scex_sumo.behaviors.models.idm import CALIBRATED, IdmParameters, idm_acceleration
 from scex_sumo.behaviors.models.likely_driver import Drivers, LikelyDriver, LikelyProfile, headway_kept
-from scex_sumo.behaviors.models.likely_seen import path_edges, room_beside, seen_of, shown_by, side_shown
+from scex_sumo.behaviors.models.likely_seen import (
+    HASTE_MPS2,
+    asked_acceleration,
+    path_edges,
+    room_beside,
+    seen_of,
+    shown_by,
+    side_shown,
+)
 from scex_sumo.behaviors.models.population import (
     node_shares,
     population,
@@ -179,6 +188,27 @@ def test_a_new_leader_is_followed_at_no_more_than_the_headway_that_it_leaves() -
         habit=np.zeros(2),
     )
     assert headway_kept(np.array([10.0, 10.0]), leaders, drivers) == pytest.approx([1.5, 0.45])
+
+
+def test_nobody_brakes_much_harder_for_a_leader_than_it_takes() -> None:
+    # Near at the same speed; near and closing by 4 m/s; far; and about to hit, where it takes more than that.
+    speed, gap = np.full(4, 14.0), np.array([5.0, 9.0, 200.0, 3.0])
+    leader, far = np.array([14.0, 10.0, 10.0, 2.0]), np.full(4, np.inf)
+    profile = IdmParameters.of(CALIBRATED, time_headway=np.full(4, 0.5), comfort_deceleration=np.full(4, 1.2))
+    asked = asked_acceleration(profile, speed, np.full(4, 20.0), gap, leader, far)
+    formula = idm_acceleration(profile, speed, far, gap, leader)
+    needed = -((speed - leader) ** 2) / (2 * (gap - CALIBRATED.minimum_gap))
+    harder = needed - asked
+    assert (harder[:2] > 0).all() and (harder[[0, 1, 3]] <= HASTE_MPS2).all()
+    assert (asked[:2] > formula[:2]).all()
+    assert asked[2] > 0
+
+
+def test_before_a_curve_drivers_brake_gently_whatever_they_do_for_a_leader() -> None:
+    one = np.ones(1)
+    profile = IdmParameters.of(CALIBRATED, time_headway=one, comfort_deceleration=6 * one)
+    asked = asked_acceleration(profile, 15 * one, 20 * one, np.inf * one, 0 * one, 5 * one)
+    assert asked == pytest.approx(-CALIBRATED.comfort_deceleration)
 
 
 def test_paths_are_drawn_and_a_fast_vehicle_takes_no_sharp_turn() -> None:
