@@ -56,7 +56,7 @@ YARDSTICKS: dict[str, Callable[[SeedScene, IntArray], FloatArray]] = {
     "next_second_known_half": partial(measures.foreseen, kept=0.5),
 }
 RULES = ("calibrated_driver",)
-LEFT_OUT_SEEDS = 1  # of the trainings without a site
+KINDS = ("graph", "hybrid")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,12 +71,14 @@ class Training:
 
 def trainings(sites: Sequence[str], seeds: int) -> Iterator[Training]:
     """All networks of the tables: seeds, and each site left out."""
-    for kind in ("graph", "hybrid"):
+    for kind in KINDS:
         for seed in range(seeds):
             yield Training(name=f"{kind}-{seed}", kind=kind, seed=seed)
-    for seed in range(min(seeds, LEFT_OUT_SEEDS)):
+    for seed in range(seeds):
         for site in sites:
-            yield Training(name=f"graph-without-{site}-{seed}", kind="graph", seed=seed, leave_out=site)
+            for kind in KINDS:
+                name = f"{kind}-without-{site}-{seed}"
+                yield Training(name=name, kind=kind, seed=seed, leave_out=site)
 
 
 def train(out: Path, roots: Sequence[Path], names: Sequence[str], wanted: Sequence[Training]) -> None:
@@ -117,7 +119,7 @@ def variants(out: Path, wanted: Sequence[Training]) -> Iterator[tuple[str, str, 
         if not file.exists():
             continue
         given: list[tuple[str, dict[str, Any]]] = [("", {})]
-        if training.kind == "hybrid":
+        if training.kind == "hybrid" and not training.leave_out:
             given += [("-w0", {"attention": 0.0}), ("-w1", {"attention": 1.0}), ("-free", {"head": "free"})]
         for suffix, options in given:
 

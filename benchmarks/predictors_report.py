@@ -96,14 +96,14 @@ def _left_out(numbers: Mapping[str, Any]) -> str:
     lines = [
         "**Leave one site out: error after 3 s on the site left out** (as above)",
         "",
-        "| site | trainings | vehicles | moving | standing |",
-        "|---|---|---|---|---|",
+        "| site | driver | trainings | vehicles | moving | standing |",
+        "|---|---|---|---|---|---|",
     ]
     for name, found in runs.items():
-        site = name.partition("without-")[2]
+        kind, _, site = name.partition("-without-")
         cells = [_cell(found, numbers[f"errors|{YARDSTICK[group]}"], site, group) for group in ALONE]
         count = "{:.0f} + {:.0f}".format(*(_mean(found[0], site, group)[3] for group in ALONE))
-        lines.append(f"| {site} | {len(found)} | {count} | " + " | ".join(cells) + " |")
+        lines.append(f"| {site} | {kind} | {len(found)} | {count} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
