@@ -99,7 +99,7 @@ def _left_out(numbers: Mapping[str, Any]) -> str:
         "| site | driver | trainings | vehicles | moving | standing |",
         "|---|---|---|---|---|---|",
     ]
-    for name, found in runs.items():
+    for name, found in sorted(runs.items(), key=lambda run: run[0].partition("-without-")[::-1]):
         kind, _, site = name.partition("-without-")
         cells = [_cell(found, numbers[f"errors|{YARDSTICK[group]}"], site, group) for group in ALONE]
         count = "{:.0f} + {:.0f}".format(*(_mean(found[0], site, group)[3] for group in ALONE))
