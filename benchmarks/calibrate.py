@@ -32,13 +32,8 @@ from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
-from scex_sumo.behaviors.models.idm import (
-    CURVE_TIME_S,
-    IdmProfile,
-    desired_speed,
-    idm_acceleration,
-    seed_motion,
-)
+from scex_sumo.behaviors.models.idm import CURVE_TIME_S, desired_speed, idm_acceleration, seed_motion
+from scex_sumo.behaviors.models.idm_profile import IdmProfile
 from scex_sumo.behaviors.profiles import DEFAULTS
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.extrapolation.rollout import history_at

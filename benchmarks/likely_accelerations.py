@@ -11,7 +11,8 @@ from scipy.optimize import minimize
 
 from scex_sumo.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.driving.paths import DS_M
-from scex_sumo.behaviors.models.idm import CALIBRATED, CURVE_TIME_S, IdmParameters, desired_speed
+from scex_sumo.behaviors.models.idm import CURVE_TIME_S, desired_speed
+from scex_sumo.behaviors.models.idm_profile import CALIBRATED, IdmParameters
 from scex_sumo.behaviors.models.likely_driver import HARDEST_MPS2, RELIEF_MPS2, STRONGEST_MPS2
 from scex_sumo.behaviors.models.likely_seen import STANDING_MPS, asked_acceleration
 from scex_sumo.behaviors.models.population import (

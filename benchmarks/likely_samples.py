@@ -13,7 +13,7 @@ from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
-from scex_sumo.behaviors.models.idm import CALIBRATED
+from scex_sumo.behaviors.models.idm_profile import CALIBRATED
 from scex_sumo.behaviors.models.likely_driver import BRAKING_MPS2, HEADWAY_S, KEPT_SHARE
 from scex_sumo.behaviors.models.likely_lanes import lanes_beside, lanes_taken
 from scex_sumo.behaviors.models.likely_seen import leaders_of, seen_of, shown_by, side_shown

@@ -17,7 +17,7 @@ from scex_sumo.behaviors.guard.profile import GuardProfile
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
 from scex_sumo.behaviors.models.constant_velocity import ConstantVelocityProfile
 from scex_sumo.behaviors.models.emergency_brake import EmergencyBrakeProfile
-from scex_sumo.behaviors.models.idm import CALIBRATED, IdmProfile
+from scex_sumo.behaviors.models.idm_profile import CALIBRATED, IdmProfile
 from scex_sumo.behaviors.models.likely_driver import LikelyProfile
 from scex_sumo.behaviors.models.replay import ReplayProfile
 

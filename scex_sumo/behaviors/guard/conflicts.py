@@ -9,7 +9,7 @@ import numpy as np
 from scex_sumo.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.guard.boxes import box_distances
 from scex_sumo.behaviors.guard.profile import GuardProfile
-from scex_sumo.behaviors.guard.ways import SAMPLE_S, SAMPLES, Expected, PlannedWays, expected
+from scex_sumo.behaviors.guard.ways import SAMPLE_S, SAMPLES, Expected, PlannedWays, expected, onto_ways
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, Who
 
@@ -94,7 +94,7 @@ def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
     paths, around, scene, who = view.paths, view.around, view.history.scene, view.who
     others = around.others
     own_reach = np.sqrt(scene.length**2 + scene.width**2)[who.vehicle] / 2 + view.profile.margin
-    reach = own_reach[:, None] + (np.sqrt(others.length**2 + others.width**2) / 2)[None]
+    reach = own_reach[:, None] + np.sqrt(others.length**2 + others.width**2) / 2
     near = others.present[who.child] & (paths.arc[:, -1] > 0.0)[:, None]
     for mine, theirs in ((paths.corner_x, around.x), (paths.corner_y, around.y)):
         low, high = theirs.min(axis=2)[who.child], theirs.max(axis=2)[who.child]
@@ -252,7 +252,7 @@ def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
     child, vehicle = view.who.child[i], view.who.vehicle[i]
     # Pairs last: what is done with all of them at once is a long row in memory.
     x, y, heading = (np.ascontiguousarray(a[child, j].T) for a in (around.x, around.y, around.heading))
-    s, offset, line_cos, line_sin, swing = _onto(paths, i, x, y)
+    s, offset, line_cos, line_sin, swing = onto_ways(paths, i, x, y)
     ahead, left = np.cos(heading), np.sin(heading)
     cos, sin = ahead * line_cos + left * line_sin, left * line_cos - ahead * line_sin
     half_length, half_width = around.others.length[j] / 2, around.others.width[j] / 2
@@ -265,38 +265,3 @@ def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
     margin = np.where(beside | (cos < TOWARDS), profile.alongside_margin, profile.margin)
     inside = (body <= margin + swing) & (low <= paths.corner_arc[i, -1])
     return _Blocked(inside=inside, s=s, offset=offset, cos=cos, low=low, high=high)
-
-
-def _onto(
-    paths: PlannedWays, i: IntArray, x: FloatArray, y: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Foot points of places (K, P) on the middle lines of corridors i (P,).
-
-    Returns:
-        (K, P) arc length (straight on past both ends), offset (left positive), cosine and sine of the line's
-        direction, and `PlannedWays.swing` on that side.
-    """
-    begin_x, begin_y, begin = (a[i].T.copy() for a in (paths.corner_x, paths.corner_y, paths.corner_arc))
-    cos, sin = paths.corner_cos[i].T.copy(), paths.corner_sin[i].T.copy()  # (G - 1, P)
-    low, high = np.zeros_like(cos), np.diff(begin, axis=0)
-    low[0], high[-1] = -np.inf, np.inf
-    square, best = np.full(x.shape, np.inf), np.zeros(x.shape, dtype=np.int16)
-    for line in range(len(cos)):
-        px, py = x - begin_x[line], y - begin_y[line]
-        ahead = px * cos[line] + py * sin[line]
-        side = py * cos[line] - px * sin[line]
-        ahead -= np.minimum(np.maximum(ahead, low[line]), high[line])
-        ahead *= ahead
-        side *= side
-        ahead += side
-        # The first of the nearest; a masked copy would take ten times as long.
-        np.maximum(best, (ahead < square) * np.int16(line), out=best)
-        np.minimum(square, ahead, out=square)
-    at = np.multiply(best, len(i), dtype=np.int64) + np.arange(len(i))
-    cos, sin = cos.take(at), sin.take(at)
-    px, py = x - begin_x.take(at), y - begin_y.take(at)
-    ahead, side = px * cos + py * sin, py * cos - px * sin
-    foot = np.minimum(np.maximum(ahead, low.take(at)), high.take(at))
-    left, right = (swing.take(i * len(low) + best) for swing in paths.swing)
-    swing = np.where(side >= 0, left, right)
-    return begin.take(at) + foot, np.copysign(np.sqrt(square), side), cos, sin, swing

@@ -152,6 +152,40 @@ def _swing(
     return bounded
 
 
+def onto_ways(
+    paths: PlannedWays, i: IntArray, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Foot points of places (K, P) on the middle lines of corridors i (P,).
+
+    Returns:
+        (K, P) arc length (straight on past both ends), offset (left positive), cosine and sine of the line's
+        direction, and `PlannedWays.swing` on that side.
+    """
+    begin_x, begin_y, begin = (a[i].T.copy() for a in (paths.corner_x, paths.corner_y, paths.corner_arc))
+    cos, sin = paths.corner_cos[i].T.copy(), paths.corner_sin[i].T.copy()  # (G - 1, P)
+    low, high = np.zeros_like(cos), np.diff(begin, axis=0)
+    low[0], high[-1] = -np.inf, np.inf
+    square, best = np.full(x.shape, np.inf), np.zeros(x.shape, dtype=np.int16)
+    for line in range(len(cos)):
+        px, py = x - begin_x[line], y - begin_y[line]
+        ahead = px * cos[line] + py * sin[line]
+        side = py * cos[line] - px * sin[line]
+        ahead -= np.minimum(np.maximum(ahead, low[line]), high[line])
+        ahead *= ahead
+        side *= side
+        ahead += side
+        # The first of the nearest; a masked copy would take ten times as long.
+        np.maximum(best, (ahead < square) * np.int16(line), out=best)
+        np.minimum(square, ahead, out=square)
+    at = np.multiply(best, len(i), dtype=np.int64) + np.arange(len(i))
+    cos, sin = cos.take(at), sin.take(at)
+    px, py = x - begin_x.take(at), y - begin_y.take(at)
+    ahead, side = px * cos + py * sin, py * cos - px * sin
+    foot = np.minimum(np.maximum(ahead, low.take(at)), high.take(at))
+    swing = np.where(side >= 0, *(swing.take(i * len(low) + best) for swing in paths.swing))
+    return begin.take(at) + foot, np.copysign(np.sqrt(square), side), cos, sin, swing
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Expected:
     """Where everyone is expected at the `SAMPLES` moments; M = V + O, vehicles first.

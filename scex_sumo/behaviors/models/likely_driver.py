@@ -20,13 +20,8 @@ from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
-from scex_sumo.behaviors.models.idm import (
-    CALIBRATED,
-    CURVE_TIME_S,
-    IdmParameters,
-    desired_speed,
-    desired_speeds,
-)
+from scex_sumo.behaviors.models.idm import CURVE_TIME_S, desired_speed, desired_speeds
+from scex_sumo.behaviors.models.idm_profile import CALIBRATED, IdmParameters
 from scex_sumo.behaviors.models.likely_lanes import change_shares, change_to, lanes_beside
 from scex_sumo.behaviors.models.likely_seen import (
     STANDING_MPS,

@@ -12,15 +12,14 @@ from scex_sumo.behaviors.driving.motion import curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import bend_at, foot_points
 from scex_sumo.behaviors.models.idm import (
-    CALIBRATED,
     CURVE_TIME_S,
     HABIT_STEPS,
-    IdmParameters,
     desired_speeds,
     free_share,
     idm_acceleration,
     leader_share,
 )
+from scex_sumo.behaviors.models.idm_profile import CALIBRATED, IdmParameters
 from scex_sumo.behaviors.models.population import FAR_M, MOST_ASIDE_M, Population
 from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap

@@ -9,7 +9,8 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.driving.together import driven
-from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver
+from scex_sumo.behaviors.models.idm import IdmDriver
+from scex_sumo.behaviors.models.idm_profile import CALIBRATED
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who

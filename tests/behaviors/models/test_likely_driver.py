@@ -9,7 +9,8 @@ import pytest
 
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.paths import seed_paths
-from scex_sumo.behaviors.models.idm import CALIBRATED, IdmParameters, idm_acceleration
+from scex_sumo.behaviors.models.idm import idm_acceleration
+from scex_sumo.behaviors.models.idm_profile import CALIBRATED, IdmParameters
 from scex_sumo.behaviors.models.likely_driver import Drivers, LikelyDriver, LikelyProfile, headway_kept
 from scex_sumo.behaviors.models.likely_seen import (
     HASTE_MPS2,
