@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.arrays import BoolArray, FloatArray, IntArray, least_of
 from scex_sumo.errors import ResultError
 from scex_sumo.files import quoted
 from scex_sumo.scene import STEP_S, States
@@ -93,10 +93,10 @@ class LaneFinder:
         place, lane = self._tree.query(places, predicate="dwithin", distance=_NEAR_M)
         allowed = ~(first[place] & self._inside[lane])
         place, lane = place[allowed], lane[allowed]
-        order = np.lexsort((self._cost(lane, places[place], heading[place]), place))
-        near, begin = np.unique(place[order], return_index=True)
+        cheapest = least_of(place, self._cost(lane, places[place], heading[place]))
+        near = place[cheapest]
         found = np.empty(len(places), dtype=np.int64)
-        found[near] = lane[order][begin]
+        found[near] = lane[cheapest]
         far = np.setdiff1d(np.arange(len(places)), near)
         if len(far):
             found[far] = self._outer[self._outer_tree.nearest(places[far])]

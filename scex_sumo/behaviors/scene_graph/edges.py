@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.arrays import FloatArray, IntArray, least_of
 from scex_sumo.roads.relations import BESIDE_M, CONFLICT_M, LaneRelations
 from scex_sumo.scene import States
 
@@ -120,8 +120,7 @@ def scene_edges(
     )
     row = np.flatnonzero(relation.kind >= 0)
     # By pair, the most probable first; of equals the stronger kind, then the first match.
-    row = row[np.lexsort((row, relation.kind[row], -joint[row], pair[row]))]
-    row = row[np.unique(pair[row], return_index=True)[1]]
+    row = row[least_of(pair[row], -joint[row], relation.kind[row])]
     features = _features(relation, row, (on_target[row], t[row]), (on_source[row], s[row]), now, place)
     return Edges(source=s[row], target=t[row], kind=relation.kind[row], features=features)
 

@@ -65,8 +65,9 @@ def compare_command(
         comparison = compare(runs, labels=labels, distance=distance)
     grouping = group_runs(comparison.total, labels, groups=groups)
     centre = None if nearest is None else [p.resolve() for p in wanted].index(nearest.resolve())
+    console = Console()
     for line in comparison_lines(runs, comparison, grouping, centre):
-        print_line(line, Console())
+        print_line(line, console)
     if out is not None:
         _write(runs, comparison, grouping, out)
 

@@ -66,11 +66,11 @@ def explain_command(
     _write(folder / "explain_conditions.parquet", [r for e in found for r in condition_rows(e, ids, names)])
     _write(folder / "explain_worst.parquet", [r for rows in worst_of.values() for r in rows])
     wanted = [COLLISION, *COLUMNS[::2], *run.thresholds] if metric is None else [metric]
-    shown = [e for e in found if e.metric in wanted]
+    shown, console = [e for e in found if e.metric in wanted], Console()
     for explanation in shown:
         worst_ones = worst_of[explanation.metric][: 1 if metric is None else None]
         for line in _told(run, explanation, ids, names, worst_ones):
-            print_line(line, Console())
+            print_line(line, console)
     if not any(explanation.effects for explanation in shown):
         print("too few children, or values that do not vary: no shares; run with more --children")
     print(f"result: {folder / 'explain_effects.parquet'}, explain_conditions, explain_worst")

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from scex_sumo.arrays import FloatArray
 from scex_sumo.behaviors.driving.paths import chosen_paths
+from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.learned.decoding import EDGE_MARGIN_M, plan_along, plan_freely, way_of
 from scex_sumo.behaviors.learned.seen.surface import CELL_M
+from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene
 from tests.behaviors import roads
+from tests.behaviors.learned import nets
 
 WIDE = roads.road(roads.lane(1, [(0.0, 0.0), (600.0, 0.0)], width=12.0))
 TIMES = 0.1 * np.arange(1, 31)
@@ -137,6 +141,21 @@ def test_those_who_are_not_in_the_way_sideways_change_nothing(other: roads.Vehic
     scene = roads.scene_of((50.0, 0.3, 0.0, 10.0), other)
     plans = [along(WIDE, scene, np.zeros(30), np.zeros(30), clear=clear) for clear in (False, True)]
     assert all(np.array_equal(*(getattr(made, key)[0] for made in plans)) for key in ("x", "y", "heading"))
+
+
+@pytest.mark.parametrize("name", ["graph_predictor", "graph_image_predictor"])
+def test_with_the_guard_a_driver_steers_clear_of_who_is_beside_it_and_without_it_does_not(
+    tmp_path: Path, name: str
+) -> None:
+    close = roads.scene_of((50.0, 1.1, -0.04, 10.0), (50.0, -1.1, 0.04, 10.0))
+    alone = roads.scene_of((50.0, 1.1, -0.04, 10.0), (90.0, -1.1, 0.04, 10.0))
+    raw = build(parse_models(f"{name}:weights={nets.untrained(tmp_path, name, close, roads.fork())}")[0])
+    models = raw, Guarded(raw).model
+    before, after = (roads.plan(model, WIDE, roads.present(close)) for model in models)
+    assert np.all(after.y[0] - after.y[1] > before.y[0] - before.y[1] - 1e-9)
+    assert after.y[0, 20] - after.y[1, 20] > 2.1
+    one, other = (roads.plan(model, WIDE, roads.present(alone)) for model in models)
+    assert all(np.array_equal(getattr(one, k), getattr(other, k)) for k in ("x", "y", "heading", "speed"))
 
 
 def test_without_a_road_offsets_are_not_bounded() -> None:

@@ -12,7 +12,6 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.learned.driver import _algebra, choice_of, loaded
 from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
 from scex_sumo.behaviors.learned.networks.head import Modes
@@ -173,21 +172,6 @@ def test_nobody_to_plan_for_is_an_empty_plan(tmp_path: Path) -> None:
     nobody = Who(child=np.zeros(0, dtype=int), vehicle=np.zeros(0, dtype=int))
     made = roads.plan(driver(tmp_path, "graph_predictor"), ROAD, roads.present(SCENE), nobody)
     assert made.x.shape == (0, 30)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_with_the_guard_a_driver_steers_clear_of_who_is_beside_it_and_without_it_does_not(
-    tmp_path: Path, name: str
-) -> None:
-    wide = roads.road(roads.lane(1, [(0.0, 0.0), (600.0, 0.0)], width=12.0))
-    close = roads.scene_of((50.0, 1.1, -0.04, 10.0), (50.0, -1.1, 0.04, 10.0))
-    alone = roads.scene_of((50.0, 1.1, -0.04, 10.0), (90.0, -1.1, 0.04, 10.0))
-    raw = driver(tmp_path, name, close)
-    guarded = Guarded(raw)
-    before, after = (roads.plan(model, wide, roads.present(close)) for model in (raw, guarded.model))
-    assert np.all(after.y[0] - after.y[1] > before.y[0] - before.y[1] - 1e-9)
-    assert after.y[0, 20] - after.y[1, 20] > 2.1
-    assert same(*(roads.plan(model, wide, roads.present(alone)) for model in (raw, guarded.model)))
 
 
 def modes_driven(model: Behavior, history: SceneHistory) -> np.ndarray:
