@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.extrapolation.job import VEHICLES_AT_ONCE

@@ -27,17 +27,16 @@ import numpy as np
 from recorded_scenes import SETS, recorded
 from scipy.optimize import minimize
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.driving.leaders import find_leaders
+from scex_sumo.behaviors.driving.motion import CURVE_TIME_S
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
-from scex_sumo.behaviors.models.idm import CURVE_TIME_S, desired_speed, idm_acceleration, seed_motion
-from scex_sumo.behaviors.models.idm_profile import IdmProfile
-from scex_sumo.behaviors.profiles import DEFAULTS
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.behaviors.models.idm import IdmProfile, desired_speed, idm_acceleration, seed_motion
+from scex_sumo.behaviors.registry import DEFAULTS, build, parse_models
 from scex_sumo.extrapolation.rollout import history_at
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 
 STEPS = 30
 MOVING_MPS = 0.5
@@ -125,7 +124,7 @@ def samples_of(scene: SeedScene, profile: IdmProfile) -> Samples | None:
     row, off = path_taken(scene, paths, vehicle)
     good = (off <= OFF_PATH_M) & paths.on_road[vehicle]
     vehicle, row = vehicle[good], row[good]
-    history, who = present(scene), Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+    history, who = present(scene), VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
     now = scene.now[vehicle]
     s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
     leaders = find_leaders(
@@ -213,7 +212,9 @@ def fit(sets: Sequence[Samples], start: IdmProfile) -> IdmProfile:
 class StraightOn:
     """Present speed and heading, without a path: what "constant velocity" means to those who predict."""
 
-    def plan(self, history: SceneHistory, road: object, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+    def plan(
+        self, history: SceneHistory, road: object, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
         now = history.now[who.child, who.vehicle]
         way = now.speed[:, None] * STEP_S * np.arange(1, STEPS + 1)
         x, y = (
@@ -232,7 +233,7 @@ def displacement(scenes: Sequence[SeedScene], model: Behavior) -> tuple[float, f
         if not len(vehicle):
             continue
         assert scene.road is not None and scene.future is not None
-        who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+        who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
         plan = model.plan(present(scene), scene.road, who, [np.random.default_rng(0)])
         future = scene.future[vehicle]
         off.append(np.hypot(plan.x[:, :STEPS] - future.x[:, :STEPS], plan.y[:, :STEPS] - future.y[:, :STEPS]))

@@ -26,8 +26,8 @@ from likely_choices import changes_of, offsets_of, paths_of, starts_of
 from likely_samples import Manner, joined, kept, weighted
 from recorded_scenes import EVERY_S, recorded_parts, smoothed
 
-from scex_sumo.behaviors.models.likely_lanes import LEAST_MPS
-from scex_sumo.behaviors.models.likely_seen import STANDING_MPS
+from scex_sumo.behaviors.models.likely_lanes import MIN_SPEED_MPS
+from scex_sumo.behaviors.models.likely_observations import STANDING_MPS
 from scex_sumo.behaviors.models.population import SHIPPED, population
 from scex_sumo.scene import SeedScene
 
@@ -44,7 +44,7 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
     scenes = [scene for part in sets.values() for scene in part]
     whole = [joined(part) for part in sets.values()]
     every, even = weighted(whole)
-    drives = every.speed >= LEAST_MPS
+    drives = every.speed >= MIN_SPEED_MPS
     change, change_to, change_m = changes_of(every.part(drives), even[drives])
     found = [kept(part) for part in whole]
     samples, weight = weighted(found)

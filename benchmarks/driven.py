@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.errors import UsageError
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.training.closed_loop import drive_all

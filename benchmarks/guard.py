@@ -28,12 +28,12 @@ import numpy as np
 from driven import drive_scene, overlaps
 from recorded_scenes import SETS, recorded
 
+from scex_sumo.behaviors.guard.corridors import GuardProfile
 from scex_sumo.behaviors.guard.guarded import slowed
-from scex_sumo.behaviors.guard.profile import GuardProfile
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.scenarios.seeds import synthetic_seed
-from scex_sumo.scene import STEP_S, SeedScene, Who
+from scex_sumo.scene import STEP_S, SeedScene, VehicleIndex
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 MODELS = "constant_velocity,standard_driver,risky_driver,calibrated_driver"
@@ -83,7 +83,7 @@ def cost() -> None:
         y=whole.y + rng.normal(0, 0.3, (*shape, 1)),
     )
     child, vehicle = np.indices(shape).reshape(2, -1)
-    who = Who(child=child, vehicle=vehicle)
+    who = VehicleIndex(child=child, vehicle=vehicle)
     model = build(parse_models("constant_velocity")[0])
     spent = []
     for _ in range(20):

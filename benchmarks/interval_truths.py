@@ -13,16 +13,18 @@ from pathlib import Path
 import numpy as np
 
 import scex_sumo
-from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.errors import ScexError
 from scex_sumo.evaluation.encounters import answers_of
 from scex_sumo.evaluation.plans import read_plans
-from scex_sumo.metrics.base import SceneTracks
-from scex_sumo.metrics.outlines.encounters import Encounters, find_encounters
+from scex_sumo.metrics.base import PAPER, SceneTracks
+from scex_sumo.metrics.collisions import find_collisions
+from scex_sumo.metrics.encounters import Encounters, encounters_of
+from scex_sumo.metrics.pairs.batches import scene_batches
 from scex_sumo.results.design import is_critical
-from scex_sumo.scenarios.reduction import choose_vehicles, reduced
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
+from scex_sumo.studies.sample_size.reduction import choose_vehicles, reduced
 
 VEHICLES = 5
 LEVELS = len(DEFAULT_MODELS.split(","))
@@ -164,7 +166,10 @@ def _encounters(run: scex_sumo.Run, scene: SeedScene) -> Encounters:
     assert plans is not None
     there = np.ones(shape[:2], dtype=bool)
     ids = np.broadcast_to(plans.track_ids, shape[:2])
-    return find_encounters(tracks, plans.paths(plans.children.astype(str), ids, there, tracks.steps))
+    planned = plans.paths(plans.children.astype(str), ids, there, tracks.steps)
+    hits = find_collisions(tracks)
+    batches = scene_batches(tracks, planned, preset="path", parameters=PAPER)
+    return Encounters.join([encounters_of(scenes, hits, start) for start, scenes in batches])
 
 
 def _by_pair(found: Encounters, children: int) -> list[tuple[str, BoolArray]]:

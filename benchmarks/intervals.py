@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.interval_truths import LEVELS, SETS, VEHICLES, Truth, truths
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.statistics.density import dkw_half_width, wilson
 from scex_sumo.statistics.designs import DESIGNS
 from scex_sumo.statistics.intervals import DesignIntervals

@@ -21,11 +21,11 @@ import numpy as np
 import scex_sumo as scex
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.learned import driver
-from scex_sumo.behaviors.learned.networks.architecture import Architecture, shapes
+from scex_sumo.behaviors.learned.architecture import Architecture, shapes
 from scex_sumo.behaviors.learned.weights import save_weights
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.extrapolation.rollout import Cast, history_at, roll_out
-from scex_sumo.scene import SeedScene, States, Who
+from scex_sumo.extrapolation.rollout import Batch, history_at, roll_out
+from scex_sumo.scene import SeedScene, States, VehicleIndex
 from scex_sumo.world.plain import PlainWorld
 
 MODELS = {"graph_predictor": "graph", "graph_image_predictor": "hybrid"}
@@ -67,9 +67,9 @@ def first_vehicles(scene: SeedScene, count: int) -> SeedScene:
     return scene.reordered(range(count), name=scene.name)
 
 
-def children_of(scene: SeedScene, model: Any, count: int) -> Cast:
+def children_of(scene: SeedScene, model: Any, count: int) -> Batch:
     rng = np.random.default_rng(0)
-    return Cast(
+    return Batch(
         children=np.arange(count),
         assignment=np.zeros((count, scene.vehicles), dtype=np.int64),
         models=[model],
@@ -125,7 +125,7 @@ def order_noise(scene: SeedScene, text: str, children: int) -> float:
         numbers = np.arange(children)[some]
         history = history_at(scene, states[some], numbers, np.zeros((len(numbers), scene.vehicles)), step=5)
         child, vehicle = np.indices(history.now.shape).reshape(2, -1)
-        who = Who(child=child, vehicle=vehicle)
+        who = VehicleIndex(child=child, vehicle=vehicle)
         paths, row = chosen_paths(history, scene.road, who, "straight")
         _, modes = model.driver.predict(history, scene.road, who, paths, row)
         return [part.reshape(len(numbers), -1) for part in modes if part is not None]

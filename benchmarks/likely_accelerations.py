@@ -9,15 +9,15 @@ from calibrate import AHEAD
 from likely_samples import STEPS, Manner, Samples
 from scipy.optimize import minimize
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.behaviors.driving.motion import CURVE_TIME_S
 from scex_sumo.behaviors.driving.paths import DS_M
-from scex_sumo.behaviors.models.idm import CURVE_TIME_S, desired_speed
-from scex_sumo.behaviors.models.idm_profile import CALIBRATED, IdmParameters
+from scex_sumo.behaviors.models.idm import CALIBRATED, IdmParameters, desired_speed
 from scex_sumo.behaviors.models.likely_driver import HARDEST_MPS2, RELIEF_MPS2, STRONGEST_MPS2
-from scex_sumo.behaviors.models.likely_seen import STANDING_MPS, asked_acceleration
+from scex_sumo.behaviors.models.likely_observations import STANDING_MPS, demanded_acceleration
 from scex_sumo.behaviors.models.population import (
     DEGREES,
-    MOST_OWN_MPS2,
+    MAX_ADDITIONAL_MPS2,
     NODES_S,
     Population,
     node_shares,
@@ -34,7 +34,7 @@ RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
 FOLLOWING = {"speed": 3.0, "opening": 1.0, "headway": 3.0}
 DRAWS = 40  # of the settling
 TURNS = 16
-LEAST_CLASS = 60  # vehicles of a class that sets a scale of its own
+MIN_CLASS = 60  # vehicles of a class that sets a scale of its own
 SMOOTH = 0.3  # m of way that a difference of 1 m/s² between two seconds must explain
 
 
@@ -49,7 +49,7 @@ def drive(samples: Samples, manner: Manner, own: FloatArray) -> FloatArray:
         desired = desired_speed(CALIBRATED, samples.limit[i, at], v, *habit)
         soon = np.clip((x + v * CURVE_TIME_S) / DS_M, 0, AHEAD - 1).astype(np.int64)
         gap, leader_speed = samples.gap[:, step] - x, samples.leader_speed[:, step]
-        a = asked_acceleration(profile, v, desired, gap, leader_speed, samples.curves[i, soon])
+        a = demanded_acceleration(profile, v, desired, gap, leader_speed, samples.curves[i, soon])
         if step == 0:
             beside = samples.acceleration - samples.calm * np.clip(a, HARDEST_MPS2, STRONGEST_MPS2)
             beside = np.where(v < STANDING_MPS, 0.0, beside)
@@ -74,9 +74,8 @@ def own_accelerations(samples: Samples, manner: Manner) -> FloatArray:
     own = np.zeros((len(samples.speed), NODES))
     for _ in range(6):
         missing = samples.way - drive(samples, manner, own)
-        own = np.clip(
-            own + (missing @ one.T - own @ (smooth.T @ smooth)) @ response, -MOST_OWN_MPS2, MOST_OWN_MPS2
-        )
+        own = own + (missing @ one.T - own @ (smooth.T @ smooth)) @ response
+        own = np.clip(own, -MAX_ADDITIONAL_MPS2, MAX_ADDITIONAL_MPS2)
     return own
 
 
@@ -105,7 +104,7 @@ def accelerations_of(
     members: list[IntArray] = []
     for c in classes:
         mine = np.flatnonzero(k == c)
-        members.append(mine if len(mine) >= LEAST_CLASS else members[-1])  # as the class below
+        members.append(mine if len(mine) >= MIN_CLASS else members[-1])  # as the class below
     grows, weight = np.array([*[1.0] * NODES, 0.0, 0.0]), np.ones(len(own))
     for _ in range(12):
         spread = spread_of(samples.unsure, grows[:NODES], grows[NODES:])
@@ -144,7 +143,7 @@ def accelerations_of(
         scale = np.sqrt(np.diag(root @ root.T)).round(2)
         print(f"class {c}: {len(mine)} vehicles, scale {scale}, mean\n{b.round(2)}")
     print(f"spread grows by {grows.round(2)} of scatter (in three nodes), acceleration, leader")
-    # Who stands adds nothing until it drives, and then as the slow ones do.
+    # A standing vehicle adds nothing until it drives, and then as slow vehicles do.
     return np.array([np.zeros_like(means[0]), *means]), np.array([roots[0], *roots]), grows
 
 
@@ -162,7 +161,7 @@ def settled(known: Population, samples: Samples, weight: FloatArray) -> Populati
     k = known.speed_class(samples.speed)
     for turn in range(TURNS):
         now = dataclasses.replace(known, mean=mean, root=root, skew=skew)
-        own = (now.own_acceleration(samples.speed, samples.features, samples.unsure, d) for d in draws)
+        own = (now.additional_acceleration(samples.speed, samples.features, samples.unsure, d) for d in draws)
         ways = np.stack([drive(samples, m, a)[:, -1] for m, a in zip(drivers, own, strict=True)])
         low, left, middle, right, high = np.quantile(ways, [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
         gain = 1.0 / (1 + turn / 4)

@@ -9,12 +9,12 @@ from calibrate import OFF_PATH_M
 from likely_samples import STEPS, Samples
 from scipy.optimize import minimize
 
-from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.models.likely_lanes import USUAL_M, change_features
-from scex_sumo.behaviors.models.likely_seen import STANDING_MPS, path_features, queue_place
-from scex_sumo.behaviors.models.population import ASIDE_S, DEGREES, MOST_ASIDE_M, spread_of, way_across
+from scex_sumo.behaviors.models.likely_observations import STANDING_MPS, path_features, queue_place
+from scex_sumo.behaviors.models.population import ASIDE_S, DEGREES, MAX_ASIDE_M, spread_of, way_across
 from scex_sumo.scene import STEP_S, SeedScene
 
 FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half
@@ -32,7 +32,7 @@ def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
     Least squares, with less weight for who is far from it; then the Student distribution of greatest
     likelihood of what is left.
     """
-    near = (np.abs(samples.side) < MOST_ASIDE_M) & ~changed(samples).any(axis=1)
+    near = (np.abs(samples.side) < MAX_ASIDE_M) & ~changed(samples).any(axis=1)
     across, share = samples.across[near], weight[near] / weight[near].mean()
     none, one = np.zeros(len(across)), np.ones(len(across))
     end = np.array([ASIDE_S])

@@ -9,16 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 from calibrate import AHEAD, OFF_PATH_M, path_taken, present
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
-from scex_sumo.behaviors.models.idm_profile import CALIBRATED
+from scex_sumo.behaviors.models.idm import CALIBRATED
 from scex_sumo.behaviors.models.likely_driver import BRAKING_MPS2, HEADWAY_S, KEPT_SHARE
 from scex_sumo.behaviors.models.likely_lanes import lanes_beside, lanes_taken
-from scex_sumo.behaviors.models.likely_seen import leaders_of, seen_of, shown_by, side_shown
+from scex_sumo.behaviors.models.likely_observations import (
+    last_second,
+    leaders_of,
+    observations_of,
+    side_shown,
+)
 from scex_sumo.behaviors.models.population import Population
-from scex_sumo.scene import STEP_S, SeedScene, Who
+from scex_sumo.scene import STEP_S, SeedScene, VehicleIndex
 
 STEPS = 30
 OFF_ROAD_M = 5.0  # who is further from all its paths took none of them, nor a lane beside
@@ -57,9 +62,9 @@ class Samples:
         calm: (n,) see `LastSecond`.
         gap: (n, 31) to the leader if the vehicle stood where it is, now and after each step, m.
         leader_speed: (n, 31) m/s.
-        headway: (n,) shown, s, as in `Seen`.
+        headway: (n,) shown, s, as in `PathObservations`.
         across: (n, 3) likewise.
-        features: (n, 7) shown, as in `Seen`.
+        features: (n, 7) shown, as in `PathObservations`.
         unsure: (n, 3) likewise.
         limit: (n, AHEAD) m/s.
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.
@@ -112,8 +117,8 @@ def samples_of(scene: SeedScene) -> Samples | None:
     vehicle, row, off = vehicle[good], row[good], off[good]
     if not len(vehicle):
         return None
-    history, who = present(scene), Who(child=np.zeros_like(vehicle), vehicle=vehicle)
-    now, future, seen = scene.now[vehicle], scene.future[vehicle], seen_of(scene, paths)
+    history, who = present(scene), VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    now, future, seen = scene.now[vehicle], scene.future[vehicle], observations_of(scene, paths)
     s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
     leaders = leaders_of(history, who, paths, row, s, seen.across[row, 0])
     away = leaders.gap + seen.slack[row]
@@ -129,7 +134,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
     curves = np.sqrt(np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope)
     x, y = rear_axle(future[:, STEPS - 1], scene.length[vehicle])
     _, side, _ = foot_points(paths, row, x, y, s + ways[-1])
-    shown = shown_by(scene)
+    shown = last_second(scene)
     return Samples(
         speed=shown.speed[vehicle],
         acceleration=shown.acceleration[vehicle],

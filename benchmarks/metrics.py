@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.registry import METRICS

@@ -28,7 +28,7 @@ from bare_loop import DEFAULT_MAP, WAYS, Poses, bare_loop, poses_of
 
 import scex_sumo
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.converters.moments.writer import write_tracks
+from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios.seeds import synthetic_seed
 from scex_sumo.scene import SeedScene, States

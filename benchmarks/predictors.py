@@ -33,15 +33,15 @@ import predictors_measures as measures
 from predictors_report import place, tables
 from recorded_scenes import ngsim_part
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
 from scex_sumo.behaviors.registry import ModelSpec, build
-from scex_sumo.commands.of_datasets.train import train_command
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
 from scex_sumo.scene import SeedScene
+from scex_sumo.training.command import train_command
 from scex_sumo.training.data.samples import learnable
 
 # s between two moments: MONA has many vehicles, the others few.

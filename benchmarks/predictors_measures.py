@@ -8,21 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from recorded_scenes import ngsim_part
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.learned.decoding import plan_along, way_of
 from scex_sumo.behaviors.learned.driver import LearnedDriver
-from scex_sumo.behaviors.learned.seen.surface import Surface, path_room, surface_of
+from scex_sumo.behaviors.learned.surface import Surface, path_room, surface_of
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
+from scex_sumo.converters.datasets.split import Split
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, Who
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, VehicleIndex
 from scex_sumo.training.closed_loop import drive_all
 from scex_sumo.training.data.dataset import part_scenes
 from scex_sumo.training.data.perturb import Perturbation, perturbed
-from scex_sumo.training.data.split import Split
 from scex_sumo.training.data.targets import smooth_return
 
 MOVING_MPS = 0.5
@@ -97,7 +97,7 @@ def foreseen(scene: SeedScene, vehicle: IntArray, kept: float) -> FloatArray:
 
 def planned(test: TestScene, model: Behavior, vehicle: IntArray) -> FloatArray:
     """(k, H) distances of a model's plans to what the vehicles did, m."""
-    who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+    who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
     plan = model.plan(SceneHistory.of_scene(test.scene), test.road, who, [np.random.default_rng(0)])
     return _distances(test.scene, vehicle, plan.x[:, :PLAN_STEPS], plan.y[:, :PLAN_STEPS])
 
@@ -110,12 +110,12 @@ def best_of_six(test: TestScene, driver: LearnedDriver, vehicle: IntArray) -> Fl
     """
     seed, road = test.scene, test.road
     history = SceneHistory.of_scene(seed)
-    everyone = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+    everyone = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
     paths, _ = chosen_paths(history, road, everyone, "straight")
     count = paths.count[vehicle]
     owner = np.repeat(np.arange(len(vehicle)), count)
     row = paths.first[vehicle][owner] + np.arange(len(owner)) - (np.cumsum(count) - count)[owner]
-    pairs = Who(child=np.zeros_like(owner), vehicle=vehicle[owner])
+    pairs = VehicleIndex(child=np.zeros_like(owner), vehicle=vehicle[owner])
     _, modes = driver.predict(history, road, pairs, paths, row)
     logit, choice = modes.path_logit, modes.logits
     path = np.exp(logit - logit.max())
@@ -127,7 +127,7 @@ def best_of_six(test: TestScene, driver: LearnedDriver, vehicle: IntArray) -> Fl
     )
     rank = np.arange(len(pair)) - np.searchsorted(owner[pair], owner[pair])
     pair, number = pair[rank < GUESSES], number[rank < GUESSES]
-    who = Who(child=np.zeros_like(pair), vehicle=vehicle[owner[pair]])
+    who = VehicleIndex(child=np.zeros_like(pair), vehicle=vehicle[owner[pair]])
     offset = modes.offset[pair, number]
     plan = plan_along(history, who, paths, row[pair], modes.acceleration[pair, number], offset, road=road)
     off = _distances(seed, who.vehicle, plan.x, plan.y)[:, -1]

@@ -28,14 +28,15 @@ from scex_sumo.converters.datasets.recordings import (
     recording_moments,
     seed_at,
 )
-from scex_sumo.ranking.folder import RankFolder
-from scex_sumo.ranking.moments import list_moments
-from scex_sumo.ranking.rank import rank
-from scex_sumo.ranking.ranking_run import RankingRun
-from scex_sumo.ranking.run_moment import MomentTask, run_moment
-from scex_sumo.ranking.settings import RankSettings
-from scex_sumo.ranking.tasks import moment_tasks
-from scex_sumo.ranking.workers import DaskWorkers, LocalWorkers, MomentWorkers
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.studies.moments.cut import list_moments, moment_tasks
+from scex_sumo.studies.moments.run import MomentTask
+from scex_sumo.studies.moments.workers import DaskWorkers, LocalWorkers, MomentWorkers
+from scex_sumo.studies.rank.children import RankTask, run_moment
+from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.rank.rank import rank
+from scex_sumo.studies.rank.ranking_run import RankingRun
+from scex_sumo.studies.rank.settings import RankSettings
 
 DATASET = scex_sumo.example_path("roundabout").parent
 MODELS = ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake")
@@ -43,12 +44,17 @@ TEN_THOUSAND = 10_000
 
 
 def settings_of(args: argparse.Namespace) -> RankSettings:
-    return RankSettings(models=MODELS, every=args.every, first=args.children, children=args.children)
+    run = RunSettings(models=MODELS, children=args.children)
+    return RankSettings(run=run, every=args.every, first=args.children)
 
 
 def run_all(args: argparse.Namespace, workers: MomentWorkers, progress: Callable[[int, int], None]) -> None:
     """Run all moments into a folder that is not kept, with workers that are ended after it."""
-    with closing(workers), tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}) as folder:
+    with (
+        closing(workers),
+        tempfile.TemporaryDirectory() as out,
+        RankFolder(Path(out) / "out", {}, settings_of(args)) as folder,
+    ):
         RankingRun(find_recordings([args.dataset]), settings_of(args), folder, workers, progress).run()
 
 
@@ -102,7 +108,7 @@ def cluster_workers(address: str, count: int) -> MomentWorkers:
         except OSError:
             if time.monotonic() > deadline:
                 raise
-    workers = DaskWorkers(address)
+    workers = DaskWorkers(address, run_moment)
     workers._client.wait_for_workers(count, timeout=60)
     return workers
 
@@ -111,7 +117,7 @@ def throughput(args: argparse.Namespace) -> None:
     rates: dict[tuple[str, int], list[float]] = {}
     for _ in range(args.repeat):
         for workers in (1, 2):
-            rate, seeds, own = seeds_per_minute(args, LocalWorkers(workers))
+            rate, seeds, own = seeds_per_minute(args, LocalWorkers(workers, run_moment))
             rates.setdefault(("processes", workers), []).append(rate)
             with dask_cluster(workers) as address:
                 rate, seeds, own_dask = seeds_per_minute(args, cluster_workers(address, workers))
@@ -147,9 +153,8 @@ def costs(args: argparse.Namespace) -> None:
         settings_of(args),
         range(args.children),
         wanted=lambda listing: listing.moments[:: max(len(listing.moments) // 5, 1)],
-        spare=lambda ref: 0,
     )
-    tasks = [task for task in items if isinstance(task, MomentTask)]
+    tasks = [RankTask.of(task, spare=0) for task in items if isinstance(task, MomentTask)]
     sent = [pickle.dumps(task) for task in tasks]
     parts = [(task.ref, run_moment(task)) for task in tasks]
     begin = time.process_time()
@@ -162,7 +167,7 @@ def costs(args: argparse.Namespace) -> None:
     for task in tasks:
         pickle.dumps(task)
     packing = (time.process_time() - begin) / len(sent)
-    with tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}) as folder:
+    with tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}, settings_of(args)) as folder:
         begin = time.process_time()
         for ref, part in parts:
             folder.append(ref, part)
@@ -215,7 +220,7 @@ def resident(pid: int) -> float:
 
 def memory(args: argparse.Namespace) -> None:
     """Resident memory of main process and worker over the seeds."""
-    workers = LocalWorkers(1)
+    workers = LocalWorkers(1, run_moment)
     worker = workers._workers._workers[0]._process.pid
     seen: list[tuple[float, float]] = []
     run_all(args, workers, lambda *_: seen.append((resident(os.getpid()), resident(worker))))

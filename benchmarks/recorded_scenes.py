@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.cleaning.smooth import smooth
 from scex_sumo.converters.datasets.recordings import (
     find_recordings,
@@ -15,9 +16,8 @@ from scex_sumo.converters.datasets.recordings import (
     recording_moments,
     seed_at,
 )
-from scex_sumo.errors import TrackError
+from scex_sumo.converters.datasets.split import Part, Split, split_moments
 from scex_sumo.scene import STEP_S, SeedScene, States
-from scex_sumo.training.data.split import Part, Split, split_moments
 
 SETS = ("taf_bw", "mona")
 
@@ -51,7 +51,7 @@ def recorded(
 NGSIM_TEST = ("Lanker-2_20", "Lanker-2_21", "Lanker-2_24", "Peach-3_1", "Peach-3_2")
 NGSIM_VALIDATION = ("Lanker-2_16",)
 EVERY_S = {"taf_bw": 2.0, "mona": 5.0, "ngsim": 1.5}
-LEAST_MOVING = 2
+MIN_MOVING = 2
 
 
 def recorded_parts(data: Path, name: str, part: Part) -> Iterator[SeedScene]:
@@ -70,7 +70,7 @@ def recorded_parts(data: Path, name: str, part: Part) -> Iterator[SeedScene]:
         for moment in every:
             if moment.time_s >= last + EVERY_S[name] - 1e-6:
                 last = moment.time_s
-                if moment.complete >= LEAST_MOVING:
+                if moment.complete >= MIN_MOVING:
                     yield seed_at(loaded, moment.time_s)
 
 

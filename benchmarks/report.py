@@ -19,12 +19,12 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo import example_path, open_run
+from scex_sumo.reports.page import contents
+from scex_sumo.reports.page.html import asset
 from scex_sumo.reports.page.packing import second_differences, second_sums
 from scex_sumo.reports.page.report import SCRIPTS, write_report
-from scex_sumo.reports.page.run import contents
-from scex_sumo.reports.page.shell import asset
-from scex_sumo.reports.page.tracks import UniqueTracks, unique_tracks
-from scex_sumo.reports.tables.runs import summary_table
+from scex_sumo.reports.page.scene import UniqueTracks, unique_tracks
+from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.run import Run
 
 REPEATS = 5

@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 from bare_loop import DEFAULT_MAP
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.road import Lane, Road
 from scex_sumo.scene import SeedScene, States
 

@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 
 import scex_sumo as scex
-from scex_sumo.errors import ScexError
-from scex_sumo.roads.index import RoadIndex, road_index
-from scex_sumo.roads.matching import lane_matcher
+from scex_sumo.base.errors import ScexError
+from scex_sumo.roads.matching import lane_segments
+from scex_sumo.roads.relations import RoadIndex, road_index
 from scex_sumo.scene import SceneHistory, SeedScene
 
 DATA = Path(os.environ.get("SCEX_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
@@ -64,8 +64,8 @@ def timed_index(scene: SeedScene) -> tuple[RoadIndex, int, float]:
     assert scene.road is not None
     road = replace(scene.road)  # another one, of which nothing is known yet
     begin = time.process_time()
-    index, matcher = road_index(road), lane_matcher(road)
-    return index, _bytes_of(index) + _bytes_of(matcher), time.process_time() - begin
+    index, segments = road_index(road), lane_segments(road)
+    return index, _bytes_of(index) + _bytes_of(segments), time.process_time() - begin
 
 
 def seconds(scene: SeedScene, children: int, repeats: int) -> tuple[float, float]:

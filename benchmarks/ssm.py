@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.evaluation.sources import read_source
 from scex_sumo.evaluation.tables import recording_table
 

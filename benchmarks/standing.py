@@ -1,4 +1,4 @@
-"""Who stops behind a standing vehicle: learned drivers with and without the guard, on an empty straight road.
+"""Standing vehicles: whether learned drivers stop behind one, with and without the guard, on a straight road.
 
 A vehicle comes at constant speed; another one stands so far ahead, and stays. The smallest gap within 10 s,
 bumper to bumper, m; negative where the driver ran into it. The training data have nothing of the kind.
@@ -17,7 +17,7 @@ from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.road import Lane, Road
-from scex_sumo.scene import SceneHistory, SeedScene, States, Who
+from scex_sumo.scene import SceneHistory, SeedScene, States, VehicleIndex
 
 MODELS = (
     "graph_predictor",
@@ -64,7 +64,7 @@ def smallest_gap(model: Behavior, road: Road, scene: SeedScene) -> float:
     history: SceneHistory = history_at(
         scene, scene.history.repeat(1), np.zeros(1, dtype=np.int64), np.zeros((1, 2)), step=0
     )
-    driver = Who(child=np.zeros(1, dtype=np.int64), vehicle=np.zeros(1, dtype=np.int64))
+    driver = VehicleIndex(child=np.zeros(1, dtype=np.int64), vehicle=np.zeros(1, dtype=np.int64))
     standing = scene.now[1:]
     smallest = np.inf
     for step in range(STEPS):

@@ -6,6 +6,7 @@ there is skipped. Pictures of studies are photographs of the pages that the comm
 
 from __future__ import annotations
 
+import io
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
@@ -18,15 +19,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
+from PIL import Image
 
 import scex_sumo as scex
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import MissingExtraError
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.errors import MissingExtraError
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate_pairs
-from scex_sumo.reports.pictures.runs import cumulative_panel, density_panel, futures_of, scene_panel
+from scex_sumo.reports.page.report import write_report
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, States
 
@@ -34,25 +36,39 @@ IMAGES = Path(__file__).resolve().parent / "images"
 BLUE, RED, GREY = "#1f5fa8", "#b5342b", "#777777"
 
 
-def overview() -> None:
-    """The README's example run: the seed scene with its futures beside two of its densities."""
-    scene = scex.read_seed(scex.example_path("roundabout"))
-    run = scex.extrapolate(scene)
-    assert scene.road is not None
-    figure = Figure(figsize=(11, 6), layout="constrained")
-    axes = figure.subplot_mosaic([["scene", "a"], ["scene", "b"]], width_ratios=[1.25, 1])
-    scene_panel(axes["scene"], scene.road, scene, futures_of(run, scene))
-    axes["scene"].set(xlim=(940, 1080), ylim=(925, 1060))
-    density_panel(run, "distance_mean", axes["a"])
-    cumulative_panel(run, "ttc", axes["b"])
-    titles = {
-        "scene": f"one moment, {run.children} futures of 3 s",
-        "a": "mean of the closest distances [m]: density; dashed: recorded",
-        "b": "worst 1/TTC [1/s], cumulative",
-    }
-    for name, title in titles.items():
-        axes[name].set_title(title, loc="left", fontsize=10)
-    figure.savefig(IMAGES / "overview.png", dpi=100)
+def report() -> None:
+    """Animate the report of the example in a browser: its two worst encounters; needs playwright."""
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        raise MissingExtraError("the animation of the report needs playwright and chromium") from None
+    shots = []
+    seek = "(slider, step) => { slider.value = step; slider.dispatchEvent(new Event('input')) }"
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as browsers:
+        run = scex.extrapolate(scex.read_seed(scex.example_path("roundabout")), out=Path(folder, "out"))
+        page_path = write_report(run, scex.read_seed(scex.example_path("roundabout")))
+        browser = browsers.chromium.launch(
+            executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu", "--disable-quic"]
+        )
+        page = browser.new_page(viewport={"width": 1180, "height": 760})
+        page.goto(page_path.as_uri())
+        for row in (0, 1):
+            page.locator("#encounters tr.go").nth(row).click()
+            page.evaluate("window.scrollTo(0, 0)")
+            for step in range(0, run.info["steps"] + 1, 2):
+                page.locator("#time").evaluate(seek, step)
+                page.wait_for_timeout(60)
+                shot = Image.open(io.BytesIO(page.screenshot()))
+                shots.append(shot.resize((826, 532), Image.Resampling.LANCZOS))
+        browser.close()
+    both = Image.new("RGB", (826, 2 * 532))  # one palette, of the first and the last frame
+    both.paste(shots[0], (0, 0))
+    both.paste(shots[-1], (0, 532))
+    palette = both.quantize(96)
+    frames = [shot.convert("RGB").quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
+    frames[0].save(
+        IMAGES / "report.gif", save_all=True, append_images=frames[1:], duration=160, loop=0, optimize=True
+    )
 
 
 def scene_graph() -> None:
@@ -258,7 +274,7 @@ def handover() -> None:
 
 
 PICTURES: dict[str, Callable[[], None]] = {
-    made.__name__: made for made in (overview, scene_graph, attention, converter, metrics, handover)
+    made.__name__: made for made in (report, scene_graph, attention, converter, metrics, handover)
 }
 
 

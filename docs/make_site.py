@@ -1,11 +1,14 @@
 """Site of the docs: ``make docs-site`` builds it into ``out/site/html``, with a report of each example seed.
 
-Run: ``python docs/make_site.py [CHILDREN]``; needs ``pip install 'scex-sumo[docs]'``. A link or anchor that
-leads nowhere ends it.
+The references of the command line and of Python are generated from the code.
+
+Run: ``python docs/make_site.py [CHILDREN]``; needs ``pip install 'scex-sumo[docs]'``.
+A dead link or anchor is an error.
 """
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 import shutil
@@ -13,7 +16,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
+from typer.main import get_command
+
 import scex_sumo as scex
+from scex_sumo.cli import command_line
 from scex_sumo.scenarios import EXAMPLES
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -29,13 +36,14 @@ BESIDE = {
 
 GALLERY = """# Gallery
 
-Reports of the example seeds, as `scex-sumo run` writes them: each is one file without network.
+Reports of the example seeds, as `scex-sumo run` writes them. Each is one file without network access.
 
 """
+REPORT = '<iframe src="gallery/{name}.html" title="report" style="width:100%;height:900px;border:0"></iframe>'
 
 
 def gather() -> None:
-    """Copy the pages with what they show, links made to lead to where it lies in the site."""
+    """Copy the pages with their pictures, adapt the links, and generate the references."""
     shutil.rmtree(SOURCE, ignore_errors=True)
     shutil.copytree(DOCS, SOURCE, ignore=shutil.ignore_patterns("*.py", "mkdocs.yml", "__pycache__"))
     shutil.copytree(DOCS / "examples", SOURCE / "examples", dirs_exist_ok=True)
@@ -46,10 +54,39 @@ def gather() -> None:
         (SOURCE / name).write_text(re.sub(r"\]\((\.\./)?docs/", "](", text), encoding="utf-8")
     notebook = json.loads((DOCS / "tutorial.ipynb").read_text(encoding="utf-8"))
     (SOURCE / "tutorial.md").write_text(page_of(notebook), encoding="utf-8")
+    (SOURCE / "command_line.md").write_text(command_reference(), encoding="utf-8")
+    (SOURCE / "python.md").write_text(python_reference(), encoding="utf-8")
+
+
+def command_reference() -> str:
+    """Return the help of every command as one page."""
+    group = get_command(command_line())
+    parts = ["# Command line\n\nGenerated from the code; `scex-sumo COMMAND --help` prints the same.\n"]
+    with click.Context(group, info_name="scex-sumo") as above:
+        for name in group.list_commands(above):
+            command = group.get_command(above, name)
+            with click.Context(command, info_name=name, parent=above, max_content_width=100) as context:
+                parts.append(f"## {name}\n\n```text\n{command.get_help(context)}\n```\n")
+    return "\n".join(parts)
+
+
+def python_reference() -> str:
+    """Return signature and docstring of every public name as one page."""
+    parts = ["# Python\n\nGenerated from the docstrings of `scex_sumo`.\n"]
+    for name in scex.__all__:
+        thing = getattr(scex, name)
+        if not callable(thing):
+            continue
+        try:
+            signature = f"{name}{inspect.signature(thing)}"
+        except ValueError:
+            signature = name
+        parts.append(f"## {name}\n\n```text\n{signature}\n\n{inspect.getdoc(thing)}\n```\n")
+    return "\n".join(parts)
 
 
 def page_of(notebook: dict[str, list[dict[str, object]]]) -> str:
-    """The cells of a notebook as Markdown, and where to get it."""
+    """Return the cells of a notebook as Markdown, with a link to it."""
     cells = []
     for cell in notebook["cells"]:
         text = "".join(map(str, cell["source"]))  # type: ignore[call-overload]
@@ -58,7 +95,7 @@ def page_of(notebook: dict[str, list[dict[str, object]]]) -> str:
 
 
 def gallery(children: int) -> None:
-    """Run the example seeds, and gather their reports and a figure of each."""
+    """Run the example seeds and gather their reports and figures."""
     folder, lines = SOURCE / "gallery", [GALLERY]
     folder.mkdir()
     for name in EXAMPLES:
@@ -72,21 +109,21 @@ def gallery(children: int) -> None:
         run.plot(folder / f"{name}.svg")
         title, share = name.replace("_", " ").capitalize(), run.p_collision.value
         lines.append(
-            f"## {title}\n\n[Its report](gallery/{name}.html): {run.children} child scenarios, "
-            f"two vehicles collide in {share:.0%} of them.\n\n![Densities of {name}](gallery/{name}.svg)\n\n"
+            f"## {title}\n\n{run.children} futures, with a collision in {share:.0%} of them.\n\n"
+            f"{REPORT.format(name=name)}\n\n![Densities of {name}](gallery/{name}.svg)\n\n"
         )
     (SOURCE / "gallery.md").write_text("".join(lines), encoding="utf-8")
 
 
 def build() -> int:
-    """Build the site of what is gathered; returns the status of zensical."""
+    """Build the site from the gathered pages; return the status of zensical."""
     shutil.copy(DOCS / "mkdocs.yml", SITE)
     command = [sys.executable, "-m", "zensical", "build", "--strict", "--clean", "-f", "mkdocs.yml"]
     return subprocess.run(command, cwd=SITE, check=False).returncode
 
 
 def main() -> int:
-    """Gather, run, build; returns the status."""
+    """Gather, run, build; return the status."""
     gather()
     gallery(int(sys.argv[1]) if len(sys.argv) > 1 else 385)
     if status := build():

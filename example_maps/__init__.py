@@ -1,4 +1,4 @@
-"""Example maps that the package ships: their drawing, and the recording of their traffic; not in the package.
+"""Generator of the example seeds that the package ships: maps and recorded traffic. Not in the wheel.
 
 Run as ``python -m example_maps.make_examples`` in a checkout.
 """

@@ -1,4 +1,4 @@
-"""Curves that roads are drawn along: clothoids, arcs and smooth joins, sampled densely.
+"""Curves for drawing roads: clothoids, arcs and smooth joins, sampled densely.
 
 All lengths in metres, angles in radians, curvature in 1/m, positive to the left.
 """
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 
 SAMPLE_M = 0.25
 TURN_RAD = 0.3
@@ -18,7 +18,7 @@ TURN_RAD = 0.3
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """A point with direction and curvature, where curves begin and end."""
+    """Point with direction and curvature, where curves begin and end."""
 
     x: float
     y: float
@@ -31,7 +31,7 @@ class Pose:
         return -float(np.sin(self.heading)), float(np.cos(self.heading))
 
     def shifted(self, forward_m: float, left_m: float) -> Pose:
-        """The pose moved along and across its own direction; straight."""
+        """Return the pose moved along and across its own direction, without curvature."""
         c, s = float(np.cos(self.heading)), float(np.sin(self.heading))
         return Pose(
             x=self.x + c * forward_m - s * left_m, y=self.y + s * forward_m + c * left_m, heading=self.heading
@@ -40,15 +40,7 @@ class Pose:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curve:
-    """A densely sampled curve.
-
-    Attributes:
-        x: (N,) m.
-        y: (N,) m.
-        heading: (N,) rad, continuous (not wrapped).
-        curvature: (N,) 1/m.
-        s: (N,) arc length from the start, m.
-    """
+    """Densely sampled curve of N points; headings are not wrapped, ``s`` is the arc length."""
 
     x: FloatArray
     y: FloatArray
@@ -62,47 +54,43 @@ class Curve:
         return float(self.s[-1])
 
     def pose(self, s: float) -> Pose:
-        """Pose at arc length ``s``."""
+        """Return the pose at arc length ``s``."""
         at = self.at(np.array([s]))
         return Pose(x=at.x[0], y=at.y[0], heading=at.heading[0], curvature=at.curvature[0])
 
     def at(self, s: FloatArray) -> Curve:
-        """The curve sampled at given arc lengths instead (all four quantities interpolated linearly)."""
+        """Return the curve at other arc lengths, interpolated linearly."""
         x, y, heading, curvature = (
             np.interp(s, self.s, column) for column in (self.x, self.y, self.heading, self.curvature)
         )
         return Curve(x=x, y=y, heading=heading, curvature=curvature, s=s - s[0])
 
     def part(self, start: float, end: float, bend: float = 0.0) -> Curve:
-        """The curve between two arc lengths, sampled for drawing.
+        """Return the curve between two arc lengths, sampled for drawing.
 
         Args:
-            start: m from the curve's own start.
-            end: m from the curve's own start.
-            bend: 1/m that lines beside the curve bend by, relative to it, as where lanes open.
+            bend: 1/m by which lines beside the curve bend more than it, as where lanes open.
         """
         kappa = np.interp(np.linspace(start, end, 50), self.s, np.abs(self.curvature))
         return self.at(np.linspace(start, end, stations(end - start, float(kappa.max()) + bend)))
 
     def offset(self, left_m: FloatArray | float) -> FloatArray:
-        """(N, 2) points at a lateral distance to the left, which may vary along the curve."""
+        """Return points (N, 2) at a lateral distance to the left, which may vary along the curve."""
         d = np.broadcast_to(left_m, self.x.shape)
         return np.column_stack([self.x - np.sin(self.heading) * d, self.y + np.cos(self.heading) * d])
 
 
 def stations(length_m: float, curvature: float, tolerance_m: float = 0.02) -> int:
-    """How many points a polyline needs to stay within ``tolerance_m`` of an arc; at most 10 m apart."""
+    """Return how many points a polyline needs within ``tolerance_m`` of an arc, at most 10 m apart."""
     spacing = np.clip(np.sqrt(8 * tolerance_m / max(abs(curvature), 1e-9)), 1.0, 10.0)
     return max(3, int(np.ceil(length_m / spacing)) + 1)
 
 
 def clothoids(start: Pose, pieces: Sequence[tuple[float, float, float]]) -> Curve:
-    """A chain of clothoids.
+    """Make a chain of clothoids; the curvature of ``start`` is not used.
 
     Args:
-        start: where it begins; its curvature is not used.
-        pieces: (length, curvature at the start, curvature at the end) each; equal curvatures make an arc
-            or a straight line.
+        pieces: length, curvature at the start and at the end of each; equal ones make an arc or a line.
     """
     curvature: list[FloatArray] = []
     s: list[FloatArray] = []
@@ -121,7 +109,7 @@ def clothoids(start: Pose, pieces: Sequence[tuple[float, float, float]]) -> Curv
 
 
 def arc(centre: tuple[float, float], radius: float, start: float, end: float) -> Curve:
-    """An arc counter-clockwise around ``centre`` between two polar angles."""
+    """Make an arc counter-clockwise around ``centre`` between two polar angles."""
     angle = np.linspace(start, end, int(np.ceil((end - start) * radius / SAMPLE_M)) + 1)
     return Curve(
         x=centre[0] + radius * np.cos(angle),
@@ -133,11 +121,11 @@ def arc(centre: tuple[float, float], radius: float, start: float, end: float) ->
 
 
 def join(start: Pose, end: Pose) -> Curve:
-    """The gentlest quintic curve between two poses.
+    """Make the quintic curve between two poses with the smallest peak of curvature.
 
-    Position and direction match at both ends. Curvature does too, unless it bends against the turn to be
-    made (into a roundabout: right, then left): there the curve ends straight, as roads are built. The lengths
-    of both end tangents are free and are chosen on a grid for the smallest peak of curvature.
+    Position and direction match at both ends. Curvature matches too, unless it bends against the turn (into a
+    roundabout: right, then left): there the curve ends straight, as roads are built. The lengths of the end
+    tangents are chosen on a grid.
     """
     turn = float(np.angle(np.exp(1j * (end.heading - start.heading))))
     if abs(turn) > TURN_RAD:
@@ -158,7 +146,7 @@ def join(start: Pose, end: Pose) -> Curve:
 
 
 def smooth_step(s: FloatArray, start: float, end: float) -> FloatArray:
-    """0 before ``start``, 1 after ``end``, between them with continuous slope and curvature."""
+    """Return 0 before ``start``, 1 after ``end``, with continuous slope and curvature between them."""
     u = np.clip((s - start) / (end - start), 0.0, 1.0)
     return np.asarray(u**3 * (10 - 15 * u + 6 * u**2))
 

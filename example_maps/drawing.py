@@ -1,4 +1,4 @@
-"""Draw Lanelet2 maps from geometry: lines, lanelets that share them, rules, and the OSM file.
+"""Drawing of Lanelet2 maps: lines, lanelets that share them, rules, and the OSM file.
 
 Neighbouring lanelets share the line between them and successive ones share their end nodes, so that
 Lanelet2's routing graph finds successors, neighbours and lane changes.
@@ -14,7 +14,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from example_maps.curves import Curve, Pose, join, smooth_step, stations
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.lanelet.projection import to_degrees
 
 NODE_TOLERANCE_M = 0.005
@@ -27,12 +27,7 @@ Mark = tuple[str, str]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Line:
-    """One way of the map.
-
-    Attributes:
-        line_id: its id.
-        points: (P, 2) m, as stored.
-    """
+    """One way of the map, points (P, 2) in m."""
 
     line_id: int
     points: FloatArray
@@ -43,13 +38,6 @@ class Lanelet:
     """One lanelet of the map, with the poses of its centre at both ends.
 
     Attributes:
-        lanelet_id: its id.
-        left: left bound.
-        right: right bound.
-        start: where vehicles enter.
-        end: where they leave.
-        start_width_m: width there.
-        end_width_m: width there.
         outline: (N, 2) m, closed polygon without the repeated first point.
     """
 
@@ -70,7 +58,7 @@ class _Relation:
 
 
 class MapDrawing:
-    """A Lanelet2 map in the making; ids are given in the order of drawing, as INTERACTION's maps do."""
+    """Lanelet2 map in the making; ids follow the order of drawing, as in INTERACTION's maps."""
 
     def __init__(self) -> None:
         self._nodes: list[tuple[float, float]] = []
@@ -80,12 +68,7 @@ class MapDrawing:
         self._rules = 0
 
     def line(self, points: FloatArray, mark: Mark) -> Line:
-        """Add a way.
-
-        Args:
-            points: (P, 2) m.
-            mark: Lanelet2 type and subtype; an empty subtype is left out.
-        """
+        """Add a way of points (P, 2) in m; an empty subtype of its mark is left out."""
         line_id = 10000 + len(self._ways)
         self._ways[line_id] = ([self._node(float(x), float(y)) for x, y in points], mark)
         return Line(line_id=line_id, points=points)
@@ -94,8 +77,6 @@ class MapDrawing:
         """Add a lanelet between two lines that both run in driving direction.
 
         Args:
-            left: left bound.
-            right: right bound.
             curvature: of the centre at the start and at the end, 1/m.
             **tags: in addition to, or in place of, those of an urban road for cars.
         """
@@ -133,15 +114,15 @@ class MapDrawing:
         """Add lanelets side by side along a curve; neighbours share the line between them.
 
         Args:
-            curve: what they follow, sampled as it shall be drawn.
+            curve: sampled as it shall be drawn.
             offsets: K lateral positions of the lines, from left to right, m to the left of the curve; an
-                array (N,) where a line moves sideways (flat at both ends).
+                array (N,) for a line that moves sideways (flat at both ends).
             marks: K markings.
             directions: K − 1; +1 along the curve, −1 against it, 0 no lanelet (an island).
             **tags: of every lanelet.
 
         Returns:
-            The lanelets from left to right, islands left out.
+            The lanelets from left to right, without islands.
         """
         lines = [self.line(curve.offset(d), m) for d, m in zip(offsets, marks, strict=True)]
         ends = curve.curvature[[0, -1]]
@@ -171,11 +152,8 @@ class MapDrawing:
         """Add a lanelet from the end of one to the start of another, smooth in direction and curvature.
 
         Args:
-            first: where it begins.
-            second: where it ends.
-            left: marking of the left bound, or a line that another lanelet has already.
+            left: marking of the left bound, or the line of another lanelet.
             right: the same on the right.
-            **tags: of the lanelet.
         """
         curve = join(first.end, second.start)
         count = stations(curve.length, float(np.abs(curve.curvature).max()))
@@ -191,11 +169,11 @@ class MapDrawing:
         return self.lanelet(bounds[0], bounds[1], curvature=ends, **tags)
 
     def speed_limit(self, lanelets: Sequence[Lanelet], limit_kmh: int) -> None:
-        """Add one speed limit that holds on all the lanelets."""
+        """Add one speed limit for all the lanelets."""
         self._rule(_Relation(tags={"sign_type": f"{limit_kmh}kmh", "subtype": "speed_limit"}), lanelets)
 
     def right_of_way(self, yielding: Sequence[Lanelet], priority: Sequence[Lanelet], at: Line | None) -> None:
-        """Add a right of way: who waits, for whom, and where (at the end of the lanelet without a line)."""
+        """Add a right of way with its yielding and its priority lanelets, and the line to wait at."""
         relation = _Relation(tags={"subtype": "right_of_way"})
         if at is not None:
             relation.members.append(("way", at.line_id, "ref_line"))
@@ -204,7 +182,7 @@ class MapDrawing:
         self._rule(relation, [*yielding, *priority])
 
     def area(self, outline: Sequence[Line], subtype: str) -> None:
-        """Add an area; the lines follow one another around it, each in either direction."""
+        """Add an area with an outline of lines in order, each in either direction."""
         members = [("way", line.line_id, "outer") for line in outline]
         self._add(
             _Relation(
@@ -214,9 +192,9 @@ class MapDrawing:
         )
 
     def write(self, path: Path) -> None:
-        """Write the map; the same drawing gives the same bytes."""
+        """Write the map; equal drawings give equal bytes."""
         rows = ['<?xml version="1.0"?>', '<osm version="0.6" generator="scex-sumo">']
-        # As INTERACTION's maps are: projected with 0, 0 they give the tracks' own x and y.
+        # As in INTERACTION: projected with 0, 0 the map has the tracks' own x and y.
         for i, (lat, lon) in enumerate(to_degrees(np.array(self._nodes), (0.0, 0.0))):
             rows.append(
                 f'  <node id="{1000 + i}" visible="true" version="1" lat="{lat:.11f}" lon="{lon:.11f}" />'
@@ -261,7 +239,7 @@ class MapDrawing:
 
 
 def reversed_line(line: Line) -> Line:
-    """The same way of the map, seen from its other end."""
+    """Return the same way of the map, seen from its other end."""
     return Line(line_id=line.line_id, points=line.points[::-1])
 
 

@@ -1,7 +1,6 @@
-"""Make the example seeds: draw their maps, let SUMO drive on them, write what it recorded.
+"""Example seeds: their maps are drawn, SUMO drives on them, and the tracks are recorded.
 
-Run as ``python -m example_maps.make_examples [FOLDER]``; without a folder it replaces the files
-that the package ships.
+Run as ``python -m example_maps.make_examples [FOLDER]``; without a folder it replaces the package's files.
 """
 
 from __future__ import annotations
@@ -17,29 +16,17 @@ import numpy as np
 
 from example_maps import motorway_merge, roundabout, urban_intersection
 from example_maps.drawing import MapDrawing
+from scex_sumo.base.errors import SimulationError, UsageError
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.errors import SimulationError, UsageError
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scenarios import EXAMPLES, example_path
-from scex_sumo.scenarios.traffic.demand import Network, Trip
-from scex_sumo.scenarios.traffic.drive import Drive, record
+from scex_sumo.scenarios.demand import Network, Trip
+from scex_sumo.scenarios.drive import Drive, record
 from scex_sumo.scene import STEP_S, States
 
-COLUMNS = [
-    "track_id",
-    "frame_id",
-    "timestamp_ms",
-    "agent_type",
-    "x",
-    "y",
-    "vx",
-    "vy",
-    "psi_rad",
-    "length",
-    "width",
-]
+HEADER = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width"
 CYCLIST = "pedestrian/bicycle"  # INTERACTION has one word for both
 CYCLIST_RIGHT_M = 0.9  # of the middle of the lane
 WALK_MPS = 1.35
@@ -52,15 +39,13 @@ CLEARANCE_M = 1.5
 
 @dataclass(frozen=True, kw_only=True)
 class Example:
-    """How an example seed is recorded.
+    """Recipe for the recording of an example seed.
 
     Attributes:
         vehicles: on the map at most.
-        seed: of all randomness.
-        start_s: when the recording starts, after warming up.
-        length_s: how long it lasts.
+        start_s: start of the recording, after the warm-up.
         every_s: mean time between vehicles on a lane into the map, at the beginning and at the end.
-        on_foot: whether somebody walks over the zebra crossing, and somebody else rides a bicycle.
+        on_foot: add a pedestrian on the zebra crossing and a cyclist.
     """
 
     vehicles: int
@@ -93,7 +78,7 @@ class _Track:
 
 
 def draw(name: str) -> MapDrawing:
-    """Draw the map of an example seed."""
+    """Draw the map of an example seed; raises `UsageError` if the name is unknown."""
     if name not in _DRAWINGS:
         raise UsageError(f"unknown example seed {name!r}; known: {', '.join(EXAMPLES)}")
     return _DRAWINGS[name]()
@@ -107,7 +92,6 @@ def make(name: str, folder: Path) -> None:
 
 
 def _record(road: Road, recipe: Example) -> list[_Track]:
-    """Everybody's whole track, in steps of the SUMO run."""
     rng = np.random.default_rng(recipe.seed)
     with tempfile.TemporaryDirectory(prefix="scex-sumo-") as folder:
         net = convert(road, Path(folder) / "map.net.xml")
@@ -141,14 +125,13 @@ def _track(recording: Drive, vehicle: int, step: int) -> _Track:
 
 
 def _shifted(states: States, right_m: float) -> States:
-    """The same motion further to the right."""
     x = states.x + right_m * np.sin(states.heading)
     y = states.y - right_m * np.cos(states.heading)
     return States(x=x, y=y, heading=states.heading, speed=states.speed)
 
 
 def _cyclist(network: Network, start_s: float, rng: np.random.Generator) -> Trip:
-    """Somebody on a bicycle who has been on the way for a while when the recording starts."""
+    """Return a cyclist that is on its way when the recording starts."""
     origin = network.origins[0]
     edges = network.random_route(origin, rng)
     if edges is None:
@@ -166,7 +149,7 @@ def _cyclist(network: Network, start_s: float, rng: np.random.Generator) -> Trip
 
 
 def _pedestrian(road: Road, others: list[_Track], first: int, last: int) -> _Track:
-    """Somebody who walks up to the zebra crossing, waits for a gap, and crosses."""
+    """Return a pedestrian that walks to the zebra crossing, waits for a gap, and crosses."""
     line = next(lane.centreline for lane in road.lanes.values() if lane.kind == "pedestrian")
     across = float(np.hypot(*(line[-1] - line[0])))
     pace = WALK_MPS * STEP_S
@@ -189,7 +172,7 @@ def _pedestrian(road: Road, others: list[_Track], first: int, last: int) -> _Tra
 
 
 def _gap(one: _Track, other: _Track) -> float:
-    """Smallest distance between two road users at the same step, m; inf if they never meet."""
+    """Return the smallest distance between two road users at the same step, m; inf if they never meet."""
     begin = max(one.first_step, other.first_step)
     end = min(one.first_step + one.states.shape[0], other.first_step + other.states.shape[0])
     if end <= begin:
@@ -201,11 +184,10 @@ def _gap(one: _Track, other: _Track) -> float:
 
 
 def _write(path: Path, tracks: list[_Track], recipe: Example) -> None:
-    """Write what happened from the start of the recording on as INTERACTION v1.0 tracks."""
     first = round(recipe.start_s / STEP_S)
     with path.open("w", newline="", encoding="utf-8") as file:
+        file.write(f"{HEADER}\n")
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
         for number, track in enumerate(sorted(tracks, key=lambda track: track.first_step), 1):
             writer.writerows(_rows(number, track, first, first + round(recipe.length_s / STEP_S)))
 
@@ -222,7 +204,7 @@ def _rows(number: int, track: _Track, first: int, last: int) -> Iterator[list[st
 
 
 def main(arguments: list[str]) -> None:
-    """Write all example seeds into the folder that is named, or into the package."""
+    """Write all example seeds into the named folder, or into the package."""
     for name in EXAMPLES:
         make(name, Path(arguments[0]) if arguments else example_path(name).parent)
 

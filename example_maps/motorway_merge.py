@@ -23,7 +23,7 @@ MOTORWAY = {"location": "nonurban", "subtype": "highway"}
 
 
 def draw() -> MapDrawing:
-    """The map; traffic runs from about (700, 1015) to the east."""
+    """Draw the map; traffic runs from about (700, 1015) to the east."""
     drawing = MapDrawing()
     curve = clothoids(START, SHAPE)
     road = [
@@ -44,7 +44,7 @@ def draw() -> MapDrawing:
 def _section(
     drawing: MapDrawing, curve: Curve, begin: float, end: float, edge: Mark, *, accelerating: bool = False
 ) -> list[Lanelet]:
-    """Lanes of one section from left to right; ``edge`` is the line right of the right lane."""
+    """Draw the lanes of one section from left to right; ``edge`` is the line right of the right lane."""
     lanes = 4 if accelerating else 3
     offsets = [-LANE_M * k for k in range(lanes + 1)]
     marks = [SOLID, DASHED, DASHED, edge, *[SOLID] * accelerating]
@@ -52,7 +52,7 @@ def _section(
 
 
 def _ramp(drawing: MapDrawing, accelerating: Lanelet) -> list[Lanelet]:
-    """The ramp, drawn backwards from the start of the acceleration lane."""
+    """Draw the ramp backwards from the start of the acceleration lane."""
     end = accelerating.start
     back = clothoids(Pose(x=end.x, y=end.y, heading=end.heading + np.pi), RAMP_SHAPE)
     lanes = []

@@ -38,7 +38,7 @@ class _Arm:
 
 
 def draw() -> MapDrawing:
-    """The map, around (1000, 1000)."""
+    """Draw the map around (1000, 1000)."""
     drawing = MapDrawing()
     bend = 1 / 95
     a = _arm(drawing, -93.0, [(25, 0, 0), (25, 0, bend), (45, bend, bend), (35, bend, 0)], entries=2)
@@ -95,7 +95,7 @@ def _arm(
 
 
 def _far(drawing: MapDrawing, curve: Curve, entries: int, exits: int, fork: bool) -> list[Lanelet]:
-    """Sections beyond the taper, where both directions share the line between them; outermost last."""
+    """Draw the sections beyond the taper, outermost last; both directions share the line between them."""
     lanes: list[Lanelet] = []
     ends = [TAPER_M, FORK_M, ARM_M] if fork else [TAPER_M, ARM_M]
     for begin, end in itertools.pairwise(ends):
@@ -109,10 +109,9 @@ def _far(drawing: MapDrawing, curve: Curve, entries: int, exits: int, fork: bool
 def _section(
     drawing: MapDrawing, curve: Curve, begin: float, lanes: tuple[int, int], between: Mark, middle: Mark
 ) -> list[Lanelet]:
-    """One section of an arm with an island, or the hatching behind it, between the directions.
+    """Draw one section of an arm with an island, or the hatching behind it, between the directions.
 
     Args:
-        drawing: the map.
         curve: of this section, outwards.
         begin: its distance from the give-way line.
         lanes: towards the ring, away from it.
@@ -139,9 +138,9 @@ def _island(drawing: MapDrawing, entry: Lanelet, leaving: Lanelet) -> None:
 
 
 def _merge_angle(arm: _Arm, lanes: list[Lanelet], radii: list[float]) -> float:
-    """Angle between an arm and where its lanes meet the ring, such that they get there along an arc.
+    """Return the mean angle between an arm and the place where its lanes reach the ring along an arc.
 
-    An arc's chord turns half as far as the arc does; the mean over the lanes.
+    An arc's chord turns half as far as the arc.
     """
     angles = []
     for lane, radius in zip(lanes, radii, strict=True):
@@ -157,7 +156,7 @@ def _merge_angle(arm: _Arm, lanes: list[Lanelet], radii: list[float]) -> float:
 
 
 def _ring(drawing: MapDrawing, a: _Arm, b: _Arm, c: _Arm, d: _Arm) -> tuple[list[Lanelet], list[Lanelet]]:
-    """The ring, cut where arms meet it: eight inner lanelets from A's entry on, three outer ones."""
+    """Draw the ring, cut where arms meet it: eight inner lanelets from A's entry on, three outer ones."""
     both, single, outside = [INNER_M, OUTER_M], [INNER_M], [OUTER_M]
     cuts = [
         a.heading + _merge_angle(a, a.entries, both),
@@ -188,7 +187,7 @@ def _ring(drawing: MapDrawing, a: _Arm, b: _Arm, c: _Arm, d: _Arm) -> tuple[list
 
 
 def _enter(drawing: MapDrawing, arm: _Arm, ring: list[Lanelet]) -> list[Lanelet]:
-    """Lanelets from an arm's give-way line into the ring; given and drawn from the left."""
+    """Draw the lanelets from an arm's give-way line into the ring, from the left."""
     lanes: list[Lanelet] = []
     right: Mark | Line = CURB
     for first, second in list(zip(arm.entries, ring, strict=True))[::-1]:
@@ -198,7 +197,7 @@ def _enter(drawing: MapDrawing, arm: _Arm, ring: list[Lanelet]) -> list[Lanelet]
 
 
 def _leave(drawing: MapDrawing, arm: _Arm, ring: list[Lanelet]) -> list[Lanelet]:
-    """Lanelets from the ring to an arm; given and drawn from the left."""
+    """Draw the lanelets from the ring to an arm, from the left."""
     lanes: list[Lanelet] = []
     right: Mark | Line = CURB
     for first, second in list(zip(ring, arm.exits, strict=True))[::-1]:

@@ -47,7 +47,7 @@ class _Movement:
 
 
 def draw() -> MapDrawing:
-    """The map, around (1000, 1000)."""
+    """Draw the map around (1000, 1000)."""
     drawing = MapDrawing()
     arms = [  # counter-clockwise from the east; even ones are the major road
         _arm(drawing, 7.0, [(25, 0, 0), (30, 0, 1 / 180), (65, 1 / 180, 1 / 180)], turn_lane=True),
@@ -90,7 +90,7 @@ def _arm(
 
 
 def _fork(drawing: MapDrawing, curve: Curve) -> list[Lanelet]:
-    """Where the approach opens from one lane to two; both directions move apart by half a lane."""
+    """Draw an approach that opens from one lane to two; both directions move apart by half a lane."""
     shift = LANE_M / 2 * (1 - smooth_step(curve.s, 0.0, curve.length))
     outwards = drawing.strip(curve, [-shift, -LANE_M - shift], [SOLID, CURB], [1])
     # The left-turn lane shares the line in the middle with the other direction.
@@ -103,7 +103,7 @@ def _fork(drawing: MapDrawing, curve: Curve) -> list[Lanelet]:
 
 
 def _movements(drawing: MapDrawing, arms: list[_Arm]) -> list[_Movement]:
-    """All twelve ways across; the right turns carry the kerbs between the arms."""
+    """Draw all twelve movements; the right turns carry the kerbs between the arms."""
     movements = []
     for i, arm in enumerate(arms):
         for turn, other in ((1, 3), (0, 2), (-1, 1)):
@@ -115,7 +115,7 @@ def _movements(drawing: MapDrawing, arms: list[_Arm]) -> list[_Movement]:
 
 
 def _rules(drawing: MapDrawing, arms: list[_Arm], movements: list[_Movement]) -> None:
-    """The minor road gives way to the major one; whoever turns left, to whoever comes towards them."""
+    """Add the rules: the minor road yields to the major one, left turns yield to oncoming traffic."""
     for i in (1, 3):
         lanes = arms[i].approaches
         line = np.stack([lanes[0].left.points[-1], lanes[-1].right.points[-1]])
@@ -130,7 +130,6 @@ def _rules(drawing: MapDrawing, arms: list[_Arm], movements: list[_Movement]) ->
 
 
 def _against(mine: _Movement, others: list[_Movement]) -> list[Lanelet]:
-    """Those whose area overlaps."""
     area = Polygon(mine.lanelet.outline)
     return [
         other.lanelet
@@ -140,7 +139,7 @@ def _against(mine: _Movement, others: list[_Movement]) -> list[Lanelet]:
 
 
 def _crossing(drawing: MapDrawing, arm: _Arm) -> None:
-    """A zebra crossing of 4 m over both lanes of an arm, from pavement to pavement."""
+    """Draw a zebra crossing of 4 m over both lanes of an arm, from pavement to pavement."""
     lane = arm.approaches[0]
     for_pedestrians = {"subtype": "crosswalk", "one_way": "no", "participant:pedestrian": "yes"}
     lines = []

@@ -6,39 +6,38 @@ The public names are loaded when they are first used, so that importing the pack
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING, Any
 
-from scex_sumo.version import __version__
+from scex_sumo.base.version import __version__
 
 if TYPE_CHECKING:
+    from scex_sumo.base.errors import ScexError as ScexError
     from scex_sumo.behaviors.base import Behavior as Behavior
-    from scex_sumo.behaviors.learned.hetero_data import to_hetero_data as to_hetero_data
     from scex_sumo.behaviors.plug_in.inputs import Surroundings as Surroundings
     from scex_sumo.behaviors.plug_in.predictor import Predictor as Predictor
-    from scex_sumo.behaviors.predictors import predictor as predictor
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
-    from scex_sumo.behaviors.scene_graph.export import to_networkx as to_networkx
+    from scex_sumo.behaviors.registry import predictor as predictor
     from scex_sumo.behaviors.scene_graph.graph import SceneGraph as SceneGraph
     from scex_sumo.behaviors.scene_graph.graph import scene_graph as scene_graph
-    from scex_sumo.converters.datasets.find import Recording as Recording
     from scex_sumo.converters.datasets.find import find_recordings as find_recordings
     from scex_sumo.converters.datasets.recordings import LoadedRecording as LoadedRecording
     from scex_sumo.converters.datasets.recordings import load_recording as load_recording
     from scex_sumo.converters.datasets.recordings import recording_moments as recording_moments
     from scex_sumo.converters.datasets.recordings import seed_at as seed_at
-    from scex_sumo.converters.datasets.report import dataset_report as dataset_report
     from scex_sumo.converters.lanelet.reader import read_road as read_road
     from scex_sumo.converters.maps import read_map as read_map
     from scex_sumo.converters.net.convert import convert as convert
     from scex_sumo.converters.net.sumo_net import SumoNet as SumoNet
-    from scex_sumo.errors import ScexError as ScexError
+    from scex_sumo.converters.registries import Recording as Recording
+    from scex_sumo.converters.tracks.rows import TrackTable as TrackTable
+    from scex_sumo.converters.tracks.rows import track_rows as track_rows
+    from scex_sumo.exporters.scene_graph import to_hetero_data as to_hetero_data
+    from scex_sumo.exporters.scene_graph import to_networkx as to_networkx
+    from scex_sumo.exporters.scene_graph_picture import plot_scene_graph as plot_scene_graph
     from scex_sumo.extrapolation.extrapolate import extrapolate as extrapolate
     from scex_sumo.metrics.registry import metric as metric
-    from scex_sumo.ranking.rank import Ranking as Ranking
-    from scex_sumo.ranking.rank import rank as rank
-    from scex_sumo.reports.pictures.attention import plot_attention as plot_attention
-    from scex_sumo.reports.pictures.scene_graph import plot_scene_graph as plot_scene_graph
     from scex_sumo.results.run import Run as Run
     from scex_sumo.results.run import open_run as open_run
     from scex_sumo.results.under_test import UnderTest as UnderTest
@@ -51,9 +50,13 @@ if TYPE_CHECKING:
     from scex_sumo.scene import SceneHistory as SceneHistory
     from scex_sumo.scene import SeedScene as SeedScene
     from scex_sumo.scene import States as States
-    from scex_sumo.scene import Who as Who
-    from scex_sumo.validation.validate import Validation as Validation
-    from scex_sumo.validation.validate import validate as validate
+    from scex_sumo.scene import VehicleIndex as VehicleIndex
+    from scex_sumo.studies.dataset_report import dataset_report as dataset_report
+    from scex_sumo.studies.rank.rank import Ranking as Ranking
+    from scex_sumo.studies.rank.rank import rank as rank
+    from scex_sumo.studies.validate.validate import Validation as Validation
+    from scex_sumo.studies.validate.validate import validate as validate
+    from scex_sumo.training.attention import plot_attention as plot_attention
 
 _HOMES = {
     "Behavior": "scex_sumo.behaviors.base",
@@ -61,23 +64,24 @@ _HOMES = {
     "LoadedRecording": "scex_sumo.converters.datasets.recordings",
     "Plan": "scex_sumo.scene",
     "Predictor": "scex_sumo.behaviors.plug_in.predictor",
-    "Ranking": "scex_sumo.ranking.rank",
-    "Recording": "scex_sumo.converters.datasets.find",
+    "Ranking": "scex_sumo.studies.rank.rank",
+    "Recording": "scex_sumo.converters.registries",
     "Road": "scex_sumo.road",
     "Run": "scex_sumo.results.run",
     "SceneGraph": "scex_sumo.behaviors.scene_graph.graph",
     "SceneHistory": "scex_sumo.scene",
-    "ScexError": "scex_sumo.errors",
+    "ScexError": "scex_sumo.base.errors",
     "SeedScene": "scex_sumo.scene",
     "States": "scex_sumo.scene",
     "Surroundings": "scex_sumo.behaviors.plug_in.inputs",
     "SumoNet": "scex_sumo.converters.net.sumo_net",
+    "TrackTable": "scex_sumo.converters.tracks.rows",
     "UnderTest": "scex_sumo.results.under_test",
-    "Validation": "scex_sumo.validation.validate",
-    "Who": "scex_sumo.scene",
+    "Validation": "scex_sumo.studies.validate.validate",
+    "VehicleIndex": "scex_sumo.scene",
     "behavior": "scex_sumo.behaviors.registry",
     "convert": "scex_sumo.converters.net.convert",
-    "dataset_report": "scex_sumo.converters.datasets.report",
+    "dataset_report": "scex_sumo.studies.dataset_report",
     "example_path": "scex_sumo.scenarios",
     "extrapolate": "scex_sumo.extrapolation.extrapolate",
     "find_recordings": "scex_sumo.converters.datasets.find",
@@ -85,10 +89,10 @@ _HOMES = {
     "metric": "scex_sumo.metrics.registry",
     "open_run": "scex_sumo.results.run",
     "parse_models": "scex_sumo.behaviors.registry",
-    "plot_attention": "scex_sumo.reports.pictures.attention",
-    "plot_scene_graph": "scex_sumo.reports.pictures.scene_graph",
-    "predictor": "scex_sumo.behaviors.predictors",
-    "rank": "scex_sumo.ranking.rank",
+    "plot_attention": "scex_sumo.training.attention",
+    "plot_scene_graph": "scex_sumo.exporters.scene_graph_picture",
+    "predictor": "scex_sumo.behaviors.registry",
+    "rank": "scex_sumo.studies.rank.rank",
     "read_map": "scex_sumo.converters.maps",
     "read_road": "scex_sumo.converters.lanelet.reader",
     "read_seed": "scex_sumo.scenarios.seeds",
@@ -96,10 +100,14 @@ _HOMES = {
     "scene_graph": "scex_sumo.behaviors.scene_graph.graph",
     "seed_at": "scex_sumo.converters.datasets.recordings",
     "synthetic_seed": "scex_sumo.scenarios.seeds",
-    "to_hetero_data": "scex_sumo.behaviors.learned.hetero_data",
-    "to_networkx": "scex_sumo.behaviors.scene_graph.export",
-    "validate": "scex_sumo.validation.validate",
+    "to_hetero_data": "scex_sumo.exporters.scene_graph",
+    "to_networkx": "scex_sumo.exporters.scene_graph",
+    "track_rows": "scex_sumo.converters.tracks.rows",
+    "validate": "scex_sumo.studies.validate.validate",
 }
+
+if "IPython" in sys.modules:  # runs and seed scenes are shown as HTML in a notebook
+    importlib.import_module("scex_sumo.reports.notebook").register()
 
 __all__ = [*sorted(_HOMES), "__version__"]
 

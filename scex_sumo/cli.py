@@ -1,30 +1,25 @@
-"""Command line: which commands there are, and what their errors become."""
+"""Command line: registry of commands, and one line and an exit status for each error."""
 
 from __future__ import annotations
 
-import atexit
-import gc
-import importlib
-import importlib.util
 import io
 import os
 import signal
 import sys
 from collections.abc import Sequence
 from types import FrameType
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from scex_sumo.commands.console import tell
-from scex_sumo.errors import ScexError, UsageError
-
-GARBAGE_AFTER = 250_000  # new objects; Python's own is 700
+from scex_sumo.base.errors import ScexError, UsageError
+from scex_sumo.base.registry import Registry
+from scex_sumo.commands.console import print_safely, tell
 
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from scex_sumo.version import __version__
+        from scex_sumo.base.version import __version__
 
         print(f"scex-sumo {__version__}")
         raise typer.Exit
@@ -33,32 +28,31 @@ def _version(wanted: bool) -> None:
 def _root(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False,
 ) -> None:
-    _do_without_pandas()
+    """Take the options of all commands."""
 
 
-COMMANDS = {
-    "run": ("run", "k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"),
-    "convert": ("convert", "DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"),
-    "inspect": ("inspect", "k733.osm --tracks vehicle_tracks_000.csv --time 60"),
-    "report": ("of_results.report", "out/k733"),
-    "plot": ("of_results.plot", "out/k733 --metric ttc -o ttc.svg"),
-    "view": ("of_results.view", "out/k733 --critical wttc"),
-    "export": ("of_results.export", "out/k733 --critical ttc --top 5 --to openscenario -o critical"),
-    "encounters": ("of_results.encounters", "out/k733 --pair 17,23"),
-    "metrics": ("metrics", "vehicle_tracks_000.csv --level scene -o scenes.parquet"),
-    "sample-size": ("sample_size", "roundabout.osm -o out/enough"),
-    "rank": ("of_datasets.rank", "recordings/ --every 1 --workers 8 -o out/ranking"),
-    "validate": ("of_datasets.validate", "recordings/ --models likely --workers 8 -o out/validation"),
-    "compare": ("of_results.compare", "out/k733 out/k729 out/merge -o out/compared"),
-    "explain": ("of_results.explain", "out/k733 --metric ttc"),
-    "train": ("of_datasets.train", "graph --data INTERACTION --out mine.safetensors"),
-    "models": ("models", ""),
-}
-"""Module in `scex_sumo.commands` and example of each command; its function is ``NAME_command``."""
+COMMANDS = Registry(
+    group="scex_sumo.commands",
+    kind="command",
+    builtin={
+        "run": "scex_sumo.commands.run:run_command",
+        "inspect": "scex_sumo.commands.inspect:inspect_command",
+        "report": "scex_sumo.commands.report:report_command",
+        "plot": "scex_sumo.commands.plot:plot_command",
+        "view": "scex_sumo.commands.view:view_command",
+        "encounters": "scex_sumo.commands.encounters:encounters_command",
+        "metrics": "scex_sumo.commands.metrics:metrics_command",
+        "models": "scex_sumo.commands.models:models_command",
+    },
+)
+"""A command is a function with Typer options; ``EXAMPLE`` in its module is shown at the end of its help."""
 
 
-def _app(arguments: Sequence[str]) -> typer.Typer:
-    """All commands, or the one that is asked for: to know the options of a command takes milliseconds."""
+def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
+    """Build the application with the given command alone, or with all commands for their list.
+
+    Loading one command takes milliseconds, loading all of them a second.
+    """
     app = typer.Typer(
         name="scex-sumo",
         help="Hundreds of futures of one moment of traffic, and how critical it can become.",
@@ -67,23 +61,29 @@ def _app(arguments: Sequence[str]) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_root)
-    for name in arguments[:1] if arguments and arguments[0] in COMMANDS else COMMANDS:
-        module, example = COMMANDS[name]
-        found = importlib.import_module(f"scex_sumo.commands.{module}")
-        app.command(name, epilog=f"Example: scex-sumo {name} {example}".rstrip())(
-            getattr(found, f"{name.replace('-', '_')}_command")
-        )
+    names = list(COMMANDS.paths)
+    if arguments and arguments[0] in names:
+        _add(app, arguments[0])
+        return app
+    for name in names:
+        try:
+            _add(app, name)
+        except UsageError as error:  # a command of another package; the others can still be listed
+            tell(f"warning: command {name} is left out: {error}")
     return app
 
 
+def _add(app: typer.Typer, name: str) -> None:
+    command = COMMANDS.load(name)
+    example = f"{name} {getattr(sys.modules[command.__module__], 'EXAMPLE', '')}".rstrip()
+    app.command(name, epilog=f"Example: scex-sumo {example}")(command)
+
+
 def main() -> None:
-    """Entry point: errors become one line and an exit status."""
-    # Numpy's products are small here; its threads, one for each core, cost more to start than they save.
+    """Run the command line; errors become one line and an exit status."""
+    # NumPy's products are small here; its threads, one for each core, cost more to start than they save.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Objects of a run live as long as it does: looking for garbage among them takes a tenth of a short run.
-    gc.set_threshold(GARBAGE_AFTER)
-    atexit.register(gc.freeze)  # nor does it at the end, where Python would for nothing
-    # A scheduler's SIGTERM leaves what Ctrl-C leaves: finished children, and no worker behind.
+    # A scheduler's SIGTERM does the same as Ctrl-C: finished children stay, workers end.
     signal.signal(signal.SIGTERM, _stop)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where it is ignored, as by nohup
         signal.signal(signal.SIGINT, _stop)
@@ -93,8 +93,9 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without – gets ? for it
+    print_safely()
     try:
-        status = _app(sys.argv[1:])(sys.argv[1:] or ["--help"], standalone_mode=False)
+        status = command_line(sys.argv[1:])(sys.argv[1:] or ["--help"], standalone_mode=False)
     except ScexError as error:
         _fail(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
     except typer.Abort:
@@ -107,7 +108,7 @@ def main() -> None:
     except OSError as error:  # of the machine, not of the program: a full disk, a file taken away
         _fail(f"error: {error.filename or 'a file'}: {error.strerror or error}; see to it and try again", 1)
     except Exception as error:
-        if _stopped:  # while a library was being imported, which made an error of its own of it
+        if _stopped:  # during the import of a library, which raised an error of its own
             _fail("interrupted", 130)
         if _is_out_of_memory(error):
             _fail(
@@ -122,29 +123,6 @@ def main() -> None:
         _fail("interrupted", int(status))
 
 
-class _NotNow:
-    """Finder of modules by which there is no pandas."""
-
-    def find_spec(self, name: str, *_: object) -> None:
-        if name == "pandas":
-            raise ModuleNotFoundError(name)
-
-
-def _do_without_pandas() -> None:
-    """Keep Arrow from importing pandas, 0.2 s, to see whether a list is one of its columns; it looks once.
-
-    Whoever asks Arrow for a data frame gets it all the same, and has it imported then.
-    """
-    if "pandas" in sys.modules or importlib.util.find_spec("pandas") is None:
-        return
-    finder: Any = _NotNow()
-    sys.meta_path.insert(0, finder)
-    try:
-        importlib.import_module("pyarrow").array([0])
-    finally:
-        sys.meta_path.remove(finder)
-
-
 def _stop(number: int, _frame: FrameType | None) -> None:
     _stopped.append(number)
     raise KeyboardInterrupt
@@ -154,7 +132,7 @@ _stopped: list[int] = []  # signals that asked the process to stop
 
 
 def _is_out_of_memory(error: Exception) -> bool:
-    """Whether memory ran out, in Python or in a library that says so only in words."""
+    """Return whether memory ran out, in Python or in a library that says so in words only."""
     words = ("bad_alloc", "not enough memory", "Cannot allocate memory", "failed to map segment")
     return isinstance(error, MemoryError) or any(word in str(error) for word in words)
 

@@ -1,6 +1,6 @@
-"""The road as arrays: lanes, neighbours, right of way. No lanelet2 or sumolib types.
+"""Road as arrays: lanes, neighbours, right of way; no lanelet2 or sumolib types.
 
-A *lane* here is one Lanelet2 lanelet, in driving direction; SUMO's lanes are named ``sumo_lane``.
+A *lane* is one Lanelet2 lanelet in driving direction; SUMO's lanes are named ``sumo_lane``.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.errors import listed
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import listed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,25 +18,24 @@ class Lane:
     """One lanelet, in driving direction.
 
     Attributes:
-        lane_id: the lanelet's id.
         centreline: (P, 2) m.
-        left_bound: (L, 2) m, in driving direction.
-        right_bound: (R, 2) m, in driving direction.
+        left_bound: (L, 2) m.
+        right_bound: (R, 2) m.
         width_m: mean distance of the bounds.
-        speed_limit_mps: limit for cars.
         kind: ``vehicle`` (cars may drive here), ``bus``, ``bicycle``, ``pedestrian`` or ``other``.
-        subtype: Lanelet2's subtype as written, e.g. ``road``, or an empty string; ``road`` where an unknown
-            one is taken for it.
+        subtype: Lanelet2's, e.g. ``road``, or an empty string; ``road`` if an unknown one counts so.
         location: ``urban``, ``nonurban`` or an empty string.
         successors: lanes that a vehicle enters at the end (vehicle routing graph).
-        predecessors: the reverse of ``successors``.
-        left: lane that a vehicle may change to on the left, or None.
-        right: lane that a vehicle may change to on the right, or None.
-        adjacent_left: neighbour on the left in the same direction, changing allowed or not.
-        adjacent_right: neighbour on the right in the same direction, changing allowed or not.
+        left: lane for a lane change to the left, or None.
+        adjacent_left: neighbour in the same direction, lane change allowed or not.
         conflicts: vehicle lanes whose area overlaps this one's (Lanelet2's conflicting).
-        reverse_of: the lanelet whose opposite direction this lane is, where cars drive a lanelet both ways;
-            then ``lane_id`` is no id of the map. None for all other lanes.
+        reverse_of: the lanelet that this lane drives in the opposite direction; then ``lane_id`` is no id of
+            the map. None for all other lanes.
+
+    Example:
+        >>> lane = scene.road.lanes[min(scene.road.vehicle_lanes)]
+        >>> lane.kind, lane.centreline.shape[1]
+        ('vehicle', 2)
     """
 
     lane_id: int
@@ -63,14 +62,13 @@ class Regulation:
     """One regulatory element.
 
     Attributes:
-        element_id: its id in the map.
         kind: ``right_of_way``, ``all_way_stop``, ``traffic_light``, ``stop`` or ``yield``.
         lanes: lanes that refer to it.
-        yielding: lanes that must give way (all of them for ``all_way_stop``).
+        yielding: lanes that must give way; all lanes for ``all_way_stop``.
         priority: lanes that have the right of way.
         stop_lines: (S, 2) polylines.
         lights: ids of the traffic light linestrings.
-        signs: types of the signs it refers to, as written, e.g. ``de205``, ``usR1-1``.
+        signs: types of its signs, e.g. ``de205``, ``usR1-1``.
     """
 
     element_id: int
@@ -85,10 +83,9 @@ class Regulation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Marking:
-    """A line on (or beside) the road, for drawing.
+    """A line on or beside the road, for drawing.
 
     Attributes:
-        line_id: id of the linestring.
         kind: Lanelet2 type, e.g. ``line_thin``, ``curbstone``, ``stop_line``, ``pedestrian_marking``.
         subtype: e.g. ``dashed``, ``solid``, or an empty string.
         points: (P, 2) m.
@@ -110,31 +107,45 @@ class Area:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Loss:
-    """Elements of the map that the road does without.
+class MapLoss:
+    """Elements of the map that the road leaves out.
 
     Attributes:
         kind: ``lanelets``, ``lights`` or ``lane changes``.
-        why: what became of them, e.g. ``not driven, subtype main_road``.
-        elements: their ids; a lane change is two lanelets with a word between.
+        why: e.g. ``not driven, subtype main_road``.
+        elements: ids; a lane change is two lanelets with a word between.
+        of: number of such elements in the map; 0 if it is not known.
     """
 
     kind: str
     why: str
     elements: tuple[int | str, ...]
+    of: int = 0
+
+    @property
+    def large(self) -> bool:
+        """Whether it is more than 1 % of the map's elements of this kind."""
+        return len(self.elements) > 0.01 * self.of > 0.0
+
+    @property
+    def note(self) -> str:
+        """Sentence for the terminal and the page; a warning where the loss is large."""
+        return f"warning: {self}" if self.large else str(self)
 
     def __str__(self) -> str:
-        return f"{len(self.elements)} {self.kind} {self.why}: {listed(self.elements)}"
+        number = len(self.elements)
+        many = f"{number} of {self.of} {self.kind} ({number / self.of:.0%})" if self.large else ""
+        return f"{many or f'{number} {self.kind}'} {self.why}: {listed(self.elements)}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Georeference:
-    """Where a road lies on Earth.
+    """Position of a road on Earth.
 
     Attributes:
-        projection: in PROJ's words, e.g. ``+proj=utm +zone=32 ...``.
-        east_m: what is to be added to x for the projection's easting.
-        north_m: what is to be added to y for its northing.
+        projection: as PROJ string, e.g. ``+proj=utm +zone=32 ...``.
+        east_m: easting of x = 0.
+        north_m: northing of y = 0.
     """
 
     projection: str
@@ -148,16 +159,20 @@ class Road:
 
     Attributes:
         name: stem of the map's file name.
-        lanes: every usable lanelet by id, of every kind.
+        lanes: every usable lanelet of every kind, by id.
         regulations: right of way, stops, lights.
-        markings: lines for drawing.
-        areas: areas for drawing.
-        origin: (latitude, longitude) that the coordinates were projected with.
-        georeference: the projection, where it is known and the origin a real place.
-        notes: what was repaired or left out, one short sentence each, naming ids.
-        losses: what of the map is not there.
-        net: the SUMO net that it was read from, to be used as it is; None for maps of other formats.
-        file: the map that it was read from, or None where it was made.
+        origin: (latitude, longitude) of the projection.
+        georeference: the projection, if it is known and the origin is a real place.
+        notes: repairs and omissions with ids, one short sentence each.
+        losses: elements of the map that the road leaves out.
+        net: SUMO net of the road, used as it is; None for maps of other formats.
+        sumo_lanes: the lanes are SUMO's, not those of a map; their curves may be too tight for the limits.
+        file: of the map; None if there is none.
+
+    Example:
+        >>> road = scex.read_map(scex.example_path("roundabout"))
+        >>> len(road.lanes), len(road.vehicle_lanes)
+        (57, 57)
     """
 
     name: str
@@ -167,12 +182,13 @@ class Road:
     areas: tuple[Area, ...] = ()
     origin: tuple[float, float] = (0.0, 0.0)
     notes: tuple[str, ...] = ()
-    losses: tuple[Loss, ...] = ()
+    losses: tuple[MapLoss, ...] = ()
     georeference: Georeference | None = None
     net: Path | None = None
+    sumo_lanes: bool = False
     file: Path | None = None
 
     @property
     def vehicle_lanes(self) -> dict[int, Lane]:
-        """The lanes that cars may drive on, by id."""
+        """Lanes that cars may drive on, by id."""
         return {i: lane for i, lane in self.lanes.items() if lane.kind == "vehicle"}

@@ -1,38 +1,36 @@
-"""The data that flows between the parts: states, seed scene, history, plan.
+"""Data types that all parts share: states, seed scene, history, plan.
 
-Units throughout: metres, radians, seconds. Positions are vehicle centres in the map's own coordinates;
-``heading`` is 0 along +x and grows counter-clockwise; ``speed`` is in m/s along the heading.
-Axes are named C (child), V (vehicle), T (step), H (planned step), n (vehicles that plan in one call).
+Units are metres, radians, seconds. Positions are vehicle centres in the map's coordinates. ``heading`` is 0
+along +x and grows counter-clockwise. Axes: C (child), V (vehicle), T (step), O (obstacle), H (planned step),
+n (vehicles that plan in one call).
 """
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from scex_sumo.road import Road
 
 
 STEP_S = 0.1
-HISTORY_STEPS = 10  # steps back; a history holds one state more, the present one
+HISTORY_STEPS = 10  # steps back; a history has one more state, the present one
+LOGGED_HISTORY = 10  # frames of an INTERACTION case up to and including the seed scene
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class States:
-    """Poses and speeds, four arrays of one shape.
+    """Poses and speeds, four arrays of one shape; the speed is along the heading.
 
-    Attributes:
-        x: centre, m.
-        y: centre, m.
-        heading: rad, 0 = +x, counter-clockwise.
-        speed: m/s along the heading.
+    Example:
+        >>> scene.now.speed.shape
+        (14,)
     """
 
     x: FloatArray
@@ -46,28 +44,23 @@ class States:
         return self.x.shape
 
     def map(self, function: Callable[[FloatArray], FloatArray]) -> States:
-        """The same function applied to each of the four arrays."""
-        return States(
-            x=function(self.x),
-            y=function(self.y),
-            heading=function(self.heading),
-            speed=function(self.speed),
-        )
+        """Apply a function to each of the four arrays."""
+        return self.joined([self], lambda arrays: function(arrays[0]))
 
     def __getitem__(self, key: Any) -> States:
         return self.map(lambda values: values[key])
 
     def repeat(self, count: int) -> States:
-        """The same states ``count`` times, along a new first axis."""
+        """Repeat the states along a new first axis."""
         return self.map(lambda values: np.repeat(values[None], count, axis=0))
 
     def swapaxes(self, first: int, second: int) -> States:
-        """The same states with two axes exchanged."""
+        """Exchange two axes."""
         return self.map(lambda values: values.swapaxes(first, second))
 
     @classmethod
     def empty(cls, shape: tuple[int, ...]) -> States:
-        """Uninitialised states of a shape."""
+        """Allocate states without values."""
         return cls(x=np.empty(shape), y=np.empty(shape), heading=np.empty(shape), speed=np.empty(shape))
 
     @classmethod
@@ -82,7 +75,7 @@ class States:
 
     @staticmethod
     def joined(parts: Sequence[States], join: Callable[[list[FloatArray]], FloatArray]) -> States:
-        """Each of the four arrays made of those of all parts."""
+        """Make each of the four arrays from those of all parts."""
         return States(
             x=join([p.x for p in parts]),
             y=join([p.y for p in parts]),
@@ -91,7 +84,7 @@ class States:
         )
 
     def assign(self, key: Any, other: States) -> None:
-        """Write ``other`` into the arrays in place at ``key``."""
+        """Write ``other`` into the arrays at ``key``, in place."""
         self.x[key] = other.x
         self.y[key] = other.y
         self.heading[key] = other.heading
@@ -100,16 +93,13 @@ class States:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Obstacles:
-    """Pedestrians and cyclists of the seed scene: replayed, seen by drivers, not measured.
+    """Pedestrians and cyclists of the seed scene: replayed, visible to models, not part of the metrics.
 
     Attributes:
-        ids: (O,) names as recorded.
-        types: (O,) as recorded, lower case, e.g. ``pedestrian/bicycle``.
-        length: (O,) m.
-        width: (O,) m.
-        states: (O, 11 + F); index 10 is the moment of the seed scene. Where the recording ends, the last
-            motion is continued at constant velocity.
-        present: (O, 11 + F) False where the participant was not on the scene.
+        ids: (O,) names.
+        types: (O,) lower case, e.g. ``pedestrian/bicycle``.
+        states: (O, 11 + F); index 10 is the seed scene. Constant velocity continues the recording.
+        present: (O, 11 + F).
     """
 
     ids: tuple[str, ...]
@@ -122,25 +112,27 @@ class Obstacles:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeedScene:
-    """One moment of traffic: every vehicle's pose, speed and size, and its last second.
+    """Seed scene, one moment of traffic: pose, speed, size and last second of every vehicle.
 
     Attributes:
-        name: short, fit for a file name, e.g. ``k733_2020-09-15_000_t60.0``.
+        name: valid in file names, e.g. ``k733_2020-09-15_000_t60.0``.
         location: name of the map or site.
-        time_s: the moment, in the recording's own clock.
-        track_ids: (V,) as recorded.
-        types: (V,) ``car``, ``truck``, ... lower case.
+        time_s: on the recording's clock.
+        track_ids: (V,).
+        types: (V,) lower case, e.g. ``car``, ``truck``.
         length: (V,) m.
         width: (V,) m.
         history: (V, 11) oldest first; the last column is the moment itself.
-        recorded_steps: (V,) how many of the 10 previous steps were recorded; the others are a
-            constant-velocity backcast.
-        future: (V, F) what really happened from the next step on, or None where nothing was recorded.
+        recorded_steps: (V,) recorded ones of the 10 previous steps; constant velocity gives the others.
+        future: (V, F) recorded states from the next step on; None if there are none.
         future_valid: (V, F) False after a vehicle has left the recording.
-        obstacles: other participants, or None.
-        notes: what a reader repaired, padded or left out, one short sentence each.
-        source: where it came from, for ``run.json``.
-        road: the map, where the scene was read together with one.
+        notes: repairs and omissions of the reader, one short sentence each.
+        source: origin of the data, for ``run.json``.
+        road: the map, if the scene was read together with one.
+
+    Example:
+        >>> scene.name, scene.vehicles, scene.history.x.shape
+        ('roundabout_t4.5', 14, (14, 11))
     """
 
     name: str
@@ -163,16 +155,13 @@ class SeedScene:
         future = 0 if self.future is None else self.future.shape[1]
         return f"SeedScene({self.name!r}: {self.vehicles} vehicles, {future} steps recorded after it)"
 
-    def _repr_html_(self) -> str:
-        return str(importlib.import_module("scex_sumo.reports.notebook").scene_html(self))
-
     @property
     def vehicles(self) -> int:
         """Number of vehicles V."""
         return len(self.track_ids)
 
     def reordered(self, order: Sequence[int], *, name: str) -> SeedScene:
-        """The same scene under another name with these of its vehicles (indices) in this order."""
+        """Select vehicles by index in a new order, under another scene name."""
         index = np.asarray(order, dtype=np.int64)
         return replace(
             self,
@@ -189,22 +178,25 @@ class SeedScene:
 
     @property
     def now(self) -> States:
-        """(V,) the moment itself."""
+        """(V,) states at the moment itself."""
         return self.history[:, -1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneHistory:
-    """What behaviour models see: all vehicles of a batch of children, now and 10 steps back.
+    """Input of behaviour models: all vehicles of a batch of children, now and 10 steps back.
 
     Attributes:
-        scene: the seed scene; sizes, types and everything that does not depend on the child.
-        states: (C, V, 11) read back from SUMO, oldest first, newest last.
-        children: (C,) numbers of the children in this batch.
-        step: steps since the seed scene (0 = first plan).
-        route_draw: (C, V) in [0, 1), fixed for a vehicle of a child; models with random routes use it.
+        scene: the seed scene: all that does not depend on the child.
+        states: (C, V, 11) read back from SUMO, oldest first.
+        children: (C,) numbers.
+        step: steps since the seed scene.
+        route_draw: (C, V) in [0, 1), fixed per vehicle of a child, for models with random routes.
         obstacle_states: (O,) now; None without obstacles.
-        obstacle_present: (O,) now; None without obstacles.
+
+    Example:
+        >>> scex.SceneHistory.__dataclass_fields__["states"].type
+        'States'
     """
 
     scene: SeedScene
@@ -217,7 +209,7 @@ class SceneHistory:
 
     @classmethod
     def of_scene(cls, scene: SeedScene) -> SceneHistory:
-        """A seed scene as the only child of a batch; its ``route_draw`` is zero."""
+        """Make a batch of one child from a seed scene; its ``route_draw`` is zero."""
         others = scene.obstacles
         return cls(
             scene=scene,
@@ -236,12 +228,17 @@ class SceneHistory:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Who:
-    """Which vehicles plan in one call: index arrays into (C, V).
+class VehicleIndex:
+    """Vehicles that plan in one call, as index arrays into (C, V).
 
     Attributes:
-        child: (n,) index into the batch (not the child's number).
+        child: (n,) index into the batch, not the child's number.
         vehicle: (n,) index into the seed scene's vehicles.
+
+    Example:
+        >>> who = scex.VehicleIndex(child=np.array([0, 1]), vehicle=np.array([3, 3]))
+        >>> len(who)
+        2
     """
 
     child: IntArray
@@ -250,8 +247,8 @@ class Who:
     def __len__(self) -> int:
         return len(self.child)
 
-    def __getitem__(self, key: Any) -> Who:
-        return Who(child=self.child[key], vehicle=self.vehicle[key])
+    def __getitem__(self, key: Any) -> VehicleIndex:
+        return VehicleIndex(child=self.child[key], vehicle=self.vehicle[key])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -259,14 +256,15 @@ class Plan(States):
     """Intended future states of n vehicles, (n, H >= 30); column 0 is the next step (0.1 s ahead).
 
     Attributes:
-        fallback: (n,) True where the model had no usable plan and the path-following driver planned instead;
-            None where that cannot happen.
-        reasons: (n) why, a phrase for each vehicle, empty where the model's own plan stands; or nothing at
-            all where no reason is known.
+        fallback: (n,) True where the path-following driver planned, because the model had no usable plan;
+            None if that cannot happen.
+        reasons: (n,) phrase for each fallback, empty for the model's own plan; () if unknown.
+
+    Example:
+        >>> rest = np.zeros((1, 30))
+        >>> scex.Plan(x=rest, y=rest, heading=rest, speed=rest).x.shape
+        (1, 30)
     """
 
     fallback: BoolArray | None = None
     reasons: tuple[str, ...] = ()
-
-
-LOGGED_HISTORY = 10  # frames of an INTERACTION case up to and including the seed scene

@@ -1,40 +1,76 @@
-"""Behaviour model: the protocol that all of them follow."""
+"""Behaviour model protocol, and checks that the parameter classes share."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import Literal, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, Who
+from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 
 PLAN_STEPS = 30
+MIN_PARAMETER, MAX_PARAMETER = 1e-6, 1e6  # beyond them sums and squares could overflow
+MAX_PATHS = 1000  # of one vehicle
 Sight: TypeAlias = Literal["itself", "everyone"]
-"""What decides on a vehicle's plan, beside the seed scene, the map and the step: its own states, or all.
+"""What a plan depends on besides seed scene, map and step: the vehicle's own states, or all vehicles'.
 
-A model of ours says so in an attribute ``sight``; None, or no such attribute, is one that draws as well.
+A model's attribute ``sight`` says it. None, or no attribute, means that the model also draws random numbers.
 """
-BY_ITSELF = "had no plan of its own"  # why a model fell back, where it does not say
+BY_ITSELF = "had no plan of its own"  # reason of a fallback if the model gives none
 
 
 @runtime_checkable
 class Behavior(Protocol):
     """A behaviour model: pure, batched over vehicles and children.
 
-    ``plan`` gets everything it may depend on as arguments and changes none of it. It is called once per
-    model and replan, for all its vehicles in all children of the batch.
+    Example:
+        >>> isinstance(scex.parse_models, scex.Behavior)  # has it a method `plan`?
+        False
     """
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
-        """Plan at least 30 steps for the vehicles in ``who``.
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Plan at least 30 steps for the n vehicles in ``who``.
+
+        The plan depends on the arguments alone, and changes none of them. It is called once per model and
+        replan, for all its vehicles in all children of the batch.
 
         Args:
             history: states now and 10 steps back, as read from SUMO.
-            road: the map.
-            who: the n vehicles to plan for.
-            rng: (C,) one generator per child of the batch; draw for a vehicle from its own child's only,
-                or the result would depend on which children share a batch.
+            rng: (C,) one generator per child of the batch. Draw for a vehicle from its own child's generator
+                only, so that the result does not depend on the batch.
         """
         ...
+
+
+def check_positive(parameters: Any, *names: str, zero: bool = False) -> None:
+    """Raise a `UsageError` unless the named attributes are positive numbers (or zero, if allowed)."""
+    for name in names:
+        value = getattr(parameters, name)
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not (MIN_PARAMETER <= value <= MAX_PARAMETER or (value == 0 and zero)):
+            wanted = f"{'0 or ' if zero else ''}a number from {MIN_PARAMETER:g} to {MAX_PARAMETER:g}"
+            raise UsageError(f"{name}: got {value!r}; give {wanted}")
+
+
+def check_path(path: Any) -> None:
+    """Raise a `UsageError` unless a path is an index, ``straight``, ``random``, lane ids, or points."""
+    if isinstance(path, bool):
+        raise UsageError(f"path: got {path!r}; give an index from left to right, straight, or random")
+    if (isinstance(path, int) and abs(path) < MAX_PATHS) or path in ("straight", "random"):
+        return
+    if isinstance(path, tuple) and path:
+        if all(isinstance(p, int) for p in path):
+            return
+        points = all(isinstance(p, tuple) and len(p) == 2 and all(map(math.isfinite, p)) for p in path)
+        if points and len(path) >= 2:
+            return
+    raise UsageError(
+        f"path: got {path!r}; give an index from left to right, straight, random, a tuple of lane ids, "
+        "or a tuple of at least two (x, y) points"
+    )

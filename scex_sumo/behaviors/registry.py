@@ -1,42 +1,58 @@
-"""Registry of behaviour models: parsing what the user asks for, building it, registering further ones."""
+"""Registry of behaviour models: names, defaults, parsing, building, and registration of users' models."""
 
 from __future__ import annotations
 
 import dataclasses
-import importlib.metadata
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from scex_sumo.base.errors import ScexError, UsageError, nearest
+from scex_sumo.base.registry import Registry
+from scex_sumo.base.sumo_models import SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.guard.corridors import GuardProfile
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
-from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity
-from scex_sumo.behaviors.models.emergency_brake import EmergencyBrake
-from scex_sumo.behaviors.models.idm import IdmDriver
-from scex_sumo.behaviors.models.likely_driver import LikelyDriver
-from scex_sumo.behaviors.models.replay import Replay
+from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
+from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver, IdmProfile
+from scex_sumo.behaviors.models.likely_driver import LikelyDriver, LikelyProfile
+from scex_sumo.behaviors.models.simple import (
+    ConstantVelocity,
+    ConstantVelocityProfile,
+    EmergencyBrake,
+    EmergencyBrakeProfile,
+    Replay,
+    ReplayProfile,
+)
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.plug_in.fallback import model_error_reason
 from scex_sumo.behaviors.plug_in.files import FILES
-from scex_sumo.behaviors.plug_in.loading import is_import_path, load_model
 from scex_sumo.behaviors.plug_in.process import NAME as PROCESS
 from scex_sumo.behaviors.plug_in.process import split_command
 from scex_sumo.behaviors.plug_in.single import SingleVehicle, SingleVehicleBehavior
-from scex_sumo.behaviors.plug_in.usable import reason_in_model
-from scex_sumo.behaviors.plug_in.user_model import UserModel, user_model
-from scex_sumo.behaviors.profiles import DEFAULTS, GUARDS
-from scex_sumo.behaviors.spec import GUARD, LEARNED, parameter_value, profile_of, shown, user_arguments
+from scex_sumo.behaviors.plug_in.user_model import (
+    UserModel,
+    is_import_path,
+    load_model,
+    predictor_model,
+    user_model,
+)
+from scex_sumo.behaviors.spec import (
+    GUARD,
+    LEARNED,
+    parameter_texts,
+    parameter_value,
+    profile_of,
+    user_arguments,
+)
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
-from scex_sumo.errors import ScexError, UsageError
-from scex_sumo.sumo_models import SUMO_MODELS, check_driver
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
-ENTRY_POINTS = "scex_sumo.behaviors"
 SUMO = "sumo"
-# The default has no learned models, though the paper does: what a run gives shall not change with weights.
+# The paper has learned models too; the default has none, so that results do not change with new weights.
 PAPER_MODELS = ",".join((DEFAULT_MODELS, *LEARNED))
-LIKELY_MODELS = "likely_driver:guard=true"  # not what changes with weights, either
+LIKELY_MODELS = "likely_driver:guard=true"
 SETS: Mapping[str, str] = {"likely": LIKELY_MODELS, "rules": DEFAULT_MODELS, "paper": PAPER_MODELS}
 
 T = TypeVar("T")
@@ -45,47 +61,116 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 @dataclass(frozen=True, kw_only=True)
 class ModelInfo:
-    """What ``scex-sumo models`` prints about a model: parameters are ``name=default``."""
+    """A model as ``scex-sumo models`` prints it; parameters are ``name=default``."""
 
     name: str
     parameters: tuple[str, ...]
     summary: str
 
 
-_MODELS: Mapping[str, tuple[Callable[[Any], Behavior], str]] = {
-    "standard_driver": (IdmDriver, "Intelligent Driver Model, the paper's standard profile"),
-    "risky_driver": (IdmDriver, "Intelligent Driver Model, the paper's risky profile: close and fast"),
+# Class, default profile and summary of each built-in model.
+# The parameters of the standard and the risky driver are those of Zipfl, Schütt, Zöllner 2024. The paper does
+# not state a_max: 1.5 and 3.0 m/s² are our choice.
+_MODELS: Mapping[str, tuple[Callable[[Any], Behavior], Any, str]] = {
+    "standard_driver": (
+        IdmDriver,
+        IdmProfile(
+            comfort_deceleration=3.0,
+            time_headway=3.1,
+            minimum_gap=9.0,
+            max_acceleration=1.5,
+            clearance=5.0,
+        ),
+        "Intelligent Driver Model, the paper's standard profile",
+    ),
+    "risky_driver": (
+        IdmDriver,
+        IdmProfile(
+            comfort_deceleration=8.0,
+            time_headway=2.1,
+            minimum_gap=5.0,
+            max_acceleration=3.0,
+            clearance=5.0,
+        ),
+        "Intelligent Driver Model, the paper's risky profile: close and fast",
+    ),
     "calibrated_driver": (
         IdmDriver,
+        CALIBRATED,
         "Intelligent Driver Model as people drive, slow in curves, own lane only",
     ),
-    "likely_driver": (LikelyDriver, "a driver drawn for every vehicle and child, as people were recorded"),
-    "constant_velocity": (ConstantVelocity, "keeps its speed along its path, whatever is in the way"),
-    "emergency_brake": (EmergencyBrake, "brakes to a standstill along its path"),
-    "graph_predictor": (GraphPredictor, "learned: motion along its path, from the semantic scene graph"),
+    "likely_driver": (
+        LikelyDriver,
+        LikelyProfile(),
+        "a driver drawn for every vehicle and child, as people were recorded",
+    ),
+    "constant_velocity": (
+        ConstantVelocity,
+        ConstantVelocityProfile(),
+        "keeps its speed along its path, whatever is in the way",
+    ),
+    "emergency_brake": (
+        EmergencyBrake,
+        EmergencyBrakeProfile(deceleration=5.0),
+        "brakes to a standstill along its path",
+    ),
+    "graph_predictor": (
+        GraphPredictor,
+        GraphPredictorProfile(),
+        "learned: motion along its path, from the semantic scene graph",
+    ),
     "graph_image_predictor": (
         GraphImagePredictor,
+        GraphImagePredictorProfile(),
         "learned: motion from the scene graph and the road seen from above, weighed by attention",
     ),
-    "replay": (Replay, "repeats the recorded future, then constant velocity along its path"),
+    "replay": (Replay, ReplayProfile(), "repeats the recorded future, then constant velocity along its path"),
 }
-# Models that cannot fail; what they raise is an error of ours. All others may fall back.
+DEFAULTS: Mapping[str, Any] = {name: defaults for name, (_, defaults, _) in _MODELS.items()}
+"""Default profile of each built-in model."""
+
+# Guards other than the default: people drive closer together than the default guard allows.
+_GUARDS: Mapping[str, GuardProfile] = {
+    "likely_driver": GuardProfile(
+        comfort_deceleration=6.5,
+        reaction_time=0.2,
+        minimum_gap=0.3,
+        margin=0.15,
+        alongside_margin=0.05,
+        time_margin=0.3,
+        touching=0.3,
+    )
+}
+# An exception of these models is a bug of this package. All other models may fall back.
 RULE_BASED = frozenset(_MODELS) - frozenset(LEARNED)
+EXTENSIONS = Registry(group="scex_sumo.behaviors", kind="behavior")
+_BUILT_IN = {*_MODELS, SUMO, *FILES, *SETS}
 _registered: dict[str, UserModel] = {}
 
 
 def behavior(name: str) -> Callable[[T], T]:
     """Register a behaviour model under a name: ``@behavior("my_driver")`` on a class.
 
-    The class has ``plan`` (see `Behavior`) or ``plan_one`` (see `SingleVehicleBehavior`); keyword arguments
-    of its constructor are the model's parameters. A function of a vehicle's ``history`` is a `Predictor`.
+    The class has ``plan`` (see `Behavior`) or ``plan_one`` (see `SingleVehicleBehavior`). The keyword
+    arguments of its constructor are the model's parameters. A function of a vehicle's ``history`` becomes a
+    `Predictor`.
 
     Raises:
         UsageError: the name is taken or cannot be written on a command line.
+
+    Example:
+        >>> @scex.behavior("parked")
+        ... class Parked:
+        ...     def plan(self, history, road, who, rng):
+        ...         now = history.now[who.child, who.vehicle]
+        ...         x, y, heading = (np.repeat(a[:, None], 30, axis=1) for a in (now.x, now.y, now.heading))
+        ...         return scex.Plan(x=x, y=y, heading=heading, speed=np.zeros_like(x))
+        >>> [str(model) for model in scex.parse_models("parked")]
+        ['parked']
     """
 
     def register(constructor: T) -> T:
-        if name in _MODELS or name == SUMO or name in FILES or name in SETS:
+        if name in _BUILT_IN:
             raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
         if not name or any(c in name for c in ",:@= \t\n"):
             raise UsageError(f"behavior {name!r}: a name has none of , : @ = and no spaces")
@@ -97,37 +182,70 @@ def behavior(name: str) -> Callable[[T], T]:
     return register
 
 
+def predictor(name: str | None = None, *, batched: bool = False, **surroundings: Any) -> Callable[[F], F]:
+    """Register a function that predicts trajectories as a behaviour model: ``@predictor("my_driver")``.
+
+    Args:
+        name: None does not register it; the model is then named by its import path.
+        batched: as in `Predictor`.
+        surroundings: fields of `Surroundings`; they become parameters of the model.
+
+    Raises:
+        UsageError: the name is taken, or the function asks for unknown inputs.
+
+    Example:
+        >>> @scex.predictor("straight")
+        ... def straight(history):
+        ...     way = 0.1 * history[:, -1, 4:] * np.arange(1, 31)
+        ...     return np.stack([way, np.zeros_like(way)], axis=-1)
+        >>> [str(model) for model in scex.parse_models("straight:radius=30")]
+        ['straight:radius=30']
+    """
+
+    def register(function: F) -> F:
+        model = predictor_model(function, batched=batched, **surroundings)
+        model.make()  # raises where the function is written, not where it is used
+        function.__scex_predictor__ = model  # type: ignore[attr-defined]
+        return function if name is None else behavior(name)(function)
+
+    return register
+
+
 def may_fail(spec: ModelSpec) -> bool:
-    """Whether a model's plans may be unusable: a user's own model or a learned one."""
-    return spec.name not in RULE_BASED and not spec.name.startswith(f"{SUMO}:")
+    """Return whether a model's plans may be unusable: a learned model or a user's model."""
+    return spec.name not in RULE_BASED and not _is_sumo(spec)
 
 
 def is_own(spec: ModelSpec) -> bool:
-    """Whether a model is the user's: registered, by import path, from a file, or of another package."""
-    return spec.name not in _MODELS and not spec.name.startswith(f"{SUMO}:")
+    """Return whether a model is the user's: registered, by import path, from a file, or of a package."""
+    return spec.name not in _MODELS and not _is_sumo(spec)
+
+
+def _is_sumo(spec: ModelSpec) -> bool:
+    return spec.name.startswith(f"{SUMO}:")
 
 
 def known_names() -> list[str]:
-    """Names that `build` can build, ``sumo:<model>`` among them."""
-    return [*_MODELS, *(f"{SUMO}:{model}" for model in SUMO_MODELS), *_further()]
+    """Return the names that `build` accepts, ``sumo:<model>`` among them."""
+    return [*_MODELS, *(f"{SUMO}:{model}" for model in SUMO_MODELS), *_user_names()]
 
 
 def known_models() -> list[ModelInfo]:
-    """All models with parameters, defaults and a sentence each."""
+    """Return all models with their parameters and summaries."""
     infos = []
-    for name, (_, summary) in _MODELS.items():
-        parameters = shown({**dataclasses.asdict(DEFAULTS[name]), GUARD: False})
+    for name, (_, defaults, summary) in _MODELS.items():
+        parameters = parameter_texts({**dataclasses.asdict(defaults), GUARD: False})
         infos.append(ModelInfo(name=name, parameters=parameters, summary=summary))
     for sumo in SUMO_MODELS:
         summary = f"SUMO's own {sumo}; parameters are SUMO's vehicle type attributes, e.g. tau"
         infos.append(ModelInfo(name=f"{SUMO}:{sumo}", parameters=("path=straight",), summary=summary))
-    for name in _further():
+    for name in _user_names():
         try:
             model = _user_model(name)
-        except UsageError as error:  # another package's trouble; the others can be listed
+        except UsageError as error:  # a broken package does not hide the other models
             infos.append(ModelInfo(name=name, parameters=(), summary=str(error).removeprefix(f"{name}: ")))
             continue
-        parameters = shown({**model.parameters, GUARD: False})
+        parameters = parameter_texts({**model.parameters, GUARD: False})
         infos.append(ModelInfo(name=name, parameters=parameters, summary=model.summary))
     return infos
 
@@ -138,13 +256,17 @@ def parse_models(text: str) -> list[ModelSpec]:
     A name may be an import path, ``package.module:Class``, or one of `SETS`, which stands for its models.
 
     Raises:
-        UsageError: unknown model or parameter, a weight or value that makes no sense, a model twice.
+        UsageError: a model or parameter is unknown, a weight or value is invalid, or a model is given twice.
+
+    Example:
+        >>> [str(spec) for spec in scex.parse_models("standard_driver@2,risky_driver:minimum_gap=3")]
+        ['standard_driver', 'risky_driver:minimum_gap=3']
     """
     given = [part.strip() for part in (text.split(",") if split_command(text) is None else [text])]
     parts = [name for part in given for name in (SETS[part].split(",") if part in SETS else [part])]
     specs = [_parse_one(part) for part in parts if part]
     if not specs:
-        raise UsageError(f"no model in {text!r}; known: {', '.join(known_names())}")
+        raise UsageError(f"no model in {text!r}; give e.g. standard_driver; 'scex-sumo models' lists all")
     labels = [str(spec) for spec in specs]
     twice = next((label for i, label in enumerate(labels) if label in labels[:i]), None)
     if twice is not None:
@@ -179,22 +301,19 @@ def _parse_one(text: str) -> ModelSpec:
 
 def _weight(text: str, weight: str) -> float:
     try:
-        value = float(weight)
+        return float(weight)
     except ValueError:
         raise UsageError(f"{text}: weight {weight!r} is not a number; write e.g. @2 or @0.5") from None
-    if not math.isfinite(value) or value < 0:
-        raise UsageError(f"{text}: weight {weight} must be a finite number of at least 0")
-    return value
 
 
 def _check(spec: ModelSpec) -> None:
     """Raise a `UsageError` for an unknown name, parameter or value."""
     spec, _ = _without_guard(spec)
-    if spec.name.startswith(f"{SUMO}:"):
-        check_driver(*_sumo(spec))
+    if _is_sumo(spec):
+        check_driver(*_sumo_arguments(spec))
     elif spec.name in _MODELS:
-        profile_of(spec)
-    elif ":" in spec.name or spec.name in _further():
+        profile_of(spec, DEFAULTS[spec.name])
+    elif ":" in spec.name or spec.name in _user_names():
         user_arguments(spec, _user_model(spec.name))
     elif spec.name in SETS:
         raise UsageError(
@@ -202,48 +321,49 @@ def _check(spec: ModelSpec) -> None:
             f"give them to the models: {SETS[spec.name]}"
         )
     else:
-        raise UsageError(f"unknown behavior {spec.name!r}; known: {', '.join(known_names())}")
+        names = nearest(spec.name, [*known_names(), *SETS])
+        raise UsageError(f"unknown behavior {spec.name!r}; nearest: {names}; 'scex-sumo models' lists all")
 
 
 def build(spec: ModelSpec) -> Behavior:
-    """Make the model that a spec asks for.
+    """Make the model of a spec.
 
     Raises:
         UsageError: see `parse_models`.
-        MissingExtraError: a learned driver, and PyTorch is not installed.
+        MissingExtraError: the model needs a package that is not installed.
         InputError: a learned driver whose weights cannot be used.
     """
     _check(spec)
     plain, guard = _without_guard(spec)
-    return Guarded(_build(plain), GUARDS.get(plain.name)) if guard else _build(plain)
+    return Guarded(_build(plain), _GUARDS.get(plain.name)) if guard else _build(plain)
 
 
 def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:
-    """The spec of the model itself, and whether it is guarded; SUMO's drivers have no guard."""
-    if GUARD not in spec.parameters or spec.name.startswith(f"{SUMO}:"):
+    """Return the spec without ``guard``, and its value; SUMO's drivers have no guard."""
+    if GUARD not in spec.parameters or _is_sumo(spec):
         return spec, False
-    own = {key: value for key, value in spec.parameters.items() if key != GUARD}
+    others = {key: value for key, value in spec.parameters.items() if key != GUARD}
     guard = parameter_value(spec, GUARD, False, spec.parameters[GUARD])
     if not isinstance(guard, bool):
         raise UsageError(f"{spec.name}: {GUARD}={guard!r} is neither true nor false")
-    return dataclasses.replace(spec, parameters=own), guard
+    return dataclasses.replace(spec, parameters=others), guard
 
 
 def _build(spec: ModelSpec) -> Behavior:
-    """The model without its guard; the spec has been checked."""
-    if spec.name.startswith(f"{SUMO}:"):
+    """Make the model of a checked spec without its guard."""
+    if _is_sumo(spec):
         path = parameter_value(spec, "path", "straight", spec.parameters.get("path", "straight"))
-        return SumoDriver(*_sumo(spec), path=path)
+        return SumoDriver(*_sumo_arguments(spec), path=path)
     if spec.name in _MODELS:
-        return _MODELS[spec.name][0](profile_of(spec))
-    own = _user_model(spec.name)
-    arguments = user_arguments(spec, own)
+        return _MODELS[spec.name][0](profile_of(spec, DEFAULTS[spec.name]))
+    user = _user_model(spec.name)
+    arguments = user_arguments(spec, user)
     try:
-        model = own.make(**arguments)
+        model = user.make(**arguments)
     except ScexError:
         raise
     except Exception as error:  # whatever a user's constructor raises
-        raise UsageError(f"{spec.name}: making it {reason_in_model(error)}") from error
+        raise UsageError(f"{spec.name}: making it {model_error_reason(error)}") from error
     if isinstance(model, Behavior):
         return model
     if isinstance(model, SingleVehicleBehavior):
@@ -254,30 +374,24 @@ def _build(spec: ModelSpec) -> Behavior:
     )
 
 
-def _sumo(spec: ModelSpec) -> tuple[str, dict[str, str]]:
-    """SUMO's name of a model, and its parameters as SUMO takes them."""
+def _sumo_arguments(spec: ModelSpec) -> tuple[str, dict[str, str]]:
+    """Return SUMO's name of a model, and its parameters as text."""
     given = {key: str(value) for key, value in spec.parameters.items() if key != "path"}
     return spec.name.partition(":")[2], given
 
 
-def _further() -> list[str]:
-    """Models from files, registered ones, and those of other packages."""
-    return [*FILES, *sorted({*_registered, *_entry_points()})]
-
-
-def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:
-    return {point.name: point for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
+def _user_names() -> list[str]:
+    """Return the names of models from files, of registered ones, and of those of other packages."""
+    return [*FILES, *sorted({*_registered, *EXTENSIONS.paths} - _BUILT_IN)]
 
 
 def _user_model(name: str) -> UserModel:
-    known = _registered.get(name) or FILES.get(name)
-    if known is not None:
-        return known
+    model = _registered.get(name) or FILES.get(name)
+    if model is not None:
+        return model
     if ":" in name:
         return load_model(name)
-    point = _entry_points()[name]
     try:
-        loaded = point.load()
-    except Exception as error:  # anything can go wrong in another package's import
-        raise UsageError(f"{name}: entry point {point.value} cannot be loaded: {error}") from error
-    return user_model(loaded, name)
+        return user_model(EXTENSIONS.load(name), name)
+    except UsageError as error:
+        raise UsageError(f"{name}: {str(error).removeprefix(f'{name}: ')}") from error

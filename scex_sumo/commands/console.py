@@ -1,25 +1,81 @@
-"""Console of the commands: results go to standard output, everything else to standard error."""
+"""Console of the commands: results on standard output, everything else on standard error."""
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
-from scex_sumo.errors import one_line
+from scex_sumo.base.errors import one_line
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 Tick = Callable[[int, int], None]
 
+# Control characters but tab and line feed, and those that turn the direction of text.
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+
+
+def printable(text: str) -> str:
+    """Return a text with its control characters as ``\\x1b``: no file may command the terminal."""
+    return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
+
+
+class PrintableStream:
+    """Standard stream that writes printable text only; for all else it is the stream itself."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text with its control characters escaped."""
+        return self.stream.write(printable(text))
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        """Write texts, as `write`."""
+        for line in lines:
+            self.write(line)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+
+def print_safely() -> None:
+    """Escape control characters in all that is printed from now on: names in files are data."""
+    sys.stdout, sys.stderr = (cast(TextIO, PrintableStream(s)) for s in (sys.stdout, sys.stderr))
+
+
+def output_console(*, width: int | None = None, error: bool = False) -> Console:
+    """Return a console for tables, whose text is made printable before it gets its colours.
+
+    Args:
+        width: in characters where the output is no terminal.
+    """
+    from rich.console import Console
+    from rich.segment import Segment
+
+    class PrintableConsole(Console):
+        def render(self, *arguments: Any, **options: Any) -> Iterator[Segment]:
+            for text, style, control in super().render(*arguments, **options):
+                yield Segment(text if control else printable(text), style, control)
+
+    stream = sys.stderr if error else sys.stdout
+    stream = getattr(stream, "stream", stream)
+    return PrintableConsole(file=stream, width=None if stream.isatty() else width)
+
 
 def warn(notes: Iterable[str]) -> None:
-    """Print what the reader should know, one line each."""
+    """Print notes to standard error, one line each."""
     for note in notes:
-        tell(f"note: {note}")
+        tell(note if note.startswith("warning: ") else f"note: {note}")
 
 
 def tell(words: str) -> None:
-    """Print to standard error in one line, which a terminal breaks between words."""
+    """Print one line to standard error; a terminal breaks it between words."""
     lines = [one_line(words)]
     if sys.stderr.isatty():
         from shutil import get_terminal_size
@@ -32,15 +88,14 @@ def tell(words: str) -> None:
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Tick | None]:
-    """A progress bar on a terminal, nothing in a pipe; yields a function of (done, total)."""
+    """Yield a function of (done, total) that moves a progress bar; None where there is no terminal."""
     if not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=output_console(error=True), transient=True) as bar:
         task = bar.add_task(label, total=None)
 
         def tick(done: int, total: int) -> None:
@@ -51,11 +106,7 @@ def progress_bar(label: str) -> Iterator[Tick | None]:
 
 @contextmanager
 def resumable(what: str, out: Path) -> Iterator[None]:
-    """Ctrl-C ends the command and says that what is finished is kept.
-
-    Raises:
-        SystemExit: with status 130.
-    """
+    """End the command at Ctrl-C with status 130, and say that finished parts are kept."""
     try:
         yield
     except KeyboardInterrupt:

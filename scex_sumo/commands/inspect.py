@@ -1,25 +1,25 @@
-"""``scex-sumo inspect``: what a recording holds, before a moment of it is run."""
+"""``scex-sumo inspect``: moments and vehicles of a recording."""
 
 from __future__ import annotations
 
 import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.options import Case, MapPath, Origin, Time, Tracks
-from scex_sumo.errors import UsageError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording
-    from scex_sumo.converters.moments.moments import Moment
+    from scex_sumo.converters.datasets.moment import Moment
+    from scex_sumo.converters.datasets.recordings import LoadedRecording
     from scex_sumo.scene import SeedScene
 
 EVERY_S = 1.0
+EXAMPLE = "k733.osm --tracks vehicle_tracks_000.csv --time 60"
 
 
 def inspect_command(
@@ -34,19 +34,23 @@ def inspect_command(
     ] = None,
 ) -> None:
     """List the moments of a recording, or the vehicles of one."""
-    from rich.console import Console
-
-    from scex_sumo.converters.datasets.recordings import load_recording, recording_moments, seed_at
+    from scex_sumo.commands.console import output_console
+    from scex_sumo.converters.datasets.recordings import (
+        load_recording,
+        recording_moments,
+        recording_of,
+        seed_at,
+    )
     from scex_sumo.converters.lanelet.origin import parse_origin
-    from scex_sumo.reports.tables.runs import print_line
+    from scex_sumo.reports.run_table import print_line
 
     if every <= 0:
         raise UsageError(f"--every {every:g}: give a time above 0 s, e.g. --every 1")
     if out is not None and out.suffix != ".html":
         raise UsageError(f"-o {out}: unknown ending; known: .html")
     zero = parse_origin(origin) if origin is not None else None
-    loaded = load_recording(_recording(map_path, tracks), zero)
-    console = Console(width=None if sys.stdout.isatty() else 110)
+    loaded = load_recording(recording_of(map_path, tracks), zero)
+    console = output_console(width=110)
     print(f"{loaded.recording.name}: {_size(loaded)}")
     for finding in loaded.findings:
         print_line(f"repaired: {finding}", console)
@@ -58,7 +62,7 @@ def inspect_command(
 
         print(f"page: {write_inspection(out, loaded, moments, shlex.join(words))}")
     if time is None and case is None:
-        console.print(moments_table(moments))
+        console.print(_moments_table(moments))
         best = max(moments, key=lambda moment: moment.complete, default=None)
         if best is not None:
             chosen = ["--case", best.case] if best.case else ["--time", f"{best.time_s:g}"]
@@ -70,17 +74,6 @@ def inspect_command(
     print(f"run it: {shlex.join([*words, *chosen])}")
 
 
-def _recording(map_path: Path, tracks: Path | None) -> Recording:
-    """The recording that ``run`` takes with the same options."""
-    from scex_sumo.converters.datasets.find import Recording
-    from scex_sumo.converters.datasets.seed import recorded_files
-    from scex_sumo.converters.moments.scene import recording_name
-
-    paths = recorded_files(map_path, tracks)
-    name = recording_name(map_path, paths)
-    return Recording(name=name, site="", dataset="", map_path=map_path, track_paths=paths)
-
-
 def _size(loaded: LoadedRecording) -> str:
     rows = loaded.table.vehicles
     seconds = (int(rows.timestamp_ms.max()) - int(rows.timestamp_ms.min())) / 1000
@@ -88,17 +81,17 @@ def _size(loaded: LoadedRecording) -> str:
 
 
 def _time_of(loaded: LoadedRecording, case: str | None) -> float:
-    """The moment of a case, s."""
+    """Return the moment of a case, s."""
     from scex_sumo.converters.datasets.recordings import recording_moments
 
-    known = {moment.case: moment.time_s for moment in recording_moments(loaded, every_s=EVERY_S)}
-    if case not in known:
-        raise UsageError(f"--case {case}: no such case; known: {', '.join(list(known)[:8])}, ...")
-    return known[case]
+    times = {moment.case: moment.time_s for moment in recording_moments(loaded, every_s=EVERY_S)}
+    if case not in times:
+        raise UsageError(f"--case {case}: no such case; known: {', '.join(list(times)[:8])}, ...")
+    return times[case]
 
 
-def moments_table(moments: list[Moment]) -> Table:
-    """When there are how many vehicles; the moments with most of them that move are marked."""
+def _moments_table(moments: list[Moment]) -> Table:
+    """Return the number of vehicles by moment; moments with most complete vehicles are marked."""
     from rich.table import Table
     from rich.text import Text
 
@@ -115,7 +108,6 @@ def moments_table(moments: list[Moment]) -> Table:
 
 
 def _vehicles_table(scene: SeedScene) -> Table:
-    """Who is where at a moment, and how fast."""
     from rich.table import Table
     from rich.text import Text
 

@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from scex_sumo.commands.completion import complete_metrics
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.files import replacing
 from scex_sumo.commands.console import warn
-from scex_sumo.errors import ResultError, UsageError
-from scex_sumo.files import replacing
+from scex_sumo.commands.options import complete_metrics
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 SUFFIXES = (".parquet", ".csv")
+EXAMPLE = "vehicle_tracks_000.csv --level scene -o scenes.parquet"
 
 
 def metrics_command(
@@ -26,7 +27,8 @@ def metrics_command(
     ],
     level: Annotated[str, Option(metavar="pair|scene|scenario|worst", help="Rows.")] = "scenario",
     preset: Annotated[
-        str | None, Option(metavar="paper|path", help="Who follows whom: paper; of OUT as in its run.")
+        str | None,
+        Option(metavar="paper|path", help="Car-following rule: paper by default; of OUT that of its run."),
     ] = None,
     metrics: Annotated[
         str | None,
@@ -67,7 +69,7 @@ def metrics_command(
     options: dict[str, Any] = {"level": level, "preset": preset, "parameters": parameters, "metrics": names}
     with as_written(source) if source.is_dir() else nullcontext():
         table = recording_table(tracks, history=history, plans=plans, outcomes=source.is_dir(), **options)
-    # The preset is part of every number's meaning, so it goes with the file.
+    # The preset changes the meaning of every number, so the file names it.
     table = table.replace_schema_metadata({"preset": preset, "level": level})
     if out is None:
         _write_csv(table, sys.stdout.buffer)
@@ -78,21 +80,28 @@ def metrics_command(
 
 
 def _of_run(folder: Path) -> tuple[str, tuple[str, ...] | None]:
-    """Rule for car-following and names of the metrics that a run evaluated, where the folder says so."""
+    """Return the preset and the metrics that a run evaluated; ``paper`` and None without ``run.json``."""
     from scex_sumo.extrapolation.settings import RUN_PRESETS
-    from scex_sumo.metrics.registry import METRICS
+    from scex_sumo.metrics.registry import METRICS, known_metrics
     from scex_sumo.results.run import open_run
 
     if not (folder / "run.json").is_file():
         return "paper", None
     info = open_run(folder).info
     preset = str(info.get("preset", "paper"))
-    own = [d["name"] if d["name"] in METRICS else d["function"] for d in info.get("metrics", ())]
-    return "path" if preset == "path" else "paper", tuple(own) or RUN_PRESETS[preset]
+    names = [d["name"] for d in info.get("metrics", ())]
+    # A file names no code to be run: functions of the user's own are evaluated if the user names them.
+    unknown = [name for name in names if name not in known_metrics()]
+    if unknown:
+        raise UsageError(
+            f"{folder}: {', '.join(unknown)[:80]} is no installed metric; name what to evaluate, e.g. "
+            f"--metrics {','.join([n for n in names if n in METRICS] or ['ttc'])},package.module:function"
+        )
+    return "path" if preset == "path" else "paper", tuple(names) or RUN_PRESETS[preset]
 
 
 def write_table(table: pa.Table, path: Path) -> None:
-    """Write a table as Parquet or CSV, whole or not at all."""
+    """Write a table as Parquet or CSV, atomically."""
     import pyarrow.parquet as pq
 
     try:
@@ -115,7 +124,6 @@ def _write_csv(table: pa.Table, file: Any) -> None:
 
 
 def _limits(text: str | None) -> dict[str, float]:
-    """``truck=4,bus=3`` as a mapping."""
     limits = {}
     for part in text.split(",") if text else ():
         name, _, value = part.partition("=")

@@ -1,15 +1,47 @@
-"""Options that several commands share, declared once, and what their text means."""
+"""Options that several commands share, the meaning of their texts, and the completion of values in a shell.
+
+The completion imports what knows the names when Tab is pressed, not when the program starts.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from scex_sumo.commands.completion import complete_metrics, complete_models, complete_results
-from scex_sumo.errors import UsageError
+from scex_sumo.base.errors import UsageError
+
+
+def complete_models(incomplete: str) -> list[str]:
+    """Complete the last of a list of models and sets of models."""
+    from scex_sumo.behaviors.registry import SETS, known_models
+
+    return last_of_list(incomplete, [*SETS, *(model.name for model in known_models())])
+
+
+def complete_metrics(incomplete: str) -> list[str]:
+    """Complete the last of a list of metrics."""
+    from scex_sumo.metrics.registry import known_metrics
+
+    return last_of_list(incomplete, known_metrics())
+
+
+def complete_results(incomplete: str) -> list[str]:
+    """Complete a result folder, also one inside of a folder that begins as typed."""
+    typed, slash, begin = incomplete.rpartition("/")
+    within = Path(typed + slash)
+    results = [file for depth in ("*", "*/*") for file in within.glob(f"{depth}/run.json")]
+    names = (file.parent.relative_to(within).as_posix() for file in results)
+    return sorted(f"{typed}{slash}{name}" for name in names if name.startswith(begin))
+
+
+def last_of_list(incomplete: str, names: Iterable[str]) -> list[str]:
+    """Complete the last entry of a comma-separated list."""
+    typed, comma, last = incomplete.rpartition(",")
+    return [f"{typed}{comma}{name}" for name in names if name.startswith(last)]
+
 
 MapPath = Annotated[
     Path,
@@ -44,6 +76,12 @@ Models = Annotated[
         autocompletion=complete_models,
     ),
 ]
+Preset = Annotated[
+    str, typer.Option(metavar="paper|path|both", help="Metrics: the paper's, those along paths, or both.")
+]
+Metrics = Annotated[
+    str | None, typer.Option(metavar="NAME,...", help="These metrics, also of your own; else the preset's.")
+]
 Thresholds = Annotated[
     list[str] | None,
     typer.Option("--threshold", metavar="METRIC=VALUE", help="Where a metric becomes critical; repeatable."),
@@ -68,16 +106,12 @@ ResultPath = Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", h
 
 
 def metric_option(help: str) -> Any:
-    """An option that takes one metric."""
+    """Return an option that takes one metric."""
     return typer.Option(metavar="METRIC", help=help, autocompletion=complete_metrics)
 
 
 def parse_thresholds(entries: Sequence[str] | None) -> dict[str, float]:
-    """``METRIC=VALUE`` entries as a mapping.
-
-    Raises:
-        UsageError: an entry is not of that form.
-    """
+    """Return ``METRIC=VALUE`` entries as a mapping; a `UsageError` names an entry of another form."""
     result = {}
     for entry in entries or ():
         column, _, value = entry.partition("=")
@@ -89,11 +123,7 @@ def parse_thresholds(entries: Sequence[str] | None) -> dict[str, float]:
 
 
 def two_tracks(text: str) -> tuple[int, int]:
-    """``A,B`` of ``--encounter`` as two track ids.
-
-    Raises:
-        UsageError: it is none.
-    """
+    """Return ``A,B`` of ``--encounter`` as two track ids; a `UsageError` if it is something else."""
     first, _, second = text.partition(",")
     if not (first.strip().isdigit() and second.strip().isdigit()):
         raise UsageError(f"--encounter {text}: give the ids of two vehicles, e.g. --encounter 11,7")

@@ -5,23 +5,24 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
-from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.console import progress_bar, resumable, warn
-from scex_sumo.commands.of_results.view import view_command
 from scex_sumo.commands.options import (
     Cache,
     Case,
     Fcd,
     MapPath,
+    Metrics,
     Models,
     Origin,
     Overwrite,
+    Preset,
     Processes,
     ResultPath,
     Seed,
@@ -33,13 +34,16 @@ from scex_sumo.commands.options import (
     parse_thresholds,
 )
 from scex_sumo.commands.seed import one_source, seed_scene
-from scex_sumo.errors import UsageError
+from scex_sumo.commands.view import view_command
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
 
 
 NO_REFERENCE = "none"
+
+
+EXAMPLE = "k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"
 
 
 def run_command(
@@ -53,7 +57,7 @@ def run_command(
     origin: Origin = None,
     children: Annotated[
         str | None,
-        Option(metavar="N|all", help="Number of child scenarios: 385; at most 10000 with --until-band."),
+        Option(metavar="N|all", help="Number of futures: 385; at most 10000 with --until-band."),
     ] = None,
     steps: Annotated[int, Option(help="Steps of 0.1 s per child.")] = 30,
     replan: Annotated[int, Option(help="Steps that a plan is followed.")] = 5,
@@ -67,7 +71,7 @@ def run_command(
     ] = None,
     baseline: Annotated[bool, Option(help="Run the children without the models under test, too.")] = True,
     reference: Annotated[
-        str, Option(metavar="MIX|none", help="Models that tell what is likely, run beside the others.")
+        str, Option(metavar="MIX|none", help="Human-like models, run after the others.")
     ] = "likely",
     design: Annotated[
         str | None, Option(metavar="NAME", help="How assignments are drawn: balanced (default) or random.")
@@ -75,12 +79,8 @@ def run_command(
     until_band: Annotated[
         float | None, Option(metavar="W", help="Go on until all 95 % bands are within +-W, e.g. 0.05.")
     ] = None,
-    preset: Annotated[
-        str, Option(metavar="paper|path|both", help="Metrics: the paper's, those along paths, or both.")
-    ] = "both",
-    metrics: Annotated[
-        str | None, Option(metavar="NAME,...", help="These metrics, also of your own; else the preset's.")
-    ] = None,
+    preset: Preset = "both",
+    metrics: Metrics = None,
     threshold: Thresholds = None,
     reflect: Annotated[bool, Option(help="Tell atoms apart and reflect densities at 0.")] = True,
     seed: Seed = 0,
@@ -95,46 +95,47 @@ def run_command(
     world: Annotated[
         str,
         Option(
-            metavar="sumo|plain|checked", help="plain: arrays in SUMO's place; checked: and compared with it."
+            metavar="sumo|plain|checked|NAME",
+            help="plain: arrays in SUMO's place; checked: and compared with it; or an entry point.",
         ),
     ] = "sumo",
     cache: Cache = True,
-    keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = True,
+    keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = False,
     overwrite: Overwrite = False,
     out: ResultPath = None,
 ) -> None:
     """Let one moment of traffic run on many times, and judge it."""
     from scex_sumo.behaviors.registry import parse_models
-    from scex_sumo.extrapolation.extrapolate import extrapolate, load_for
-    from scex_sumo.extrapolation.reference import add_reference, begin_reference, drop_reference
-    from scex_sumo.extrapolation.workers.pool import Workers, ended_well
-    from scex_sumo.statistics.bands import MOST_CHILDREN
+    from scex_sumo.extrapolation.engine import RunOptions, run_scene
+    from scex_sumo.extrapolation.reference import add_reference, drop_reference
+    from scex_sumo.extrapolation.settings import RunSettings
+    from scex_sumo.extrapolation.workers import Workers, succeeded
+    from scex_sumo.statistics.bands import MAX_CHILDREN
     from scex_sumo.views.children import write_critical, write_critical_of
 
     if until_band is not None and children is None:
-        children = str(MOST_CHILDREN)
+        children = str(MAX_CHILDREN)
     given = {"models": models, "children": children, "design": design}
-    settings: dict[str, Any] = {
+    settings = RunSettings(
         **{name: value for name, value in given.items() if value is not None},
-        "assign": parse_assign(assign or ()),
-        "under_test": parse_under_test(under_test or ()),
-        "baseline": baseline,
-        "until_band": until_band,
-        "steps": steps,
-        "replan": replan,
-        "seed": seed,
-        "world": world,
-        "preset": preset,
-        "metrics": None if metrics is None else [name.strip() for name in metrics.split(",")],
-        "thresholds": parse_thresholds(threshold),
-        "reflect": reflect,
-        "keep_plans": keep_plans,
-    }
-    useful = max(int(children), 1) if children and children.isdecimal() else workers
-    processes = 1 if gui else min(workers, useful)
-    if processes > 1:
-        load_for(settings)
-    with Workers(processes) as pool:  # copies of this process, before it reads anything
+        assign=parse_assign(assign or ()),
+        under_test=parse_under_test(under_test or ()),
+        baseline=baseline,
+        until_band=until_band,
+        steps=steps,
+        replan=replan,
+        seed=seed,
+        world=world,
+        preset=preset,
+        metrics=None if metrics is None else [name.strip() for name in metrics.split(",")],
+        thresholds=parse_thresholds(threshold),
+        reflect=reflect,
+        keep_plans=keep_plans,
+    )
+    if reference != NO_REFERENCE:
+        parse_models(reference)  # tells now what is wrong with it
+    command = ["scex-sumo", *sys.argv[1:]]
+    with Workers(1 if gui else min(workers, settings.count or workers)) as pool:  # start while we read
         scene = seed_scene(
             map_path,
             tracks=one_source(tracks, fcd, state),
@@ -145,42 +146,31 @@ def run_command(
             seed=seed,
             cache=cache,
         )
-        if reference != NO_REFERENCE:
-            parse_models(reference)  # says now what is wrong with it
-        options: dict[str, Any] = {"cache": cache, "command": ["scex-sumo", *sys.argv[1:]], **settings}
-        likely: Future[Any] | None = None
-
-        def begun(folder: Path, children: int) -> None:
-            nonlocal likely
-            if reference != NO_REFERENCE:
-                likely = begin_reference(folder, children, scene, reference, workers=pool, **options)
-
         folder = out if out is not None else Path("out") / scene.name
         with progress_bar(scene.name) as tick, resumable("children", folder):
-            result = extrapolate(
+            options = RunOptions(batch=batch, gui=gui, cache=cache, progress=tick, command=command)
+            result = run_scene(
                 scene,
+                settings,
                 out=folder,
-                overwrite=overwrite,
                 workers=pool,
-                batch=batch,
-                gui=gui,
-                progress=tick,
-                begun=begun,
-                **options,
+                overwrite=overwrite,
+                options=options,
             )
-        shown = pool.beside(partial(write_critical_of, folder), where="over the views") if plots else None
+        views = pool.submit(partial(write_critical_of, folder), where="over the views") if plots else None
         if reference == NO_REFERENCE:
             drop_reference(result)
         else:
             with progress_bar("reference") as tick, resumable("children", folder):
-                add_reference(result, scene, reference, begun=likely, workers=pool, progress=tick, **options)
+                options = RunOptions(cache=cache, progress=tick, command=command)
+                add_reference(result, scene, reference, settings, workers=pool, options=options)
         _tell(result)
         print(f"result: {folder}")
         if plots:
             from scex_sumo.reports.page.report import write_report
 
             page = write_report(result, scene)
-            if shown is None or not ended_well(shown):
+            if views is None or not succeeded(views):
                 write_critical(result)
             print(f"report: {page}")
     options_of_view = " ".join(f"--{name} {value}" for name, value in _worst_option(result).items())
@@ -191,23 +181,22 @@ def run_command(
 
 def _tell(run: Run) -> None:
     """Print the summary."""
-    from rich.console import Console
-
-    from scex_sumo.reports.tables.runs import print_summary
+    from scex_sumo.commands.console import output_console
+    from scex_sumo.reports.run_table import print_summary
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
-    print_summary(run, Console(width=None if sys.stdout.isatty() else 110))
+    print_summary(run, output_console(width=110))
     if run.info["band"] is not None:
         _print_band(run.info["band"])
     if run.baseline is not None:
-        from scex_sumo.reports.tables.under_test import print_under_test
+        from scex_sumo.reports.under_test_table import print_under_test
 
-        print_under_test(run.under_test, Console(width=None if sys.stdout.isatty() else 110))
+        print_under_test(run.under_test, output_console(width=110))
 
 
 def _worst_option(run: Run) -> dict[str, Any]:
-    """The option of ``view`` that shows what is most worth a look: an encounter, a child, or any child."""
-    from scex_sumo.reports.tables.runs import worst_encounters
+    """Return the option of ``view`` for the worst encounter, else the most critical child, else any child."""
+    from scex_sumo.reports.run_table import worst_encounters
 
     if worst := worst_encounters(run):
         return {"encounter": f"{worst[0]['track_id']},{worst[0]['other_id']}"}
@@ -216,7 +205,7 @@ def _worst_option(run: Run) -> dict[str, Any]:
 
 
 def _print_band(band: dict[str, Any]) -> None:
-    """How surely the distributions are known after a run until a band."""
+    """Print the widest band after a run with ``--until-band``."""
     left_out = f"; defined too rarely to count: {', '.join(band['left_out'])}" if band["left_out"] else ""
     short = "" if band["width"] <= band["asked"] else f", not the +-{band['asked']:g} asked for"
     print(
@@ -226,14 +215,10 @@ def _print_band(band: dict[str, Any]) -> None:
 
 
 def parse_assign(entries: Sequence[str], option: str = "--assign") -> dict[int, str]:
-    """``TRACK=MODEL`` entries as a mapping.
-
-    Args:
-        entries: as given.
-        option: what they were given to, for messages.
+    """Parse ``TRACK=MODEL`` entries of an option.
 
     Raises:
-        UsageError: an entry is not of that form, or names a vehicle again.
+        UsageError: an entry has another form, or names a vehicle again.
     """
     result: dict[int, str] = {}
     for entry in entries:
@@ -247,10 +232,10 @@ def parse_assign(entries: Sequence[str], option: str = "--assign") -> dict[int, 
 
 
 def parse_under_test(entries: Sequence[str]) -> dict[int, str | None]:
-    """``TRACK=MODEL`` entries, or ``TRACK`` alone for a vehicle that is driven as drawn, as a mapping.
+    """Parse ``TRACK=MODEL`` entries, or ``TRACK`` alone for a vehicle that is driven as drawn.
 
     Raises:
-        UsageError: an entry is not of that form, or names a vehicle again.
+        UsageError: an entry has another form, or names a vehicle again.
     """
     alone = [entry for entry in entries if entry.strip().isdigit()]
     models = parse_assign([entry for entry in entries if entry not in alone], "--under-test")

@@ -1,12 +1,12 @@
-"""Seed scene that a command asks for, and what its reader should know about it."""
+"""Seed scene of a command, and notes on it for the reader."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scex_sumo.commands.console import warn
-from scex_sumo.errors import TrackError, UsageError
+from scex_sumo.base.errors import TrackError, UsageError
+from scex_sumo.commands.console import progress_bar, warn
 
 if TYPE_CHECKING:
     from scex_sumo.scene import SeedScene
@@ -25,15 +25,15 @@ def seed_scene(
     seed: int,
     cache: bool = True,
 ) -> SeedScene:
-    """Read or populate the seed scene; notes of map and tracks go to standard error.
+    """Read or populate the seed scene; its notes go to standard error.
 
     Raises:
-        UsageError: options that exclude one another.
+        UsageError: options exclude one another.
         TrackError: no vehicle is on a mapped lane.
         ScexError: map or tracks cannot be read.
     """
     from scex_sumo.converters.lanelet.origin import parse_origin
-    from scex_sumo.roads.routes import off_road
+    from scex_sumo.roads.matching import off_road
     from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
 
     zero = parse_origin(origin) if origin is not None else None
@@ -44,7 +44,10 @@ def seed_scene(
         given = [name for name, value in options.items() if value is not None]
         if given:
             raise UsageError(f"--synthetic: makes its own tracks; leave out {', '.join(given)}")
-        scene = synthetic_seed(map_path, vehicles=synthetic, seed=seed, origin=zero, cache=cache)
+        with progress_bar(f"populating {map_path.name}") as tick:
+            scene = synthetic_seed(
+                map_path, vehicles=synthetic, seed=seed, origin=zero, cache=cache, progress=tick
+            )
     assert scene.road is not None
     warn(_brief(note) for note in (*scene.road.notes, *scene.notes))
     off = off_road(scene.road, scene)
@@ -60,16 +63,16 @@ def seed_scene(
 
 
 def _brief(note: str) -> str:
-    """The first finding of a long note; ``run.json`` and the report have all of it."""
+    """Return the first finding of a long note; ``run.json`` and the report have the rest."""
     first, *others = note.split("; ")
     return f"{first}; {len(others)} more in run.json" if others and len(note) > _LONG else note
 
 
 def one_source(tracks: Path | None, fcd: Path | None, state: Path | None) -> Path | None:
-    """The tracks, given as ``--tracks``, ``--fcd`` or ``--state``.
+    """Return the tracks, given as ``--tracks``, ``--fcd`` or ``--state``.
 
     Raises:
-        UsageError: given as several.
+        UsageError: several of these are given.
     """
     given = {"--tracks": tracks, "--fcd": fcd, "--state": state}
     named = [name for name, path in given.items() if path is not None]
@@ -79,8 +82,10 @@ def one_source(tracks: Path | None, fcd: Path | None, state: Path | None) -> Pat
 
 
 def _warn_off_road(scene: SeedScene, off: list[int]) -> None:
-    """Some vehicles beside the mapped lanes go straight on."""
+    """Tell which vehicles are on no mapped lane; if they are many, the map's origin may be wrong."""
     if not off:
         return
     shown = ", ".join(str(scene.track_ids[v]) for v in off[:8]) + (", ..." if len(off) > 8 else "")
-    warn([f"off the mapped lanes, so going straight on: {len(off)} of {scene.vehicles} vehicles ({shown})"])
+    many = 2 * len(off) >= scene.vehicles
+    found = f"{len(off)} of {scene.vehicles} vehicles are on no mapped lane and will drive straight ({shown})"
+    warn([f"warning: {found}; check the origin" if many else found])

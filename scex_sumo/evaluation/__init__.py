@@ -1,4 +1,4 @@
-"""Metrics of files: recordings, cases and result folders as blocks, and values as Arrow tables.
+"""Metrics of recordings, files of cases and result folders, as Arrow tables.
 
 May import metrics, converters, results and all below; not behaviors, world.
 """

@@ -1,7 +1,7 @@
 """Blocks of scenes: flat rows of tracks as arrays of (case, step, vehicle).
 
-The cases of a file are stacked, short ones with fewer vehicles beside each other; a long recording is cut
-into windows, each with the history that derived values look back on and the track that is still to be driven.
+Short cases are stacked. A long recording is cut into windows, each with the history that derived values need
+and the track that is still to be driven.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
 from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
@@ -21,20 +21,19 @@ from scex_sumo.scene import States
 
 WINDOW_STEPS = 64
 STACKED_STEPS = 200  # longer cases are cut into windows
-SILENT_STEPS = 600  # that nobody is seen for; a longer while counts as much, for no metric looks so far
+SILENT_STEPS = 600  # limit for gaps without any vehicle; no metric looks further
 STACKED_VALUES = 1 << 20  # largest (case, step, vehicle, vehicle) of stacked cases
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Block:
-    """Scenes of some cases, with the names of everything.
+    """Scenes of some cases, with case indices, track ids and time stamps.
 
     Attributes:
         case: (C,) index of the case.
-        track_id: (C, V) as recorded; meaningless where a case has fewer vehicles.
-        timestamp_ms: (C, T) of every step, history included; where no vehicle was seen, as the grid has it.
-        tracks: the vehicles.
-        planned: the stored plans, or the tracks driven from each step on.
+        track_id: (C, V); meaningless where a case has fewer vehicles.
+        timestamp_ms: (C, T) history included; 0 in steps without any vehicle.
+        planned: stored plans, or the tracks driven from each step on.
     """
 
     case: IntArray
@@ -46,13 +45,11 @@ class Block:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Timed:
-    """Rows with their place on the case's grid of steps and their acceleration.
+    """Rows, sorted by case, track, time, with step and acceleration.
 
     Attributes:
-        rows: sorted by case, track, time.
         step: (N,) number of the step within the case.
-        acceleration: (N,) m/s², by the rows' own time stamps.
-        step_s: s.
+        acceleration: (N,) m/s², from the rows' own time stamps.
     """
 
     rows: TrackRows
@@ -62,12 +59,11 @@ class _Timed:
 
 
 def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = None) -> Iterator[Block]:
-    """All motor vehicles of a recording or of a file of cases, in blocks ready for evaluation.
+    """Yield the motor vehicles of a recording or of a file of cases in blocks ready for evaluation.
 
     Args:
-        table: the tracks.
         history: steps at the start of each case that are not evaluated.
-        plans: what the vehicles of the cases planned; None takes the tracks driven.
+        plans: of the vehicles; None uses the tracks driven.
     """
     if len(table.vehicles) == 0:
         return
@@ -78,14 +74,14 @@ def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = N
     longest = STACKED_STEPS
     short, sizes = [], []
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        # Children are never cut: they were measured whole, and a window would end their tracks early.
+        # Children are never cut: a run evaluates them whole, and a window would end their tracks early.
         if plans is not None or timed.step[start:end].max() < STACKED_STEPS:
             longest = max(longest, int(timed.step[start:end].max()) + 1)
             short.append((start, end))
             sizes.append(len(np.unique(timed.rows.track[start:end])))
         else:
             yield from _windows(timed, start, end, history)
-    # Cases of like size beside each other leave little of a stack empty.
+    # Cases of similar size in one stack waste little memory.
     order = np.argsort(np.array(sizes, dtype=np.int64), kind="stable")
     while order.size:
         largest = sizes[order[-1]]
@@ -96,13 +92,13 @@ def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = N
 
 
 def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
-    """Number the steps of every case; stamps may jitter, and steps without any vehicle are counted too."""
+    """Number the steps of every case. Stamps may jitter; steps without any vehicle count too."""
     scene = np.stack([rows.case.astype(np.float64), rows.timestamp_ms], axis=1)
     scenes, which = np.unique(scene, axis=0, return_inverse=True)
     which = which.reshape(-1)
     new_case = np.diff(scenes[:, 0], prepend=-1) != 0
     ahead = np.rint(np.diff(scenes[:, 1], prepend=0) / (1000 * step_s))
-    # Summed step by step, so that stamps rounded to milliseconds do not drift off the grid.
+    # Summed step by step, so that rounded stamps do not drift off the grid.
     count = np.cumsum(np.where(new_case, 0, np.clip(ahead, 1, SILENT_STEPS)))
     start = count[np.flatnonzero(new_case)][np.cumsum(new_case) - 1]
     follows = np.diff(rows.track, prepend=-1) == 0
@@ -114,7 +110,7 @@ def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
 
 
 def _stacked(timed: _Timed, ranges: list[tuple[int, int]], history: int) -> Block:
-    """Whole cases on top of each other."""
+    """Stack whole cases."""
     index = np.concatenate([np.arange(a, b) for a, b in ranges])
     child = np.repeat(np.arange(len(ranges)), [b - a for a, b in ranges])
     first_track = timed.rows.track[[a for a, _ in ranges]]
@@ -132,7 +128,7 @@ def _stacked(timed: _Timed, ranges: list[tuple[int, int]], history: int) -> Bloc
 
 
 def _with_plans(block: Block, plans: StoredPlans, names: NDArray[np.str_]) -> Block:
-    """The same with the plans of the children that the cases are."""
+    """Replace the planned paths by the plans of the children."""
     tracks = block.tracks
     assert tracks.present is not None
     there: BoolArray = np.any(tracks.present, axis=1)
@@ -140,7 +136,7 @@ def _with_plans(block: Block, plans: StoredPlans, names: NDArray[np.str_]) -> Bl
 
 
 def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Block]:
-    """One long case, some seconds at a time."""
+    """Cut one long case into windows of some seconds."""
     step, track = timed.step[start:end], timed.rows.track[start:end]
     back = round(WINDOW_S / timed.step_s)
     seen = np.unique(step)
@@ -173,7 +169,7 @@ def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Bloc
 def _fill(
     timed: _Timed, index: IntArray, child: IntArray, step: IntArray, vehicle: IntArray, children: int
 ) -> tuple[SceneTracks, IntArray, IntArray]:
-    """Rows as (C, T, V) arrays, with the (C, V) track ids and the (C, T) time stamps."""
+    """Return rows as (C, T, V) tracks, with the (C, V) track ids and the (C, T) time stamps."""
     rows = timed.rows
     shape = (children, int(step.max()) + 1, int(vehicle.max()) + 1)
     at = (child, step, vehicle)
@@ -186,7 +182,7 @@ def _fill(
     present = np.zeros(shape, dtype=bool)
     present[at] = True
     per_track = (child, vehicle)
-    # The rows come in ascending time: written backwards, a track's first size stays.
+    # Rows are in ascending time: written backwards, a track's first size stays.
     backwards = np.arange(len(index))[::-1]
     length, width = np.ones((2, children, shape[2]))
     types = np.full((children, shape[2]), "", dtype=f"U{max(map(len, rows.types), default=1)}")
@@ -206,12 +202,11 @@ def _fill(
         types=types,
         acceleration=dense(timed.acceleration),
     )
-    # Steps without vehicles carry no value, their stamp is never read.
     return tracks, track_id, np.nan_to_num(np.rint(stamps)).astype(np.int64)
 
 
 def _with_first(tracks: SceneTracks, first: int, until: int) -> SceneTracks:
-    """The steps before ``until``, evaluated from ``first`` on."""
+    """Select the steps before ``until``, evaluated from ``first`` on."""
     assert tracks.present is not None and tracks.acceleration is not None
     return replace(
         tracks,

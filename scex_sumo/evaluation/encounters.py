@@ -1,4 +1,4 @@
-"""Encounters over all children: who meets whom, how often it is critical, when, where, by whose models."""
+"""Encounters over all children: probability, time, place and models of each pair of vehicles."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.metrics.outlines.collisions import KINDS
-from scex_sumo.metrics.outlines.encounters import (
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.metrics.collisions import KINDS
+from scex_sumo.metrics.encounters import (
     CRITICAL_DRAC,
     CRITICAL_PET_S,
     CRITICAL_TTC_S,
@@ -24,7 +24,7 @@ from scex_sumo.statistics.intervals import DesignIntervals
 
 ENCOUNTERS: Final = "encounters.parquet"
 QUESTIONS: Final = ("collision", "ttc", "pet", "drac", "critical")
-"""What is asked about a pair, each a column with ``_low`` and ``_high``; the last is any of the others."""
+"""Probabilities of a pair, each with ``_low`` and ``_high``; ``critical`` is any of the others."""
 
 _MODELS = pa.list_(
     pa.struct(
@@ -56,41 +56,42 @@ SCHEMA: Final = pa.schema(
         ("models", _MODELS),
     ]
 )
-"""One row a pair. ``met``: share of the children in which they have an encounter at all."""
+"""One row a pair; ``met`` is the share of children in which the pair has an encounter."""
 
 _GAPS = (0.05, 0.5, 0.95)
 _MOSTLY = 0.5
 
 
 def encounters_table(
-    found: Encounters,
+    encounters: Encounters,
     *,
     track_ids: IntArray,
     models: NDArray[np.str_],
     intervals: DesignIntervals,
     road: Road | None = None,
 ) -> pa.Table:
-    """One row per pair of vehicles that has an encounter in some child, the most critical pair first.
+    """Tabulate the pairs of vehicles that have an encounter in some child, the most critical first.
 
     Args:
-        found: of all C children.
-        track_ids: (V,) of the vehicles.
-        models: (C, V) who drove.
-        intervals: of the design that chose them.
+        track_ids: (V,).
+        models: (C, V) model of each vehicle.
+        intervals: of the design that chose the models.
         road: names the places; None leaves them null.
 
     Returns:
-        Columns as ``SCHEMA``: ``track_id`` hits or follows ``other_id`` where one of them does. Sorted by
-        P(collision), P(critical), then the 5th percentile of the least gap. ``time_s``, ``x``, ``y`` are
-        those of one ``child``, the middle one in time of the children that collide (else are critical, else
-        meet). Gap quantiles are over all children; null above 10 m.
+        Columns as ``SCHEMA``: ``track_id`` hits or follows ``other_id`` if one of them does. Sorted by
+        P(collision), P(critical), 5th percentile of the least gap. ``time_s``, ``x``, ``y`` belong to
+        ``child``: the median in time of those that collide (else are critical, else meet). Gaps above 10 m
+        are null.
     """
     vehicles = len(track_ids)
-    pairs, which = np.unique(found.first * vehicles + found.second, return_inverse=True)
+    pairs, which = np.unique(encounters.first * vehicles + encounters.second, return_inverse=True)
     which = which.reshape(-1)
-    answers = answers_of(found)
+    answers = answers_of(encounters)
     shares = {
-        name: intervals.all_shares(_by_child(which, found.child, answers[name], len(pairs), intervals.count))
+        name: intervals.all_shares(
+            _by_child(which, encounters.child, answers[name], len(pairs), intervals.count)
+        )
         for name in QUESTIONS
     }
     order = np.argsort(which, kind="stable")
@@ -98,7 +99,7 @@ def encounters_table(
     rows = []
     for index in range(len(pairs)):
         mine = order[ends[index] : ends[index + 1]]
-        row = _row(found, mine, answers, track_ids, models)
+        row = _row(encounters, mine, answers, track_ids, models)
         for name in QUESTIONS:
             share = shares[name][index]
             row |= {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
@@ -110,19 +111,19 @@ def encounters_table(
     return pa.Table.from_pylist(rows, schema=SCHEMA)
 
 
-def answers_of(found: Encounters) -> dict[str, BoolArray]:
-    """(N,) whether each encounter is critical, by question."""
+def answers_of(encounters: Encounters) -> dict[str, BoolArray]:
+    """Return (N,) whether each encounter is critical, by question."""
     answers: dict[str, BoolArray] = {
-        "collision": found.collided,
-        "ttc": found.ttc < CRITICAL_TTC_S,
-        "pet": found.pet < CRITICAL_PET_S,
-        "drac": found.drac > CRITICAL_DRAC,
+        "collision": encounters.collided,
+        "ttc": encounters.ttc < CRITICAL_TTC_S,
+        "pet": encounters.pet < CRITICAL_PET_S,
+        "drac": encounters.drac > CRITICAL_DRAC,
     }
     return {**answers, "critical": np.any(list(answers.values()), axis=0)}
 
 
 def _by_child(which: IntArray, child: IntArray, answer: BoolArray, pairs: int, children: int) -> BoolArray:
-    """(C, pairs) answers, False where a pair does not meet."""
+    """Return (C, pairs) answers, False where a pair does not meet."""
     full = np.zeros((children, pairs), dtype=bool)
     full[child[answer], which[answer]] = True
     return full
@@ -134,49 +135,49 @@ def _criticality(row: Mapping[str, Any]) -> tuple[float, float, float]:
 
 
 def _row(
-    found: Encounters,
+    encounters: Encounters,
     mine: IntArray,
     answers: Mapping[str, BoolArray],
     track_ids: IntArray,
     models: NDArray[np.str_],
 ) -> dict[str, Any]:
-    """What is known of one pair."""
-    first, second = int(found.first[mine[0]]), int(found.second[mine[0]])
+    """Make the row of one pair from its encounters ``mine``."""
+    first, second = int(encounters.first[mine[0]]), int(encounters.second[mine[0]])
     worst = next(
         (part for name in ("collision", "critical") if (part := mine[answers[name][mine]]).size), mine
     )
-    if found.towards[worst].sum() < 0:
+    if encounters.towards[worst].sum() < 0:
         first, second = second, first
-    typical = worst[np.argsort(found.time_s[worst], kind="stable")[(len(worst) - 1) // 2]]
-    hits = mine[found.collided[mine]]
-    kind = KINDS[int(np.bincount(found.kind[hits]).argmax())] if hits.size else None
+    typical = worst[np.argsort(encounters.time_s[worst], kind="stable")[(len(worst) - 1) // 2]]
+    hits = mine[encounters.collided[mine]]
+    kind = KINDS[int(np.bincount(encounters.kind[hits]).argmax())] if hits.size else None
     children = len(models)
-    gaps = np.concatenate([found.gap[mine], np.full(children - len(mine), np.inf)])
+    gaps = np.concatenate([encounters.gap[mine], np.full(children - len(mine), np.inf)])
     quantiles = np.quantile(gaps, _GAPS, method="inverted_cdf")
     return {
         "track_id": int(track_ids[first]),
         "other_id": int(track_ids[second]),
         "met": len(mine) / children,
         "kind": kind,
-        "relative_speed": float(np.median(found.relative_speed[hits])) if hits.size else None,
+        "relative_speed": float(np.median(encounters.relative_speed[hits])) if hits.size else None,
         **{
             f"gap_p{round(100 * level):02}": float(gap) if np.isfinite(gap) else None
             for level, gap in zip(_GAPS, quantiles, strict=True)
         },
-        "child": int(found.child[typical]),
-        "time_s": float(found.time_s[typical]),
-        "x": float(found.x[typical]),
-        "y": float(found.y[typical]),
-        "models": _by_models(found.child[worst], models[:, first], models[:, second])
+        "child": int(encounters.child[typical]),
+        "time_s": float(encounters.time_s[typical]),
+        "x": float(encounters.x[typical]),
+        "y": float(encounters.y[typical]),
+        "models": _by_models(encounters.child[worst], models[:, first], models[:, second])
         if worst is not mine
         else [],
     }
 
 
 def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) -> list[dict[str, Any]]:
-    """Which models of the two make it so: of every combination its children, hits, share of all hits.
+    """Count children and hits of every combination of the pair's models.
 
-    ``probability`` is that of a hit given the two models, ``lift`` that over the probability in all children.
+    ``probability`` is that of a hit given the models, ``lift`` is it over the probability in all children.
     """
     struck = np.zeros(len(own), dtype=bool)
     struck[hit] = True
@@ -201,7 +202,7 @@ def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) ->
 
 
 def in_words(row: Mapping[str, Any]) -> str:
-    """A row of the table in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``."""
+    """Put a row into words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``."""
     about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
     head = f"{row['track_id']} → {row['other_id']} ({', '.join(part for part in about if part)}): "
     if row["collision"] > 0:

@@ -1,4 +1,4 @@
-"""Stored plans, ``plans.parquet``: what every vehicle of every child planned, and when; exact both ways."""
+"""Stored plans of every vehicle of every child, ``plans.parquet``: written and read exactly."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.errors import ResultError
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.base import PlannedPaths
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import SeedScene
@@ -21,16 +21,11 @@ PLANS = "plans.parquet"
 
 
 def plans_table(scene: SeedScene, part: Part, replan: int) -> pa.Table | None:
-    """Plans as rows ordered by child, vehicle, step; None where the part carries none.
-
-    Args:
-        scene: the seed scene.
-        part: the children.
-        replan: steps between plans.
+    """Tabulate plans every ``replan`` steps, ordered by child, vehicle, step; None if the part has none.
 
     Returns:
-        child, track_id, step (steps from the seed scene to the one in which the plan was made), x and y
-        (lists of H centres in m, the first one step after the plan was made).
+        child, track_id, step (at which the plan was made, from the seed scene), x and y (lists of H centres
+        in m; the first is one step after that).
     """
     if part.plan_x is None or part.plan_y is None:
         return None
@@ -54,15 +49,14 @@ def plans_table(scene: SeedScene, part: Part, replan: int) -> pa.Table | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoredPlans:
-    """The plans of a result folder.
+    """Plans of a result folder.
 
     Attributes:
         path: the file, for messages.
         children: (C,) numbers, ascending.
-        track_ids: (V,) of the vehicles.
+        track_ids: (V,).
         made_at: (R,) steps from the seed scene to each plan, ascending.
         x: (C, V, R, H) m; column 0 is the step after the plan was made.
-        y: (C, V, R, H) m.
     """
 
     path: Path
@@ -75,16 +69,15 @@ class StoredPlans:
     def paths(
         self, cases: NDArray[np.str_], track_ids: IntArray, there: BoolArray, steps: int
     ) -> PlannedPaths:
-        """Planned paths of some children, vehicles in any order.
+        """Return the planned paths of some children, vehicles in any order.
 
         Args:
-            cases: (C,) numbers of the children, as the tracks name them.
-            track_ids: (C, V) of their vehicles.
-            there: (C, V) False where a child has fewer vehicles: those have no plan.
-            steps: number of simulated steps.
+            cases: (C,) numbers of the children, as in the tracks.
+            track_ids: (C, V).
+            there: (C, V) False where a child has fewer vehicles.
 
         Raises:
-            ResultError: a vehicle of these has no plan in the file.
+            ResultError: a vehicle has no plan in the file.
         """
         child, known_child = _find(self.children.astype(str), cases)
         vehicle, known_vehicle = _find(self.track_ids, track_ids)
@@ -105,23 +98,23 @@ class StoredPlans:
 
 
 def _find(known: NDArray[Any], wanted: NDArray[Any]) -> tuple[IntArray, BoolArray]:
-    """Where each wanted name or number stands among the known ones, and whether it does."""
+    """Find the place of each wanted value among the known ones, and whether it is there."""
     order = np.argsort(known)
     place = order[np.minimum(np.searchsorted(known, wanted, sorter=order), len(known) - 1)]
     return place, known[place] == wanted
 
 
 def read_plans(folder: Path) -> StoredPlans | None:
-    """The plans of a result folder; None where they were not kept.
+    """Read the plans of a result folder; None if it has none.
 
     Raises:
-        ResultError: the file cannot be read or is not as ``scex-sumo run`` wrote it.
+        ResultError: the file cannot be read, or ``scex-sumo run`` did not write it so.
     """
     path = folder / PLANS
     if not path.is_file():
         return None
     try:
-        table = pq.read_table(path)
+        table = pq.read_table(path.absolute())
         child, track_id, step = (np.asarray(table[name]) for name in ("child", "track_id", "step"))
         lists = [table[name].combine_chunks() for name in ("x", "y")]
     except (OSError, KeyError, pa.ArrowException) as error:
@@ -132,6 +125,7 @@ def read_plans(folder: Path) -> StoredPlans | None:
     grid = (len(children), len(track_ids), rounds)
     whole = (
         len(child) > 0
+        and all(values.dtype == np.int64 for values in (child, track_id, step))
         and len(child) == np.prod(grid)
         and np.array_equal(child, np.repeat(children, grid[1] * rounds))
         and np.array_equal(track_id, np.tile(np.repeat(track_ids, rounds), grid[0]))

@@ -11,25 +11,22 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scex_sumo.arrays import BoolArray
+from scex_sumo.base.arrays import BoolArray
+from scex_sumo.base.errors import TrackError, one_line
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.converters.tracks.check import check_values
-from scex_sumo.converters.tracks.kinds import MOTOR_TYPES
+from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
-from scex_sumo.errors import TrackError, one_line
-from scex_sumo.scene import LOGGED_HISTORY
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S
+
+MAX_SIZE_M = 1e4
 
 
 def read_source(source: Path, *, repair: bool = True) -> tuple[TrackTable, int]:
-    """Tracks of a recording, of such tracks as Parquet or of a result folder, and its steps of history.
+    """Read tracks from a recording, a Parquet file or a result folder; with the steps of history.
 
-    Recordings are repaired as `run` repairs them, cases all together, and what was found is in the table's
-    ``notes``; Parquet and result folders are taken as they are.
-
-    Args:
-        source: a file, or a result folder.
-        repair: whether recordings are repaired.
+    Recordings are repaired as in a run; the table's ``notes`` list the defects. Others are taken as they are.
 
     Raises:
         ScexError: there are no tracks, or they cannot be read.
@@ -50,14 +47,13 @@ def read_source(source: Path, *, repair: bool = True) -> tuple[TrackTable, int]:
 
 
 def read_parquet(path: Path) -> TrackTable:
-    """Tracks with INTERACTION columns as Parquet, as in result folders.
+    """Read tracks with INTERACTION columns from Parquet, as in result folders.
 
     Raises:
-        TrackError: it cannot be read, or a column is missing, of another kind, or without a value somewhere,
-            or a track is in two places at a time.
+        TrackError: the file, a column or a value cannot be used, or a track has two rows at one time.
     """
     try:
-        table = pq.read_table(path)
+        table = pq.read_table(path.absolute())
     except (OSError, pa.ArrowException, ValueError) as error:
         raise TrackError(f"{path}: cannot be read as Parquet: {one_line(error)[:160]}") from None
     floats = ("x", "y", "vx", "vy", "psi_rad", "length", "width", "timestamp_ms")
@@ -75,10 +71,16 @@ def read_parquet(path: Path) -> TrackTable:
         if column.null_count or (not words and not np.isfinite(column.to_numpy()).all()):
             raise TrackError(f"{path}: column {name} has missing values; fill or drop those rows")
         columns[name] = column.to_numpy(zero_copy_only=False)
+        largest = {"frame_id": 1e15, "length": MAX_SIZE_M, "width": MAX_SIZE_M}.get(name)
+        if largest is not None and np.abs(columns[name]).max(initial=0.0) > largest:
+            raise TrackError(f"{path}: column {name} has values beyond {largest:g}; repair them")
     if not table.num_rows:
         raise TrackError(f"{path}: no rows; give a file with tracks")
     types, kind = np.unique(np.char.lower(columns["agent_type"].astype(str)), return_inverse=True)
     is_vehicle = np.isin(types, list(MOTOR_TYPES))[kind]
+    for name in ("length", "width"):
+        if (columns[name][is_vehicle] <= 0.0).any():
+            raise TrackError(f"{path}: {name} of a vehicle is not above 0 m; repair it")
     case_of = table["case_id"].combine_chunks()
     cases, case = np.unique(case_of.to_numpy(zero_copy_only=False), return_inverse=True)
     names, name_of = np.unique(columns["track_id"].astype(str), return_inverse=True)
@@ -110,12 +112,15 @@ def read_parquet(path: Path) -> TrackTable:
     stamps = np.diff(vehicles.timestamp_ms)[np.diff(vehicles.track) == 0]
     if (stamps <= 0.0).any():
         raise TrackError(f"{path}: {int((stamps <= 0.0).sum())} rows at a time that their track already has")
-    found = TrackTable(
+    step_s = float(np.median(stamps)) / 1000 if len(stamps) else STEP_S
+    if step_s < 1e-3:
+        raise TrackError(f"{path}: stamps rise by {step_s * 1000:g} ms, needs at least 1; give them in ms")
+    tracks = TrackTable(
         path=path,
         cases=tuple(str(name) for name in cases.tolist()),
         vehicles=vehicles,
         others=rows(~is_vehicle),
-        step_s=float(np.median(stamps)) / 1000 if len(stamps) else 0.1,
+        step_s=step_s,
     )
-    check_values(found)
-    return found
+    check_values(tracks)
+    return tracks

@@ -1,24 +1,24 @@
-"""Metric values as Arrow tables: per pair, per scene, per case or child, and where the worst came from."""
+"""Metric values as Arrow tables: per pair, per scene, per case or child, and the origin of the extrema."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.errors import UsageError
 from scex_sumo.evaluation.blocks import Block, blocks
-from scex_sumo.evaluation.cases import Cases
 from scex_sumo.evaluation.outcomes import after_collision
 from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PAPER, MetricParameters
+from scex_sumo.metrics.collisions import Collisions, find_collisions
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate, evaluate_pairs
+from scex_sumo.metrics.extrema import Worst, scene_sums
 from scex_sumo.metrics.metric import Metric
-from scex_sumo.metrics.outlines.collisions import Collisions, find_collisions
 from scex_sumo.metrics.registry import metrics_named
 
 Level: TypeAlias = Literal["pair", "scene", "scenario", "worst"]
@@ -36,54 +36,49 @@ def recording_table(
     plans: StoredPlans | None = None,
     outcomes: bool = False,
 ) -> pa.Table:
-    """Metric values of the motor vehicles of a recording or of child scenarios.
+    """Evaluate metrics of the motor vehicles of a recording or of child scenarios.
 
     Args:
-        table: the tracks, taken as they are.
         level: ``pair``: case_id, timestamp_ms, metric, track_id, other_id, value, one row per ordered pair
             where defined (TTC in s); ``scene``: case_id, timestamp_ms, metric, value (TTC as 1/s);
-            ``scenario``: case_id and two columns per metric; ``worst``: case_id, metric, timestamp_ms,
-            track_id, other_id, value, where each scenario's extremum came from.
-        preset: rule for car-following.
-        parameters: constants.
+            ``scenario``: case_id and two columns per metric; ``worst``: columns as ``pair``, one row per case
+            and metric.
         metrics: names, import paths or metrics; the paper's six by default.
         history: steps at the start of each case that are not evaluated.
-        plans: what the vehicles planned, the cases being children; None takes the tracks driven.
-        outcomes: the cases are children: tell whether they collide (``scenario``: collision), and which
-            values are of two vehicles that had collided (``pair`` and ``worst``: after_collision).
+        plans: of the vehicles, if the cases are children; None uses the tracks driven.
+        outcomes: add collision (``scenario``) or after_collision (``pair`` and ``worst``) for children.
 
     Raises:
         UsageError: an unknown level, preset or metric.
-        ResultError: the plans are not those of the tracks.
+        ResultError: the plans do not match the tracks.
     """
     if level not in LEVELS:
         raise UsageError(f"metrics: unknown level {level!r}; known: {', '.join(LEVELS)}")
     names = case_ids(table)
     chosen = metrics_named(metrics)
-    order = tuple(metric.name for metric in chosen)
     options: dict[str, Any] = {"preset": preset, "parameters": parameters, "metrics": chosen}
     parts = list(blocks(table, history=history, plans=plans))
     if level == "pair":
-        rows = [_pair_rows(block, order, options, outcomes=outcomes) for block in parts]
-        return _sorted_pairs(rows, names, order)
+        tables = [rows for block in parts for rows in _pair_rows(block, chosen, options, outcomes=outcomes)]
+        return _sorted_pairs(tables, names, len(chosen))
     evaluated = [(block, evaluate(block.tracks, block.planned, **options)) for block in parts]
     if level == "scene":
-        return _scene_table(evaluated, names, order)
-    collected = Cases(len(names), chosen, outcomes=outcomes)
+        return _scene_table(evaluated, names, chosen)
+    cases = _Cases(len(names), chosen, outcomes=outcomes)
     for block, values in evaluated:
-        collected.add(block, values)
-    return collected.scenarios(names) if level == "scenario" else collected.origins(names)
+        cases.add(block, values)
+    return cases.scenarios(names) if level == "scenario" else cases.origins(names)
 
 
 def case_ids(table: TrackTable) -> pa.Array:
-    """Ids of the cases, as whole numbers where they are; 1 for a recording without cases."""
+    """Return the ids of the cases, as whole numbers if possible; 1 for a recording without cases."""
     if not table.has_cases:
         return pa.array([1], pa.int64())
     try:
         numbers = [float(name) for name in table.cases]
     except ValueError:
         return pa.array(list(table.cases), pa.string())
-    if all(number.is_integer() for number in numbers):
+    if all(number.is_integer() and abs(number) < 2**53 for number in numbers):
         return pa.array([int(number) for number in numbers], pa.int64())
     return pa.array(numbers, pa.float64())
 
@@ -96,14 +91,12 @@ def worst_table(
     timestamp_ms: IntArray,
     hits: Collisions | None = None,
 ) -> pa.Table:
-    """Where the extremum of every child and metric came from: ``worst.parquet`` of a result folder.
+    """Tabulate the origin of every child's and metric's extremum: ``worst.parquet`` of a result folder.
 
     Args:
-        values: of C children.
-        child: (C,) their numbers.
-        track_ids: (V,) of the vehicles.
-        timestamp_ms: (T,) of the steps, history included.
-        hits: collisions of the same tracks; None for none.
+        child: (C,) numbers.
+        track_ids: (V,).
+        timestamp_ms: (T,) history included.
 
     Returns:
         child, metric, timestamp_ms, track_id, other_id (null for single vehicles), value, after_collision
@@ -113,112 +106,165 @@ def worst_table(
     numbers = np.asarray(child, dtype=np.int64)
     for name, worst in values.worst.items():
         at = np.flatnonzero(worst.defined)
-        other = None if worst.other is None else track_ids[worst.other[at]]
-        rows = _rows_table(
-            {"child": numbers[at]},
-            name,
-            timestamp_ms[worst.step[at]],
-            track_ids[worst.vehicle[at]],
-            other,
-            worst.value[at],
-            metric_first=True,
-        )
-        pair = worst.vehicle[at], None if worst.other is None else worst.other[at]
+        rows = worst.take(at)
         after = np.zeros(len(at), dtype=np.bool_)
         if hits is not None:
-            after = after_collision(hits, at, worst.step[at], *pair)
-        parts.append(_flagged(rows, after))
+            after = after_collision(hits, at, rows.step, rows.vehicle, rows.other)
+        columns = {
+            "child": numbers[at],
+            "metric": pa.repeat(pa.scalar(name), len(at)),
+            "timestamp_ms": timestamp_ms[rows.step],
+            "track_id": track_ids[rows.vehicle],
+            "other_id": _other_ids(None if rows.other is None else track_ids[rows.other], len(at)),
+            "value": rows.value,
+            "after_collision": pa.array(after),
+        }
+        parts.append(pa.table(columns))
     return pa.concat_tables(parts).sort_by([("child", "ascending")]) if parts else pa.table({})
 
 
-def _flagged(rows: pa.Table, after: BoolArray) -> pa.Table:
-    """The rows with a column that tells those of vehicles that had collided with each other."""
-    return rows.append_column("after_collision", pa.array(after))
-
-
-def _rows_table(
-    lead: dict[str, Any],
-    metric: str,
-    timestamp_ms: IntArray,
-    track_id: IntArray,
-    other_id: IntArray | None,
-    value: FloatArray,
-    *,
-    metric_first: bool = False,
-) -> pa.Table:
-    names = pa.repeat(pa.scalar(metric), len(value))
-    time = {"metric": names, "timestamp_ms": timestamp_ms}
-    if not metric_first:
-        time = {"timestamp_ms": timestamp_ms, "metric": names}
-    other = pa.nulls(len(value), pa.int64()) if other_id is None else pa.array(other_id, pa.int64())
-    return pa.table({**lead, **time, "track_id": track_id, "other_id": other, "value": value})
+def _other_ids(ids: IntArray | None, count: int) -> pa.Array:
+    return pa.nulls(count, pa.int64()) if ids is None else pa.array(ids, pa.int64())
 
 
 def _pair_rows(
-    block: Block, order: tuple[str, ...], options: dict[str, Any], *, outcomes: bool
+    block: Block, metrics: Sequence[Metric], options: dict[str, Any], *, outcomes: bool
 ) -> list[pa.Table]:
-    """One table per metric with ``case`` as index."""
+    """Return one table per metric, with the case's index in the column ``case``."""
     hits = find_collisions(block.tracks) if outcomes else None
-    found = evaluate_pairs(block.tracks, block.planned, **options)
+    values = evaluate_pairs(block.tracks, block.planned, **options)
     tables = []
-    for name in order:
-        rows = found[name]
-        ids = block.track_id
-        other = None if rows.other is None else ids[rows.child, rows.other]
-        stamps = block.timestamp_ms[rows.child, rows.step]
-        lead = {"case": block.case[rows.child]}
-        table = _rows_table(lead, name, stamps, ids[rows.child, rows.vehicle], other, rows.value)
+    for metric in metrics:
+        rows, ids = values[metric.name], block.track_id
+        columns = {
+            "case": block.case[rows.child],
+            "timestamp_ms": block.timestamp_ms[rows.child, rows.step],
+            "metric": pa.repeat(pa.scalar(metric.name), len(rows.value)),
+            "track_id": ids[rows.child, rows.vehicle],
+            "other_id": _other_ids(
+                None if rows.other is None else ids[rows.child, rows.other], len(rows.value)
+            ),
+            "value": rows.value,
+        }
         if hits is not None:
-            table = _flagged(table, after_collision(hits, rows.child, rows.step, rows.vehicle, rows.other))
-        tables.append(table)
+            flags = after_collision(hits, rows.child, rows.step, rows.vehicle, rows.other)
+            columns["after_collision"] = pa.array(flags)
+        tables.append(pa.table(columns))
     return tables
 
 
-def _sorted_pairs(parts: Iterable[list[pa.Table]], names: pa.Array, order: tuple[str, ...]) -> pa.Table:
-    """Rows by case, time, metric (in the order of the columns), track and other."""
-    tables = [table for part in parts for table in part]
+def _sorted_pairs(tables: Sequence[pa.Table], names: pa.Array, metrics: int) -> pa.Table:
+    """Sort rows by case, time, metric (in the order of the columns), track and other."""
     if not tables:
-        tables = [_rows_table({"case": np.empty(0, np.int64)}, "", *_nothing())]
+        types = {"case": pa.int64(), "timestamp_ms": pa.int64(), "metric": pa.string()}
+        types |= {"track_id": pa.int64(), "other_id": pa.int64(), "value": pa.float64()}
+        tables = [pa.schema(types).empty_table()]
     whole = pa.concat_tables(tables)
-    rank = np.concatenate([np.full(len(t), i % max(len(order), 1)) for i, t in enumerate(tables)])
-    columns = [np.asarray(whole[name]) for name in ("track_id", "timestamp_ms", "case")]
+    rank = np.concatenate([np.full(len(t), i % max(metrics, 1)) for i, t in enumerate(tables)])
+    track, stamp, case = (np.asarray(whole[name]) for name in ("track_id", "timestamp_ms", "case"))
     other = np.asarray(whole["other_id"].fill_null(0))
-    whole = whole.take(pa.array(np.lexsort((other, columns[0], rank, columns[1], columns[2]))))
-    return _named(whole, names)
-
-
-def _nothing() -> tuple[IntArray, IntArray, None, FloatArray]:
-    return np.empty(0, np.int64), np.empty(0, np.int64), None, np.empty(0)
-
-
-def _named(table: pa.Table, names: pa.Array) -> pa.Table:
-    """The index column ``case`` replaced by the ids."""
-    return table.set_column(0, "case_id", names.take(table["case"].combine_chunks()))
+    whole = whole.take(pa.array(np.lexsort((other, track, rank, stamp, case))))
+    return whole.set_column(0, "case_id", names.take(whole["case"].combine_chunks()))
 
 
 def _scene_table(
-    evaluated: list[tuple[Block, ScenarioValues]], names: pa.Array, order: tuple[str, ...]
+    evaluated: Sequence[tuple[Block, ScenarioValues]], names: pa.Array, metrics: Sequence[Metric]
 ) -> pa.Table:
-    cases, times, ranks = ([np.empty(0, np.int64)] for _ in range(3))
-    found = [np.empty(0)]
+    columns: list[list[FloatArray | IntArray]] = [[np.empty(0, np.int64)] for _ in range(3)]
+    columns.append([np.empty(0)])
     for block, values in evaluated:
         stamps = block.timestamp_ms[:, block.tracks.first :]
-        for rank, name in enumerate(order):
-            scene = values.scene[name]
+        for rank, metric in enumerate(metrics):
+            scene = values.scene[metric.name]
             child, step = np.nonzero(scene.defined)
-            cases.append(block.case[child])
-            times.append(stamps[child, step])
-            ranks.append(np.full(len(child), rank))
-            found.append(scene.value[child, step])
-    case, stamp, which = (np.concatenate(parts) for parts in (cases, times, ranks))
-    value = np.concatenate(found)
+            rows = (
+                block.case[child],
+                stamps[child, step],
+                np.full(len(child), rank),
+                scene.value[child, step],
+            )
+            for column, part in zip(columns, rows, strict=True):
+                column.append(part)
+    case, stamp, which, value = (np.concatenate(parts) for parts in columns)
     by = np.lexsort((which, stamp, case))
-    metric = pa.array(list(order), pa.string()).take(pa.array(which[by]))
+    metric_names = pa.array([metric.name for metric in metrics], pa.string())
     return pa.table(
         {
             "case_id": names.take(pa.array(case[by])),
             "timestamp_ms": stamp[by],
-            "metric": metric,
+            "metric": metric_names.take(pa.array(which[by])),
             "value": value[by],
         }
     )
+
+
+class _Cases:
+    """Extrema and means of whole cases, collected block by block."""
+
+    def __init__(self, count: int, metrics: Sequence[Metric], *, outcomes: bool) -> None:
+        size = len(metrics)
+        self.metrics, self.outcomes = metrics, outcomes
+        self.collided, self.after = np.zeros(count, dtype=np.bool_), np.zeros((count, size), dtype=np.bool_)
+        self.of_single_vehicles = np.zeros(size, dtype=bool)
+        self.value = np.full((count, size), np.nan)
+        self.total, self.counted, self.scenes = (np.zeros((count, size)) for _ in range(3))
+        self.origin = np.zeros((count, size, 3), dtype=np.int64)
+
+    def add(self, block: Block, values: ScenarioValues) -> None:
+        """Add the values of a block."""
+        hits = find_collisions(block.tracks) if self.outcomes else None
+        if hits is not None:
+            self.collided[block.case[np.unique(hits.child)]] = True
+        for column, metric in enumerate(self.metrics):
+            scene, worst = values.scene[metric.name], values.worst[metric.name]
+            count, total = scene_sums(scene, harmonic=metric.harmonic)
+            np.add.at(self.total[:, column], block.case, total)
+            np.add.at(self.counted[:, column], block.case, count)
+            np.add.at(self.scenes[:, column], block.case, scene.defined.sum(axis=1))
+            self._keep_worse(column, block, worst, hits)
+
+    def _keep_worse(self, column: int, block: Block, worst: Worst, hits: Collisions | None) -> None:
+        now = self.value[block.case, column]
+        is_min = self.metrics[column].critical == "min"
+        worse: BoolArray = worst.value < now if is_min else worst.value > now
+        at = np.flatnonzero(worst.defined & (np.isnan(now) | worse))
+        case, ids, rows = block.case[at], block.track_id, worst.take(at)
+        self.of_single_vehicles[column] = rows.other is None
+        other = rows.vehicle if rows.other is None else rows.other
+        self.value[case, column] = rows.value
+        if hits is not None:
+            self.after[case, column] = after_collision(hits, at, rows.step, rows.vehicle, rows.other)
+        self.origin[case, column] = np.stack(
+            [block.timestamp_ms[at, rows.step], ids[at, rows.vehicle], ids[at, other]], axis=1
+        )
+
+    def scenarios(self, names: pa.Array) -> pa.Table:
+        """Return case_id and two columns per metric, null where undefined."""
+        columns: dict[str, Any] = {"case_id": names}
+        for column, metric in enumerate(self.metrics):
+            undefined = self.scenes[:, column] == 0
+            over, under = self.total[:, column], self.counted[:, column]
+            if metric.harmonic:
+                over, under = under, over
+            mean = over / np.where(undefined, 1.0, under)
+            columns[metric.name] = pa.array(self.value[:, column], mask=undefined)
+            columns[f"{metric.name}_mean"] = pa.array(mean, mask=undefined)
+        return pa.table(columns | ({"collision": pa.array(self.collided)} if self.outcomes else {}))
+
+    def origins(self, names: pa.Array) -> pa.Table:
+        """Return case_id, metric, timestamp_ms, track_id, other_id, value, with outcomes after_collision."""
+        case, column = np.nonzero(self.scenes > 0)
+        metric_names = pa.array([metric.name for metric in self.metrics], pa.string())
+        stamp, track, other = self.origin[case, column].T
+        flag = {"after_collision": pa.array(self.after[case, column])} if self.outcomes else {}
+        return pa.table(
+            {
+                "case_id": names.take(pa.array(case)),
+                "metric": metric_names.take(pa.array(column)),
+                "timestamp_ms": stamp,
+                "track_id": track,
+                "other_id": pa.array(other, mask=self.of_single_vehicles[column]),
+                "value": self.value[case, column],
+                **flag,
+            }
+        )

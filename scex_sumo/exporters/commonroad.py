@@ -1,34 +1,33 @@
 """CommonRoad 2020a: the road as lanelets with signs and lights, vehicles as obstacles, a planning problem.
 
-The format is written as it is specified; commonroad-io, whose interface changes with its releases, reads it.
+The XML is written without commonroad-io, whose interface changes with its releases; tests read it with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.tracks.kinds import road_user
-from scex_sumo.exporters.commonroad_road import road_elements
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.files import write_atomic
+from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.exporters.commonroad_road import add, number_text, road_elements
 from scex_sumo.exporters.request import Request
-from scex_sumo.exporters.xml_text import add, number_text
-from scex_sumo.files import write_atomic
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
-GOAL_M = (8.0, 4.0)  # length and width of the goal about the place where the child has the ego at its end
-GOAL_STEPS = 5  # it counts from so many steps before the end on
-_TYPES = {"van": "car", "tram": "train"}  # CommonRoad's words, where they are others than ours
+_GOAL_M = (8.0, 4.0)  # length and width of the goal around the ego's last place
+_GOAL_STEPS = 5  # the goal counts from so many steps before the end on
+_TYPES = {"van": "car", "tram": "train"}  # CommonRoad's words, where they differ from ours
 
 
 def write_commonroad(request: Request) -> list[Path]:
-    """Write a scenario for each child; with an ego, the task to drive from its seed state to its last place.
+    """Write a scenario for each child; an ego also gets the task to drive from its seed state to its end.
 
-    Without an ego time step 0 is the first logged frame. With one, it is the seed scene: the past is left
-    out, and so is the ego among the obstacles.
+    Without an ego time step 0 is the first logged frame. With one, it is the seed scene: the file has no past
+    and no obstacle for the ego.
     """
     ego, files = request.ego_index(), []
     for child in request.children:
@@ -47,7 +46,7 @@ def write_commonroad(request: Request) -> list[Path]:
 
 
 def _benchmark(road: str, child: int) -> str:
-    """CommonRoad's name of a scenario; ZAM is its country of no country, the child its configuration."""
+    """Return CommonRoad's name of a scenario; ZAM stands for no country, the child is the configuration."""
     letters = "".join(c for c in road.title() if c.isalnum())
     return f"ZAM_{letters}-1_{child + 1}_T-1"
 
@@ -61,11 +60,11 @@ def _root(name: str, source: str) -> ET.Element:
         affiliation="",
         source=source,
         benchmarkID=name,
-        date="2020-01-01",  # of the format: the same export has the same bytes
+        date="2020-01-01",  # fixed: the same export has the same bytes
     )
-    place = add(root, "location")
+    location = add(root, "location")
     for tag, value in (("geoNameId", "-999"), ("gpsLatitude", "999"), ("gpsLongitude", "999")):
-        add(place, tag, value)
+        add(location, tag, value)
     add(add(root, "scenarioTags"), "simulated")
     return root
 
@@ -74,20 +73,20 @@ def _obstacles(request: Request, child: int, ego: int | None, used: set[int]) ->
     scene, states = request.scene, request.run.states(child)
     first = 0 if ego is None else LOGGED_HISTORY - 1
     free = max([*used, *scene.track_ids.tolist()]) + 1
-    for v, track in enumerate(scene.track_ids.tolist()):
+    for v, track_id in enumerate(scene.track_ids.tolist()):
         if v != ego:
-            number = track if track > 0 and track not in used else free + v
+            number = track_id if track_id > 0 and track_id not in used else free + v
             size = float(scene.length[v]), float(scene.width[v])
             yield _obstacle(number, scene.types[v], size, states[v, first:], 0)
     others = scene.obstacles
     for o, kind in enumerate(others.types if others is not None else ()):
         assert others is not None
         frames = request.obstacle_frames()
-        seen = np.flatnonzero(others.present[o, frames][first:])
-        if len(seen):
-            own = others.states[o, frames][first:][seen[0] : seen[-1] + 1]
+        present = np.flatnonzero(others.present[o, frames][first:])
+        if len(present):
+            track = others.states[o, frames][first:][present[0] : present[-1] + 1]
             size = float(others.length[o]), float(others.width[o])
-            yield _obstacle(free + scene.vehicles + o, kind, size, own, int(seen[0]))
+            yield _obstacle(free + scene.vehicles + o, kind, size, track, int(present[0]))
 
 
 def _obstacle(number: int, kind: str, size: Sequence[float], states: States, first: int) -> ET.Element:
@@ -106,7 +105,6 @@ def _obstacle(number: int, kind: str, size: Sequence[float], states: States, fir
 
 
 def _state(element: ET.Element, row: FloatArray, step: int) -> None:
-    """Place, orientation, time step and speed."""
     point = add(add(element, "position"), "point")
     add(point, "x", number_text(row[0]))
     add(point, "y", number_text(row[1]))
@@ -115,7 +113,7 @@ def _state(element: ET.Element, row: FloatArray, step: int) -> None:
 
 
 def _task(request: Request, child: int, ego: int, number: int) -> ET.Element:
-    """From the ego's seed state to where the child has it at the end, in the same time."""
+    """Return the task to drive from the ego's seed state to its last place, in the same time."""
     states = request.run.states(child)[ego]
     steps = states.shape[0] - LOGGED_HISTORY
     now, end = states[LOGGED_HISTORY - 1], states[-1]
@@ -126,13 +124,13 @@ def _task(request: Request, child: int, ego: int, number: int) -> ET.Element:
         add(add(start, tag), "exact", "0.0")
     goal = add(task, "goalState")
     box = add(add(goal, "position"), "rectangle")
-    place: Mapping[str, float] = {"length": GOAL_M[0], "width": GOAL_M[1], "orientation": float(end.heading)}
-    for tag, value in place.items():
+    length, width = _GOAL_M
+    for tag, value in (("length", length), ("width", width), ("orientation", float(end.heading))):
         add(box, tag, number_text(value))
     centre = add(box, "center")
     add(centre, "x", number_text(float(end.x)))
     add(centre, "y", number_text(float(end.y)))
     time = add(goal, "time")
-    add(time, "intervalStart", str(max(steps - GOAL_STEPS, 1)))
+    add(time, "intervalStart", str(max(steps - _GOAL_STEPS, 1)))
     add(time, "intervalEnd", str(steps))
     return task

@@ -1,4 +1,4 @@
-"""Road network of a CommonRoad scenario: lanelets, signs and lights."""
+"""Road network of a CommonRoad scenario: lanelets, signs and lights, and the XML helpers of the format."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.exporters.xml_text import add, number_text
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import along, arc_lengths
 from scex_sumo.road import Lane, Regulation, Road
 
@@ -18,33 +17,45 @@ _USERS = {"bicycle": "bicycle", "pedestrian": "pedestrian", "bus": "bus"}
 _SPEED, _YIELD, _STOP = "274", "205", "206"  # Germany's numbers, which are CommonRoad's for no country
 
 
+def add(parent: ET.Element, tag: str, text: str | None = None) -> ET.Element:
+    """Append an element with a text, and return it."""
+    child = ET.SubElement(parent, tag)
+    child.text = text
+    return child
+
+
+def number_text(value: float) -> str:
+    """Return a number without an exponent, exact to the nanometre."""
+    text = f"{float(value):.9f}".rstrip("0")
+    return f"{text}0" if text.endswith(".") else text
+
+
 @dataclass(kw_only=True, eq=False)
 class _Signals:
-    """What stands beside the lanes: elements, and for each lane what refers to them."""
+    """Signs, lights and stop lines: their elements, and the references of each lane."""
 
     elements: list[ET.Element] = field(default_factory=list)
     of_lane: dict[int, list[tuple[str, int]]] = field(default_factory=dict)
-    stop_lines: dict[int, FloatArray] = field(default_factory=dict)
+    stop_lines: dict[int, tuple[FloatArray, str, int]] = field(default_factory=dict)
 
     def refer(self, lanes: list[int], tag: str, number: int) -> None:
-        """Let lanes refer to a sign or light."""
+        """Add a reference to a sign or light to lanes."""
         for i in lanes:
             self.of_lane.setdefault(i, []).append((tag, number))
 
 
 def lanelet_numbers(road: Road, taken: Collection[int] = ()) -> dict[int, int]:
-    """Ids of the lanelets by lane: the map's own where all are positive, else from beyond those taken on."""
-    own = [i for i, lane in road.lanes.items() if lane.reverse_of is None]
-    first = max([0, *taken]) + 1
-    return {i: i for i in own} if all(i > 0 for i in own) else {i: first + k for k, i in enumerate(own)}
+    """Return lanelet ids by lane: the map's own if all are positive, else new ones above those taken."""
+    lanes = [i for i, lane in road.lanes.items() if lane.reverse_of is None]
+    first = 0 if all(i > 0 for i in lanes) else max([0, *taken]) + 1
+    return {i: first + k if first else i for k, i in enumerate(lanes)}
 
 
 def road_elements(road: Road, taken: Collection[int] = ()) -> tuple[list[ET.Element], set[int]]:
-    """The lanelets, signs and lights of a road, and all ids that they take.
+    """Return the lanelets, signs and lights of a road, and all their ids.
 
     Args:
-        road: the road.
-        taken: ids of obstacles, which lanelets that need a new one leave to them.
+        taken: ids of obstacles, which no new lanelet id repeats.
     """
     numbers = lanelet_numbers(road, taken)
     signals = _signals(road, numbers)
@@ -55,7 +66,7 @@ def road_elements(road: Road, taken: Collection[int] = ()) -> tuple[list[ET.Elem
 
 
 def point_by_point(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two borders with as many points each, all their own among them."""
+    """Return two borders with equally many points, which include all of their own."""
     if len(left) == len(right):
         return left, right
     arcs = [arc_lengths(line) for line in (left, right)]
@@ -65,13 +76,13 @@ def point_by_point(left: FloatArray, right: FloatArray) -> tuple[FloatArray, Flo
 
 
 def _signals(road: Road, numbers: Mapping[int, int]) -> _Signals:
-    """A speed sign for each limit, and what each rule puts there."""
-    found, free = _Signals(), max(numbers.values()) + 1
+    """Return a speed sign for each limit, and the signs and lights of the rules."""
+    signals, free = _Signals(), max(numbers.values()) + 1
     driven = [i for i in numbers if road.lanes[i].kind == "vehicle"]
     for speed in sorted({road.lanes[i].speed_limit_mps for i in driven}):
         lanes = [i for i in driven if road.lanes[i].speed_limit_mps == speed]
-        found.elements.append(_sign(free, _SPEED, road.lanes[lanes[0]], number_text(speed)))
-        found.refer(lanes, "trafficSignRef", free)
+        signals.elements.append(_sign(free, _SPEED, road.lanes[lanes[0]], number_text(speed)))
+        signals.refer(lanes, "trafficSignRef", free)
         free += 1
     for rule in road.regulations:
         lanes = [i for i in _bound(rule) if i in numbers]
@@ -83,22 +94,21 @@ def _signals(road: Road, numbers: Mapping[int, int]) -> _Signals:
             _point(add(light, "position"), first.centreline[-1])
             add(light, "direction", "all")
             add(light, "active", "true")
-            found.elements.append(light)
-            found.refer(lanes, "trafficLightRef", free)
+            signals.elements.append(light)
         else:
             kind = _STOP if rule.kind in ("stop", "all_way_stop") else _YIELD
-            found.elements.append(_sign(free, kind, first))
-            found.refer(lanes, "trafficSignRef", free)
+            signals.elements.append(_sign(free, kind, first))
+        tag = "trafficLightRef" if rule.kind == "traffic_light" else "trafficSignRef"
+        signals.refer(lanes, tag, free)
         if len(rule.stop_lines) == 1 and len(lanes) == 1 and len(rule.stop_lines[0]) > 1:
-            found.stop_lines[lanes[0]] = rule.stop_lines[0]
+            signals.stop_lines[lanes[0]] = rule.stop_lines[0], tag, free
         free += 1
-    lights = [element for element in found.elements if element.tag == "trafficLight"]
-    found.elements = [element for element in found.elements if element.tag != "trafficLight"] + lights
-    return found
+    lights = [element for element in signals.elements if element.tag == "trafficLight"]
+    signals.elements = [element for element in signals.elements if element.tag != "trafficLight"] + lights
+    return signals
 
 
 def _bound(rule: Regulation) -> tuple[int, ...]:
-    """The lanes that a rule tells to wait."""
     return rule.lanes if rule.kind == "traffic_light" else rule.yielding or rule.lanes
 
 
@@ -138,9 +148,11 @@ def _lanelet(lane: Lane, numbers: Mapping[int, int], signals: _Signals, *, both:
             beside.set("drivingDir", "same")
     if lane.lane_id in signals.stop_lines:
         line = add(element, "stopLine")
-        for point in signals.stop_lines[lane.lane_id][[0, -1]]:
+        points, tag, number = signals.stop_lines[lane.lane_id]
+        for point in points[[0, -1]]:
             _point(line, point)
         add(line, "lineMarking", "broad_solid")
+        add(line, tag).set("ref", str(number))
     walked = "crosswalk" if lane.subtype == "crosswalk" else "sidewalk"
     add(element, "laneletType", walked if lane.kind == "pedestrian" else _TYPES.get(lane.kind, "unknown"))
     add(element, "userBidirectional" if both else "userOneWay", _USERS.get(lane.kind, "vehicle"))

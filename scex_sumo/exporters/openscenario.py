@@ -1,6 +1,6 @@
-"""OpenSCENARIO XML: one scenario for each child, and the road as OpenDRIVE beside it.
+"""OpenSCENARIO XML: one scenario for each child, with the road as OpenDRIVE.
 
-The reference point of a vehicle there is the middle of its rear axle, not its centre.
+OpenSCENARIO's reference point of a vehicle is the middle of its rear axle, not its centre.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.converters.tracks.kinds import road_user
-from scex_sumo.errors import MissingExtraError
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import MissingExtraError
+from scex_sumo.base.files import write_atomic
+from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.opendrive.file import opendrive_text
 from scex_sumo.exporters.request import Request
-from scex_sumo.files import write_atomic
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
-MINOR_VERSION = 2
-AXLES = 0.58  # wheelbase of a vehicle as a share of its length; the axles lie evenly about its centre
+_MINOR_VERSION = 2
+_WHEELBASE = 0.58  # of a vehicle's length; the axles have equal distances from its centre
 _KINDS = {  # OpenSCENARIO's category, height in m, mass in kg
     "motorcycle": ("motorbike", 1.5, 250.0),
     "bicycle": ("bicycle", 1.7, 90.0),
@@ -34,14 +34,15 @@ _KINDS = {  # OpenSCENARIO's category, height in m, mass in kg
     "car": ("car", 1.5, 1500.0),
 }
 _WALKER = (1.75, 80.0)  # height in m, mass in kg
-_FASTEST_MPS, _MOST_MPSS = 80.0, 12.0
+_MAX_MPS, _MAX_MPS2 = 80.0, 12.0
 
-README = """# {name}: {count} child scenario(s) for OpenSCENARIO players
+_README = """# {name}: {count} child scenario(s) for OpenSCENARIO players
 
 - `*.xosc`: OpenSCENARIO XML 1.{minor}, one child each. `{road}.xodr`: the road, OpenDRIVE 1.7, in the map's
   own coordinates.
-- Play one: `esmini --osc FILE.xosc --window 60 60 800 400 --fixed_timestep 0.1 --traj_filter 0`.
+- Play one: `esmini --osc FILE.xosc --window 60 60 800 400 --fixed_timestep 0.1 {options}`.
   Without `--traj_filter 0` esmini merges vertices closer than 0.1 m: vehicles slower than 1 m/s then jump.
+  Without `--pline_interpolation segment` vehicles are up to 0.143 m off between vertices.
 - Time 0 is the first logged frame; the seed scene is at {moment:.1f} s; the child ends at {end:.1f} s.
 - A vertex is the middle of the **rear axle**. The centre of the vehicle is its bounding box's centre, that
   far ahead along the heading. Lengths and widths are as recorded; wheelbases are {axles:.0%} of the length,
@@ -54,7 +55,7 @@ README = """# {name}: {count} child scenario(s) for OpenSCENARIO players
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Participant:
-    """Somebody on the road: name, recorded type, size, driver, and (T,) times with states of the centre."""
+    """Road user: name, recorded type, size, model, and (T,) times with states of the centre."""
 
     name: str
     kind: str
@@ -67,7 +68,7 @@ class _Participant:
 
 
 def write_openscenario(request: Request) -> list[Path]:
-    """Write the road, one scenario for each child, and a README of how to play them."""
+    """Write the road, one scenario for each child, and a README about playing them."""
     try:
         from scenariogeneration import xosc
     except ImportError as error:
@@ -82,22 +83,23 @@ def write_openscenario(request: Request) -> list[Path]:
         write_atomic(file, _scenario_text(xosc, request, child, road.name).encode())
         files.append(file)
     readme = request.folder / "README.md"
-    text = README.format(
+    text = _README.format(
         name=request.name,
         count=len(request.children),
-        minor=MINOR_VERSION,
+        minor=_MINOR_VERSION,
         road=request.road.name,
         moment=(LOGGED_HISTORY - 1) * STEP_S,
         end=(LOGGED_HISTORY - 1 + int(request.run.info["steps"])) * STEP_S,
-        axles=AXLES,
+        axles=_WHEELBASE,
+        options="--traj_filter 0 --pline_interpolation segment",
     )
     write_atomic(readme, text.encode())
     return [*files, readme]
 
 
 def axle_offset(kind: str, length: float) -> float:
-    """How far behind the centre the reference point lies, m: the rear axle; nothing for who walks."""
-    return 0.0 if _walks(kind) else round(AXLES * length / 2, 4)
+    """Return the distance of the rear axle behind the centre, m; 0 for pedestrians."""
+    return 0.0 if _walks(kind) else round(_WHEELBASE * length / 2, 4)
 
 
 def _scenario_text(xosc: Any, request: Request, child: int, road_file: str) -> str:
@@ -124,7 +126,7 @@ def _scenario_text(xosc: Any, request: Request, child: int, road_file: str) -> s
         board,
         xosc.RoadNetwork(roadfile=road_file),
         xosc.Catalog(),
-        osc_minor_version=MINOR_VERSION,
+        osc_minor_version=_MINOR_VERSION,
         creation_date=_written(request.run.folder / "run.json"),
     )
     root = scenario.get_element()
@@ -133,7 +135,7 @@ def _scenario_text(xosc: Any, request: Request, child: int, road_file: str) -> s
 
 
 def _written(file: Path) -> datetime:
-    """When the run was finished: the same export has the same bytes."""
+    """Return when the run was finished, so that the same export has the same bytes."""
     moment = datetime.fromtimestamp(int(file.stat().st_mtime), tz=timezone.utc)
     return moment.replace(tzinfo=None)
 
@@ -157,18 +159,18 @@ def _participants(request: Request, child: int) -> Iterator[_Participant]:
         return
     frames = request.obstacle_frames()
     for o, name in enumerate(others.ids):
-        seen = np.flatnonzero(others.present[o, frames])
-        if len(seen):
-            # A gap is bridged on a straight line: whoever comes back was not gone far.
+        present = np.flatnonzero(others.present[o, frames])
+        if len(present):
+            # A gap in a track is bridged by a straight line.
             yield _Participant(
                 name=f"other{name}",
                 kind=others.types[o],
                 length=float(others.length[o]),
                 width=float(others.width[o]),
                 model="recorded",
-                times=times[seen],
-                states=others.states[o, frames][seen],
-                ends=int(seen[-1]) + 1 < len(times),
+                times=times[present],
+                states=others.states[o, frames][present],
+                ends=int(present[-1]) + 1 < len(times),
             )
 
 
@@ -197,9 +199,9 @@ def _entity(xosc: Any, participant: _Participant) -> Any:
             box,
             front,
             rear,
-            _FASTEST_MPS,
-            _MOST_MPSS,
-            _MOST_MPSS,
+            _MAX_MPS,
+            _MAX_MPS2,
+            _MAX_MPS2,
             mass=mass,
         )
     entity.add_property("model", participant.model)

@@ -1,4 +1,4 @@
-"""Export request: which children of a run are written where, and what exporters need to know of them."""
+"""Export request: the children of a run that are written, where to, and what exporters need of the run."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.errors import MapError, UsageError
+from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
@@ -21,13 +21,12 @@ class Request:
     """What an exporter is asked for.
 
     Attributes:
-        run: the finished run.
         children: numbers of the children, at least one.
         out: file or folder to write; None leaves the name to the exporter.
-        ego: track id of the vehicle whose task it is to plan, where a format has one.
-        critical: metric by which the children were chosen, or None.
-        encounter: vehicles by whose encounter they were chosen, or None.
-        map_path: the map of the run; None takes that of its ``run.json``.
+        ego: track id of the vehicle with the planning task, in formats that have one.
+        critical: metric by which the children were chosen.
+        encounter: track ids of the two vehicles by whose encounter they were chosen.
+        map_path: the map of the run; None takes that of ``run.json``.
     """
 
     run: Run
@@ -40,25 +39,25 @@ class Request:
 
     @property
     def name(self) -> str:
-        """Name of the seed scene."""
+        """Return the name of the seed scene."""
         return str(self.run.info["seed_scene"]["name"])
 
     @cached_property
     def scene(self) -> SeedScene:
-        """The seed scene."""
+        """Read the seed scene."""
         return self.run.scene
 
     @cached_property
     def road(self) -> Road:
-        """The map, read again.
+        """Read the map again.
 
         Raises:
-            MapError: it is not where it was, or is another one.
+            MapError: it is missing, or is another map.
         """
         from scex_sumo.converters.maps import read_map
 
-        known = self.run.info["seed_scene"].get("map")
-        path = self.map_path or (Path(known) if known else None)
+        recorded = self.run.info["seed_scene"].get("map")
+        path = self.map_path or (Path(recorded) if recorded else None)
         if path is None or not path.exists():
             where = "its path is not in run.json" if path is None else f"{path}: no such file"
             raise MapError(f"{self.run.folder}: the map is not found ({where}); give it with --map MAP")
@@ -70,7 +69,7 @@ class Request:
 
     @cached_property
     def folder(self) -> Path:
-        """The folder to write, made if need be."""
+        """Make and return the folder to write."""
         path = self.out if self.out is not None else Path(f"{self.name}_export")
         if path.exists() and not path.is_dir():
             raise UsageError(f"-o {path}: this format needs a folder, and that is a file")
@@ -78,33 +77,33 @@ class Request:
         return path
 
     def file_stem(self, child: int) -> str:
-        """Name of a child's file without its ending."""
+        """Return the name of a child's file without its ending."""
         return f"{self.name}_child{child:04d}"
 
     def ego_index(self) -> int | None:
-        """Number of the ego in the seed scene, or None where none is asked for.
+        """Return the index of the ego in the seed scene, None without an ego.
 
         Raises:
             UsageError: it is not in the seed scene.
         """
         if self.ego is None:
             return None
-        found = np.flatnonzero(self.scene.track_ids == self.ego)
-        if not len(found):
-            ids = ", ".join(map(str, self.scene.track_ids))
-            raise UsageError(f"--ego {self.ego}: not in the seed scene; its vehicles: {ids}")
-        return int(found[0])
+        ids = self.scene.track_ids.tolist()
+        if self.ego not in ids:
+            vehicles = ", ".join(map(str, ids))
+            raise UsageError(f"--ego {self.ego}: not in the seed scene; its vehicles: {vehicles}")
+        return int(ids.index(self.ego))
 
     def obstacle_frames(self) -> slice:
-        """Frames of the obstacles that are a child's: the second of their states is its frame 1."""
+        """Return the obstacles' states during a child: their second one is its frame 1."""
         return slice(1, 1 + LOGGED_HISTORY + int(self.run.info["steps"]))
 
 
 def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:
-    """The children with the most critical values of a metric, the worst first.
+    """Return the children with the most critical values of a metric, the worst first.
 
     Raises:
-        UsageError: there is no such metric, or it is defined in none of the children.
+        UsageError: the metric is unknown, or defined in none of the children.
     """
     try:
         column = run.column(column)
@@ -118,7 +117,7 @@ def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:
 
 
 def closest_encounters(run: Run, first: int, second: int, count: int) -> tuple[int, ...]:
-    """The children in which two vehicles come closest to each other after the seed scene, closest first.
+    """Return the children in which two vehicles come closest after the seed scene, the closest first.
 
     Raises:
         UsageError: one of them is not in the seed scene.
@@ -127,15 +126,14 @@ def closest_encounters(run: Run, first: int, second: int, count: int) -> tuple[i
     ids = scene.track_ids.tolist()
     for track in (first, second):
         if track not in ids:
-            raise UsageError(
-                f"--encounter {first},{second}: no vehicle {track}; known: {', '.join(map(str, ids))}"
-            )
+            vehicles = ", ".join(map(str, ids))
+            raise UsageError(f"--encounter {first},{second}: no vehicle {track}; known: {vehicles}")
     pair = [ids.index(first), ids.index(second)]
     gaps = [_least_gap(scene, run.states(child), pair) for child in range(run.children)]
     return tuple(int(child) for child in np.argsort(gaps, kind="stable")[:count])
 
 
 def _least_gap(scene: SeedScene, states: States, pair: list[int]) -> float:
-    ways = states[:, LOGGED_HISTORY:]
-    one, two = (Rectangles.of(ways[v], scene.length[v], scene.width[v]) for v in pair)
+    future = states[:, LOGGED_HISTORY:]
+    one, two = (Rectangles.of(future[v], scene.length[v], scene.width[v]) for v in pair)
     return float(rectangle_distance(one, two).min())

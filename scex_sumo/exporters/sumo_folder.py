@@ -1,4 +1,4 @@
-"""SUMO folder: a net, vehicle types, routes and a state from which SUMO's own models go on after a child."""
+"""SUMO folder: net, vehicle types, routes and a state from which SUMO's own models continue a child."""
 
 from __future__ import annotations
 
@@ -7,29 +7,28 @@ from pathlib import Path
 
 import numpy as np
 
+from scex_sumo.base.errors import UsageError
+from scex_sumo.base.files import write_atomic
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.errors import UsageError
 from scex_sumo.exporters.request import Request
-from scex_sumo.files import write_atomic
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.world.sumo import SumoDriven, SumoWorld
 
-MODEL = "EIDM"
-GOES_ON_S = 60
+_MODEL = "EIDM"
+_END_S = 60
 
-CONFIGURATION = """<configuration>
+_CONFIGURATION = """<configuration>
     <net-file value="tiles.net.xml"/>
     <load-state value="state.xml"/>
     <step-length value="{step}"/>
     <end value="{end}"/>
     <collision.action value="none"/>
     <time-to-teleport value="-1"/>
-    <lanechange.duration value="3"/>
     <default.speeddev value="0"/>
     <no-step-log value="true"/>
 </configuration>
 """
-README = """# Child {child} of {name}, driven on by SUMO
+_README = """# Child {child} of {name}, driven on by SUMO
 
 `sumo-gui -c child.sumocfg` begins with the child's last step; SUMO's {model} drives everybody on from there,
 on the routes that `sumo:` drivers take in a run. Vehicle `t0_17` is track 17. {left}
@@ -37,7 +36,7 @@ on the routes that `sumo:` drivers take in a run. Vehicle `t0_17` is track 17. {
 
 
 def write_sumo(request: Request) -> list[Path]:
-    """Write a folder for each child in which SUMO goes on from its last step."""
+    """Write a folder for each child, in which SUMO continues from its last step."""
     files = []
     for child in request.children:
         folder = request.folder if len(request.children) == 1 else request.folder / f"child{child:04d}"
@@ -48,30 +47,31 @@ def write_sumo(request: Request) -> list[Path]:
 
 def _write_child(request: Request, child: int, folder: Path) -> Path:
     scene = _at_the_end(request, child)
-    routes = SumoDriver(MODEL).routes(
+    routes = SumoDriver(_MODEL).routes(
         scene, request.road, np.arange(scene.vehicles), np.zeros(scene.vehicles)
     )
     edges = [tuple(request.run.net.lanes.edges(route)) for route in routes]
-    kept = [v for v, way in enumerate(edges) if way]
+    kept = [v for v, route in enumerate(edges) if route]
     if not kept:
         raise UsageError(f"child {child}: no vehicle is on a mapped lane at its end; SUMO can drive nobody")
     left_out = [str(scene.track_ids[v]) for v in range(scene.vehicles) if v not in kept]
     scene = scene.reordered(kept, name=scene.name)
     driven = [
-        SumoDriven(child=0, vehicle=n, model=MODEL, parameters={}, edges=edges[v]) for n, v in enumerate(kept)
+        SumoDriven(child=0, vehicle=n, model=_MODEL, parameters={}, edges=edges[v])
+        for n, v in enumerate(kept)
     ]
     with SumoWorld(request.run.net, scene, slots=[0]) as world:
         world.begin(scene.now.repeat(1), np.zeros(1, dtype=np.int64), driven)
         world.save(folder)
     left = f"Off the lanes, and left out: {', '.join(left_out)}." if left_out else ""
-    text = README.format(child=child, name=request.name, model=MODEL, left=left)
+    text = _README.format(child=child, name=request.name, model=_MODEL, left=left)
     write_atomic(folder / "README.md", text.encode())
-    configuration = CONFIGURATION.format(step=STEP_S, end=GOES_ON_S)
+    configuration = _CONFIGURATION.format(step=STEP_S, end=_END_S)
     write_atomic(folder / "child.sumocfg", configuration.encode())
     return folder / "child.sumocfg"
 
 
 def _at_the_end(request: Request, child: int) -> SeedScene:
-    """The child's last second as a seed scene, without pedestrians and cyclists."""
+    """Return the child's last second as a seed scene without pedestrians and cyclists."""
     states = request.run.states(child)[:, -HISTORY_STEPS - 1 :]
     return replace(request.scene, history=states, future=None, future_valid=None, obstacles=None)

@@ -2,36 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 from pyarrow import csv
 
-from scex_sumo.errors import UsageError
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.files import replacing, write_atomic
 from scex_sumo.exporters.request import Request
-from scex_sumo.files import replacing, write_atomic
-from scex_sumo.scene import LOGGED_HISTORY
+from scex_sumo.results.run import Run
 from scex_sumo.views.children import write_child
+
+_CHILDREN_AT_ONCE = 100
 
 
 def write_interaction(request: Request) -> list[Path]:
-    """All children in one file, each a case of INTERACTION v1.2."""
-    run, children = request.run, np.array(request.children)
+    """Write all children into one file, each a case of INTERACTION v1.2."""
+    run, children = request.run, request.children
     stem = request.file_stem(children[0]) if len(children) == 1 else f"{request.name}_children"
     path = request.out if request.out is not None else Path(f"{stem}.csv")
     if path.is_dir():
         raise UsageError(f"-o {path}: is a folder; give a file.csv")
-    rows = len(request.scene.track_ids) * (LOGGED_HISTORY + int(run.info["steps"]))
-    cases = pa.concat_tables([run.tracks.slice(child * rows, rows) for child in children.tolist()])
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as file:
-        csv.write_csv(cases, file, csv.WriteOptions(quoting_style="none", quoting_header="none"))
+    options = csv.WriteOptions(quoting_style="none", quoting_header="none")
+    schema = pq.read_schema(run.folder / "tracks.parquet")
+    with replacing(path) as file, csv.CSVWriter(file, schema, write_options=options) as writer:
+        for first in range(0, len(children), _CHILDREN_AT_ONCE):
+            for case in _cases(run, children[first : first + _CHILDREN_AT_ONCE]):
+                writer.write_table(case)
     return [path]
 
 
+def _cases(run: Run, children: Sequence[int]) -> Iterator[pa.Table]:
+    """Yield the rows of some children; the whole table of many children needs too much memory."""
+    file, ordered = run.folder / "tracks.parquet", sorted(children)
+    table = pq.read_table(file, filters=[("case_id", "in", ordered)])
+    rows = run.states(children[0]).x.size
+    if table.num_rows != rows * len(ordered):
+        raise ResultError(f"{file}: has not {rows} rows of each child; run again")
+    for child in children:
+        yield table.slice(ordered.index(child) * rows, rows)
+
+
 def write_fcd_files(request: Request) -> list[Path]:
-    """Each child as SUMO's floating car data; several go into a folder."""
+    """Write each child as SUMO's floating car data; several go into a folder."""
     if len(request.children) == 1:
         child = request.children[0]
         paths = [request.out or Path(f"{request.file_stem(child)}.fcd.xml")]

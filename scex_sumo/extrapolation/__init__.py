@@ -1,4 +1,4 @@
-"""Extrapolation: a seed scene becomes children, in closed loop, over worker processes.
+"""Extrapolation of a seed scene to child scenarios, in closed loop, over worker processes.
 
 May import behaviors, world, metrics, scenarios, results and evaluation, and all below; not studies, reports.
 """

@@ -1,4 +1,4 @@
-"""Assignments: which behaviour model drives which vehicle in which child."""
+"""Assignments of behaviour models to the vehicles of each child."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.errors import UsageError
-from scex_sumo.kept import kept
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.cache import cached_bytes
+from scex_sumo.base.errors import UsageError
 from scex_sumo.statistics.designs import DESIGNS
 
 MAX_COMBINATIONS = 10_000
@@ -17,12 +17,9 @@ _ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM = range(4)
 
 
 def child_generator(seed: int, child: int, stream: int = _PLAN_STREAM) -> np.random.Generator:
-    """The random numbers of one child; they depend on the seed and the child's number alone.
+    """Return the random generator of a child, which depends on the seed and the child's number alone.
 
-    Args:
-        seed: the run's seed, not negative.
-        child: the child's number.
-        stream: separates draws of different purpose, so that one more draw here changes none there.
+    ``stream`` separates draws of different purpose, so that they do not change each other.
     """
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(child, stream)))
 
@@ -30,16 +27,12 @@ def child_generator(seed: int, child: int, stream: int = _PLAN_STREAM) -> np.ran
 def random_assignments(
     weights: Sequence[float], children: Sequence[int] | IntArray, vehicles: int, *, seed: int
 ) -> IntArray:
-    """Draw a model for every vehicle of every child, independently.
+    """Draw a model (C, V) for every vehicle of every child, independently.
 
     Args:
         weights: (M,) relative frequency of each model, not all zero.
         children: (C,) numbers of the children.
-        vehicles: number of vehicles V.
         seed: the run's seed.
-
-    Returns:
-        (C, V) index of the model.
     """
     upper = np.cumsum(np.asarray(weights, dtype=np.float64))
     upper /= upper[-1]
@@ -51,20 +44,16 @@ def random_assignments(
 def designed_assignments(
     weights: tuple[float, ...], children: int, vehicles: int, *, seed: int, design: str, keep: bool = False
 ) -> IntArray:
-    """Models for the vehicles of all children together, spread more evenly than independent draws.
+    """Draw models (C, V) for all children together, spread more evenly than independent draws.
 
-    Remembered, and not to be changed: moments of a ranking with as many vehicles have the same ones.
+    The result is cached and must not be changed: moments of a ranking with as many vehicles share it.
 
     Args:
         weights: (M,) relative frequency of each model, not all zero.
-        children: number of children.
-        vehicles: number of vehicles V, at least 1.
+        vehicles: V, at least 1.
         seed: the run's seed.
         design: one of ``DESIGNS``.
-        keep: look for it in the user's cache, and leave it there.
-
-    Returns:
-        (C, V) index of the model.
+        keep: use the user's cache.
     """
     drawn = np.flatnonzero(np.asarray(weights, dtype=np.float64) > 0)
     shares = np.asarray(weights, dtype=np.float64)[drawn]
@@ -76,12 +65,12 @@ def designed_assignments(
     if not keep:
         return drawn[make()].astype(np.int64)
     made_of = repr((shares.tolist(), children, vehicles, seed, design)).encode()
-    levels = np.frombuffer(kept("designs", made_of, lambda: make().tobytes()), dtype=np.int64)
+    levels = np.frombuffer(cached_bytes("designs", made_of, lambda: make().tobytes()), dtype=np.int64)
     return drawn[levels.reshape(children, vehicles)]
 
 
 def all_assignments(choices: Sequence[int]) -> IntArray:
-    """Every combination of models, the last vehicle's changing fastest.
+    """Return every combination of models; the last vehicle's model changes fastest.
 
     Args:
         choices: (V,) number of models that each vehicle may get.
@@ -119,20 +108,17 @@ def assignments(
     design: str = "random",
     keep: bool = False,
 ) -> IntArray:
-    """The assignment of every child of a run.
+    """Return the model (C, V) of every vehicle in every child of a run.
 
     Args:
         weights: (M,) relative frequency of the models to draw from.
-        track_ids: (V,) names of the vehicles.
+        track_ids: (V,) of the vehicles.
         children: number of children, or None for all combinations.
         seed: the run's seed.
-        fixed: model (index, may lie beyond ``weights``) by track id, the same in all children.
-        design: how a number of children is drawn, one of ``DESIGNS``; fixed vehicles
-            take no part in it. With ``random`` and ``balanced``, fewer children are the first of more.
-        keep: as `designed_assignments` takes it.
-
-    Returns:
-        (C, V) index of the model.
+        fixed: model by track id, the same in all children; its index may lie beyond ``weights``.
+        design: how the children are drawn, one of ``DESIGNS``, but for fixed vehicles. With ``random`` and
+            ``balanced``, fewer children are the first of more.
+        keep: use the user's cache.
 
     Raises:
         UsageError: an unknown track id, or too many combinations.
@@ -162,20 +148,11 @@ def assignments(
 
 
 def route_draws(children: Sequence[int] | IntArray, vehicles: int, *, seed: int) -> FloatArray:
-    """One number in [0, 1) per vehicle and child, with which models of random routes choose theirs.
-
-    Args:
-        children: (C,) numbers of the children.
-        vehicles: number of vehicles V.
-        seed: the run's seed.
-
-    Returns:
-        (C, V).
-    """
+    """Return a number in [0, 1) per child and vehicle (C, V), by which models choose random routes."""
     return np.stack([child_generator(seed, int(c), _ROUTE_STREAM).random(vehicles) for c in children])
 
 
 def listing(ids: Sequence[int], most: int = 12) -> str:
-    """Some ids as words, the first few of many."""
+    """Return ids as text, the first few of many."""
     shown = ", ".join(str(i) for i in ids[:most])
     return shown if len(ids) <= most else f"{shown}, ... ({len(ids)} in all)"

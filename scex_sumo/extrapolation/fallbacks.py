@@ -1,4 +1,4 @@
-"""Fallbacks: how often models of a run had no usable plan, as a table of those plans and in words."""
+"""Fallbacks of a run: the plans that replaced a model's unusable one, as a table and as text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.arrays import IntArray
+from scex_sumo.base.arrays import IntArray
 from scex_sumo.extrapolation.rollout import Replaced
 from scex_sumo.scene import STEP_S
 
@@ -23,17 +23,15 @@ def fallbacks_table(
     names: Sequence[str],
     track_ids: IntArray,
 ) -> pa.Table | None:
-    """The plans that the path-following driver made, ordered by child, step, vehicle; None for none.
+    """Make the table of the path-following driver's plans; None for none.
 
     Args:
-        replaced: of a batch of children.
         children: (C,) their numbers, ascending.
         assignment: (C, V) index into `names`.
-        names: the models.
         track_ids: (V,) of the vehicles.
 
     Returns:
-        child, track_id, step (steps from the seed scene to the plan), model, reason.
+        child, track_id, step (of the plan, from the seed scene), model, reason; by child, step, vehicle.
     """
     if not replaced:
         return None
@@ -55,13 +53,11 @@ def fallbacks_table(
 def count_fallbacks(
     table: pa.Table | None, assignment: IntArray, names: Sequence[str], rounds: int
 ) -> list[dict[str, Any]]:
-    """Per model that fell back: how many of its plans, in how many children, and the first of them.
+    """Count the replaced plans of each model that has any.
 
     Args:
-        table: as `fallbacks_table`.
+        table: of `fallbacks_table`.
         assignment: (C, V) index into `names`, of all children of the run.
-        names: the models.
-        rounds: plans per vehicle and child.
 
     Returns:
         For ``run.json``: model, replaced, plans, children, first (child, track_id, step, reason).
@@ -86,7 +82,7 @@ def count_fallbacks(
 
 
 def fallback_lines(counts: Sequence[dict[str, Any]]) -> list[str]:
-    """``count_fallbacks`` as a line for each model."""
+    """Return `count_fallbacks` as text, a line for each model."""
     return [
         f"{c['model']}: {c['replaced']} of {c['plans']} plans replaced by the path-following driver's, "
         f"in {c['children']} {'child' if c['children'] == 1 else 'children'}; "

@@ -1,4 +1,4 @@
-"""Metric values of what was simulated or recorded: the metrics layer's view of a run."""
+"""Metric values, collisions and encounters of simulated and of recorded vehicles."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.models.replay import Replay, ReplayProfile
-from scex_sumo.derived import derived
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
 from scex_sumo.evaluation.tables import worst_table
-from scex_sumo.extrapolation.rollout import Cast, Rollout, roll_out
+from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
+from scex_sumo.metrics.collisions import OVERLAP_M2, Collisions, find_collisions
+from scex_sumo.metrics.encounters import Encounters, encounters_of
 from scex_sumo.metrics.evaluate import PAPER_PRESET, ScenarioValues, evaluate
 from scex_sumo.metrics.metric import Metric
-from scex_sumo.metrics.outlines.collisions import OVERLAP_M2, Collisions, find_collisions
-from scex_sumo.metrics.outlines.encounters import Encounters, encounters_of
 from scex_sumo.metrics.pairs.scenes import Scenes
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.world.plain import PlainWorld
@@ -26,7 +26,7 @@ from scex_sumo.world.plain import PlainWorld
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """What a batch of children came to: metric values, who hit whom, who met whom."""
+    """Metric values, collisions and encounters of a batch of children."""
 
     values: ScenarioValues
     collisions: Collisions
@@ -35,13 +35,11 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recorded:
-    """What really happened, measured like a child.
+    """The recorded future, measured like a child.
 
     Attributes:
-        values: one row.
-        overlaps: boxes that overlapped after the seed moment, as inexact boxes of recordings do.
-        last_step: (V,) steps from the seed moment on in which a vehicle is there.
-        steps: those of a child.
+        overlaps: boxes that overlapped after the seed moment; recorded boxes are inexact.
+        last_step: (V,) steps after the seed moment in which a vehicle is there.
     """
 
     values: ScenarioValues
@@ -58,11 +56,9 @@ def measure_outcome(
     preset: str = PAPER_PRESET,
     counted: BoolArray | None = None,
 ) -> Outcome:
-    """Metric values, collisions and encounters of a batch of children; arguments as `measure_rollout`.
+    """Measure a batch of children.
 
     Args:
-        scene: the seed scene.
-        rollout: the children.
         metrics: None for the paper's six.
         preset: rule for car-following of the metrics that leave it open.
         counted: (T, V) steps in which a vehicle counts, as `recorded_steps_of`; None: all.
@@ -87,14 +83,12 @@ def measure_rollout(
     preset: str = PAPER_PRESET,
     vehicles: Collection[int] | None = None,
 ) -> ScenarioValues:
-    """Metric values of a batch of child scenarios; paths are those of the current plans.
+    """Return the metric values of a batch of children; paths are those of the current plans.
 
     Args:
-        scene: the seed scene.
-        rollout: the children.
         metrics: None for the paper's six.
         preset: rule for car-following of the metrics that leave it open.
-        vehicles: only pairs that involve one of these (indices); None: all.
+        vehicles: only pairs with one of these (indices) count; None: all.
     """
     tracks, planned = _evaluated(scene, rollout, None)
     return evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles)
@@ -103,13 +97,11 @@ def measure_rollout(
 def worst_of(
     scene: SeedScene, values: ScenarioValues, children: IntArray, hits: Collisions | None = None
 ) -> pa.Table:
-    """Which step and which vehicles made each child's extremum; times as in ``tracks.parquet``.
+    """Return the step and the vehicles of each child's extremum; times as in ``tracks.parquet``.
 
     Args:
-        scene: the seed scene.
-        values: of a batch of child scenarios.
         children: (C,) their numbers.
-        hits: their collisions, of which values afterwards are flagged.
+        hits: their collisions; values after one are flagged.
     """
     steps = next(iter(values.scene.values())).value.shape[1]
     frames = np.arange(1, LOGGED_HISTORY + steps + 1, dtype=np.int64)
@@ -118,7 +110,7 @@ def worst_of(
     )
 
 
-@derived
+@owner_cache
 def measure_recorded(
     scene: SeedScene,
     steps: int,
@@ -127,16 +119,16 @@ def measure_recorded(
     metrics: tuple[Metric, ...] | None = None,
     preset: str = PAPER_PRESET,
 ) -> Recorded | None:
-    """The same for what really happened, one row, once for a run and its reference; None where nothing was.
+    """Measure the recorded future, as one row; returns None if there is none.
 
-    It is what a child of `Replay` for every vehicle is, in a world of arrays: the same steps, planned paths
-    and code. Vehicles count as long as they were recorded.
+    It is measured as a child in which `Replay` drives every vehicle in a plain world. Vehicles count as long
+    as they were recorded.
     """
     if scene.future is None or scene.future_valid is None or scene.future.shape[1] == 0:
         return None
     assert scene.road is not None
     one, vehicles = np.zeros(1, dtype=np.int64), scene.vehicles
-    cast = Cast(
+    batch = Batch(
         children=one,
         assignment=np.zeros((1, vehicles), dtype=np.int64),
         models=[Replay(ReplayProfile())],
@@ -145,7 +137,7 @@ def measure_recorded(
         route_draw=np.zeros((1, vehicles)),
         generators=[np.random.default_rng(0)],
     )
-    rollout = roll_out(PlainWorld(1, vehicles), scene.road, scene, cast, steps=steps, replan=replan)
+    rollout = roll_out(PlainWorld(1, vehicles), scene.road, scene, batch, steps=steps, replan=replan)
     counted = recorded_steps_of(scene, steps)
     tracks, planned = _evaluated(scene, rollout, counted[None])
     values = evaluate(tracks, planned, preset=preset, metrics=metrics)
@@ -154,7 +146,7 @@ def measure_recorded(
 
 
 def recorded_steps_of(scene: SeedScene, steps: int) -> BoolArray:
-    """(T, V) steps after the seed moment up to a vehicle's first gap, as `Replay` has it."""
+    """Return the steps (T, V) after the seed moment up to a vehicle's first gap, as `Replay` has it."""
     assert scene.future_valid is not None
     known = np.cumprod(scene.future_valid, axis=1).sum(axis=1)
     result: BoolArray = np.arange(steps)[:, None] < np.minimum(known, steps)
@@ -162,7 +154,7 @@ def recorded_steps_of(scene: SeedScene, steps: int) -> BoolArray:
 
 
 def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:
-    """Pairs of vehicles (indices) whose boxes overlap at the seed moment by more than a collision needs."""
+    """Return the pairs of vehicles (indices) whose boxes overlap like a collision at the seed moment."""
     now, (one, two) = scene.now, np.triu_indices(scene.vehicles, 1)
     boxes = [Rectangles.of(now[side], scene.length[side], scene.width[side]) for side in (one, two)]
     at = np.flatnonzero(overlap_area(*boxes) > OVERLAP_M2)
@@ -170,15 +162,13 @@ def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:
 
 
 def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> FloatArray:
-    """How far SUMO put the vehicles that it drives from where one step of their motion leads.
+    """Return how far SUMO moved the vehicles that it drives from their motion in the first step.
 
-    SUMO keeps a vehicle parallel to its lane, so that one that stands askew is turned about its front bumper
-    when SUMO takes it over.
+    SUMO keeps vehicles parallel to their lanes. It turns a vehicle at an angle about its front bumper.
 
     Args:
-        scene: the seed scene.
         first: (C, V) states after the first step.
-        by_sumo: (C, V) which vehicles SUMO drives.
+        by_sumo: (C, V) True where SUMO drives.
 
     Returns:
         (n,) m, one for each vehicle that SUMO drives.
@@ -193,9 +183,9 @@ def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> Float
 def _evaluated(
     scene: SeedScene, rollout: Rollout, present: BoolArray | None
 ) -> tuple[SceneTracks, PlannedPaths]:
-    """Tracks and planned paths of a rollout as metrics take them; ``present`` (C, T, V): None for all."""
+    """Return tracks and planned paths of a rollout as input of metrics; ``present`` (C, T, V), None: all."""
     count, steps, _ = rollout.states.shape
-    # No more than tracks.parquet holds, so that its children can be evaluated again to the same values.
+    # No more than tracks.parquet holds, so that an evaluation from there gives the same values.
     past = scene.history.repeat(count)[:, :, -LOGGED_HISTORY:].swapaxes(1, 2)
     if present is not None:
         present = np.concatenate([np.ones(past.shape, dtype=bool), present], axis=1)

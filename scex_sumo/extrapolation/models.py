@@ -1,4 +1,4 @@
-"""Models of a run: built, with who is drawn, fixed and under test."""
+"""Models of a run, and the vehicles that are drawn, fixed and under test."""
 
 from __future__ import annotations
 
@@ -10,18 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.arrays import IntArray
+from scex_sumo.base.arrays import IntArray
+from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.learned.models import LearnedModel
-from scex_sumo.behaviors.plug_in.fallback import Fallible
-from scex_sumo.behaviors.plug_in.usable import source_file
+from scex_sumo.behaviors.plug_in.fallback import Fallible, source_file
 from scex_sumo.behaviors.registry import ModelSpec, build, is_own, may_fail, parse_models
-from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.assignments import assignments, child_generator, listing, route_draws
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.scene import SeedScene, Who
+from scex_sumo.scene import SeedScene, VehicleIndex
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,10 +28,9 @@ class ModelSet:
     """The models of a run.
 
     Attributes:
-        drawn: models to draw from.
         specs: all models, those of fixed vehicles included; assignments are indices into it.
         fixed: index of the model by track id, for vehicles that are not drawn.
-        tested: model by track id for vehicles under test; None where one is driven as drawn.
+        tested: model by track id for vehicles under test; None: as drawn.
         built: the models themselves, by index.
     """
 
@@ -47,7 +45,7 @@ class ModelSet:
         """Build the models that settings name.
 
         Raises:
-            UsageError: a model that makes no sense or cannot be made.
+            UsageError: a model makes no sense or cannot be built.
         """
         tested = settings.under_test
         specs, names = list(settings.drawn), [str(spec) for spec in settings.drawn]
@@ -63,12 +61,12 @@ class ModelSet:
                 specs.append(wanted[0])
                 names.append(str(wanted[0]))
             fixed[int(track)] = names.index(str(wanted[0]))
-        built = tuple(_usable(spec) for spec in specs)
+        built = tuple(_built(spec) for spec in specs)
         return cls(drawn=settings.drawn, specs=tuple(specs), fixed=fixed, tested=tested, built=built)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All models as on the command line, without weights."""
+        """Names of all models as on the command line, without weights."""
         return tuple(str(spec) for spec in self.specs)
 
     @cached_property
@@ -79,7 +77,7 @@ class ModelSet:
 
     @cached_property
     def sources(self) -> dict[str, str]:
-        """SHA-256 of the file of each of the user's own models, by its name, where there is one."""
+        """SHA-256 of the source file of each of the user's models, by its name, where there is one."""
         files = {name: source_file(model) for spec, name, model in self._bare() if is_own(spec)}
         return {
             name: hashlib.sha256(file.read_bytes()).hexdigest()
@@ -88,13 +86,13 @@ class ModelSet:
         }
 
     def keep_images(self) -> None:
-        """Have learned drivers keep in the user's cache what they make of a map."""
+        """Let learned drivers cache their map features on the disk."""
         for _, _, model in self._bare():
             if isinstance(model, LearnedModel):
                 model.driver.keeps = True
 
     def _bare(self) -> Iterator[tuple[ModelSpec, str, Behavior]]:
-        """Each model without its guard and stand-in."""
+        """Yield each model without its guard and fallback."""
         for spec, name, model in zip(self.specs, self.names, self.built, strict=True):
             while isinstance(model, Guarded | Fallible):
                 model = model.model
@@ -103,18 +101,18 @@ class ModelSet:
     def draw(
         self, track_ids: IntArray, *, children: int | None, seed: int, design: str, keep: bool = False
     ) -> IntArray:
-        """(C, V) model of every vehicle in every child, as `assignments`.
+        """Return the model (C, V) of every vehicle in every child, as `assignments`.
 
-        A vehicle under test takes part in the draw and then gets its model, so that all others have the
-        models that they have without it.
+        A vehicle under test takes part in the draw and then gets its model, so that the draw of the others
+        does not depend on it.
 
         Raises:
-            UsageError: a track id that the seed scene has not, and what `assignments` raises.
+            UsageError: a track id is not in the seed scene, and whatever `assignments` raises.
         """
         ids = [int(track) for track in track_ids]
         unknown = sorted(set(self.tested) - set(ids))
         if unknown:
-            # A model of the user's own is under test by --assign as well.
+            # --assign puts a user's model under test as well.
             raise UsageError(
                 f"--assign or --under-test: no vehicle {unknown[0]} in the seed scene; "
                 f"its vehicles: {listing(ids)}"
@@ -130,10 +128,10 @@ class ModelSet:
         return drawn
 
     def try_on(self, scene: SeedScene, *, seed: int) -> None:
-        """Let every model that may fail plan once for the vehicles of the seed scene that it may get.
+        """Have every model that may fail plan once for the vehicles that it may drive.
 
         Raises:
-            ScexError: one has no usable plan for any of them.
+            ScexError: a model has no usable plan for any vehicle.
         """
         assert scene.road is not None
         children = np.zeros(1, dtype=np.int64)
@@ -146,11 +144,11 @@ class ModelSet:
                 continue
             mine = [self.fixed.get(t, index if index < len(self.drawn) else -1) == index for t in tracks]
             vehicle = np.flatnonzero(np.array(mine, dtype=np.bool_))
-            who = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+            who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
             model.try_on(history, scene.road, who, [child_generator(seed, 0)])
 
     def to_json(self) -> dict[str, Any]:
-        """What ``run.json`` says of them."""
+        """Return their entries of ``run.json``."""
         return {
             "models": [{"model": str(s), "weight": s.weight} for s in self.drawn],
             "weights": self.weights,
@@ -160,8 +158,8 @@ class ModelSet:
         }
 
 
-def _usable(spec: ModelSpec) -> Behavior:
-    """A model that cannot fail: where it may, the path-following driver stands in, the guard over both."""
+def _built(spec: ModelSpec) -> Behavior:
+    """Build a model; one that may fail gets the path-following driver as fallback, inside of its guard."""
     model = build(spec)
     if not may_fail(spec):
         return model

@@ -1,28 +1,26 @@
-"""Notes of a run: what its reader should know before the numbers, one phrase each."""
+"""Notes of a run for its reader, one phrase each."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
+from scex_sumo.base.errors import listed
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.extrapolation.assignments import listing
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.measure import Recorded, handover_jumps, overlapping_at_first
 from scex_sumo.results.parts import Part
-from scex_sumo.scene import SeedScene
+from scex_sumo.scene import STEP_S, SeedScene
 
-HANDOVER_M = 0.5  # a jump of a vehicle's centre that SUMO's own drivers are told of
+COPY_M = 0.5  # two vehicles with centres this close are copies of one
+HANDOVER_M = 0.5  # jump of a vehicle's centre that gets a note
 
 
 def handover_notes(job: Job, part: Part) -> list[str]:
-    """Whether SUMO moved vehicles when it took them over, one phrase.
-
-    Args:
-        job: the run.
-        part: its children, with the first step of their states.
-    """
+    """Return a note if SUMO moved vehicles in the first step, which ``part`` has of all children."""
     by_sumo = np.array([isinstance(model, SumoDriver) for model in job.models.built])[job.assignment]
     jumps = handover_jumps(job.scene, part.states[:, 0], by_sumo)
     far = int((jumps > HANDOVER_M).sum())
@@ -35,31 +33,50 @@ def handover_notes(job: Job, part: Part) -> list[str]:
 
 
 def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
-    """What is no collision although boxes overlap, and who is missing in the recorded row."""
-    notes, ids = [], [int(track) for track in scene.track_ids]
-    pairs = [f"{ids[a]} and {ids[b]}" for a, b in overlapping_at_first(scene)]
+    """Return notes on copies of vehicles, boxes that overlap without collision, and the recording's end."""
+    notes, ids, now = [], [int(track) for track in scene.track_ids], scene.now
+    overlaps = overlapping_at_first(scene)
+    copies = {(a, b) for a, b in overlaps if math.hypot(now.x[a] - now.x[b], now.y[a] - now.y[b]) < COPY_M}
+    if copies:
+        again = sorted({ids[b] for _, b in copies})
+        notes.append(
+            f"{len(again)} of {len(ids)} vehicles lie on another one and look like its copies: "
+            f"{listing(again)}; leave them out of the tracks"
+        )
+    pairs = [f"{ids[a]} and {ids[b]}" for a, b in overlaps if (a, b) not in copies]
     if pairs:
-        notes.append(f"boxes overlap at the seed moment already, which is no collision: {', '.join(pairs)}")
+        notes.append(f"boxes overlap at the seed moment already, which is no collision: {listed(pairs)}")
     if recorded is None:
         return notes
-    told = recorded_info(scene, recorded)
-    assert told is not None
-    seen = [f"{a} and {b} at {time_s:.1f} s" for a, b, time_s in told["overlaps"]]
+    info = recorded_info(scene, recorded)
+    assert info is not None
+    twins = {frozenset((ids[a], ids[b])) for a, b in copies}
+    seen = [
+        f"{a} and {b} at {time_s:.1f} s"
+        for a, b, time_s in info["overlaps"]
+        if frozenset((a, b)) not in twins
+    ]
     if seen:
-        notes.append(f"recorded boxes overlap, as inexact boxes do, and are no collisions: {', '.join(seen)}")
-    gone = [int(track) for track in told["left"]]
+        notes.append(f"recorded boxes overlap, as inexact boxes do, and are no collisions: {listed(seen)}")
+    gone, end = info["left"], int(recorded.last_step.max())
+    together = [track for track, step in gone.items() if step == end]
+    if end < recorded.steps and len(together) > 1:  # nobody stays longer, and several end at one step
+        notes.append(
+            f"recorded: the recording ends {end * STEP_S:g} s after the moment, and the recorded column too"
+        )
+        gone = {track: step for track, step in gone.items() if step < end}
     if gone:
         notes.append(
             f"recorded: {len(gone)} of {len(ids)} vehicles leave within the time of a child, and are absent "
-            f"from then on in the recorded column only: {listing(gone)}"
+            f"from then on in the recorded column only: {listing([int(track) for track in gone])}"
         )
     return notes
 
 
 def recorded_info(scene: SeedScene, recorded: Recorded | None) -> dict[str, Any] | None:
-    """What ``run.json`` says of the recorded future; None where there is none.
+    """Return the entry ``recorded`` of ``run.json``; None without a recorded future.
 
-    ``left``: last step of each vehicle that leaves within the time of a child, by track id; ``overlaps``:
+    ``left``: last step of each vehicle that leaves within the time of a child, by track id. ``overlaps``:
     boxes that overlap, as two track ids and the time in s.
     """
     if recorded is None:

@@ -1,108 +1,64 @@
-"""Reference of a run: what the same seed scene likely becomes, beside what it could become."""
+"""Reference of a run: the same seed scene with human-like drivers."""
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
-from collections.abc import Sequence
-from concurrent.futures import Future
-from functools import partial
-from pathlib import Path
-from typing import Any
 
-from scex_sumo.extrapolation.extrapolate import SETTINGS, Progress, extrapolate
-from scex_sumo.extrapolation.workers.pool import Workers, ended_well
+from scex_sumo.extrapolation.engine import DEFAULT_OPTIONS, RunOptions, run_scene
+from scex_sumo.extrapolation.settings import Models, RunSettings
+from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.run import REFERENCE, Run
 from scex_sumo.scene import SeedScene
+from scex_sumo.world.base import WORLDS
 
 CHILDREN = 117
 """Children of a reference: a 95 % interval of at most +-9 % around a share."""
 STEPS = 30
-"""Steps of a child at which all of these are run, however few children the run itself has."""
-
-SHARED = ("steps", "replan", "seed", "preset", "metrics", "thresholds", "reflect")
-"""Settings that a reference has from its run; it draws all its vehicles, none is assigned or under test."""
-
-
-def begin_reference(
-    folder: Path, children: int, scene: SeedScene, mix: str, /, *, workers: Workers, **options: Any
-) -> Future[Any] | None:
-    """Have a worker run the reference of a run while that one begins.
-
-    Args:
-        folder: of the run.
-        children: of the run.
-        scene: its seed scene, with its road.
-        mix: the models that tell what is likely.
-        workers: one of them does it, if that takes it no longer than the children take the others.
-        options: the others of `add_reference`, but for ``progress``.
-
-    Returns:
-        For `add_reference`; None where nothing has begun.
-    """
-    if children < CHILDREN * (workers.processes - 1):
-        return None
-    return workers.beside(partial(_run, folder, children, scene, mix, **options), where="over the reference")
+"""Steps of a child up to which all of these are run, however few children the run itself has."""
 
 
 def add_reference(
     run: Run,
     scene: SeedScene,
-    mix: str,
+    models: Models,
+    settings: RunSettings,
     *,
-    begun: Future[Any] | None = None,
-    workers: int | Workers = 1,
-    cache: bool = True,
-    progress: Progress | None = None,
-    command: Sequence[str] | None = None,
-    **settings: Any,
+    workers: Workers,
+    options: RunOptions = DEFAULT_OPTIONS,
 ) -> Run:
-    """Run the reference of a run into its folder, ``reference/``, a result by itself; what is there is kept.
+    """Run the reference of a run into its folder, ``reference/``; a finished one is kept.
 
     Args:
-        run: the finished run, whose children stay as they are.
         scene: its seed scene, with its road.
-        begun: what `begin_reference` gave.
-        mix: the models that tell what is likely, as `extrapolate` takes them.
-        workers: as in `extrapolate`.
-        cache: likewise.
-        progress: likewise.
-        command: likewise.
-        settings: those of the run; only `SHARED` are taken.
-
-    Returns:
-        The reference.
+        models: of the reference, human-like ones.
+        settings: of the run; the reference draws all its vehicles, none is assigned or under test.
     """
-    if begun is None or not ended_well(begun):
-        options = {"cache": cache, "progress": progress, "command": command}
-        _run(run.folder, run.children, scene, mix, workers=workers, **options, **settings)
-    return Run(run.folder / REFERENCE)
-
-
-def _run(folder: Path, children: int, scene: SeedScene, mix: str, /, **options: Any) -> None:
-    """Run the reference of a run of so many children; options of `extrapolate`, and settings of the run."""
-    shared = {name: value for name, value in options.items() if name not in SETTINGS or name in SHARED}
-    extrapolate(
-        scene,
-        out=folder / REFERENCE,
-        overwrite=True,
-        models=mix,
-        children=reference_children(children, options.get("steps", STEPS)),
-        keep_plans=False,
-        world="plain" if options.get("world") == "plain" else "checked",
-        **shared,
+    wanted = RunSettings(
+        models=models,
+        children=reference_children(run.children, settings.steps),
+        steps=settings.steps,
+        replan=settings.replan,
+        seed=settings.seed,
+        preset=settings.preset,
+        metrics=settings.metrics,
+        thresholds=settings.thresholds,
+        reflect=settings.reflect,
+        world="checked" if WORLDS.load(settings.world).has_sumo else "plain",
     )
+    quiet = dataclasses.replace(options, batch=None, gui=False)
+    folder = run.folder / REFERENCE
+    return run_scene(scene, wanted, out=folder, workers=workers, overwrite=True, options=quiet)
 
 
 def reference_children(children: int, steps: int) -> int:
-    """Children of a reference: fewer where they would cost more than the run and than `STEPS` steps of all.
+    """Return the number of children of a reference of a run of so many children and steps.
 
-    Args:
-        children: of the run.
-        steps: of a child.
+    There are fewer where they would cost more than the run and than `STEPS` steps of all.
     """
     return min(CHILDREN, max(children, CHILDREN * STEPS // steps))
 
 
 def drop_reference(run: Run) -> None:
-    """Remove the reference of an earlier run from a result folder, where there is one."""
+    """Remove the reference of an earlier run from a result folder, if there is one."""
     shutil.rmtree(run.folder / REFERENCE, ignore_errors=True)

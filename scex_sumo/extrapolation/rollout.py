@@ -1,4 +1,4 @@
-"""Rollout in closed loop: models plan, the world steps, models see the outcome."""
+"""Rollout of child scenarios in closed loop: models plan, the world steps, models see the result."""
 
 from __future__ import annotations
 
@@ -7,26 +7,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
-from scex_sumo.errors import ScexError
 from scex_sumo.extrapolation.situations import plans_of
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, Who
+from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, VehicleIndex
 from scex_sumo.world.base import World
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rollout:
-    """A batch of child scenarios, as read back from the world.
+    """States of a batch of children, read back from the world.
 
     Attributes:
         children: (C,) numbers of the children.
         states: (C, T, V) after each step.
         plan_x: (C, R, V, H) centres planned at each of the R replans, m.
-        plan_y: (C, R, V, H) likewise.
-        replan: steps between plans.
-        replaced: plans that the path-following driver made for a model that had none.
+        plan_y: (C, R, V, H), m.
+        replaced: plans of the path-following driver in the place of a model's.
     """
 
     children: IntArray
@@ -39,7 +38,7 @@ class Rollout:
 
 @dataclass(frozen=True, kw_only=True)
 class Replaced:
-    """A plan that the path-following driver made in a model's stead.
+    """A plan of the path-following driver in the place of a model's.
 
     Attributes:
         child: the child's number.
@@ -55,15 +54,15 @@ class Replaced:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Cast:
-    """Who drives whom in a batch.
+class Batch:
+    """Children that run side by side, and the models of their vehicles.
 
     Attributes:
         children: (C,) numbers of the children.
         assignment: (C, V) index into ``models``.
         models: the behaviour models, by index.
         names: their names, for messages.
-        overridden: (M,) False for models that the world itself drives (SUMO's own).
+        overridden: (M,) False for SUMO's own models, whose vehicles the world drives.
         route_draw: (C, V) in [0, 1).
         generators: (C,) random numbers of each child.
     """
@@ -81,34 +80,31 @@ def roll_out(
     world: World,
     road: Road,
     scene: SeedScene,
-    cast: Cast,
+    batch: Batch,
     *,
     steps: int,
     replan: int,
     on_step: Callable[[int], None] | None = None,
 ) -> Rollout:
-    """Let a batch of children run from the seed scene.
+    """Simulate a batch of children from the seed scene.
 
     All models see the same history, then all vehicles move: no vehicle plans on another's future.
 
     Args:
         world: holds the seed scene in each of its C tiles.
-        road: the map.
-        scene: the seed scene.
-        cast: who drives whom.
         steps: number of steps of 0.1 s.
         replan: steps that a plan is followed before the next.
         on_step: called after each step with the number of children, e.g. to advance a progress bar.
 
     Raises:
-        ScexError: a model returned a plan that is too short or not finite. A `Fallible` model never does.
+        ScexError: a model's plan is too short or not finite; that of a `Fallible` model never is.
     """
-    count, vehicles = cast.assignment.shape
+    count, vehicles = batch.assignment.shape
     window = scene.history.repeat(count)
-    override = cast.overridden[cast.assignment]
+    override = batch.overridden[batch.assignment]
     groups = [
-        Who(child=c, vehicle=v)
-        for c, v in (np.nonzero(cast.assignment == m) for m in range(len(cast.models)))
+        VehicleIndex(child=c, vehicle=v)
+        for c, v in (np.nonzero(batch.assignment == m) for m in range(len(batch.models)))
     ]
     rounds = -(-steps // replan)
     plan_x = np.empty((count, rounds, vehicles, PLAN_STEPS))
@@ -118,10 +114,10 @@ def roll_out(
     replaced: list[Replaced] = []
     for step in range(steps):
         if step % replan == 0:
-            history = history_at(scene, window, cast.children, cast.route_draw, step=step)
-            for index, made in plans_of(cast.models, groups, history, road, cast.generators):
-                _take(made, plan, groups[index], cast.names[index])
-                replaced += _replaced(made, groups[index], cast, step)
+            history = history_at(scene, window, batch.children, batch.route_draw, step=step)
+            for index, made in plans_of(batch.models, groups, history, road, batch.generators):
+                _take(made, plan, groups[index], batch.names[index])
+                replaced += _replaced(made, groups[index], batch, step)
             plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]
             plan_y[:, step // replan] = plan.y[:, :, :PLAN_STEPS]
         world.move(plan[:, :, step % replan], override)
@@ -135,7 +131,7 @@ def roll_out(
         if on_step is not None:
             on_step(count)
     return Rollout(
-        children=cast.children,
+        children=batch.children,
         states=simulated,
         plan_x=plan_x,
         plan_y=plan_y,
@@ -145,9 +141,9 @@ def roll_out(
 
 
 def obstacles_at(scene: SeedScene, step: int) -> tuple[States, BoolArray]:
-    """Replayed participants ``step`` steps after the seed scene: (O,) states and presence.
+    """Return states (O,) and presence of the replayed participants ``step`` steps after the seed scene.
 
-    After the last step that the seed scene holds they keep its state.
+    After the last step of the recording they keep its state.
     """
     assert scene.obstacles is not None
     column = min(HISTORY_STEPS + step, scene.obstacles.states.shape[1] - 1)
@@ -157,14 +153,12 @@ def obstacles_at(scene: SeedScene, step: int) -> tuple[States, BoolArray]:
 def history_at(
     scene: SeedScene, window: States, children: IntArray, route_draw: FloatArray, *, step: int
 ) -> SceneHistory:
-    """What models see ``step`` steps after the seed scene.
+    """Return the models' input ``step`` steps after the seed scene.
 
     Args:
-        scene: the seed scene.
         window: (C, V, 11) the last states.
         children: (C,) numbers of the children.
         route_draw: (C, V) in [0, 1).
-        step: steps since the seed scene.
     """
     obstacles, present = obstacles_at(scene, step) if scene.obstacles is not None else (None, None)
     return SceneHistory(
@@ -179,14 +173,14 @@ def history_at(
 
 
 def _read_only(values: FloatArray) -> FloatArray:
-    """A view that no model can change for the others."""
+    """Return a view that no model can change for the others."""
     view = values.view()
     view.flags.writeable = False
     return view
 
 
-def _take(made: Plan, plan: States, who: Who, name: str) -> None:
-    """Check a model's plan and enter it for the vehicles that it was made for."""
+def _take(made: Plan, plan: States, who: VehicleIndex, name: str) -> None:
+    """Check a model's plan, and enter it for its vehicles."""
     needed = plan.shape[2]
     parts = {"x": made.x, "y": made.y, "heading": made.heading, "speed": made.speed}
     for key, values in parts.items():
@@ -203,13 +197,13 @@ def _take(made: Plan, plan: States, who: Who, name: str) -> None:
         getattr(plan, key)[who.child, who.vehicle] = values[:, :needed]
 
 
-def _replaced(made: Plan, who: Who, cast: Cast, step: int) -> list[Replaced]:
-    """The plans that are not the model's own."""
+def _replaced(made: Plan, who: VehicleIndex, batch: Batch, step: int) -> list[Replaced]:
+    """Return the plans that are not the model's own."""
     if made.fallback is None:
         return []
     return [
         Replaced(
-            child=int(cast.children[who.child[row]]),
+            child=int(batch.children[who.child[row]]),
             vehicle=int(who.vehicle[row]),
             step=step,
             reason=made.reasons[row] if made.reasons else BY_ITSELF,

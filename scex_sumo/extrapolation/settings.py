@@ -1,4 +1,4 @@
-"""Settings of a run: all that decides on its values, checked."""
+"""Settings of a run, checked: all that decides on its values."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final, TypeAlias
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, parse_models
-from scex_sumo.errors import UsageError
 from scex_sumo.metrics.evaluate import PAPER_PRESET
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.registry import COLUMNS, column_named, columns_of, describe_metrics, metrics_named
 from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
+from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
 
-WORLDS = ("sumo", "plain", "checked")
-MOST_CHILDREN, MOST_STEPS, MOST_STATES = 100_000, 6_000, 2 * 10**8
-"""What is run at most: children, steps of each (ten minutes), and states of all vehicles in all steps."""
+MAX_CHILDREN, MAX_STEPS, MAX_STATES = 100_000, 6_000, 2 * 10**8
+"""Limits of a run: children, steps of each (ten minutes), and states of all vehicles in all steps."""
 
 Models: TypeAlias = str | Sequence[str | ModelSpec]
 
@@ -28,7 +28,7 @@ RUN_PRESETS: Final[Mapping[str, tuple[str, ...]]] = {
     "path": ("path",),
     "both": ("paper", "path"),
 }
-"""The sets of metrics that a run evaluates."""
+"""Sets of metrics that a run evaluates."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,32 +38,32 @@ class RunSettings:
     Attributes:
         models: behaviour models to draw from, ``name[:parameter=value]...[@weight]``, comma-separated
             or a list.
-        assign: model by track id for vehicles that are not to be drawn; a model of your own is under test.
+        assign: model by track id for vehicles that are not drawn; a user's model is under test.
         under_test: model by track id for vehicles whose own encounters are measured apart, see
-            `Run.under_test`; None leaves a vehicle to what is drawn.
-        baseline: run every child a second time without the models under test, to compare with.
-        children: number of children, 385 as in the paper: a 95 % interval of +-5 % around a share of one
-            half; ``"all"`` for every combination.
+            `Run.under_test`; None: as drawn.
+        baseline: run every child a second time without the models under test, for comparison.
+        children: number of children; 385, as in the paper, gives a 95 % interval of +-5 % around a share of
+            one half; ``"all"`` for every combination.
         design: how the assignments are drawn, one of `scex_sumo.statistics.designs.DESIGNS`.
-        until_band: go on until the 95 % bands of all cumulative distributions have this half-width, see
-            `scex_sumo.statistics.intervals`; ``children`` is then the most that are run.
+        until_band: half-width of the 95 % bands of all cumulative distributions at which the run ends, see
+            `scex_sumo.statistics.intervals`; ``children`` is then the maximum.
         steps: steps of 0.1 s per child.
-        replan: steps that a plan is followed before the next, 1 to 30.
+        replan: steps between plans, 1 to 30.
         seed: the same seed gives the same result.
-        world: ``sumo``, what SUMO holds is what models see and metrics measure; ``plain``, arrays alone, in
-            which SUMO drives nobody: the same to the bit; or ``checked``, arrays where SUMO drives nobody,
-            and of two children of each batch it is seen that SUMO holds the same.
+        world: ``sumo``, read back from SUMO; ``plain``, arrays alone, for models that SUMO does not drive,
+            with the same result to the bit; ``checked``, arrays that are compared with SUMO in two children
+            of each batch; or an entry point in ``scex_sumo.worlds``.
         preset: ``paper`` for the paper's six metrics, ``path`` for those along planned paths and between
             outlines, ``both``.
-        metrics: names, import paths or metrics, after the check the latter, in the place of the preset's;
-            ``paper`` and ``path`` stand for those of a preset.
+        metrics: names, import paths or metrics in the place of the preset's, metrics after the check;
+            ``paper`` and ``path`` are those of a preset.
         thresholds: by metric column, on top of the defaults.
-        reflect: tell apart the values that many children share, and fold what a density puts below 0 back
-            where values cannot be negative; False gives the paper's plain kernel.
+        reflect: separate the values that many children share, and reflect densities at 0 where values
+            cannot be negative; False gives the paper's plain kernel.
         keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
 
     Raises:
-        UsageError: one makes no sense.
+        UsageError: a setting makes no sense.
     """
 
     models: Models = DEFAULT_MODELS
@@ -76,33 +76,35 @@ class RunSettings:
     steps: int = 30
     replan: int = 5
     seed: int = 0
-    world: str = "sumo"
+    world: str = DEFAULT_WORLD
     preset: str = "both"
     metrics: Sequence[str | Metric] | None = None
     thresholds: Mapping[str, float] = field(default_factory=dict)
     reflect: bool = True
-    keep_plans: bool = True
+    keep_plans: bool = False
 
     def __post_init__(self) -> None:
         if self.steps < 1:
             raise UsageError(f"--steps: got {self.steps}, needs at least 1")
-        if self.steps > MOST_STEPS:
-            raise UsageError(f"--steps: got {self.steps:,}, at most {MOST_STEPS:,} are run")
+        if self.steps > MAX_STEPS:
+            raise UsageError(f"--steps: got {self.steps:,}, at most {MAX_STEPS:,} are run")
         if not 1 <= self.replan <= PLAN_STEPS:
             raise UsageError(
                 f"--replan: got {self.replan}, needs 1 to {PLAN_STEPS} (models plan {PLAN_STEPS} steps)"
             )
         if self.world not in WORLDS:
-            raise UsageError(f"--world: got {self.world!r}, needs {', '.join(WORLDS)}")
+            raise UsageError(f"--world: got {self.world!r}, needs {', '.join(WORLDS.paths)}")
         if self.seed < 0:
             raise UsageError(f"--seed: got {self.seed}, needs 0 or more")
         self._put_under_test()
         if not self.drawn:
             raise UsageError("--models: names no model")
+        if not any(spec.weight > 0 for spec in self.drawn):
+            raise UsageError("--models: all weights are 0; give at least one model a positive weight")
         if self.count is not None and self.count < 1:
             raise UsageError(f"--children: got {self.count}, needs at least 1 (or 'all')")
-        if self.count is not None and self.count > MOST_CHILDREN:
-            raise UsageError(f"--children: got {self.count:,}, at most {MOST_CHILDREN:,} are run")
+        if self.count is not None and self.count > MAX_CHILDREN:
+            raise UsageError(f"--children: got {self.count:,}, at most {MAX_CHILDREN:,} are run")
         check_design(self.design)
         if self.until_band is not None:
             check_band(self.until_band)
@@ -117,7 +119,7 @@ class RunSettings:
         object.__setattr__(self, "thresholds", checked_thresholds(self.thresholds or {}, self.columns))
 
     def _put_under_test(self) -> None:
-        """A vehicle whose assigned model is the user's own is under test, too, where it is compared."""
+        """Put vehicles with an assigned model of the user under test, unless there is no baseline."""
         assign, under_test = self.assign or {}, self.under_test or {}
         twice = sorted(set(under_test) & set(assign))
         if twice:
@@ -136,7 +138,7 @@ class RunSettings:
 
     @cached_property
     def count(self) -> int | None:
-        """Number of children, with ``until_band`` the largest; None for every combination."""
+        """Number of children, with ``until_band`` the maximum; None for every combination."""
         if self.children == "all":
             return None
         try:
@@ -145,12 +147,12 @@ class RunSettings:
             raise UsageError(f"--children: got {self.children!r}, needs a number or 'all'") from None
 
     def check_size(self, children: int, vehicles: int) -> None:
-        """Raise a `UsageError` where so many children of so many vehicles would not fit onto a machine."""
+        """Raise a `UsageError` if the states of so many children and vehicles would not fit into memory."""
         states = children * vehicles * self.steps
-        if states > MOST_STATES:
+        if states > MAX_STATES:
             raise UsageError(
                 f"{children:,} children x {vehicles:,} vehicles x {self.steps:,} steps are {states:,} "
-                f"states, at most {MOST_STATES:,} are run; ask for fewer --children or --steps"
+                f"states, at most {MAX_STATES:,} are run; ask for fewer --children or --steps"
             )
 
     @property
@@ -174,7 +176,7 @@ class RunSettings:
         return self.baseline and any(model is not None for model in self.under_test.values())
 
     def to_json(self) -> dict[str, Any]:
-        """What ``run.json`` says of them beside the models, see `ModelSet.to_json`."""
+        """Return their entries of ``run.json``; those of the models are in `ModelSet.to_json`."""
         described = describe_metrics(self.measured)
         return {
             **({"metrics": described} if described else {}),
@@ -184,7 +186,7 @@ class RunSettings:
             "design": self.design if self.count is not None else "all",
             "until_band": self.until_band,
             "seed": self.seed,
-            **({"world": self.world} if self.world != "sumo" else {}),
+            **({"world": self.world} if self.world != DEFAULT_WORLD else {}),
             "preset": self.preset,
             "reflect": self.reflect,
             "keep_plans": self.keep_plans,
@@ -192,10 +194,10 @@ class RunSettings:
 
 
 def checked_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] = COLUMNS) -> dict[str, float]:
-    """Thresholds by column, their metrics named in any way that `column_named` knows.
+    """Return thresholds by column; their metrics may be named in any way that `column_named` knows.
 
     Raises:
-        UsageError: one is no number, or that of no metric.
+        UsageError: one is no number, or its metric is unknown.
     """
     found = {}
     for name, value in thresholds.items():

@@ -1,4 +1,4 @@
-"""Situations of a replan: a model is asked once for all vehicles that it sees in the same one."""
+"""Plans made once for all vehicles in equal situations, whatever their child."""
 
 from __future__ import annotations
 
@@ -7,27 +7,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from scex_sumo.arrays import IntArray, distinct
+from scex_sumo.base.arrays import IntArray, distinct
+from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.base import Behavior, Sight
-from scex_sumo.behaviors.driving.distinct import handed_out, own_motion
-from scex_sumo.behaviors.driving.together import DrivesAlong, Intent, driven
+from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, driven, handed_out, own_motion
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.plug_in.fallback import Fallible
-from scex_sumo.derived import derived
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, Who
+from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 
 
 def plans_of(
     models: Sequence[Behavior],
-    groups: Sequence[Who],
+    groups: Sequence[VehicleIndex],
     history: SceneHistory,
     road: Road,
     rng: Sequence[np.random.Generator],
 ) -> Iterator[tuple[int, Plan]]:
-    """What `Behavior.plan` of each model gives for its group, where that is not empty.
+    """Yield the index of each model that drives vehicles, and its plan for them.
 
-    Models of ours that drive along paths do so side by side; every other one is asked by itself.
+    Our path-following models plan together, in one call; every other model plans by itself.
     """
     some = [index for index, who in enumerate(groups) if len(who)]
     along = {index: one for index in some if (one := _intent(models[index], history, road, groups[index]))}
@@ -37,44 +36,45 @@ def plans_of(
         yield index, plan_once(models[index], history, road, groups[index], rng) if made is None else made
 
 
-def _intent(model: Behavior, history: SceneHistory, road: Road, who: Who) -> Intent | None:
-    """The drives that a model wants, one for all vehicles in equal situations; None for another's model."""
-    sight = sight_of(model)
+def _intent(model: Behavior, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
+    """Return a path-following model's intent, once for equal situations; None for other models."""
+    sight = plan_inputs_of(model)
     if sight is None or not isinstance(model, DrivesAlong):
         return None
     if sight == "itself":
         first, kind = distinct(own_motion(history, who))
     else:
-        first, kind = distinct(np.stack([_alike(history)[who.child], who.vehicle], axis=1).astype(np.float64))
+        first, kind = distinct(
+            np.stack([_first_alike(history)[who.child], who.vehicle], axis=1).astype(np.float64)
+        )
     return model.intend(history, road, _some(who, first)).of(kind)
 
 
 def plan_once(
-    model: Behavior, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]
+    model: Behavior, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
 ) -> Plan:
-    """What `Behavior.plan` gives, asked once for all vehicles whose situations are equal to the bit.
+    """Return a model's plan, made once for all vehicles whose situations are equal to the bit.
 
-    All children begin in one scene: the first plan of a network is one for each vehicle, not one for each
-    vehicle and child.
+    All children begin in one scene, so that the first plans differ by vehicle only.
     """
-    sight = sight_of(model)
+    sight = plan_inputs_of(model)
     if sight is None or len(who) < 2:
         return model.plan(history, road, who, rng)
     if sight == "itself":
         first, kind = distinct(own_motion(history, who))
         return handed_out(model.plan(history, road, _some(who, first), rng), kind)
-    alike = _alike(history)
+    alike = _first_alike(history)
     if len(alike) == len(np.unique(alike)):
         return model.plan(history, road, who, rng)
-    few, children = _few(history)
+    few, children = _one_of_each(history)
     child = np.searchsorted(children, alike[who.child])
     first, kind = distinct(np.stack([child, who.vehicle], axis=1).astype(np.float64))
-    asked = _some(Who(child=child, vehicle=who.vehicle), first)
+    asked = _some(VehicleIndex(child=child, vehicle=who.vehicle), first)
     return handed_out(model.plan(few, road, asked, [rng[c] for c in children.tolist()]), kind)
 
 
-def sight_of(model: Behavior) -> Sight | None:
-    """What decides on a model's plans; None for a user's model, which may use whatever it is given."""
+def plan_inputs_of(model: Behavior) -> Sight | None:
+    """Return which inputs a model's plans depend on; None for a user's model, which may use all of them."""
     guarded = False
     while isinstance(model, Guarded | Fallible):
         guarded |= isinstance(model, Guarded)
@@ -85,9 +85,9 @@ def sight_of(model: Behavior) -> Sight | None:
     return "everyone" if guarded and sight is not None else sight
 
 
-@derived
-def _alike(history: SceneHistory) -> IntArray:
-    """(C,) the first child whose vehicles have the same states as those of each child."""
+@owner_cache
+def _first_alike(history: SceneHistory) -> IntArray:
+    """Return for each child (C,) the first one whose vehicles have the same states."""
     states = history.states
     count = states.shape[0]
     values = np.concatenate(
@@ -97,10 +97,10 @@ def _alike(history: SceneHistory) -> IntArray:
     return first[kind]
 
 
-@derived
-def _few(history: SceneHistory) -> tuple[SceneHistory, IntArray]:
-    """One child of each kind, and (k,) their indices."""
-    children = np.unique(_alike(history))
+@owner_cache
+def _one_of_each(history: SceneHistory) -> tuple[SceneHistory, IntArray]:
+    """Return the history of one child of each kind, and their indices (k,)."""
+    children = np.unique(_first_alike(history))
     few = replace(
         history,
         states=history.states[children],
@@ -110,5 +110,5 @@ def _few(history: SceneHistory) -> tuple[SceneHistory, IntArray]:
     return few, children
 
 
-def _some(who: Who, index: IntArray) -> Who:
-    return Who(child=who.child[index], vehicle=who.vehicle[index])
+def _some(who: VehicleIndex, index: IntArray) -> VehicleIndex:
+    return VehicleIndex(child=who.child[index], vehicle=who.vehicle[index])

@@ -1,4 +1,4 @@
-"""Tables of a run: what it leaves in its folder, from the parts that its batches left there."""
+"""Tables of a run, written from the parts of its batches."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.converters.moments.writer import write_tracks
+from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.evaluation.encounters import ENCOUNTERS, encounters_table
 from scex_sumo.evaluation.outcomes import COLLISIONS, collided, encounters_of_rows
 from scex_sumo.evaluation.plans import PLANS, plans_table
@@ -18,7 +18,7 @@ from scex_sumo.extrapolation.fallbacks import FALLBACKS
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.measure import Recorded
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.workers.pool import Workers, ended_well
+from scex_sumo.extrapolation.workers import Workers, succeeded
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.densities import DENSITIES, densities_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
@@ -27,26 +27,24 @@ from scex_sumo.results.under_test import UNDER_TEST
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 from scex_sumo.statistics.intervals import DesignIntervals
 
-ROWS_AT_ONCE = 1 << 20  # of tracks, written to the disk: a row group of Parquet
+ROWS_AT_ONCE = 1 << 18  # of tracks, in a row group of Parquet
 
 
 def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, workers: Workers) -> Part:
-    """Write the tables of a run whose children are all in the folder.
+    """Write the tables of a run whose parts are all in the folder.
 
     Args:
-        folder: of the result.
-        job: what was run.
-        recorded: what really happened; None where nothing was recorded.
+        recorded: the recorded future; None without one.
         workers: if there are any, one writes the tracks meanwhile.
 
     Returns:
-        The children, of their states the first step only, without plans.
+        All children, with their first step only, without plans.
 
     Raises:
         ResultError: a file cannot be written, or children are missing.
     """
     these = folder, job.scene, len(job.assignment), job.settings
-    written = workers.beside(partial(_write_tracks, *these), where="over the tracks")
+    written = workers.submit(partial(_write_tracks, *these), where="over the tracks")
     parts = _write_each(*these) if written is None else _each(*these, plans=False)
     part, intervals = joined_parts([_first_step(part) for part in parts]), job.intervals
     columns, settings = job.settings.columns, job.settings
@@ -68,13 +66,13 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
         found = recorded.values
         folder.write_table("recorded.parquet", values_table(columns, found.values, found.defined))
     write_tracks(folder.path / "seed.csv", job.scene)
-    if written is not None and not ended_well(written):
+    if written is not None and not succeeded(written):
         _write_tracks(*these)
     return part
 
 
 def _encounters(job: Job, rows: pa.Table, intervals: DesignIntervals) -> pa.Table:
-    """``encounters.parquet``."""
+    """Return ``encounters.parquet``."""
     models = np.array(job.models.names)[job.assignment]
     found = encounters_of_rows(rows)
     ids = job.scene.track_ids
@@ -84,7 +82,7 @@ def _encounters(job: Job, rows: pa.Table, intervals: DesignIntervals) -> pa.Tabl
 def _each(
     folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings, *, plans: bool = True
 ) -> Iterator[Part]:
-    """All children, some at a time, so that memory does not grow with their number."""
+    """Yield all children, some at a time, so that memory does not grow with their number."""
     rows = scene.vehicles * (LOGGED_HISTORY + settings.steps)
     return folder.in_order(children, size=max(ROWS_AT_ONCE // rows, 1), plans=plans)
 
@@ -92,7 +90,7 @@ def _each(
 def _write_each(
     folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings
 ) -> Iterator[Part]:
-    """The same, whose tracks and plans have been written."""
+    """Yield the same after writing their tracks and plans."""
     with folder.writer("tracks.parquet") as add_tracks, folder.writer(PLANS) as add_plans:
         for part in _each(folder, scene, children, settings):
             add_tracks(tracks_table(scene, part))
@@ -102,10 +100,10 @@ def _write_each(
 
 
 def _write_tracks(folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings) -> None:
-    """Tracks and plans of all children."""
+    """Write tracks and plans of all children."""
     deque(_write_each(folder, scene, children, settings), maxlen=0)
 
 
 def _first_step(part: Part) -> Part:
-    """The children with their first step only, without plans."""
+    """Return children with their first step only, without plans."""
     return dataclasses.replace(part, states=part.states[:, :1].map(np.copy), plan_x=None, plan_y=None)

@@ -1,4 +1,4 @@
-"""Geometry of the plane: polylines, rectangles, crossings, frames. Arrays in, arrays out.
+"""Geometry of the plane: polylines, rectangles, crossings.
 
-May import arrays and scene's constants; knows no road.
+May import arrays and scene; knows no road.
 """

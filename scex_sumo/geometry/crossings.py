@@ -1,7 +1,7 @@
 """Crossings of polylines, for many pairs of them at once.
 
-Each polyline carries a pyramid of bounding boxes (segments, blocks of segments, blocks of blocks, ...). Pairs
-are refined from the top; only the few segments whose boxes meet are intersected.
+Each polyline has a pyramid of bounding boxes: of segments, blocks of segments, blocks of blocks. The search
+descends from the top and intersects only the few segments whose boxes meet.
 """
 
 from __future__ import annotations
@@ -10,23 +10,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
 BLOCK = 6
-# Sine of the angle below which two segments count as parallel: rounding of map coordinates (1e-10 m at 1000
-# km) over segments of about a metre must not make a lane's own line cross itself.
-PARALLEL = 1e-9
+PARALLEL = 1e-9  # sine of the smallest angle of a crossing; rounding must not make a lane cross itself
 ARC_ROUNDING_M = 1e-9
-TOUCH = 1e-9  # end points that touch within this share of a segment's length do cross
+TOUCH = 1e-9  # share of a segment's length within which touching end points cross
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Hits:
-    """Crossing points of segments: which of the tested, and where on either.
+    """Crossing points of segments.
 
     Attributes:
         which: (X,) index into the tested pairs.
-        first: (X,) share of the first segment up to the crossing point, 0 to 1.
+        first: (X,) share of the first segment before the crossing point, 0 to 1.
         second: (X,) share of the second segment.
         sine: (X,) of the angle between them, without sign.
     """
@@ -47,13 +45,9 @@ def intersect(
     sx: FloatArray,
     sy: FloatArray,
 ) -> Hits:
-    """Crossing points of segments p + u r and q + w s; touching counts, parallel segments never cross.
+    """Find crossing points of (N,) segments p + u r and q + w s, m.
 
-    Args:
-        px, py: (N,) start of the first segments, m.
-        rx, ry: (N,) from start to end of the first segments, m.
-        qx, qy: (N,) start of the second segments, m.
-        sx, sy: (N,) from start to end of the second segments, m.
+    Touching segments cross, parallel ones never.
     """
     area = rx * sy - ry * sx
     gx, gy = qx - px, qy - py
@@ -73,7 +67,7 @@ def intersect(
 
 
 def boxes_meet(first: FloatArray, second: FloatArray) -> BoolArray:
-    """Whether octagons overlap: (4, 2, ...) lowest and highest x, y, x + y, x - y of each."""
+    """Test whether octagons overlap: (4, 2, ...) lowest and highest x, y, x + y, x - y of each."""
     meet: BoolArray = first[0, 0] <= second[0, 1]
     for axis in range(4):
         if axis:
@@ -83,7 +77,7 @@ def boxes_meet(first: FloatArray, second: FloatArray) -> BoolArray:
 
 
 def octagon(x: FloatArray, y: FloatArray) -> FloatArray:
-    """(4, N...) coordinates along the four directions of an octagon: x, y, x + y, x - y."""
+    """Return (4, N...) coordinates along the directions of an octagon: x, y, x + y, x - y."""
     directions = np.empty((4, *x.shape))
     directions[0], directions[1] = x, y
     np.add(x, y, out=directions[2])
@@ -92,12 +86,12 @@ def octagon(x: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def segment_boxes(x: FloatArray, y: FloatArray, end_x: FloatArray, end_y: FloatArray) -> FloatArray:
-    """(4, 2, N...) octagons around segments, a hair wider than they are, so that touching is not lost."""
+    """Return (4, 2, N...) octagons around segments, slightly wider, so that touching ones meet."""
     return _around(octagon(x, y), octagon(end_x, end_y))
 
 
 def _around(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Octagons around two points given by their octagon coordinates, (4, N...) each."""
+    """Return octagons around two points given by (4, N...) octagon coordinates."""
     boxes = np.empty((4, 2, *start.shape[1:]))
     low, high = boxes[:, 0], boxes[:, 1]
     np.minimum(start, end, out=low)
@@ -116,12 +110,11 @@ class Polylines:
 
     Attributes:
         x: (N, H) m.
-        y: (N, H) m.
-        octagons: (4, N, H) of the nodes.
+        octagons: (4, N, H) coordinates of the nodes.
         arc: (N, H) length from the first node, m.
-        start: (2, N, M) start of each segment, M a multiple of the block size; the surplus has no length.
-        delta: (2, N, M) from start to end, m.
-        boxes: level by level, segments first: (4, 2, N, M / block^level) octagons; the top has one each.
+        start: (2, N, M) of each segment; M is padded to a multiple of the block size.
+        delta: (2, N, M) extent, m; 0 for padding.
+        boxes: by level, segments first: (4, 2, N, M / block^level) octagons.
     """
 
     x: FloatArray
@@ -134,7 +127,7 @@ class Polylines:
 
     @classmethod
     def build(cls, x: FloatArray, y: FloatArray) -> Polylines:
-        """Prepare (N, H) nodes, all finite."""
+        """Build from (N, H) finite nodes."""
         count = x.shape[1] - 1
         levels = 1
         while BLOCK**levels < count:
@@ -153,22 +146,24 @@ class Polylines:
         octagons = nodes[:, :, : count + 1]
         return cls(x=x, y=y, octagons=octagons, arc=arc, start=start, delta=delta, boxes=tuple(boxes))
 
-    def segments(self, at: tuple[IntArray, IntArray]) -> tuple[FloatArray, ...]:
-        """Start x and y and step x and y of segments, given by polyline and number, (N,) each."""
+    def segments(
+        self, at: tuple[IntArray, IntArray]
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return (N,) start x and y and step x and y of segments given by polyline and number."""
         return self.start[0][at], self.start[1][at], self.delta[0][at], self.delta[1][at]
 
     def arc_at(self, line: IntArray, segment: IntArray, share: FloatArray) -> FloatArray:
-        """(N,) length from the first node to a share of a segment, m."""
+        """Return (N,) length from the first node to a share of a segment, m."""
         at = (line, segment)
         arc: FloatArray = self.arc[at] + share * np.hypot(self.delta[0][at], self.delta[1][at])
         return arc
 
     def end_of(self, line: IntArray) -> FloatArray:
-        """(2, N...) last node, m."""
+        """Return (2, N...) last node, m."""
         return np.stack([self.x[line, -1], self.y[line, -1]])
 
     def direction_of(self, line: IntArray) -> FloatArray:
-        """(2, N...) unit vector of the last segment that has a length; 0 where none has."""
+        """Return (2, N...) unit vector of the last segment with a length; 0 if there is none."""
         length = np.hypot(self.delta[0], self.delta[1])
         index = np.arange(length.shape[1])
         last = np.where(length > 0, index, -1).max(axis=1)
@@ -179,12 +174,9 @@ class Polylines:
         return direction
 
     def column_at(self, line: IntArray, arc: FloatArray, *, leaving: bool = False) -> FloatArray:
-        """(N,) fractional column at which a length from the first node is reached, 0 where it is negative.
+        """Return (N,) fractional column at an arc length; 0 if it is negative, inf beyond the last node.
 
-        Args:
-            line: (N,) index of the polyline.
-            arc: (N,) m.
-            leaving: where the polyline stays at a point, when it leaves it; inf beyond the last node.
+        Where the polyline stays at a point: the first column, with ``leaving`` the last one.
         """
         end = self.arc[line, -1]
         target = np.where((arc > end) & (arc <= end + ARC_ROUNDING_M), end, arc)
@@ -203,9 +195,8 @@ class Polylines:
 
 
 def _merge(boxes: FloatArray) -> FloatArray:
-    """Boxes of blocks of boxes; a last, smaller block is filled up with its last box."""
-    count = boxes.shape[3]
-    missing = -count % BLOCK
+    """Return boxes around blocks of boxes; the last box fills up the last block."""
+    missing = -boxes.shape[3] % BLOCK
     if missing:
         boxes = np.concatenate([boxes, np.repeat(boxes[..., -1:], missing, axis=3)], axis=3)
     merged = boxes[..., ::BLOCK].copy()
@@ -217,7 +208,7 @@ def _merge(boxes: FloatArray) -> FloatArray:
 
 
 def _children(block: IntArray, count: int) -> tuple[IntArray, BoolArray]:
-    """(N, BLOCK) members of each block on the level below, and whether they exist."""
+    """Return (N, BLOCK) members of each block on the level below, and whether they exist."""
     member = block[:, None] * BLOCK + np.arange(BLOCK)
     return np.minimum(member, count - 1), member < count
 
@@ -225,15 +216,10 @@ def _children(block: IntArray, count: int) -> tuple[IntArray, BoolArray]:
 def polyline_crossings(
     lines: Polylines, first: IntArray, second: IntArray
 ) -> tuple[Hits, IntArray, IntArray]:
-    """All crossing points of pairs of polylines.
-
-    Args:
-        lines: the polylines.
-        first: (N,) index of one polyline of each pair.
-        second: (N,) index of the other.
+    """Find all crossing points of (N,) pairs of polylines given by index.
 
     Returns:
-        Crossing points (``which`` points into the pairs) and the number of the segment on either line.
+        Crossing points and the number of the segment on both lines.
     """
     which = np.arange(len(first))
     block_1 = block_2 = np.zeros(len(first), dtype=np.int64)
@@ -251,39 +237,26 @@ def polyline_crossings(
             which, block_1, block_2 = which[keep], block_1[keep], block_2[keep]
     at_1, at_2 = (first[which], block_1), (second[which], block_2)
     hits = intersect(*lines.segments(at_1), *lines.segments(at_2))
-    found = hits.which
-    hits = replace(hits, which=which[found])
-    return hits, block_1[found], block_2[found]
+    hit = hits.which
+    return replace(hits, which=which[hit]), block_1[hit], block_2[hit]
 
 
 def segment_crossings(
     x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, lines: Polylines, line: IntArray
 ) -> tuple[Hits, IntArray]:
-    """All crossing points of N segments with one polyline each.
-
-    Args:
-        x, y: (N,) start of the segments, m.
-        dx, dy: (N,) from start to end, m.
-        lines: the polylines.
-        line: (N,) index of each segment's polyline.
+    """Find all crossing points of (N,) segments (start and extent, m) with one polyline each.
 
     Returns:
-        Crossing points (``which`` points into the segments) and the number of the polyline's segment.
+        Crossing points and the number of the polyline's segment.
     """
     which, block = meeting_segments(segment_boxes(x, y, x + dx, y + dy), lines, line)
     at = (line[which], block)
     hits = intersect(x[which], y[which], dx[which], dy[which], *lines.segments(at))
-    found = hits.which
-    return replace(hits, which=which[found]), block[found]
+    return replace(hits, which=which[hits.which]), block[hits.which]
 
 
 def meeting_segments(own: FloatArray, lines: Polylines, line: IntArray) -> tuple[IntArray, IntArray]:
-    """Segments of polylines whose octagons meet given ones.
-
-    Args:
-        own: (4, 2, N) octagons.
-        lines: the polylines.
-        line: (N,) index of the polyline that each octagon is tested with.
+    """Find segments of (N,) polylines whose octagons meet (4, 2, N) given ones.
 
     Returns:
         Index of the octagon and number of the segment.

@@ -1,34 +1,37 @@
 """Polylines in the plane: arc length, points along, cutting, joining, headings, distances, widths.
 
-Points are (P, 2) arrays in metres; neither SUMO nor the road is known here.
+Points are (P, 2) arrays in metres.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
 PAIRS_AT_ONCE = 2**21  # of segments, so that long bounds take megabytes
+INSIDE_M = 1.5  # a vehicle nearer than this to another centreline stands in its traffic
+SHORT_M = 2.5  # on a shorter lane a vehicle stands at its end
+END_M = 3.0  # points this near to a loose end of a lane may lie on the map's border
 
 
 def wrap(angle: Any) -> Any:
-    """The same angle in [-pi, pi]; one that is there already is returned to the last bit."""
+    """Wrap an angle to [-pi, pi]; an angle within it is returned unchanged to the bit."""
     return angle - 2 * np.pi * np.round(angle / (2 * np.pi))
 
 
 def turn(before: float, after: float) -> float:
-    """Signed change of heading in (-pi, pi], positive to the left, rad."""
+    """Return the signed change of heading in (-pi, pi], positive to the left, rad."""
     return math.remainder(after - before, 2 * math.pi)
 
 
 def arc_lengths(points: FloatArray) -> FloatArray:
-    """(P,) arc length at each point, m."""
+    """Return the (P,) arc length at each point, m."""
     step = points[1:] - points[:-1]
     arc: FloatArray = np.zeros(len(points))
     np.hypot(step[:, 0], step[:, 1]).cumsum(out=arc[1:])
@@ -36,12 +39,12 @@ def arc_lengths(points: FloatArray) -> FloatArray:
 
 
 def length_of(points: FloatArray) -> float:
-    """Length of a polyline, m."""
+    """Return the length of a polyline, m."""
     return float(arc_lengths(points)[-1])
 
 
 def along(line: FloatArray, s: FloatArray | float) -> FloatArray:
-    """Points (..., 2) of a polyline at arc lengths, clamped to its ends."""
+    """Return points (..., 2) of a polyline at arc lengths, clamped to its ends."""
     arc = arc_lengths(line)
     points: FloatArray = np.empty((*np.shape(s), 2))
     points[..., 0], points[..., 1] = np.interp(s, arc, line[:, 0]), np.interp(s, arc, line[:, 1])
@@ -49,14 +52,14 @@ def along(line: FloatArray, s: FloatArray | float) -> FloatArray:
 
 
 def samples(line: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
-    """Arc lengths (N,) and points (N, 2) along a polyline, at most ``step`` apart, ends included."""
+    """Return arc lengths (N,) and points (N, 2) along a polyline, at most ``step`` apart, ends included."""
     total = length_of(line)
     s = np.linspace(0.0, total, max(2, math.ceil(total / step) + 1))
     return s, along(line, s)
 
 
 def cut(line: FloatArray, start: float, end: float) -> FloatArray:
-    """Part of a polyline (P, 2) between two arc lengths; at least two points."""
+    """Return the part of a polyline between two arc lengths; at least two points."""
     arc = arc_lengths(line)
     inside = np.flatnonzero((arc > start + 1e-6) & (arc < end - 1e-6))
     result: FloatArray = np.empty((len(inside) + 2, 2))
@@ -67,14 +70,14 @@ def cut(line: FloatArray, start: float, end: float) -> FloatArray:
 
 
 def join(parts: Sequence[FloatArray]) -> FloatArray:
-    """Concatenation of polylines; points that repeat the previous one are dropped."""
+    """Concatenate polylines; drop points that repeat the previous one."""
     line = np.vstack(parts)
     keep = np.concatenate([[True], np.hypot(*np.diff(line, axis=0).T) > 1e-4])
     return line[keep] if keep.sum() > 1 else line[[0, -1]]
 
 
 def join_owned(pieces: list[FloatArray], owners: list[int]) -> tuple[FloatArray, IntArray]:
-    """One line out of several, without repeated points, and the owner of the line after each point."""
+    """Concatenate lines without repeated points; with the owner of the line after each point."""
     points = np.vstack(pieces)
     owner = np.repeat(np.array(owners, dtype=np.int64), [len(p) for p in pieces])
     step = np.hypot(*np.diff(points, axis=0).T)
@@ -83,15 +86,10 @@ def join_owned(pieces: list[FloatArray], owners: list[int]) -> tuple[FloatArray,
 
 
 def blend_over(line: FloatArray, other: FloatArray, length_m: float) -> tuple[FloatArray, FloatArray]:
-    """Change smoothly from the end of one line to the other line beside it.
-
-    Args:
-        line: (P, 2) line to leave.
-        other: (Q, 2) line to reach.
-        length_m: length of the change; less where the line is shorter.
+    """Blend smoothly from the end of one line into another line beside it, over at most ``length_m``.
 
     Returns:
-        The first line, its end bent over, and what remains of the other line.
+        The first line with its end bent over, and the rest of the other line.
     """
     arc = arc_lengths(line)
     start = max(0.0, arc[-1] - length_m)
@@ -107,11 +105,7 @@ def blend_over(line: FloatArray, other: FloatArray, length_m: float) -> tuple[Fl
 
 
 def without_repeats(points: FloatArray) -> FloatArray:
-    """Leave out points that equal the one before them.
-
-    Args:
-        points: (P, 2).
-    """
+    """Drop points of (P, 2) that equal the previous one."""
     if len(points) < 2:
         return points
     moved: BoolArray = np.any(points[1:] != points[:-1], axis=1)
@@ -120,7 +114,7 @@ def without_repeats(points: FloatArray) -> FloatArray:
 
 
 def mean_line(lines: Sequence[FloatArray]) -> FloatArray:
-    """The line in the middle of some lines side by side, taken at equal fractions of their lengths."""
+    """Average lines side by side at equal fractions of their lengths."""
     if len(lines) == 1:
         return lines[0]
     share = np.unique(np.concatenate([arc_lengths(line) / length_of(line) for line in lines]).round(9))
@@ -128,7 +122,7 @@ def mean_line(lines: Sequence[FloatArray]) -> FloatArray:
 
 
 def headings(points: FloatArray) -> FloatArray:
-    """(S,) directions of the segments that have a length, rad."""
+    """Return (S,) directions of the segments that have a length, rad."""
     step = np.diff(points, axis=0)
     step = step[np.hypot(step[:, 0], step[:, 1]) > 1e-6]
     if not len(step):
@@ -137,7 +131,7 @@ def headings(points: FloatArray) -> FloatArray:
 
 
 def heading(line: FloatArray, *, end: bool, reach: float = 2.0) -> float:
-    """Heading at the start or end of a polyline, rad, over its first or last ``reach`` metres."""
+    """Return the heading of a polyline over its first or last ``reach`` metres, rad."""
     total = length_of(line)
     reach = min(reach, total)
     a, b = (total - reach, total) if end else (0.0, reach)
@@ -146,14 +140,14 @@ def heading(line: FloatArray, *, end: bool, reach: float = 2.0) -> float:
 
 
 def bend(shape: FloatArray) -> float:
-    """Signed change of heading along a polyline, summed over its points, rad."""
+    """Sum the signed changes of heading along a polyline, rad."""
     steps = np.diff(shape, axis=0)
     angles = np.arctan2(steps[:, 1], steps[:, 0])
     return float(sum(turn(a, b) for a, b in pairwise(angles)))
 
 
 def nearest(points: FloatArray, x: float, y: float) -> float:
-    """Arc length of the point of a polyline that is nearest to a place, m."""
+    """Return the arc length of the point of a polyline nearest to (x, y), m."""
     step = np.diff(points, axis=0)
     length = np.hypot(step[:, 0], step[:, 1])
     safe = np.where(length > 0, length, 1.0)
@@ -164,7 +158,7 @@ def nearest(points: FloatArray, x: float, y: float) -> float:
 
 
 def project(points: FloatArray, line: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Arc length (N,) of the nearest point of a polyline and distance (N,) to it."""
+    """Project points (N, 2) onto a polyline: (N,) arc length of the nearest point and (N,) distance, m."""
     return _project(points, line, arc_lengths(line))
 
 
@@ -181,13 +175,7 @@ def _project(points: FloatArray, line: FloatArray, arc: FloatArray) -> tuple[Flo
 
 
 def project_near(points: FloatArray, line: FloatArray, reach_m: float) -> tuple[FloatArray, FloatArray]:
-    """The same within a reach; points farther away, as far as this is quickly seen, are at infinity.
-
-    Args:
-        points: (N, 2) m.
-        line: (P, 2) m.
-        reach_m: distances from here on may be infinite.
-    """
+    """Project points onto a polyline like `project`; distances above ``reach_m`` may be infinite."""
     arc, gap = np.zeros(len(points)), np.full(len(points), np.inf)
     low, high = line.min(axis=0) - reach_m, line.max(axis=0) + reach_m
     near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
@@ -202,26 +190,18 @@ def project_near(points: FloatArray, line: FloatArray, reach_m: float) -> tuple[
 
 
 def distances(points: FloatArray, line: FloatArray) -> FloatArray:
-    """(N,) distance of points (N, 2) to a polyline (P, 2), m."""
+    """Return the (N,) distance of points (N, 2) to a polyline, m."""
     return project(points, line)[1]
 
 
 def width_along(left: FloatArray, right: FloatArray, centreline: FloatArray) -> float:
-    """Mean distance of two bounds measured along a centreline, m.
-
-    At each of some points of the centreline: distance to the left bound plus distance to the right one.
-    """
+    """Return the mean over a centreline of the distance to the left plus the right bound, m."""
     _, points = samples(centreline, 1.0)
     return float(np.mean(distances(points, left) + distances(points, right)))
 
 
 def mean_width_m(left: FloatArray, right: FloatArray) -> float:
-    """Mean distance of two bounds: the area between them over the mean of their lengths.
-
-    Args:
-        left: (L, 2) m.
-        right: (R, 2) m, in the same direction.
-    """
+    """Return the mean distance of two bounds in one direction: area between over mean length, m."""
     ring = np.concatenate([left, right[::-1]])
     x, y = (ring - ring[0]).T
     area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
@@ -230,12 +210,7 @@ def mean_width_m(left: FloatArray, right: FloatArray) -> float:
 
 
 def bounds_cross(left: FloatArray, right: FloatArray) -> bool:
-    """Whether two bounds cross each other or one crosses itself; touching is no crossing.
-
-    Args:
-        left: (L, 2) m.
-        right: (R, 2) m.
-    """
+    """Test whether two bounds cross each other or one crosses itself; touching is no crossing."""
     start = np.concatenate([left[:-1], right[:-1]])
     end = np.concatenate([left[1:], right[1:]])
     order = np.argsort(np.minimum(start[:, 0], end[:, 0]), kind="stable")
@@ -245,7 +220,7 @@ def bounds_cross(left: FloatArray, right: FloatArray) -> bool:
     for first in range(0, len(start), rows):
         block = slice(first, first + rows)
         last = int(np.searchsorted(low[:, 0], high[block, 0].max(), side="right"))
-        later = slice(first, last)  # of two segments that cross, one begins first from the left
+        later = slice(first, last)  # segments are sorted from left to right
         near = (low[later][None] <= high[block][:, None]) & (high[later][None] >= low[block][:, None])
         i, j = np.nonzero(near.all(axis=2))
         if np.any(_pass(start, end, first + i, first + j) & _pass(start, end, first + j, first + i)):
@@ -254,8 +229,45 @@ def bounds_cross(left: FloatArray, right: FloatArray) -> bool:
 
 
 def _pass(start: FloatArray, end: FloatArray, i: IntArray, j: IntArray) -> BoolArray:
-    """(N,) whether segments j lie on both sides of the lines through segments i."""
+    """Return (N,) whether segments j lie on both sides of the lines through segments i."""
     along, ahead, behind = end[i] - start[i], start[j] - start[i], end[j] - start[i]
     sides = (along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0] for to in (ahead, behind))
     apart: BoolArray = np.multiply(*sides) < 0
     return apart
+
+
+def begin_inside(
+    shapes: Mapping[str, FloatArray],
+    *,
+    starts: Iterable[str],
+    loose: Collection[str],
+    apart: Mapping[str, Collection[str]],
+) -> set[str]:
+    """Find lanes that begin on another lane, away from that lane's own loose ends.
+
+    Args:
+        shapes: (P, 2) centreline of every lane, m.
+        starts: lanes without predecessor.
+        loose: lanes without predecessor or without successor.
+        apart: by lane, its neighbours and successors, which are no other traffic.
+    """
+    low = {name: line.min(axis=0) - INSIDE_M for name, line in shapes.items()}
+    high = {name: line.max(axis=0) + INSIDE_M for name, line in shapes.items()}
+    inside = set()
+    for start in starts:
+        tips = shapes[start][[0, -1] if length_of(shapes[start]) < SHORT_M else [0]]
+        for name, line in shapes.items():
+            if name == start or name in apart.get(start, ()):
+                continue
+            near = [tip for tip in tips if np.all(low[name] <= tip) and np.all(tip <= high[name])]
+            if any(is_on(line, tip, loose_ends=name in loose) for tip in near):
+                inside.add(start)
+                break
+    return inside
+
+
+def is_on(line: FloatArray, point: FloatArray, *, loose_ends: bool) -> bool:
+    """Test whether a point lies on a lane; points within 3 m of loose ends do not."""
+    s, gap = project(point[None], line)
+    at_end = min(float(s[0]), length_of(line) - float(s[0])) < END_M
+    return bool(gap[0] < INSIDE_M) and not (loose_ends and at_end)

@@ -1,4 +1,4 @@
-"""Distance, overlap and separation of oriented rectangles, many pairs at a time."""
+"""Rectangles of vehicles: distance, overlap and separation of many pairs; states in a vehicle's frame."""
 
 from __future__ import annotations
 
@@ -6,23 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.scene import States
+
+SEEN_COLUMNS = ("x", "y", "cos", "sin", "speed")
 
 _FLAT_M = 1e-6  # an edge that rises by less is level: the quotient would lose its digits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rectangles:
-    """Oriented rectangles about their centres.
-
-    Attributes:
-        x: (N,) centre, m.
-        y: (N,) m.
-        heading: (N,) direction of the length, rad.
-        half_length: (N,) m.
-        half_width: (N,) m.
-    """
+    """Oriented rectangles, (N,) centre, direction of the length (rad) and half sizes, m."""
 
     x: FloatArray
     y: FloatArray
@@ -32,13 +26,13 @@ class Rectangles:
 
     @classmethod
     def of(cls, states: States, length: FloatArray, width: FloatArray) -> Rectangles:
-        """The outlines of vehicles; lengths and widths in m, broadcast to the states."""
+        """Return the outlines of vehicles; lengths and widths, m, broadcast to the states."""
         x, y, heading = states.x, states.y, states.heading
         return cls(x=x, y=y, heading=heading, half_length=length / 2, half_width=width / 2)
 
 
 def relative_pose(one: Rectangles, two: Rectangles) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Centre x, y and direction cos, sin of the second rectangles in the frames of the first."""
+    """Return centre x, y and direction cos, sin of the second rectangles in the frames of the first."""
     dx, dy = two.x - one.x, two.y - one.y
     cos, sin = np.cos(one.heading), np.sin(one.heading)
     turn = two.heading - one.heading
@@ -46,10 +40,10 @@ def relative_pose(one: Rectangles, two: Rectangles) -> tuple[FloatArray, FloatAr
 
 
 def overlap_area(one: Rectangles, two: Rectangles) -> FloatArray:
-    """(N,) area that two rectangles share, m².
+    """Compute the (N,) area that two rectangles share, m².
 
-    In the frame of the first one it is the sum over the second one's edges of the integral of y over x, with
-    x and y clamped to the first one's sides: no case is special, edges on edges included.
+    In the frame of the first one: the sum over the second one's edges of the integral of y over x, with x and
+    y clamped to the first one's sides. There are no special cases.
     """
     x, y, cos, sin = relative_pose(one, two)
     along_x, along_y = two.half_length * cos, two.half_length * sin
@@ -65,7 +59,7 @@ def overlap_area(one: Rectangles, two: Rectangles) -> FloatArray:
 def _clamped_integral(
     x0: FloatArray, y0: FloatArray, x1: FloatArray, y1: FloatArray, a: FloatArray, b: FloatArray
 ) -> FloatArray:
-    """Integral over x in [-a, a] of an edge's y clamped to [-b, b], signed by its direction."""
+    """Integrate an edge's y clamped to [-b, b] over x in [-a, a], signed by its direction."""
     run = x1 - x0
     slope = (y1 - y0) / np.where(run == 0, 1.0, run)
     start, end = np.clip(x0, -a, a), np.clip(x1, -a, a)
@@ -78,18 +72,17 @@ def _clamped_integral(
 
 
 def _clamp_integral(y: FloatArray, b: FloatArray) -> FloatArray:
-    """Integral from 0 to y of the clamping to [-b, b]."""
+    """Integrate the clamping to [-b, b] from 0 to y."""
     size = np.abs(y)
     return np.where(size <= b, 0.5 * y * y, b * size - 0.5 * b * b)
 
 
 def axis_separations(one: Rectangles, two: Rectangles) -> FloatArray:
-    """Gaps between two rectangles along their four axes.
+    """Compute the gaps between two rectangles along their four axes.
 
     Returns:
-        (4, N) m: along the first one's length, its width, the second one's length, its width; negative where
-        the projections overlap. The rectangles are apart where one is above 0; the largest one is no more
-        than their distance.
+        (4, N) m along the first one's length and width, then the second one's; negative where the
+        projections overlap. The rectangles are apart where one is above 0. None exceeds their distance.
     """
     x, y, cos, sin = relative_pose(one, two)
     c, s = np.abs(cos), np.abs(sin)
@@ -102,13 +95,13 @@ def axis_separations(one: Rectangles, two: Rectangles) -> FloatArray:
 
 
 def separation(one: Rectangles, two: Rectangles) -> FloatArray:
-    """(N,) largest gap along one of the four axes, m; 0 or less where the rectangles touch or overlap."""
+    """Return the (N,) largest gap along the four axes, m; 0 or less where the rectangles touch."""
     gap: FloatArray = axis_separations(one, two).max(axis=0)
     return gap
 
 
 def rectangle_distance(one: Rectangles, two: Rectangles) -> FloatArray:
-    """(N,) smallest distance between two rectangles, m; 0 where they touch or overlap."""
+    """Compute the (N,) smallest distance between two rectangles, m; 0 where they touch or overlap."""
     directions = np.cos(one.heading), np.sin(one.heading), np.cos(two.heading), np.sin(two.heading)
     own, other = (one.half_length, one.half_width), (two.half_length, two.half_width)
     return distance_apart(two.x - one.x, two.y - one.y, *directions, own, other)
@@ -124,11 +117,11 @@ def distance_apart(
     own: tuple[FloatArray, FloatArray],
     other: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """The same by what both are like: the second centre less the first, directions, half length and width.
+    """Compute the distance of rectangles from offset of centres, directions, half lengths and widths.
 
     Exact: disjoint convex polygons are nearest at a corner of one of them.
     """
-    # The other's centre and axis in either rectangle's own frame.
+    # The other's centre and axis in each rectangle's own frame.
     cos, sin = cos_1 * cos_2 + sin_1 * sin_2, cos_1 * sin_2 - sin_1 * cos_2
     in_first = (dx * cos_1 + dy * sin_1, dy * cos_1 - dx * sin_1, cos, sin, *other, *own)
     in_second = (-(dx * cos_2 + dy * sin_2), -(dy * cos_2 - dx * sin_2), cos, -sin, *own, *other)
@@ -146,7 +139,7 @@ def _corners_to_box(
     box_length: FloatArray,
     box_width: FloatArray,
 ) -> FloatArray:
-    """(N,) smallest squared distance of a rectangle's corners to an upright box around the origin, m²."""
+    """Return the (N,) smallest squared distance of a rectangle's corners to a box at the origin, m²."""
     along = (half_length * cos, half_length * sin)
     across = (-half_width * sin, half_width * cos)
     nearest = np.full(np.shape(x), np.inf)
@@ -167,8 +160,21 @@ def separated(
     box_length: FloatArray,
     box_width: FloatArray,
 ) -> BoolArray:
-    """(N,) whether an axis of the box separates it from the rectangle (separating axis theorem)."""
+    """Return (N,) whether an axis of the box separates it from the rectangle (separating axis theorem)."""
     cos, sin = np.abs(cos), np.abs(sin)
     apart: BoolArray = np.abs(x) > box_length + half_length * cos + half_width * sin
     apart |= np.abs(y) > box_width + half_length * sin + half_width * cos
     return apart
+
+
+def seen_from(now: States, states: States) -> FloatArray:
+    """Transform states (n..., k...) into the frames of vehicles (n...,): x ahead, y to the left.
+
+    Returns:
+        (n..., k..., 5): x and y in m, cosine and sine of the relative heading, speed in m/s.
+    """
+    frame = (..., *(None,) * (len(states.shape) - len(now.shape)))
+    cos, sin = np.cos(now.heading)[frame], np.sin(now.heading)[frame]
+    dx, dy = states.x - now.x[frame], states.y - now.y[frame]
+    turn = states.heading - now.heading[frame]
+    return np.stack([cos * dx + sin * dy, cos * dy - sin * dx, np.cos(turn), np.sin(turn), states.speed], -1)

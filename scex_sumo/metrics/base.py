@@ -1,33 +1,50 @@
-"""Tracks and planned paths as criticality metrics take them, and the metrics' constants.
+"""Tracks and planned paths as input of criticality metrics, and the metrics' parameters.
 
-Axes: C (child), T (step), V (vehicle), R (replan), H (planned step), K (ordered or unordered pairs, or
-vehicles).
+Axes: C (child), T (step), V (vehicle), R (replan), H (planned step), P (unordered pairs), N (rows).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.errors import InputError
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import InputError
 from scex_sumo.scene import STEP_S, States
+
+MAX_MAGNITUDE: Final = 1e12
+"""Largest coordinate, heading, speed or size; squares of larger ones may overflow in a formula."""
+
+R = TypeVar("R", bound="Rows")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows:
+    """Table of arrays of one length; a column that is None stays None."""
+
+    def take(self: R, index: IntArray) -> R:
+        """Select rows by index."""
+        return replace(self, **{name: a if a is None else a[index] for name, a in self._columns()})
+
+    @classmethod
+    def join(cls: type[R], parts: Sequence[R]) -> R:
+        """Concatenate the rows of one or more tables."""
+        columns = zip(*(part._columns() for part in parts), strict=True)
+        arrays = {column[0][0]: [array for _, array in column] for column in columns}
+        return cls(**{name: None if a[0] is None else np.concatenate(a) for name, a in arrays.items()})
+
+    def _columns(self) -> list[tuple[str, Any]]:
+        return [(f.name, getattr(self, f.name)) for f in fields(self)]
 
 
 def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: float) -> FloatArray:
-    """Backward difference of the speed over the time since a vehicle's previous sample.
+    """Derive (C, T, V) accelerations: backward difference of the speed since a vehicle's previous sample.
 
-    Args:
-        speed: (C, T, V) m/s.
-        present: (C, T, V) where the vehicle was seen; None for everywhere.
-        step_s: time between two steps, s.
-
-    Returns:
-        (C, T, V) m/s²; 0 for the first sample of a track and where a vehicle is not present.
+    0 for the first sample of a track and where a vehicle is absent.
     """
     change = np.zeros_like(speed)
     if present is None:
@@ -46,17 +63,14 @@ def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneTracks:
-    """What the vehicles of C children (or recordings) did.
+    """Tracks of the vehicles of C children or recordings.
 
     Attributes:
-        states: (C, T, V) as driven; anything where ``present`` is False.
-        length: (V,) or (C, V) m.
-        width: (V,) or (C, V) m.
-        present: (C, T, V) False where a vehicle is not on the scene; None where all are always.
-        step_s: time between two steps, s.
-        first: steps before it are history: used for derived values (acceleration, the 2 s of TQ), never
-            evaluated.
-        types: (V,) or (C, V) lower case, for limits that depend on the type; None where unknown.
+        states: (C, T, V); any value where ``present`` is False.
+        length: (V,) or (C, V) m; ``width`` too.
+        present: (C, T, V); None if all vehicles are always present.
+        first: number of history steps; they serve derived values and are not evaluated.
+        types: (V,) or (C, V) lower case; None if unknown.
         acceleration: (C, T, V) m/s², for parts of longer tracks; None derives it from these steps.
     """
 
@@ -85,18 +99,20 @@ class SceneTracks:
                     f"tracks to evaluate: {name} has shape {size.shape}; pass ({shape[2]},) or "
                     f"({shape[0]}, {shape[2]}) for {shape[0]} children of {shape[2]} vehicles"
                 )
-        self._check_finite()
-
-    def _check_finite(self) -> None:
+            if not np.all((size >= 0) & (size <= MAX_MAGNITUDE)):
+                raise InputError(
+                    f"tracks to evaluate: a {name} is not within 0 to {MAX_MAGNITUDE:g} m; repair it"
+                )
         for name in ("x", "y", "heading", "speed"):
-            bad = ~np.isfinite(getattr(self.states, name))
+            bad = ~(np.abs(getattr(self.states, name)) <= MAX_MAGNITUDE)
             if self.present is not None:
                 bad &= self.present
             if bad.any():
                 child, step, vehicle = (int(i) for i in np.argwhere(bad)[0])
                 raise InputError(
                     f"tracks to evaluate: {name} of vehicle {vehicle} in child {child} at step {step} is not "
-                    f"a finite number ({int(bad.sum())} such values); mark it as not present"
+                    f"a finite number up to {MAX_MAGNITUDE:g} ({int(bad.sum())} such values); "
+                    "mark it as not present"
                 )
 
     @property
@@ -105,15 +121,14 @@ class SceneTracks:
         return self.states.shape[1] - self.first
 
     def children(self, part: slice) -> SceneTracks:
-        """The same for some of the children."""
-        per_child, types = (self.length.ndim == 2, self.width.ndim == 2), self.types
-        return SceneTracks(
+        """Select some of the children."""
+        types = self.types
+        return replace(
+            self,
             states=self.states[part],
-            length=self.length[part] if per_child[0] else self.length,
-            width=self.width[part] if per_child[1] else self.width,
+            length=self.length[part] if self.length.ndim == 2 else self.length,
+            width=self.width[part] if self.width.ndim == 2 else self.width,
             present=None if self.present is None else self.present[part],
-            step_s=self.step_s,
-            first=self.first,
             types=types[part] if isinstance(types, np.ndarray) and types.ndim == 2 else types,
             acceleration=None if self.acceleration is None else self.acceleration[part],
         )
@@ -121,16 +136,15 @@ class SceneTracks:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedPaths:
-    """Path of the current plan of every vehicle at every evaluated step.
+    """Planned path of every vehicle at every evaluated step.
 
-    The planned path at a step starts at the vehicle's present position and goes on through the columns of the
-    current plan that are still ahead. A recording is its own plan: one plan that holds the whole track.
+    A path starts at the vehicle's present position and continues through the columns of the current plan that
+    are still ahead. A recording has one plan: its whole track.
 
     Attributes:
-        x: (C, R, V, H) centre, m; NaN where there is no plan, gaps are bridged by straight lines.
-        y: (C, R, V, H) centre, m.
-        index: (T,) which of the R plans is current at each evaluated step.
-        column: (T,) first column of that plan that is still ahead; H where none is.
+        x: (C, R, V, H) centre, m; NaN without a plan. Straight lines bridge gaps.
+        index: (T,) number of the current plan at each evaluated step.
+        column: (T,) first column of that plan that is still ahead; H if none is.
         driven: the plan is the track itself, one column per step.
     """
 
@@ -155,16 +169,18 @@ class PlannedPaths:
                 f"planned paths: index or column points outside the {self.x.shape[1]} plans of "
                 f"{self.x.shape[3]} columns"
             )
+        if any(np.any((np.abs(values) > MAX_MAGNITUDE) & np.isfinite(values)) for values in (self.x, self.y)):
+            raise InputError(f"planned paths: a coordinate is beyond {MAX_MAGNITUDE:g} m; repair the plan")
 
     @classmethod
     def from_replans(cls, x: FloatArray, y: FloatArray, made_at: IntArray, steps: int) -> PlannedPaths:
-        """Plans made during a run; the newest plan is the current one.
+        """Build from the plans of a run; the newest plan is the current one.
 
         Args:
             x: (C, R, V, H) m; column 0 is the step after the plan was made.
             y: (C, R, V, H) m.
-            made_at: (R,) number of the step at which each plan was made, 0 for the seed scene, ascending.
-            steps: number of simulated steps; the evaluated steps are 1 to ``steps``.
+            made_at: (R,) step of each plan, ascending; 0 is the seed scene.
+            steps: evaluated steps, 1 to ``steps``.
         """
         step = np.arange(1, steps + 1)
         index = np.searchsorted(made_at, step, side="right") - 1
@@ -173,7 +189,7 @@ class PlannedPaths:
 
     @classmethod
     def from_tracks(cls, tracks: SceneTracks) -> PlannedPaths:
-        """The track driven from each step on, for recordings."""
+        """Build from recordings: the planned path is the track driven from each step on."""
         x, y = tracks.states.x, tracks.states.y
         if tracks.present is not None:
             x, y = np.where(tracks.present, x, np.nan), np.where(tracks.present, y, np.nan)
@@ -186,7 +202,7 @@ class PlannedPaths:
         )
 
     def check_fit(self, tracks: SceneTracks) -> None:
-        """Raise an `InputError` where these are not the paths of the vehicles and steps of some tracks."""
+        """Raise an `InputError` unless the vehicles and steps are those of the tracks."""
         children, _, vehicles = tracks.states.shape
         if (self.x.shape[0], self.x.shape[2]) != (children, vehicles) or self.index.shape != (tracks.steps,):
             raise InputError(
@@ -196,23 +212,21 @@ class PlannedPaths:
             )
 
     def children(self, part: slice) -> PlannedPaths:
-        """The same for some of the children."""
+        """Select some of the children."""
         return replace(self, x=self.x[part], y=self.y[part])
 
 
 @dataclass(frozen=True, kw_only=True)
 class MetricParameters:
-    """Constants of the metrics; the defaults are the paper's.
+    """Parameters of the metrics; the defaults are the paper's.
 
     Attributes:
         following_angle: largest difference of headings of a car-following pair, rad.
         max_acceleration: of one vehicle in any direction, for WTTC, m/s².
-        max_acceleration_by_type: the same for vehicle types that differ, e.g. ``{"truck": 4.0}``.
-        standing_speed: at or below it a vehicle never reaches a crossing (gap time) or the position of
-            its leader (time headway), m/s.
-        path_extension: how far planned paths go on straight beyond their end when preset ``path`` looks for
-            leaders, m, at least.
-        path_extension_time: the same as a time at present speed, s; the longer one counts.
+        max_acceleration_by_type: exceptions by vehicle type, e.g. ``{"truck": 4.0}``.
+        standing_speed: at or below it a vehicle has no gap time and no time headway, m/s.
+        path_extension: least straight extension of planned paths in the search for leaders, m.
+        path_extension_time: the extension as a time at present speed, s; the longer one counts.
     """
 
     following_angle: float = np.pi / 6
@@ -240,7 +254,7 @@ class MetricParameters:
             raise InputError(f"metrics: path extension {self.path_extension_time} s; choose one >= 0")
 
     def accelerations(self, types: tuple[str, ...] | NDArray[np.str_] | None, vehicles: int) -> FloatArray:
-        """(V,) or (C, V) largest acceleration of each vehicle, m/s²."""
+        """Return the largest acceleration of each vehicle, (V,) or (C, V), m/s²."""
         if types is None:
             return np.full(vehicles, self.max_acceleration)
         names, which = np.unique(np.asarray(types), return_inverse=True)

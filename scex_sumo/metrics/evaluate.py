@@ -1,22 +1,21 @@
-"""Evaluation of whole runs: nanoscopic values to scenes to children."""
+"""Evaluation of metrics: values of pairs, their extrema per scene, microscopic values per child."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, Final, TypeVar
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.errors import InputError
-from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import InputError
+from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, Rows, SceneTracks
 from scex_sumo.metrics.extrema import SceneValues, Worst, extrema, scene_mean
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.pairs.batches import scene_batches
-from scex_sumo.metrics.pairs.entries import Entries
-from scex_sumo.metrics.pairs.presets import preset_named
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.pairs.leaders import preset_named
+from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
 from scex_sumo.metrics.registry import columns_of, metrics_named
 
 PAPER_PRESET: Final = "paper"
@@ -24,15 +23,14 @@ PAPER_PRESET: Final = "paper"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScenarioValues:
-    """Microscopic values: two per child and metric, with what they are made of.
+    """Microscopic values: two per child and metric, and their origin.
 
     Attributes:
-        columns: (M,) names of the columns.
+        columns: (M,) names.
         values: (C, M); NaN where undefined.
-        defined: (C, M).
         scene: by metric, the extremum of every evaluated step.
         worst: by metric, the step and the vehicles of the extremum.
-        preset: rule for car-following that was used.
+        preset: car-following rule that was used.
     """
 
     columns: tuple[str, ...]
@@ -43,21 +41,19 @@ class ScenarioValues:
     preset: str
 
     def column(self, name: str) -> tuple[FloatArray, BoolArray]:
-        """(C,) values and mask of one column."""
+        """Return (C,) values and mask of one column."""
         index = self.columns.index(name)
         return self.values[:, index], self.defined[:, index]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PairValues:
+class PairValues(Rows):
     """Nanoscopic values of one metric, one row per ordered pair (or vehicle) where defined.
 
     Attributes:
-        child: (N,).
-        step: (N,) index on the step axis of the tracks, history included.
-        vehicle: (N,) the row's own vehicle (the follower).
-        other: (N,) the second vehicle; None for metrics of single vehicles.
-        value: (N,) ``ttc`` in s, not inverted; inf allowed.
+        step: on the step axis of the tracks, history included.
+        other: the second vehicle; None for metrics of single vehicles.
+        value: ``ttc`` in s, not inverted; inf allowed.
     """
 
     child: IntArray
@@ -65,9 +61,6 @@ class PairValues:
     vehicle: IntArray
     other: IntArray | None
     value: FloatArray
-
-
-D = TypeVar("D", SceneValues, Worst, PairValues)
 
 
 def evaluate(
@@ -80,20 +73,15 @@ def evaluate(
     vehicles: Collection[int] | None = None,
     also: Callable[[int, Scenes], None] | None = None,
 ) -> ScenarioValues:
-    """Metrics of every child.
+    """Evaluate metrics of every child: most critical value and mean of the scenes' most critical values.
 
     Args:
-        tracks: what the vehicles did; steps before ``tracks.first`` are history.
-        planned: their planned paths, for gap time (undefined without).
-        preset: rule for car-following of the metrics that leave it open.
-        parameters: constants.
-        metrics: names, or the metrics themselves; the paper's six by default.
-        vehicles: values are of pairs that involve one of these (indices), or of these themselves; None: all.
-        also: called with each batch of scenes and the number of its first child, while what the metrics have
-            derived from it is still there.
-
-    Returns:
-        The most critical value and the mean of the scenes' most critical values, per child and metric.
+        tracks: of the vehicles; steps before ``tracks.first`` are history.
+        planned: planned paths; gap time is undefined without them.
+        preset: car-following rule of metrics without one of their own.
+        metrics: names or metrics; the paper's six by default.
+        vehicles: only values that involve one of these indices; None for all.
+        also: called with each batch's first child and scenes, while derived values are still there.
     """
     chosen = metrics_named(metrics)
     parts: dict[str, list[tuple[SceneValues, Worst]]] = {metric.name: [] for metric in chosen}
@@ -104,8 +92,8 @@ def evaluate(
             parts[metric.name].append(extrema(metric, wanted, scenes))
         if also is not None:
             also(start, scenes)
-    scene = {name: _joined([p[0] for p in part]) for name, part in parts.items()}
-    worst = {name: _joined([p[1] for p in part]) for name, part in parts.items()}
+    scene = {name: SceneValues.join([p[0] for p in part]) for name, part in parts.items()}
+    worst = {name: Worst.join([p[1] for p in part]) for name, part in parts.items()}
     values = [
         column
         for m in chosen
@@ -130,28 +118,26 @@ def evaluate_pairs(
     parameters: MetricParameters = PAPER,
     metrics: Sequence[str | Metric] | None = None,
 ) -> dict[str, PairValues]:
-    """Nanoscopic values of every metric, sorted by child, step, vehicle, other; arguments as ``evaluate``."""
+    """Evaluate all pairs by metric, sorted by child, step, vehicle, other; arguments as in `evaluate`."""
     chosen = metrics_named(metrics)
     parts: dict[str, list[PairValues]] = {metric.name: [] for metric in chosen}
     for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
         for metric in chosen:
             samples = _samples(metric, scenes, quick=False)
             parts[metric.name].append(_rows(_dense(samples, scenes), start, tracks.first))
-    return {name: _joined(part) for name, part in parts.items()}
+    return {name: PairValues.join(part) for name, part in parts.items()}
 
 
 def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entries:
-    """Values of a metric; ``quick``: those of pairs that cannot be a scene's extremum may be left out."""
+    """Evaluate a metric; ``quick`` may leave out pairs that cannot be a scene's extremum.
+
+    Raises:
+        InputError: the metric's function returned something else than it has to.
+    """
     function = metric.quick if quick and metric.quick is not None else metric.evaluate
     samples = function(scenes if metric.preset is None else scenes.under(preset_named(metric.preset)))
-    _check_samples(metric, samples, scenes)
-    return samples
-
-
-def _check_samples(metric: Metric, samples: Samples | Entries, scenes: Scenes) -> None:
-    """Raise an `InputError` where a metric's function did not return what it is to return."""
     if isinstance(samples, Entries):
-        return
+        return samples
     if not isinstance(samples, Samples):
         raise InputError(f"metric {metric.name}: returned {type(samples).__name__}, needs Samples")
     shape = (len(samples.row), *scenes.shape)
@@ -160,15 +146,16 @@ def _check_samples(metric: Metric, samples: Samples | Entries, scenes: Scenes) -
             f"metric {metric.name}: values {samples.value.shape} and mask {samples.defined.shape} "
             f"({samples.defined.dtype}) of {len(samples.row)} rows; both need shape {shape}, the mask bool"
         )
+    return samples
 
 
 def _dense(samples: Samples | Entries, scenes: Scenes) -> Samples:
-    """The same as arrays of all rows, children and steps."""
+    """Return arrays of all rows, children and steps."""
     return scenes.scattered(samples.where, samples.value) if isinstance(samples, Entries) else samples
 
 
 def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: Scenes) -> Samples:
-    """The rows that involve one of some vehicles."""
+    """Select the rows that involve one of some vehicles."""
     samples = _dense(samples, scenes)
     wanted = np.array(sorted(vehicles), dtype=np.int64)
     keep: BoolArray = np.isin(samples.row, wanted)
@@ -184,7 +171,7 @@ def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: 
 
 
 def _rows(samples: Samples, first_child: int, first_step: int) -> PairValues:
-    """Defined values as rows; a symmetric pair gives two."""
+    """Convert defined values to sorted rows; a symmetric pair gives two."""
     entry, child, step = np.nonzero(samples.defined)
     value = samples.value[entry, child, step]
     vehicle = samples.row[entry]
@@ -193,21 +180,7 @@ def _rows(samples: Samples, first_child: int, first_step: int) -> PairValues:
         vehicle, other = np.concatenate([vehicle, other]), np.concatenate([other, vehicle])
         child, step, value = np.tile(child, 2), np.tile(step, 2), np.tile(value, 2)
     keys = (vehicle, step, child) if other is None else (other, vehicle, step, child)
-    order = np.lexsort(keys)
-    return PairValues(
-        child=child[order] + first_child,
-        step=step[order] + first_step,
-        vehicle=vehicle[order],
-        other=None if other is None else other[order],
-        value=value[order],
+    rows = PairValues(
+        child=child + first_child, step=step + first_step, vehicle=vehicle, other=other, value=value
     )
-
-
-def _joined(parts: Sequence[D]) -> D:
-    """Values of all children from those of a few at a time."""
-
-    def join(name: str) -> Any:
-        arrays = [getattr(part, name) for part in parts]
-        return None if arrays[0] is None else np.concatenate(arrays)
-
-    return replace(parts[0], **{f.name: join(f.name) for f in fields(parts[0])})
+    return rows.take(np.lexsort(keys))

@@ -1,4 +1,4 @@
-"""Extrema of scenes and children, and means of scenes: what becomes of the values of pairs."""
+"""Extrema of scenes and children from the values of pairs, and means over scenes."""
 
 from __future__ import annotations
 
@@ -7,20 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.metrics.base import Rows
 from scex_sumo.metrics.metric import Metric
-from scex_sumo.metrics.pairs.entries import Entries
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SceneValues:
-    """The most critical value of every scene.
+class SceneValues(Rows):
+    """The most critical value of every scene, (C, T) as aggregated.
 
-    Attributes:
-        value: (C, T) as aggregated (``ttc`` in 1/s); NaN where undefined, inf where all are infinite and
-            infinite values are left out.
-        defined: (C, T).
+    NaN where undefined; inf where all values are infinite and infinite values are left out.
     """
 
     value: FloatArray
@@ -28,13 +25,12 @@ class SceneValues:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Worst:
-    """Where a metric was most critical in every child, and who made it; read only where ``defined``.
+class Worst(Rows):
+    """Origin of the most critical value of every child; valid only where ``defined``.
 
     Attributes:
         value: (C,) as aggregated; NaN where undefined.
-        defined: (C,).
-        step: (C,) index on the step axis of the tracks, history included.
+        step: (C,) on the step axis of the tracks, history included.
         vehicle: (C,) the row's own vehicle (the follower).
         other: (C,) the second vehicle; None for metrics of single vehicles.
     """
@@ -47,7 +43,7 @@ class Worst:
 
 
 def extrema(metric: Metric, samples: Samples | Entries, scenes: Scenes) -> tuple[SceneValues, Worst]:
-    """Extremum of every scene, then of every child, with its origin."""
+    """Find the extremum of every scene, then of every child with its origin."""
     sign = 1.0 if metric.critical == "min" else -1.0
     value = samples.value
     if metric.inverse:
@@ -57,7 +53,7 @@ def extrema(metric: Metric, samples: Samples | Entries, scenes: Scenes) -> tuple
     if isinstance(samples, Entries):
         least = _least_of_entries(samples.where, cost, scenes, finite=metric.finite)
     else:
-        least = _least_of_all(samples, cost, finite=metric.finite)
+        least = _least_of_samples(samples, cost, finite=metric.finite)
     scene_value = np.where(least.defined, sign * least.cost, np.nan)
     scene_value = np.where(least.infinite & ~least.defined, np.inf, scene_value)
     child, child_defined = np.arange(len(scene_value)), np.any(least.defined, axis=1)
@@ -86,9 +82,8 @@ class _Least:
 
     Attributes:
         cost: (C, T); inf where undefined, and inf is a value.
-        defined: (C, T).
         infinite: (C, T) where infinite values were left out.
-        origin: (C,) first row with the least cost, given a step of each child.
+        origin: returns (C,) first row with the least cost, given a step of each child.
     """
 
     cost: FloatArray
@@ -97,8 +92,8 @@ class _Least:
     origin: Callable[[IntArray], IntArray]
 
 
-def _least_of_all(samples: Samples, cost: FloatArray, *, finite: bool) -> _Least:
-    """Of (K, C, T) costs."""
+def _least_of_samples(samples: Samples, cost: FloatArray, *, finite: bool) -> _Least:
+    """Find the least of (K, C, T) costs."""
     defined = samples.defined & np.isfinite(cost) if finite else samples.defined
     infinite = np.any(samples.defined, axis=0) if finite else np.zeros(cost.shape[1:], dtype=bool)
     cost = np.where(defined, cost, np.inf)
@@ -107,24 +102,19 @@ def _least_of_all(samples: Samples, cost: FloatArray, *, finite: bool) -> _Least
         child = np.arange(len(step))
         return _first_smallest(cost[:, child, step].T, defined[:, child, step].T)
 
-    return _Least(
-        cost=cost.min(axis=0, initial=np.inf),
-        defined=np.any(defined, axis=0),
-        infinite=infinite,
-        origin=origin,
-    )
+    least = cost.min(axis=0, initial=np.inf)
+    return _Least(cost=least, defined=np.any(defined, axis=0), infinite=infinite, origin=origin)
 
 
 def _least_of_entries(where: IntArray, cost: FloatArray, scenes: Scenes, *, finite: bool) -> _Least:
-    """Of (N,) costs at flat indices into (2P, C, T)."""
+    """Find the least of (N,) costs at flat indices into (2P, C, T)."""
     children, steps = scenes.shape
-    count = max(children * steps, 1)
     infinite, defined = np.zeros((2, children * steps), dtype=bool)
     if finite:
-        infinite[where % count] = True
+        infinite[where % scenes.count] = True
         known = np.flatnonzero(np.isfinite(cost))
         where, cost = where[known], cost[known]
-    row, scene = np.divmod(where, count)
+    row, scene = np.divmod(where, scenes.count)
     defined[scene] = True
     least = np.full(children * steps, np.inf)
     np.minimum.at(least, scene, cost)
@@ -137,25 +127,21 @@ def _least_of_entries(where: IntArray, cost: FloatArray, scenes: Scenes, *, fini
         np.minimum.at(rows, scene[best] // steps, row[best])
         return np.where(rows < len(scenes.ordered_pairs[0]), rows, 0)
 
-    return _Least(
-        cost=least.reshape(children, steps),
-        defined=defined.reshape(children, steps),
-        infinite=infinite.reshape(children, steps),
-        origin=origin,
-    )
+    least_cost, is_defined, is_infinite = (a.reshape(children, steps) for a in (least, defined, infinite))
+    return _Least(cost=least_cost, defined=is_defined, infinite=is_infinite, origin=origin)
 
 
 def _first_smallest(cost: FloatArray, defined: BoolArray) -> IntArray:
-    """(N,) index of the first defined smallest cost along the last axis of (N, M)."""
+    """Return (N,) index of the first defined smallest cost along the last axis of (N, M)."""
     smallest = cost.min(axis=-1, keepdims=True)
     index: IntArray = np.argmax(defined & (cost == smallest), axis=-1)
     return index
 
 
 def scene_mean(scene: SceneValues, *, harmonic: bool) -> FloatArray:
-    """(C,) mean of the scenes' extrema where defined; harmonic: 1 / mean(1 / value), 0 for infinite ones.
+    """Compute (C,) mean of the scenes' extrema where defined; harmonic: 1 / mean(1 / value).
 
-    An arithmetic mean of times is decided by the longest ones, those of speeds that hardly differ.
+    An arithmetic mean of times is decided by the longest ones, those of nearly equal speeds.
     """
     count, total = scene_sums(scene, harmonic=harmonic)
     some = count > 0 if not harmonic else total > 0
@@ -165,7 +151,7 @@ def scene_mean(scene: SceneValues, *, harmonic: bool) -> FloatArray:
 
 
 def scene_sums(scene: SceneValues, *, harmonic: bool) -> tuple[FloatArray, FloatArray]:
-    """(C,) number of scenes that count and sum of their values, or of 1 / value."""
+    """Return (C,) number of scenes that count, and (C,) sum of their values or of 1 / value."""
     if not harmonic:
         total = np.where(scene.defined, scene.value, 0.0).sum(axis=1)
         return scene.defined.sum(axis=1).astype(np.float64), total

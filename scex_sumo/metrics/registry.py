@@ -1,29 +1,23 @@
-"""Metrics by name: the built-in ones, those that a user registers, and the presets."""
+"""Metrics by name: built-in ones, those that users and other packages register, and the sets of presets."""
 
 from __future__ import annotations
 
-import importlib.metadata
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final, Literal, TypeVar
 
-from scex_sumo.errors import UsageError
-from scex_sumo.importing import import_object
-from scex_sumo.metrics.formulas.distance import distance
-from scex_sumo.metrics.formulas.drac import drac
-from scex_sumo.metrics.formulas.gap_time import gap_time
-from scex_sumo.metrics.formulas.pet import pet
-from scex_sumo.metrics.formulas.pttc import pttc
-from scex_sumo.metrics.formulas.thw import thw
+from scex_sumo.base.errors import UsageError, nearest
+from scex_sumo.base.importing import import_object
+from scex_sumo.base.registry import Registry
+from scex_sumo.metrics.formulas.crossing import gap_time, pet
+from scex_sumo.metrics.formulas.distance import distance, gap, least_gap
+from scex_sumo.metrics.formulas.following import drac, pttc, thw, ttc
 from scex_sumo.metrics.formulas.tq import tq
-from scex_sumo.metrics.formulas.ttc import ttc
 from scex_sumo.metrics.formulas.wttc import wttc
+from scex_sumo.metrics.formulas.wttc_path import least_wttc_path, wttc_path
 from scex_sumo.metrics.metric import Metric
-from scex_sumo.metrics.outlines.wttc_path import least_wttc_path, wttc_path
-from scex_sumo.metrics.pairs.entries import Entries
-from scex_sumo.metrics.pairs.gap import gap, least_gap
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
 
 F = TypeVar("F", bound=Callable[[Scenes], Samples | Entries])
 
@@ -60,14 +54,14 @@ _ON_PATHS = (
     Metric(name="pet", unit="s", critical="min", evaluate=pet, threshold=1.0, label="PET"),
 )
 METRICS: Final[Mapping[str, Metric]] = {each.name: each for each in (*_BY_HEADING, *_ON_PATHS)}
-"""Built-in metrics; the first six are the paper's, the others those of preset ``path``, in their order."""
+"""Built-in metrics: the paper's six, then those of preset ``path``."""
 
 PAPER_METRICS: Final[tuple[str, ...]] = tuple(each.name for each in _BY_HEADING)
 SETS: Final[Mapping[str, tuple[Metric, ...]]] = {
     "paper": _BY_HEADING,
     "path": tuple(replace(each, preset="path") for each in _ON_PATHS),
 }
-"""Metrics that a word stands for; those of ``path`` are evaluated along paths whatever the others are."""
+"""Metrics that a word stands for; those of ``path`` are always evaluated along paths."""
 
 COLUMNS: Final[tuple[str, ...]] = tuple(c for name in PAPER_METRICS for c in METRICS[name].columns)
 """The paper's twelve columns of a child scenario; ``ttc`` and ``ttc_mean`` are in 1/s."""
@@ -77,21 +71,15 @@ THRESHOLDS: Final[Mapping[str, float]] = {
 }
 """Thresholds that the paper suggests, by column."""
 
-ENTRY_POINTS: Final = "scex_sumo.metrics"
-_TAKEN: Final = (
-    *SETS,
-    "both",
-    "child",
-    "case_id",
-    "collision",
-    "all",
-)  # sets, and other columns of the tables
-
-_registered: dict[str, Metric] = {}
+PACKAGES: Final = Registry(group="scex_sumo.metrics", kind="metric")
 COLLISION: Final = "collision"
 """Column of what is no metric: 1 where two vehicles of a child collide, else 0."""
 
-_described: dict[str, Metric] = {  # what results have columns of without a function here
+# Sets, and other columns of the tables.
+_TAKEN: Final = (*SETS, "both", "child", "case_id", COLLISION, "all")
+
+_registered: dict[str, Metric] = {}
+_described: dict[str, Metric] = {  # columns of results without a function here
     COLLISION: Metric.described({"name": COLLISION, "critical": "max", "threshold": 1.0})
 }
 
@@ -109,16 +97,22 @@ def metric(
     """Register a function of `Scenes` that returns `Samples` as a metric: ``@metric("my_metric", ...)``.
 
     Args:
-        name: of the column.
-        critical: ``min`` where small values are critical, ``max`` where large ones are.
+        critical: ``min`` if small values are critical, else ``max``.
         unit: of the function's values.
-        threshold: from which value on a child is critical; None for none.
-        label: name in tables and pictures.
-        inverse: aggregated as 1 / value; ``critical`` and ``threshold`` refer to the inverse.
-        finite: infinite values are left out of the aggregates.
+        threshold: value from which a child is critical.
+        inverse: aggregate 1 / value; ``critical`` and ``threshold`` refer to it.
+        finite: leave infinite values out of the aggregates.
 
     Raises:
         UsageError: the name is taken or cannot be written on a command line, or the side is unknown.
+
+    Example:
+        >>> @scex.metric("slowest", critical="min", unit="m/s")
+        ... def slowest(scenes):
+        ...     first, second = scenes.pairs
+        ...     return scenes.unordered(np.minimum(scenes.speed[first], scenes.speed[second]))
+        >>> scex.extrapolate(scene, children=2, metrics=["slowest"]).metrics.column_names
+        ['child', 'slowest', 'slowest_mean', 'collision']
     """
     if name in METRICS or name in _TAKEN:
         raise UsageError(f"metric {name!r}: the name is taken; choose another one")
@@ -148,67 +142,61 @@ def metric(
 
 
 def known_metrics() -> tuple[str, ...]:
-    """Names of the built-in metrics, the registered ones and those of other packages."""
-    return (*METRICS, *sorted({*_registered, *_entry_points()}))
+    """List the built-in metrics, the registered ones and those of other packages by name."""
+    return (*METRICS, *sorted({*_registered, *PACKAGES.paths}))
 
 
 def metrics_named(names: Iterable[str | Metric] | None) -> tuple[Metric, ...]:
-    """Metrics by name or import path, each once; ``paper``, and None, stand for the paper's six.
+    """Return metrics by name or import path, each once.
 
-    ``path`` stands for those of preset ``path``, evaluated along paths whatever the preset is.
+    ``paper``, and None, stand for the paper's six. ``path`` stands for those of preset ``path``, evaluated
+    along paths with any preset.
 
     Raises:
-        UsageError: an unknown metric, or one that cannot be loaded.
+        UsageError: a metric is unknown or cannot be loaded.
     """
     wanted: list[str | Metric] = []
     for name in ("paper",) if names is None else names:
         wanted += SETS[name] if isinstance(name, str) and name in SETS else [name]
-    found = {m.name: m for m in (n if isinstance(n, Metric) else _metric(n) for n in wanted)}
-    if not found:
-        raise UsageError(f"metrics: none is named; known: {', '.join(known_metrics())}")
-    return tuple(found.values())
+    metrics = {m.name: m for m in (n if isinstance(n, Metric) else _metric(n) for n in wanted)}
+    if not metrics:
+        raise UsageError("metrics: none is named; choose paper, path or single ones, e.g. ttc,wttc")
+    return tuple(metrics.values())
 
 
 def _metric(name: str) -> Metric:
-    if name in METRICS or name in _registered:
-        return METRICS[name] if name in METRICS else _registered[name]
-    points = _entry_points()
-    printed = {_plain(word): own for own in (*METRICS, *_registered) for word in (own, _known(own).words)}
+    here = {**METRICS, **_registered}
+    if name in here:
+        return here[name]
+    printed = {_plain(word): own for own in here.values() for word in (own.name, own.words)}
     if _plain(name) in printed:
-        return _known(printed[_plain(name)])
-    if ":" in name:
-        made = import_object(name)
-    elif name in points:
-        try:
-            made = points[name].load()
-        except Exception as error:  # anything can go wrong in another package's import
-            raise UsageError(f"metrics: {name}: entry point {points[name].value}: {error}") from error
-    else:
-        raise UsageError(f"metrics: unknown metric {name!r}; known: {', '.join(known_metrics())}")
-    known = getattr(made, "__scex_metric__", None)
-    if not isinstance(known, Metric):
+        return printed[_plain(name)]
+    paths = PACKAGES.paths
+    if ":" not in name and name not in paths:
+        raise UsageError(f"{_unknown(name)}; a metric of your own is MODULE:FUNCTION")
+    made = getattr(import_object(paths.get(name, name)), "__scex_metric__", None)
+    if not isinstance(made, Metric):
         raise UsageError(f"metrics: {name} is no metric; decorate it with @scex_sumo.metric(...)")
-    return known
+    return made
 
 
-def _known(name: str) -> Metric:
-    return METRICS[name] if name in METRICS else _registered[name]
+def _unknown(name: str) -> str:
+    return f"metrics: unknown metric {name[:40]!r}; nearest: {nearest(name[:40], known_metrics())}"
 
 
 def _plain(text: str) -> str:
-    """A metric as it may be written or printed, in one way: ``1/TTC [1/s]`` as ``1/ttc``."""
+    """Normalise a metric's written or printed name: ``1/TTC [1/s]`` becomes ``1/ttc``."""
     return text.partition("[")[0].strip().lower().replace("-", " ").replace("_", " ")
 
 
 def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
-    """The column that is meant by a name as it is printed, in any case: ``TTC``, ``1/TTC`` and ``ttc``.
+    """Find a column by its name as printed, in any case: ``TTC``, ``1/TTC`` and ``ttc``.
 
     Args:
-        text: name or label of a metric, of a mean with ``mean`` before or after it.
-        columns: those there are.
+        text: name or label of a metric; for a mean with ``mean`` before or after it.
 
     Raises:
-        UsageError: none of them is meant.
+        UsageError: no column has that name.
     """
     columns = tuple(columns)
     if text in columns:
@@ -225,54 +213,51 @@ def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
             spelled |= dict.fromkeys((inverted, words), column)
         spelled[_plain(column)] = column
     if _plain(text) not in spelled:
-        raise UsageError(f"unknown metric {text[:40]!r}; known: {', '.join(columns)}")
+        raise UsageError(f"unknown metric {text[:40]!r}; nearest: {nearest(text[:40], columns)}")
     return spelled[_plain(text)]
 
 
-def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:
-    return {point.name: point for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
-
-
 def columns_of(metrics: Sequence[Metric]) -> tuple[str, ...]:
-    """Columns of a child scenario: per metric its most critical value and its mean over the scenes."""
+    """Return the columns of a child: per metric the most critical value and the mean over the scenes."""
     return tuple(column for each in metrics for column in each.columns)
 
 
 def thresholds_of(metrics: Iterable[Metric]) -> dict[str, float]:
-    """Thresholds by column, of the metrics that have one."""
+    """Return thresholds by column, of the metrics that have one."""
     return {each.name: each.threshold for each in metrics if each.threshold is not None}
 
 
 def metric_of(column: str) -> Metric:
-    """The metric of a result column, e.g. of ``ttc_mean``.
+    """Return the metric of a result column, e.g. of ``ttc_mean``.
 
     Raises:
-        UsageError: no metric of that name is known in this process or was described by a result.
+        UsageError: neither this process nor a result describes a metric of that name.
     """
     name = column.removesuffix("_mean")
-    for known in (METRICS, _registered, _described):
-        if name in known:
-            return known[name]
-    return _metric(name)
+    for metrics in (METRICS, _registered, _described):
+        if name in metrics:
+            return metrics[name]
+    # Column names come from files of others: they are data and never imported.
+    raise UsageError(_unknown(name))
 
 
 def critical_columns(columns: Iterable[str]) -> list[str]:
-    """The columns of most critical values, without those of means."""
+    """Select the columns of most critical values, without those of means."""
     return [column for column in columns if not column.endswith("_mean")]
 
 
 def side_of(column: str) -> Literal["left", "right"]:
-    """On which side of its threshold a metric column is critical."""
+    """Return the side of the threshold on which a column is critical."""
     return metric_of(column).side
 
 
 def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
-    """What ``run.json`` says of metrics, since they decide on the result; nothing of the sets of a preset."""
+    """Describe metrics for ``run.json``; nothing for the sets of the presets."""
     if tuple(metrics) in (SETS["paper"], SETS["path"], (*SETS["paper"], *SETS["path"])):
         return []
     return [each.description() for each in metrics]
 
 
 def learn_metrics(descriptions: Iterable[Mapping[str, Any]]) -> None:
-    """Take in what ``run.json`` says of metrics, for columns whose functions this process may not have."""
-    _described.update((each["name"], Metric.described(each)) for each in descriptions)
+    """Learn metrics from ``run.json``, for columns whose functions this process may not have."""
+    _described.update((e["name"], Metric.described(e)) for e in descriptions if e["name"] != COLLISION)

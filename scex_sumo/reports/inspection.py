@@ -1,4 +1,4 @@
-"""Page of a recording before a moment of it is run: its moments, what was repaired, and who is where when."""
+"""Page of a recording: its moments, repairs, and the vehicles of each moment on the map."""
 
 from __future__ import annotations
 
@@ -9,46 +9,41 @@ from string import Template
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import IntArray
+from scex_sumo.base.errors import TrackError
+from scex_sumo.base.files import write_atomic
+from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.registry import known_models
 from scex_sumo.converters.cleaning.heading import STANDING_MPS
+from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, busiest, recorded_throughout
 from scex_sumo.converters.datasets.recordings import LoadedRecording
-from scex_sumo.converters.moments.moments import STAMP_MS, Moment, busiest, recorded_throughout
-from scex_sumo.errors import TrackError
-from scex_sumo.files import write_atomic
-from scex_sumo.reports.page.html import Html, element, joined
-from scex_sumo.reports.page.road_lines import road_paths
-from scex_sumo.reports.page.shell import BASE, asset, page_html
-from scex_sumo.reports.page.tracks import HEADING_RAD, POSITION_M
+from scex_sumo.reports.page.html import BASE, Html, asset, element, joined, page_html
+from scex_sumo.reports.page.packing import quantized
+from scex_sumo.reports.page.scene import HEADING_RAD, POSITION_M, road_paths
 from scex_sumo.road import Road
-from scex_sumo.version import __version__
 from scex_sumo.views.road_lines import AREA, MARKING, RoadLine
 
 SCRIPTS = (*BASE, "state.js", "pairs.js", "map.js", "inspect.js")
 KINDS = ("moves, recorded from 1 s before to 3 s after", "moves, not recorded throughout", "stands")
-_MOST = 400  # moments on a page
-_AWAY_CM = 10**8  # where nobody is
+_MAX_MOMENTS = 400
+_AWAY_CM = 10**8  # place of a missing vehicle
 _COLORS = ("drawn", "likely", "soft")  # of page.css, as in inspect.js
 
 
 def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Moment], command: str) -> Path:
-    """Write the page of a recording.
+    """Write the page of a recording and return its path.
 
     Args:
-        path: HTML file to write.
-        loaded: the recording.
-        moments: those that can be chosen; of more than 400 some, evenly.
-        command: that runs a moment, without its time.
-
-    Returns:
-        The file.
+        moments: to choose from; at most 400 are shown, evenly chosen.
+        command: the command that runs a moment, without its time.
 
     Raises:
         TrackError: there is no moment.
     """
     if not moments:
         raise TrackError(f"{loaded.recording.name}: no moment with a vehicle; there is nothing to show")
-    kept = [moments[k] for k in np.unique(np.linspace(0, len(moments) - 1, _MOST).round().astype(int))]
+    numbers = np.linspace(0, len(moments) - 1, _MAX_MOMENTS).round().astype(int)
+    kept = [moments[k] for k in np.unique(numbers)]
     arrays = _arrays(loaded, kept)
     info = {
         "moments": [
@@ -67,9 +62,9 @@ def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Mome
 
 
 def _arrays(loaded: LoadedRecording, moments: Sequence[Moment]) -> dict[str, IntArray]:
-    """Of each vehicle at each moment, (V, M, ...): id, pose in cm and mrad, size in cm, speed in cm/s, ...
+    """Return (V, M, ...) ids, poses in cm and mrad, sizes in cm, speeds in cm/s, ... of vehicles by moment.
 
-    Vehicles of a moment are in the order of their ids; where there is nobody, the id is -1.
+    Vehicles of a moment are in the order of their ids; the id of a missing one is -1.
     """
     table, rows = loaded.table, loaded.table.vehicles
     begin, end = rows.pieces
@@ -77,15 +72,15 @@ def _arrays(loaded: LoadedRecording, moments: Sequence[Moment]) -> dict[str, Int
     types = {kind: k for k, kind in enumerate(dict.fromkeys(rows.types))}
     columns = {
         "ids": rows.track_id,
-        "speeds": _whole(rows.speed, 0.01),
+        "speeds": quantized(rows.speed, 0.01),
         "kinds": kinds,
         "types": np.array([types[kind] for kind in rows.types], np.int64)[rows.track],
-        "before": _whole(rows.timestamp_ms - rows.timestamp_ms[begin][rows.piece], 100.0),
-        "after": _whole(rows.timestamp_ms[end][rows.piece] - rows.timestamp_ms, 100.0),
+        "before": quantized(rows.timestamp_ms - rows.timestamp_ms[begin][rows.piece], 100.0),
+        "after": quantized(rows.timestamp_ms[end][rows.piece] - rows.timestamp_ms, 100.0),
     }
-    sizes = np.stack([_whole(rows.length, POSITION_M), _whole(rows.width, POSITION_M)], axis=1)
+    sizes = np.stack([quantized(rows.length, POSITION_M), quantized(rows.width, POSITION_M)], axis=1)
     units = ((rows.x, POSITION_M), (rows.y, POSITION_M), (rows.psi_rad, HEADING_RAD))
-    poses = np.stack([_whole(values, unit) for values, unit in units], axis=1)
+    poses = np.stack([quantized(values, unit) for values, unit in units], axis=1)
     here = [_rows_of(loaded, moment) for moment in moments]
     shape = max(map(len, here)), len(moments)
     arrays = {name: np.full(shape, -1) for name in columns}
@@ -96,27 +91,21 @@ def _arrays(loaded: LoadedRecording, moments: Sequence[Moment]) -> dict[str, Int
     return arrays
 
 
-def _whole(values: FloatArray, unit: float) -> IntArray:
-    return np.rint(values / unit).astype(np.int64)
-
-
 def _rows_of(loaded: LoadedRecording, moment: Moment) -> IntArray:
-    """The rows of a moment, in the order of track ids."""
+    """Return the rows of a moment in the order of track ids."""
     rows = loaded.table.vehicles
     then = np.abs(rows.timestamp_ms - 1000.0 * moment.time_s) < STAMP_MS
-    found = np.flatnonzero(then & (rows.case == loaded.table.cases.index(moment.case)))
-    return found[np.argsort(rows.track_id[found], kind="stable")]
+    chosen = np.flatnonzero(then & (rows.case == loaded.table.cases.index(moment.case)))
+    return chosen[np.argsort(rows.track_id[chosen], kind="stable")]
 
 
 def _box(poses: IntArray) -> list[float]:
-    """Around everybody, m: least and largest x, least and largest y."""
     places = poses[poses[:, :, 0] < _AWAY_CM][:, :2] * POSITION_M
     (left, low), (right, high) = places.min(axis=0), places.max(axis=0)
     return [float(edge) for edge in (left, right, low, high)]
 
 
 def _lines(road: Road) -> list[RoadLine]:
-    """Asphalt of the vehicle lanes, and their bounds."""
     lanes = road.vehicle_lanes.values()
     asphalt = [np.concatenate([lane.left_bound, lane.right_bound[::-1]]) for lane in lanes]
     bounds = [bound for lane in lanes for bound in (lane.left_bound, lane.right_bound)]

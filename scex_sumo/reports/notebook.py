@@ -1,19 +1,32 @@
-"""Notebook views: runs and seed scenes as HTML inside of a notebook."""
+"""Notebook views: runs and seed scenes as HTML, by formatters of IPython."""
 
 from __future__ import annotations
 
-import numpy as np
+import sys
+from typing import TYPE_CHECKING
 
-from scex_sumo.reports.page.html import Html, element
-from scex_sumo.reports.page.report import report_html
-from scex_sumo.results.run import Run
-from scex_sumo.scene import SeedScene
+if TYPE_CHECKING:
+    from scex_sumo.reports.page.html import Html
+    from scex_sumo.results.run import Run
+    from scex_sumo.scene import SeedScene
 
 _HEIGHT_PX = 900
 
 
+def register() -> None:
+    """Have IPython show runs and seed scenes as HTML, where it is running; imports nothing else now."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    if shell is not None and shell.display_formatter is not None:
+        html = shell.display_formatter.formatters["text/html"]
+        html.for_type_by_name("scex_sumo.results.run", "Run", run_html)
+        html.for_type_by_name("scex_sumo.scene", "SeedScene", scene_html)
+
+
 def run_html(run: Run) -> str:
-    """The report of a run, in a frame of its own."""
+    """Return the report of a run in a frame."""
+    from scex_sumo.reports.page.html import element
+    from scex_sumo.reports.page.report import report_html
+
     # A frame of another origin: the report's script cannot reach the notebook.
     return element(
         "iframe", srcdoc=report_html(run), sandbox="allow-scripts", width="100%", height=_HEIGHT_PX
@@ -21,7 +34,11 @@ def run_html(run: Run) -> str:
 
 
 def scene_html(scene: SeedScene) -> str:
-    """A table of the vehicles of a seed scene: who is where, how fast."""
+    """Return a table of the vehicles of a seed scene with their states."""
+    import numpy as np
+
+    from scex_sumo.reports.page.html import element
+
     now = scene.now
     heads = ("track", "type", "x [m]", "y [m]", "speed [m/s]", "heading [°]", "length [m]", "width [m]")
     columns = (now.x, now.y, now.speed, np.degrees(now.heading), scene.length, scene.width)
@@ -34,4 +51,6 @@ def scene_html(scene: SeedScene) -> str:
 
 
 def _cells(words: list[str]) -> list[Html]:
+    from scex_sumo.reports.page.html import element
+
     return [element("td", word) for word in words]

@@ -1,4 +1,4 @@
-"""Densities of a run's metrics, with bands of its design."""
+"""Densities of a run's metrics, with bands for its design."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.results.design import column_of
 from scex_sumo.statistics.atoms import mixed_density
 from scex_sumo.statistics.density import BANDWIDTH, Density, density
@@ -22,12 +22,11 @@ DENSITIES_SCHEMA = pa.schema(
 def metric_density(
     values: FloatArray, half_width: float, *, reflect: bool, bandwidth: float = BANDWIDTH
 ) -> Density:
-    """Density and cumulative density of a metric with its 95 % band.
+    """Return density and cumulative density of a metric with its 95 % band.
 
     Args:
         values: (C,) NaN where undefined.
-        half_width: of the band.
-        reflect: tell atoms apart and reflect at 0 what cannot be negative; False is the plain kernel.
+        reflect: separate atoms, and reflect at 0 what cannot be negative; False is the plain kernel.
         bandwidth: of the kernel, in the metric's unit.
     """
     samples = values[~np.isnan(values)]
@@ -37,7 +36,7 @@ def metric_density(
 
 
 def half_widths(metrics: pa.Table, columns: Sequence[str], intervals: DesignIntervals) -> dict[str, float]:
-    """Half-width of the band of each column."""
+    """Return the half-width of the band of each column."""
     if not columns:
         return {}
     values = np.stack([column_of(metrics, column) for column in columns], axis=1)
@@ -47,17 +46,15 @@ def half_widths(metrics: pa.Table, columns: Sequence[str], intervals: DesignInte
 def densities_table(
     metrics: pa.Table, columns: Sequence[str], intervals: DesignIntervals, *, reflect: bool
 ) -> pa.Table:
-    """Density and cumulative density with its 95 % band of each column: metric, x, pdf, cdf, low, high, atom.
+    """Return the densities of metrics with their 95 % bands: metric, x, pdf, cdf, low, high, atom.
+
+    ``atom`` is the share of the defined children with exactly this x, if it is an atom, else 0. A metric that
+    is undefined in every child has no rows.
 
     Args:
-        metrics: as :attr:`Run.metrics`.
-        columns: those of metrics.
+        metrics: as `Run.metrics`.
         intervals: of the children's design.
-        reflect: as for `metric_density`.
-
-    Returns:
-        ``atom`` is the share of the defined children that have exactly this x, where it is an atom, else 0.
-        Without rows for a metric that is undefined in every child; a single vehicle leaves none.
+        reflect: as of `metric_density`.
     """
     parts = [DENSITIES_SCHEMA.empty_table()]
     widths = half_widths(metrics, columns, intervals)

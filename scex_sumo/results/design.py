@@ -1,4 +1,4 @@
-"""Design of a run: who was drawn from what, hence how sure its shares and distributions are."""
+"""Design of a run: how its models were drawn, and the intervals that follow from it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.registry import side_of
 from scex_sumo.statistics.intervals import DesignIntervals
 
@@ -16,13 +16,11 @@ from scex_sumo.statistics.intervals import DesignIntervals
 def design_intervals(
     assignment: IntArray, weights: Sequence[float], fixed: BoolArray, design: str
 ) -> DesignIntervals:
-    """Intervals of the children of a run.
+    """Return the intervals of the children of a run.
 
     Args:
-        assignment: (C, V) model of every vehicle, the first ones those that are drawn from.
-        weights: of these.
+        assignment: (C, V) model of every vehicle; models that are drawn come first.
         fixed: (V,) vehicles that always have the same model.
-        design: how the assignments were drawn.
     """
     share = np.asarray(weights, dtype=np.float64) / np.sum(weights)
     levels = np.where(fixed, 0, assignment)
@@ -31,7 +29,7 @@ def design_intervals(
 
 
 def intervals_of(info: Mapping[str, Any], assignments: pa.Table | None, children: int) -> DesignIntervals:
-    """The same from what a result folder says; those of independent draws where it does not say who drove."""
+    """Return the intervals from ``run.json``; without the assignments, those of independent draws."""
     tracks = info["seed_scene"].get("track_ids", ())
     if assignments is None or not tracks:
         return DesignIntervals(np.zeros((children, 0), dtype=np.int64), design="random")
@@ -46,12 +44,12 @@ def intervals_of(info: Mapping[str, Any], assignments: pa.Table | None, children
 
 
 def is_critical(values: FloatArray, column: str, limit: float) -> BoolArray:
-    """(C,) whether the values of a metric column are critical; NaN, undefined, is not."""
+    """Return whether the values (C,) of a metric column are critical; undefined ones (NaN) are not."""
     with np.errstate(invalid="ignore"):
         critical: BoolArray = values <= limit if side_of(column) == "left" else values >= limit
     return critical
 
 
 def column_of(table: pa.Table, column: str) -> FloatArray:
-    """(C,) values of a metric column, NaN where undefined."""
+    """Return the values (C,) of a metric column, NaN where undefined."""
     return np.asarray(table[column].to_numpy(zero_copy_only=False), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Result folder: made whole or not at all, resumed after an interruption, read back as Arrow tables."""
+"""Result folder of a run: its tables, written from finished batches of children."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.errors import ResultError
-from scex_sumo.files import remove_unfinished, replacing
-from scex_sumo.results.claimed import ClaimedFolder
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import ResultError
+from scex_sumo.base.files import remove_unfinished, replacing
+from scex_sumo.results.output_folder import OutputFolder
 from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 
 
-class ResultFolder(ClaimedFolder):
-    """Writes a run into a folder.
+class ResultFolder(OutputFolder):
+    """Folder that a run is written into.
 
-    Finished batches of children lie in a hidden folder, from which the same run goes on after an
-    interruption.
+    Finished batches of children lie in a hidden folder, from which the same run resumes.
     """
 
     info, what, another = "run.json", "result", "the result of another run"
+    evidence = ("metrics.parquet", "assignments.parquet", "tracks.parquet", "seed.csv")
 
     def _clear(self) -> None:
         for name in ("seed.csv", "report.html", *_TABLES):
@@ -45,12 +45,7 @@ class ResultFolder(ClaimedFolder):
         remove_broken(self.path)
 
     def in_order(self, children: int, *, size: int, plans: bool = True) -> Iterator[Part]:
-        """All children in order, whatever the batches they ran in; some at a time, to spare memory.
-
-        Args:
-            children: how many there are.
-            size: how many at a time.
-            plans: with their plans.
+        """Yield all children in order, whatever their batches, some at a time to save memory.
 
         Raises:
             ResultError: some are missing.
@@ -69,11 +64,7 @@ class ResultFolder(ClaimedFolder):
 
     @contextlib.contextmanager
     def writer(self, name: str) -> Iterator[Callable[[pa.Table], None]]:
-        """Write one of the folder's Parquet files piece by piece; there is none where nothing is written.
-
-        Raises:
-            ResultError: the file cannot be written.
-        """
+        """Write one of the folder's Parquet files in pieces; without any piece there is no file."""
         file: pq.ParquetWriter | None = None
 
         def write(table: pa.Table) -> None:
@@ -127,9 +118,9 @@ _TABLES = tuple(
 
 
 def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
-    """Children as INTERACTION cases: frames 1-10 are the seed's history, 10 the seed scene itself.
+    """Return children as INTERACTION cases, ordered by child, vehicle, frame.
 
-    Rows are ordered by child, vehicle, frame.
+    Frames 1 to 10 are the seed's history, 10 the seed scene itself.
     """
     count, steps, vehicles = part.states.shape
     past = scene.history[:, -LOGGED_HISTORY:]
@@ -167,13 +158,9 @@ def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
 def values_table(
     columns: Sequence[str], values: FloatArray, defined: BoolArray, children: IntArray | None = None
 ) -> pa.Table:
-    """Microscopic values, one row per child; null where a metric is undefined.
+    """Return metric values (C, columns), one row per child, null where undefined.
 
-    Args:
-        columns: the names of the metric columns.
-        values: (C, len(columns)).
-        defined: (C, len(columns)).
-        children: (C,) numbers for a leading column ``child``, or None for none.
+    With ``children`` (C,), their numbers are the first column.
     """
     data: dict[str, Any] = {} if children is None else {"child": children}
     for index, name in enumerate(columns):
@@ -182,10 +169,9 @@ def values_table(
 
 
 def assignments_table(scene: SeedScene, assignment: IntArray, names: Sequence[str]) -> pa.Table:
-    """Which model drove which vehicle: child, track_id, model.
+    """Return the model of each vehicle in each child: child, track_id, model.
 
     Args:
-        scene: the seed scene.
         assignment: (C, V) index into ``names``.
         names: the models as given, with their parameters.
     """

@@ -1,4 +1,4 @@
-"""Contents of ``run.json``, checked: result folders are edited, cut short, and of other programs."""
+"""Contents of ``run.json``, checked, because files are edited, truncated, or of other programs."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import Any, Final
 
 import pyarrow as pa
 
-from scex_sumo.errors import ResultError, reason_of
+from scex_sumo.base.errors import ResultError, reason_of
 
-LARGEST: Final = 10**9
-"""No number of children, steps or vehicles is as large."""
+MAX_COUNT: Final = 10**9
+"""Limit of numbers of children, steps and vehicles."""
 
 
 class Info(dict[str, Any]):
-    """An object of a JSON file; what it lacks is an error that names the file."""
+    """Object of a JSON file; a missing key is an error that names the file."""
 
     def __init__(self, content: Mapping[str, Any], file: Path) -> None:
         super().__init__({k: Info(v, file) if isinstance(v, dict) else v for k, v in content.items()})
@@ -30,11 +30,7 @@ class Info(dict[str, Any]):
 
 @contextmanager
 def as_written(*folders: Path) -> Iterator[None]:
-    """What result folders hold is taken for what a run wrote; where it is not, that is said in one line.
-
-    Raises:
-        ResultError: a file was edited, so that it does not fit the others.
-    """
+    """Turn errors over inconsistent files of result folders into a `ResultError`."""
     try:
         yield
     except (ValueError, LookupError, TypeError, ArithmeticError, SyntaxError, pa.ArrowException) as error:
@@ -45,10 +41,10 @@ def as_written(*folders: Path) -> Iterator[None]:
 
 
 def read_info(folder: Path) -> Info:
-    """What ``run.json`` of a finished run says.
+    """Read ``run.json`` of a finished run.
 
     Raises:
-        ResultError: no finished run is there, or the file is none that a run wrote.
+        ResultError: there is no finished run, or no run wrote this file.
     """
     file = folder / "run.json"
     if not file.is_file():
@@ -78,11 +74,11 @@ def read_info(folder: Path) -> Info:
 
 
 def _is_count(value: Any) -> bool:
-    return type(value) is int and 0 <= value < LARGEST
+    return type(value) is int and 0 <= value < MAX_COUNT
 
 
 def _is_name(value: Any) -> bool:
-    """A text that is the name of a file in the folder and of nothing elsewhere."""
+    """Return whether a text names a file in the folder, and nothing outside of it."""
     return isinstance(value, str) and value not in ("", ".", "..") and "/" not in value and "\0" not in value
 
 

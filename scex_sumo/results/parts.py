@@ -1,4 +1,4 @@
-"""Parts of a run: finished batches of children, kept in a hidden folder until the run is finished."""
+"""Parts of a run: finished batches of children, in a hidden folder until the run is finished."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.files import remove_unfinished, replacing
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.files import remove_unfinished, replacing
 from scex_sumo.scene import States
 
 PARTS = ".parts"
@@ -23,20 +23,20 @@ _STATES = ("x", "y", "heading", "speed")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Some children of a run, ready to be logged.
+    """Some children of a run, simulated and measured.
 
     Attributes:
         children: (C,) their numbers.
         states: (C, T, V) simulated states.
         values: (C, M) metric values.
         defined: (C, M) False where a metric is defined in no scene of the child.
-        worst: where each child's extremum came from, columns of ``worst.parquet``.
-        plan_x: (C, R, V, H) centres planned at each of the R replans, m; None where plans are not kept.
-        plan_y: (C, R, V, H) likewise.
-        fallbacks: plans that are not the models' own, rows of ``fallbacks.parquet``; None for none.
+        worst: rows of ``worst.parquet``.
+        plan_x: (C, R, V, H) centres planned at each of the R replans, m; None if plans are not kept.
+        plan_y: (C, R, V, H), m.
+        fallbacks: rows of ``fallbacks.parquet``; None for none.
         tested: (2, C, M) values, and 1 where defined, of the vehicles under test alone; None without any.
         collisions: rows of ``collisions.parquet``.
-        encounters: one row per child and pair that has an encounter in it, as `encounter_rows` makes them.
+        encounters: rows of `encounter_rows`, one per child and pair with an encounter.
     """
 
     children: IntArray
@@ -53,7 +53,7 @@ class Part:
 
 
 def save_part(folder: Path, part: Part) -> None:
-    """Keep a batch of children in a result folder until the run is finished."""
+    """Save a batch of children in a result folder."""
     name = f"{int(part.children[0]):08d}-{int(part.children[-1]):08d}.npz"
     target = folder / PARTS / name
     tables = {name: table for name in TABLES if (table := getattr(part, name)) is not None}
@@ -75,7 +75,7 @@ def save_part(folder: Path, part: Part) -> None:
 
 
 def remove_broken(folder: Path) -> None:
-    """Remove the parts of an interrupted run that cannot be read whole; their children run again."""
+    """Remove damaged parts of an interrupted run, whose children then run again."""
     remove_unfinished(folder / PARTS)
     for file in (folder / PARTS).glob("*.npz"):
         if not _is_whole(file):
@@ -83,13 +83,13 @@ def remove_broken(folder: Path) -> None:
 
 
 def _is_whole(file: Path) -> bool:
-    """Whether a part can be read, and has all arrays for each of its children."""
+    """Return whether a part can be read, and has all arrays for each of its children."""
     try:
         with file.open("rb") as opened, np.load(opened) as data:
             arrays = {name: data[name] for name in data}
             [_unpacked(arrays[name]) for name in TABLES if name in arrays]
             rows = {arrays[name].shape[0] for name in ("children", *_STATES, "values", "defined")}
-    except Exception:  # whatever the bytes happen to say to zipfile, numpy and Arrow
+    except Exception:  # of zipfile, numpy or Arrow, by whatever bytes
         return False
     return "worst" in arrays and len(rows) == 1
 
@@ -106,24 +106,24 @@ def _packed(table: pa.Table) -> NDArray[np.uint8]:
 
 
 class Parts:
-    """The parts that a result folder holds, whatever the batches that its children ran in."""
+    """The parts in a result folder, read by child, whatever the batches."""
 
     def __init__(self, folder: Path) -> None:
         self._files = sorted((folder / PARTS).glob("*.npz"))
         rows = [(np.load(file)["children"], index) for index, file in enumerate(self._files)]
         numbers = np.concatenate([np.empty(0, np.int64), *(children for children, _ in rows)])
         self.children, first = np.unique(numbers, return_index=True)
-        """(C,) numbers of the children that are there, ascending."""
+        """(C,) numbers of the finished children, ascending."""
         self._file = np.repeat([index for _, index in rows], [len(children) for children, _ in rows])[first]
         self._row = np.concatenate([np.empty(0, np.int64), *(np.arange(len(c)) for c, _ in rows)])[first]
 
     def values(self, children: int) -> tuple[FloatArray, BoolArray]:
-        """(C, M) metric values of the first children and where they are defined."""
+        """Return the metric values (C, M) of the first children, and where they are defined."""
         some = self._taken(slice(0, children), ("values", "defined"))
         return some["values"], some["defined"]
 
     def read(self, first: int, stop: int, *, plans: bool = True) -> Part:
-        """Children ``first`` to ``stop - 1`` in order, with their plans or without; they must be there."""
+        """Return children ``first`` to ``stop - 1`` in order; they must be there."""
         part = slice(*np.searchsorted(self.children, (first, stop)))
         names = (*_STATES, "values", "defined", *(("plan_x", "plan_y") if plans else ()), "tested")
         some = self._taken(part, names)
@@ -149,7 +149,7 @@ class Parts:
         )
 
     def _taken(self, part: slice, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-        """Arrays of some children, of those names that their files have; one file at a time."""
+        """Return the arrays of some children that their files have; one file at a time."""
         files, rows = self._file[part], self._row[part]
         whole: dict[str, NDArray[Any]] = {}
         for file in np.unique(files):
@@ -167,7 +167,7 @@ _AXIS = {"tested": 1}  # the children's axis, where it is not the first
 
 
 def joined_parts(parts: Sequence[Part]) -> Part:
-    """Parts of consecutive children as one."""
+    """Join parts of consecutive children."""
 
     def one(arrays: Sequence[Any], axis: int = 0) -> Any:
         there = [array for array in arrays if array is not None]
@@ -193,14 +193,14 @@ def joined_parts(parts: Sequence[Part]) -> Part:
 
 
 def _by_child(tables: Sequence[pa.Table]) -> pa.Table:
-    """Rows ordered by child and metric, whatever the batches that they come from."""
+    """Join tables, with rows ordered by child and metric."""
     whole = pa.concat_tables(tables)
     names = np.asarray(whole["metric"])
     return whole.take(np.lexsort((names, np.asarray(whole["child"]))))
 
 
 def _in_order(tables: Sequence[pa.Table]) -> pa.Table | None:
-    """Rows ordered by child, whose own rows are in one part; None where no part has the table."""
+    """Join tables, with rows ordered by child; None if no part has the table."""
     if not tables:
         return None
     whole = pa.concat_tables(tables)

@@ -1,4 +1,4 @@
-"""What a result says of where it came from."""
+"""Provenance of a result: its seed scene and the versions of packages."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from scex_sumo.base.version import version_of
 from scex_sumo.scene import SeedScene
-from scex_sumo.version import version_of
 
 
 def digest(scene: SeedScene) -> str:
-    """SHA-256 over everything of a seed scene that its children depend on."""
+    """Return the SHA-256 of everything in a seed scene that its children depend on."""
     digest = hashlib.sha256()
     for array in (scene.track_ids, scene.length, scene.width):
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -29,7 +29,7 @@ def digest(scene: SeedScene) -> str:
 
 
 def describe(scene: SeedScene) -> dict[str, Any]:
-    """The seed scene's part of ``run.json``."""
+    """Return the seed scene's entry of ``run.json``."""
     return {
         "name": scene.name,
         "location": scene.location,
@@ -47,6 +47,6 @@ def describe(scene: SeedScene) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what the numbers depend on."""
+    """Return the versions of the packages that the numbers depend on."""
     names = ("libsumo", "eclipse-sumo", "lanelet2", "numpy", "scipy", "shapely", "pyarrow")
     return {"python": platform.python_version(), **{n: version_of(n) for n in names}}

@@ -1,10 +1,9 @@
-"""Run that is finished, read from its result folder."""
+"""Finished run, read from its result folder."""
 
 from __future__ import annotations
 
-import importlib
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -12,20 +11,21 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.registry import Registry
 from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, side_of
 from scex_sumo.results.densities import half_widths, metric_density
 from scex_sumo.results.design import column_of, intervals_of, is_critical
 from scex_sumo.results.info import read_info
 from scex_sumo.results.tables import (
+    StateBlocks,
     as_pandas,
-    kept_scene,
     read_assignments,
     read_metrics,
+    read_scene,
     read_states,
     read_table,
-    states_of,
     with_own_collisions,
 )
 from scex_sumo.results.under_test import BASELINE, UNDER_TEST, UnderTest
@@ -38,20 +38,27 @@ if TYPE_CHECKING:
 
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
 REFERENCE: Final = "reference"
-"""Folder of the children that tell what is likely, in the folder of a run."""
+"""Folder of the human-like reference, in the folder of a run."""
+DRAWINGS: Final = Registry(group="scex_sumo.drawings", kind="drawing")
+"""Functions that draw a run; the reports register theirs, so that results need not know them."""
 
 
 class Run:
-    """Result of a run: tables and statistics, read when asked for.
+    """Result of a run: tables and statistics, read when they are used.
 
     Attributes:
-        folder: the result folder.
-        info: what ``run.json`` says.
+        info: contents of ``run.json``.
+
+    Example:
+        >>> run.children, run.p_collision.value
+        (4, 0.0)
+        >>> run.most_critical("ttc")  # number of the future
+        0
     """
 
     def __init__(self, folder: Path, temporary: tempfile.TemporaryDirectory[str] | None = None) -> None:
         self.folder = folder
-        self._temporary = temporary  # keeps a folder that nobody asked for until the run is forgotten
+        self._temporary = temporary  # lives as long as the run
         self.info = read_info(folder)
         learn_metrics(self.info.get("metrics", ()))
 
@@ -59,22 +66,15 @@ class Run:
         name = self.info["seed_scene"]["name"]
         return f"Run({str(self.folder)!r}: {self.info['children']} children of {name})"
 
-    def _repr_html_(self) -> str:
-        return str(importlib.import_module("scex_sumo.reports.notebook").run_html(self))
-
     def plot(self, path: str | Path, *, metric: str | None = None, curve: str = "density") -> Path:
-        """Draw densities as in a paper, of one metric or all, into an SVG, PNG or PDF file; returns the file.
+        """Draw the densities of one metric or all into an SVG, PNG or PDF file; returns the file.
 
         ``curve`` is ``density`` or ``cumulative``.
         """
-        draw = importlib.import_module("scex_sumo.reports.pictures.figure").draw_figure
-        return Path(draw(self, curve, Path(path), metric=metric))
+        return Path(DRAWINGS.load("densities")(self, curve, Path(path), metric=metric))
 
     def to_pandas(self, table: str = "metrics") -> Any:
-        """One of the tables as a pandas data frame.
-
-        Args:
-            table: ``metrics``, ``assignments``, ``tracks``, ``worst``, ``collisions`` or ``encounters``.
+        """Return one of `TABLES` as a pandas data frame.
 
         Raises:
             UsageError: there is no such table, or pandas is not installed.
@@ -90,13 +90,13 @@ class Run:
 
     @cached_property
     def recorded(self) -> pa.Table | None:
-        """The same metric columns for what really happened, one row; None where nothing was recorded."""
+        """The metric columns of the recorded future, one row; None without one."""
         there = (self.folder / "recorded.parquet").exists()
         return self.table("recorded.parquet", columns=self.columns, rows=1) if there else None
 
     @cached_property
     def assignments(self) -> pa.Table:
-        """``child``, ``track_id``, ``model``: who drove whom."""
+        """``child``, ``track_id``, ``model``: the model of each vehicle."""
         rows = self.children * int(self.info["seed_scene"]["vehicles"])
         return read_assignments(self.folder / "assignments.parquet", rows=rows)
 
@@ -108,22 +108,22 @@ class Run:
 
     @cached_property
     def worst(self) -> pa.Table:
-        """Where each extremum came from: child, metric, time, the two tracks, value, ``after_collision``."""
+        """Origin of each extremum: child, metric, time, the two tracks, value, ``after_collision``."""
         return self.table("worst.parquet", columns=("child", "metric", "timestamp_ms", "track_id", "value"))
 
     @cached_property
     def collisions(self) -> pa.Table:
-        """Who hits whom, when, where and how hard: one row per child and pair of vehicles that collide."""
+        """Collisions, one row per child and pair of vehicles: time, place, severity."""
         return self.table("collisions.parquet")
 
     @cached_property
     def encounters(self) -> pa.Table:
-        """One row per pair of vehicles that meet in some child, the most critical pair first."""
+        """Encounters, one row per pair of vehicles that meet in some child; the most critical pair first."""
         return self.table("encounters.parquet")
 
     @cached_property
     def intervals(self) -> DesignIntervals:
-        """Of shares and distributions over the children, as their design leaves them."""
+        """Intervals of shares and distributions over the children, for their design."""
         there = (self.folder / "assignments.parquet").is_file()
         return intervals_of(self.info, self.assignments if there else None, self.children)
 
@@ -134,19 +134,19 @@ class Run:
 
     @cached_property
     def baseline(self) -> Run | None:
-        """The same children without the models under test; None where there are none, or it was not run."""
+        """The same children without the models under test; None if it was not run."""
         folder = self.folder / BASELINE
         return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
 
     @cached_property
     def reference(self) -> Run | None:
-        """What likely happens, by another mix of models; None where it was not run."""
+        """The reference with human-like drivers; None if it was not run."""
         folder = self.folder / REFERENCE
         return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
 
     @cached_property
     def under_test(self) -> UnderTest:
-        """The vehicles under test against the baseline.
+        """The vehicles under test, against the baseline.
 
         Raises:
             ResultError: the run has no vehicle under test, or no baseline.
@@ -171,8 +171,8 @@ class Run:
 
     @cached_property
     def scene(self) -> SeedScene:
-        """The seed scene as kept in ``seed.csv``, vehicles in the order of the run; without its road."""
-        return kept_scene(self.folder, self.info["seed_scene"])
+        """The seed scene in ``seed.csv``, without its road."""
+        return read_scene(self.folder, self.info["seed_scene"])
 
     @cached_property
     def net(self) -> SumoNet:
@@ -182,19 +182,27 @@ class Run:
         return open_net(self.folder / "sumo" / f"{self.info['net']}.net.xml")
 
     def states(self, child: int) -> States:
-        """(V, T) states of a child, frames 1 to 10 the seed's history, 10 the seed scene.
+        """Return the states (V, T) of a child; frames 1 to 10 are the history, 10 is the seed scene.
 
         Raises:
             UsageError: there is no such child.
         """
         if not 0 <= child < self.children:
             raise UsageError(f"no child {child} in {self.folder}; it has 0 to {self.children - 1}")
+        return self._blocks.child(child)
+
+    def state_blocks(self) -> Iterator[States]:
+        """Yield the states (C, V, T) of all children in order, some at a time to save memory."""
+        return map(self._blocks.read, range(len(self._blocks.ends)))
+
+    @cached_property
+    def _blocks(self) -> StateBlocks:
         vehicles, frames = len(self.info["seed_scene"]["track_ids"]), LOGGED_HISTORY + int(self.info["steps"])
-        rows = self.tracks.slice(child * vehicles * frames, vehicles * frames)
-        return states_of(rows, vehicles, frames)
+        file = self.folder / "tracks.parquet"
+        return StateBlocks(file, children=self.children, vehicles=vehicles, frames=frames)
 
     def models_of(self, child: int) -> list[str]:
-        """(V,) who drove each vehicle of a child."""
+        """Return the model (V,) of each vehicle of a child."""
         vehicles = len(self.info["seed_scene"]["track_ids"])
         return [str(m) for m in self.assignments["model"].slice(child * vehicles, vehicles).to_pylist()]
 
@@ -205,7 +213,7 @@ class Run:
 
     @property
     def outcomes(self) -> list[str]:
-        """``collision``, where the result tells of them."""
+        """``collision``, if the result has this column."""
         return [name for name in self.metrics.column_names if name == COLLISION]
 
     @property
@@ -219,28 +227,32 @@ class Run:
         return dict(self.info["thresholds"])
 
     def column(self, text: str) -> str:
-        """The metric column that is meant by a name as it is printed; a `UsageError` where none is."""
+        """Return the metric column of a name as it is printed; raises a `UsageError` if there is none."""
         return COLLISION if text.strip().lower() in self.outcomes else column_named(text, self.columns)
 
     def values(self, column: str) -> FloatArray:
-        """(C,) values of a metric in all children, NaN where undefined; of ``collision`` 0 and 1."""
+        """Return the values (C,) of a metric, NaN where undefined; 0 and 1 of ``collision``."""
         return column_of(self.metrics, self.column(column))
 
     def samples(self, column: str) -> FloatArray:
-        """(n,) the values of a metric, named as a column or as it is printed, where it is defined."""
+        """Return the values (n,) of a metric in the children where it is defined."""
         values = self.values(column)
         return values[~np.isnan(values)]
 
     def density(self, column: str, *, bandwidth: float = BANDWIDTH, reflect: bool | None = None) -> Density:
-        """Kernel density and cumulative density of a metric with its 95 % band.
+        """Return density and cumulative density of a metric with its 95 % band.
 
         Args:
-            column: one of the metric columns.
             bandwidth: of the kernel, in the metric's unit.
-            reflect: tell atoms apart and reflect at 0 what cannot be negative; None does as the run was told.
+            reflect: as of `metric_density`; None: as set in the run.
+
+        Raises:
+            UsageError: ``collision``, which has no density.
         """
         folded = bool(self.info.get("reflect", True)) if reflect is None else reflect
         column = self.column(column)
+        if column == COLLISION:
+            raise UsageError(f"{column}: is 0 or 1 in each child and has no density; see its share instead")
         width = self._half_widths[column]
         return metric_density(self.values(column), width, reflect=folded, bandwidth=bandwidth)
 
@@ -249,7 +261,7 @@ class Run:
         return half_widths(self.metrics, self.columns, self.intervals)
 
     def p_critical(self, column: str, *, threshold: float | None = None) -> Interval:
-        """Share of all children with a critical value of a metric, with its 95 % interval.
+        """Return the share of critical children of a metric, with its 95 % interval.
 
         A child in which the metric is undefined is not critical.
 
@@ -266,7 +278,7 @@ class Run:
         return self.intervals.share(is_critical(self.values(column), column, limit))
 
     def recorded_value(self, column: str) -> float | None:
-        """What a metric was in the recorded future, or None."""
+        """Return the value of a metric in the recorded future, or None."""
         column = self.column(column)
         if self.recorded is None:
             return None
@@ -274,7 +286,7 @@ class Run:
         return None if value is None else float(value)
 
     def most_critical(self, column: str) -> int:
-        """The child with the most critical value of a metric.
+        """Return the child with the most critical value of a metric.
 
         Raises:
             ResultError: the metric is defined in no child.
@@ -287,7 +299,7 @@ class Run:
         return int(self.metrics["child"][int(index)].as_py())
 
     def table(self, name: str, *, columns: Sequence[str] = (), rows: int | None = None) -> pa.Table:
-        """One of the folder's Parquet files; a `ResultError` where it lacks columns or rows, or is none."""
+        """Read one of the folder's Parquet files; raises a `ResultError` if columns or rows are missing."""
         return read_table(self.folder / name, columns=columns, rows=rows)
 
 
@@ -296,5 +308,9 @@ def open_run(folder: str | Path) -> Run:
 
     Raises:
         ResultError: no finished result is there.
+
+    Example:
+        >>> scex.open_run(run.folder).children
+        4
     """
     return Run(Path(folder))

@@ -1,9 +1,10 @@
-"""Tables of a result folder, read and checked: folders are edited, cut short, and of other programs."""
+"""Tables of a result folder, checked, because files are edited, truncated, or of other programs."""
 
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,20 +12,28 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scex_sumo.errors import ResultError, UsageError, one_line
+from scex_sumo.base.errors import ResultError, UsageError, one_line
 from scex_sumo.metrics.registry import COLLISION, metric_of
 from scex_sumo.scene import SeedScene, States
 
-LARGEST_STATE = 1e8
-"""Of positions in m and all else; larger ones are refused in recordings, too."""
+_STATES = ("x", "y", "vx", "vy", "psi_rad")
+MAX_STATE = 1e8
+"""Limit of positions in m and all else, as in recordings."""
+
+
+@contextmanager
+def as_table(file: Path) -> Iterator[None]:
+    """Turn errors of reading a Parquet file into a `ResultError`."""
+    try:
+        yield
+    except (OSError, pa.ArrowException, ValueError) as error:
+        raise ResultError(f"{file}: cannot be read: {one_line(error)[:160]}") from None
 
 
 def read_table(file: Path, *, columns: Sequence[str] = (), rows: int | None = None) -> pa.Table:
-    """A Parquet file of a result; arguments and errors as `Run.table`."""
-    try:
-        table = pq.ParquetFile(file).read()
-    except (OSError, pa.ArrowException, ValueError) as error:
-        raise ResultError(f"{file}: cannot be read: {one_line(error)[:160]}") from None
+    """Read a Parquet file of a result, as `Run.table`."""
+    with as_table(file):
+        table = pq.ParquetFile(file.absolute()).read()  # a relative one may be a URI to Arrow
     missing = [column for column in columns if column not in table.column_names]
     if missing:
         raise ResultError(f"{file}: has no column {missing[0]}; it is not as the run wrote it: run again")
@@ -34,7 +43,7 @@ def read_table(file: Path, *, columns: Sequence[str] = (), rows: int | None = No
 
 
 def read_metrics(file: Path, *, rows: int | None) -> pa.Table:
-    """``metrics.parquet``: children in order, and numbers of known metrics."""
+    """Read ``metrics.parquet``: children in order, and numbers of known metrics."""
     table = read_table(file, columns=("child",), rows=rows)
     if table["child"].to_pylist() != list(range(table.num_rows)):
         raise ResultError(f"{file}: its children are not 0 to {table.num_rows - 1}; run again")
@@ -44,12 +53,17 @@ def read_metrics(file: Path, *, rows: int | None) -> pa.Table:
         kind = table.schema.field(name).type
         if not (pa.types.is_floating(kind) or pa.types.is_null(kind)):
             raise ResultError(f"{file}: column {name[:40]} holds no numbers; run again")
-        metric_of(name)
+        try:
+            metric_of(name)
+        except UsageError:
+            raise ResultError(
+                f"{file}: column {name[:40]!r} is no metric that run.json describes; run again"
+            ) from None
     return table
 
 
 def read_assignments(file: Path, *, rows: int) -> pa.Table:
-    """``assignments.parquet``: models by their names."""
+    """Read ``assignments.parquet``: models by their names."""
     table = read_table(file, columns=("child", "track_id", "model"), rows=rows)
     if not pa.types.is_string(table.schema.field("model").type) or table["model"].null_count:
         raise ResultError(f"{file}: column model holds no names; run again")
@@ -57,18 +71,63 @@ def read_assignments(file: Path, *, rows: int) -> pa.Table:
 
 
 def read_states(file: Path, *, rows: int) -> pa.Table:
-    """``tracks.parquet``: states that are numbers, and no larger than those of a recording."""
-    columns = ("x", "y", "vx", "vy", "psi_rad")
-    table = read_table(file, columns=("case_id", "track_id", *columns), rows=rows)
-    for name in columns:
-        numbers = pa.types.is_floating(table.schema.field(name).type)
-        if not numbers or not (np.abs(np.asarray(table[name])) <= LARGEST_STATE).all():
-            raise ResultError(f"{file}: column {name} holds what no run writes; run again")
+    """Read ``tracks.parquet``: states that are numbers, and no larger than those of a recording."""
+    table = read_table(file, columns=("case_id", "track_id", *_STATES), rows=rows)
+    _check_states(file, table)
     return table
 
 
+def _check_states(file: Path, table: pa.Table) -> None:
+    for name in _STATES:
+        numbers = pa.types.is_floating(table.schema.field(name).type)
+        if not numbers or not (np.abs(np.asarray(table[name])) <= MAX_STATE).all():
+            raise ResultError(f"{file}: column {name} holds what no run writes; run again")
+
+
+class StateBlocks:
+    """States in ``tracks.parquet``, read a row group at a time to save memory; only the last is kept."""
+
+    def __init__(self, file: Path, *, children: int, vehicles: int, frames: int) -> None:
+        """Open the file; raises a `ResultError` if it has not the rows of so many children."""
+        self._file, self._shape = file, (-1, vehicles, frames)
+        rows = vehicles * frames
+        with as_table(file):
+            self._parquet = pq.ParquetFile(file.absolute())
+            there = self._parquet.metadata
+            missing = [name for name in _STATES if name not in self._parquet.schema_arrow.names]
+            groups = [there.row_group(index).num_rows for index in range(there.num_row_groups)]
+        if missing:
+            raise ResultError(f"{file}: has no column {missing[0]}; it is not as the run wrote it: run again")
+        if there.num_rows != children * rows:
+            wanted = children * rows
+            raise ResultError(f"{file}: has {there.num_rows} rows, run.json says {wanted}; run again")
+        self._whole = any(size % rows for size in groups)  # a child lies in two groups
+        groups = [there.num_rows] if self._whole else groups
+        self.ends = np.cumsum([size // rows for size in groups], dtype=np.int64)
+        """Number of children up to the end of each row group."""
+        self._last: tuple[int, States] | None = None
+
+    def read(self, block: int) -> States:
+        """Return the states (C, V, T) of the children of a row group."""
+        if self._last is None or self._last[0] != block:
+            self._last = None
+            with as_table(self._file):
+                blocks = range(self._parquet.num_row_groups) if self._whole else [block]
+                table = self._parquet.read_row_groups(blocks, columns=list(_STATES))
+            _check_states(self._file, table)
+            x, y, vx, vy, psi = (np.asarray(table[name]).reshape(self._shape) for name in _STATES)
+            self._last = block, States(x=x, y=y, heading=psi, speed=np.hypot(vx, vy))
+        return self._last[1]
+
+    def child(self, number: int) -> States:
+        """Return the states (V, T) of a child."""
+        block = int(np.searchsorted(self.ends, number, side="right"))
+        states: States = self.read(block)[number - (int(self.ends[block - 1]) if block else 0)]
+        return states
+
+
 def with_own_collisions(table: pa.Table, collisions: pa.Table, vehicles: Iterable[str]) -> pa.Table:
-    """Metrics of the pairs that involve some vehicles, and whether one of these collides."""
+    """Add the column ``collision`` of some vehicles to the metrics of their pairs."""
     own = [int(track) for track in vehicles]
     either = [np.isin(np.asarray(collisions[name]), own) for name in ("track_id", "other_id")]
     struck = np.asarray(collisions["child"])[either[0] | either[1]]
@@ -76,17 +135,9 @@ def with_own_collisions(table: pa.Table, collisions: pa.Table, vehicles: Iterabl
     return table.add_column(1, COLLISION, pa.array(hit))
 
 
-def states_of(rows: pa.Table, vehicles: int, frames: int) -> States:
-    """(V, T) states of one child, from its rows of ``tracks.parquet``."""
-    x, y, vx, vy, psi = (
-        np.asarray(rows[name]).reshape(vehicles, frames) for name in ("x", "y", "vx", "vy", "psi_rad")
-    )
-    return States(x=x, y=y, heading=psi, speed=np.hypot(vx, vy))
-
-
-def kept_scene(folder: Path, known: Mapping[str, Any]) -> SeedScene:
-    """The seed scene that ``seed.csv`` holds, vehicles as ``run.json`` names them."""
-    from scex_sumo.converters.datasets.seed import recorded_scene
+def read_scene(folder: Path, known: Mapping[str, Any]) -> SeedScene:
+    """Read the seed scene from ``seed.csv``, with its vehicles in the order of ``run.json``."""
+    from scex_sumo.converters.datasets.recordings import recorded_scene
 
     scene = recorded_scene(folder / known["name"], tracks=folder / "seed.csv", case="1.0", repair=False)
     where = {int(track): index for index, track in enumerate(scene.track_ids)}
@@ -96,7 +147,7 @@ def kept_scene(folder: Path, known: Mapping[str, Any]) -> SeedScene:
 
 
 def as_pandas(table: pa.Table) -> Any:
-    """A pandas data frame; a plain message where pandas is not installed."""
+    """Return a pandas data frame; raises a `UsageError` if pandas is not installed."""
     if importlib.util.find_spec("pandas") is None:
         raise UsageError("to_pandas needs pandas: pip install 'scex-sumo[notebook]'")
     return table.to_pandas()

@@ -1,8 +1,8 @@
-"""Vehicles under test: how critical their own encounters are, with the models under test and without.
+"""Vehicles under test: the criticality of their encounters with and without the models under test.
 
-Metrics are restricted to pairs that involve a vehicle under test. The baseline are the same children - the
-same models for all others, the same random numbers - in which those vehicles are driven as drawn, so that
-children are compared pair by pair.
+Metrics are restricted to pairs with a vehicle under test. The baseline has the same children with the same
+models for all others and the same random numbers, but drawn models for these vehicles. Each child is compared
+with its own baseline.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Final, Literal
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.metrics.registry import column_named, side_of
 from scex_sumo.results.densities import metric_density
 from scex_sumo.results.design import is_critical
@@ -30,22 +30,19 @@ Driven = Literal["under_test", "baseline"]
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """How a metric differs between the children with the models under test and the same ones without.
+    """Difference of a metric between children with the models under test and without.
 
     Attributes:
-        column: the metric column.
-        under_test: median with the models under test; NaN where defined in no child.
+        under_test: median with the models under test; NaN if defined in no child.
         baseline: median without.
         children: how many children have a value in both.
         worse: in how many of them the models under test are more critical.
-        better: in how many less.
-        p_value: of no difference in the values: Wilcoxon's signed-rank test over those children; NaN where
-            no child differs.
+        p_value: Wilcoxon's signed-rank test for no difference in the values; NaN if no child differs.
         p_critical: share of critical children with the models under test; None without a threshold.
-        baseline_p_critical: without.
+        baseline_p_critical: share without.
         newly_critical: children that are critical with the models under test only.
-        no_longer_critical: critical without them only.
-        critical_p_value: of no difference in the shares: McNemar's exact test; NaN without a threshold or
+        no_longer_critical: children that are critical without them only.
+        critical_p_value: McNemar's exact test for no difference in the shares; NaN without a threshold or
             such children.
     """
 
@@ -64,14 +61,18 @@ class Difference:
 
 
 class UnderTest:
-    """What a run says of its vehicles under test, against its baseline.
+    """Vehicles under test of a run, against its baseline.
 
     Attributes:
-        vehicles: model by track id; None where a vehicle is driven as drawn.
+        vehicles: model by track id; None: as drawn.
         metrics: one row per child: ``child`` and the metric columns over the vehicles' own pairs, null where
             undefined.
-        baseline: the same for the same children without the models under test.
-        columns: the metric columns.
+        baseline: the same without the models under test.
+
+    Example:
+        >>> tested = scex.extrapolate(scene, children=4, under_test={8: "emergency_brake"}).under_test
+        >>> tested.vehicles
+        {8: 'emergency_brake'}
     """
 
     def __init__(
@@ -85,15 +86,10 @@ class UnderTest:
         without: DesignIntervals | None = None,
         reflect: bool = True,
     ) -> None:
-        """Put two tables of the same children side by side.
+        """Compare two tables of the same children.
 
         Args:
-            vehicles: model by track id.
-            metrics: of the children with the models under test.
-            baseline: of the same children without.
-            thresholds: by metric column.
-            intervals: of shares of the children.
-            without: of those of the baseline, where others are drawn; None for the same.
+            without: the same of the baseline, if its draws differ; None for the same.
             reflect: as of `metric_density`.
         """
         self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
@@ -107,26 +103,26 @@ class UnderTest:
         return ", ".join(f"vehicle {track}: {model}" for track, model in self.vehicles.items())
 
     def values(self, column: str, driven: Driven = "under_test") -> tuple[FloatArray, BoolArray]:
-        """(C,) values of a metric in all children, and where it is defined."""
+        """Return the values (C,) of a metric in all children, and where it is defined."""
         column = column_named(column, self.columns)
         table = self.metrics if driven == "under_test" else self.baseline
         values = np.asarray(table[column].fill_null(0.0), dtype=np.float64)
         return values, ~np.asarray(table[column].is_null())
 
     def samples(self, column: str, driven: Driven = "under_test") -> FloatArray:
-        """(n,) the values of a metric in the children where it is defined."""
+        """Return the values (n,) of a metric in the children where it is defined."""
         values, defined = self.values(column, driven)
         return values[defined]
 
     def density(self, column: str, driven: Driven = "under_test", *, bandwidth: float = 0.1) -> Density:
-        """Kernel density and cumulative density of a metric with its 95 % band."""
+        """Return density and cumulative density of a metric with its 95 % band."""
         values, defined = self.values(column, driven)
         known = np.where(defined, values, np.nan)
         width = self.intervals[driven].half_width(known)
         return metric_density(known, width, reflect=self.reflect, bandwidth=bandwidth)
 
     def p_critical(self, column: str, driven: Driven = "under_test") -> Interval | None:
-        """Share of all children that are critical with its 95 % interval; None without a threshold."""
+        """Return the share of critical children with its 95 % interval; None without a threshold."""
         column = column_named(column, self.columns)
         limit = self.thresholds.get(column)
         if limit is None:
@@ -135,7 +131,7 @@ class UnderTest:
         return self.intervals[driven].share(defined & is_critical(values, column, limit))
 
     def difference(self, column: str) -> Difference:
-        """Compare the children one by one."""
+        """Compare each child with its baseline."""
         one, there = self.values(column)
         two, there_too = self.values(column, "baseline")
         both = there & there_too

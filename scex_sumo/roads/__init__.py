@@ -1,4 +1,4 @@
-"""Questions to a road: matching, routes, conflicts, relations of lanes.
+"""Queries of a road: map matching, routes, conflicts and relations of lanes.
 
 May import geometry, road and all below; knows no files.
 """

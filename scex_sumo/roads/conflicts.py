@@ -1,4 +1,4 @@
-"""Conflicts: where two lanes come so close that cars on them would touch, and in which way."""
+"""Conflicts of lanes: where two lanes come so close that cars on them would touch."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.geometry.polylines import along, length_of, project_near, samples
 from scex_sumo.road import Lane
 
 CLEARANCE_M = 2.4  # centreline distance under which a wide car and a car do not pass each other
 STEP_M = 0.25
 SLACK_M = 1e-3  # boxes are wider by this, so that rounding hides no crossing
+TOUCH_M = 0.1  # areas that reach into each other by twice this merely touch
+MIN_HEADROOM_M = 3.0  # lanes this far above one another do not conflict; bridges leave 4.5 m and more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,9 +25,7 @@ class Conflict:
     """One stretch on which two lanes are in each other's way.
 
     Attributes:
-        kind: ``cross``, ``merge`` (they come together) or ``diverge`` (they come apart). Overlaps of mere
-            neighbours (touch) are not listed.
-        lanes: the two lane ids.
+        kind: ``cross``, ``merge`` or ``diverge``; mere neighbours that touch have no conflict.
         spans: arc length (start, end) on each of the two, m.
     """
 
@@ -36,7 +36,7 @@ class Conflict:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampledLine:
-    """A polyline with points along it, at most 0.25 m apart: arc lengths (N,) in m and positions (N, 2)."""
+    """Polyline with points at most 0.25 m apart: arc lengths (N,) in m and positions (N, 2)."""
 
     s: FloatArray
     points: FloatArray
@@ -52,18 +52,16 @@ class SampledLine:
         return cls(s=s, points=points, line=whole, on_line=shapely.points(points))
 
     def near(self, other: SampledLine, reach_m: float) -> BoolArray:
-        """(N,) whether each of the points is nearer than this to another polyline."""
-        found: BoolArray = shapely.dwithin(other.line, self.on_line, np.nextafter(reach_m, 0.0))
-        return found
+        """Return whether each point is nearer than this to another polyline, (N,)."""
+        return np.asarray(shapely.dwithin(other.line, self.on_line, np.nextafter(reach_m, 0.0)))
 
 
 def conflicts(lanes: Mapping[int, Lane], *, border_forks: bool = False) -> list[Conflict]:
-    """All conflict stretches between lanes, ordered by lane ids.
+    """Return all conflicts between lanes, ordered by lane ids.
 
     Args:
-        lanes: by id.
-        border_forks: also those of lanes that come apart from the map's border on. They have no common
-            approach where a junction could begin, and whoever puts vehicles there must look at both.
+        border_forks: include lanes that diverge from the map's border on. A junction cannot begin there, as
+            they have no common approach; to insert a vehicle one must check both lanes.
     """
     pairs = {(min(i, j), max(i, j)) for i, lane in lanes.items() for j in lane.conflicts if j in lanes}
     pairs -= {(i, j) for i, j in pairs if i == j}
@@ -80,8 +78,8 @@ def conflicts(lanes: Mapping[int, Lane], *, border_forks: bool = False) -> list[
 def _kin(lanes: Mapping[int, Lane], found: list[Conflict]) -> list[Conflict]:
     """Recognise forks and merges that run over several short lanes.
 
-    Two lanes that overlap from their starts on, without crossing, continue a fork if their predecessors are
-    one lane or themselves diverge up to their ends; likewise for merges at the other end.
+    Two lanes that overlap from their starts without crossing continue a fork if their predecessors are one
+    lane or diverge. The same holds for merges at the other end.
     """
     changed = True
     while changed:
@@ -110,7 +108,7 @@ def _related(a: tuple[int, ...], b: tuple[int, ...], pairs: set[tuple[int, int]]
 
 
 def lines_cross(a: FloatArray, b: FloatArray) -> bool:
-    """Whether two polylines cross, common end points aside."""
+    """Return whether two polylines cross, except at their end points."""
     ends = np.array([a[0], a[-1], b[0], b[-1]])
     low, high = np.maximum(a.min(axis=0), b.min(axis=0)), np.minimum(a.max(axis=0), b.max(axis=0))
     (p, u), (q, v) = (_segments_in(line, low - SLACK_M, high + SLACK_M) for line in (a, b))
@@ -130,7 +128,7 @@ def lines_cross(a: FloatArray, b: FloatArray) -> bool:
 
 
 def _segments_in(line: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(S, 2) starts and steps of the segments of a polyline whose boxes reach into a box."""
+    """Return starts and steps (S, 2) of a polyline's segments whose boxes reach into a box."""
     start, end = line[:-1], line[1:]
     meets = ((np.maximum(start, end) >= low) & (np.minimum(start, end) <= high)).all(axis=1)
     return start[meets], (end - start)[meets]
@@ -157,15 +155,13 @@ def _stretches(a: Lane, b: Lane, one: SampledLine, other: SampledLine) -> list[C
 
 
 def runs(mask: BoolArray) -> list[tuple[int, int]]:
-    """First and last index of each run of True."""
+    """Return first and last index of each run of True."""
     edges = np.diff(np.concatenate([[0], mask.astype(int), [0]]))
-    return list(
-        zip(np.flatnonzero(edges == 1).tolist(), (np.flatnonzero(edges == -1) - 1).tolist(), strict=True)
-    )
+    first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    return list(zip(first.tolist(), last.tolist(), strict=True))
 
 
 def _run_around(s: FloatArray, close: BoolArray, low: float, high: float) -> tuple[float, float]:
-    """The stretch of the other lane that belongs to a run: its own runs that touch [low, high]."""
     for first, last in runs(close):
         if s[last] >= low - STEP_M and s[first] <= high + STEP_M:
             low, high = min(low, float(s[first])), max(high, float(s[last]))
@@ -173,7 +169,7 @@ def _run_around(s: FloatArray, close: BoolArray, low: float, high: float) -> tup
 
 
 def _kind(a: Lane, b: Lane, span_a: tuple[float, float], span_b: tuple[float, float], gap: FloatArray) -> str:
-    """Tell crossing, merging and diverging apart by the stretch alone; chains of short lanes need that."""
+    """Classify a conflict by its stretch alone, as chains of short lanes need it."""
     if opposed(a.centreline, b.centreline, span_a, span_b):
         return "cross"
     ends = [length_of(a.centreline) - span_a[1], length_of(b.centreline) - span_b[1]]
@@ -194,7 +190,50 @@ def _kind(a: Lane, b: Lane, span_a: tuple[float, float], span_b: tuple[float, fl
 
 
 def opposed(a: FloatArray, b: FloatArray, span_a: tuple[float, float], span_b: tuple[float, float]) -> bool:
-    """Whether two polylines run against each other (by more than 120 degrees) along a stretch of each."""
+    """Return whether two polylines run against each other (over 120 degrees) along a stretch of each."""
     da, db = (np.diff(along(line, np.array(span)), axis=0)[0] for line, span in ((a, span_a), (b, span_b)))
     size = math.hypot(*da) * math.hypot(*db)
     return size > 0 and float(da @ db) / size < -0.5
+
+
+def overlapping(lanes: Mapping[int, Lane], centres: Mapping[int, FloatArray]) -> dict[int, Lane]:
+    """Return the lanes with ``conflicts`` set: vehicle lanes whose areas overlap.
+
+    As in Lanelet2's routing graph, lanes do not conflict if they follow one another, lie side by side in one
+    direction, or lie on different levels.
+
+    Args:
+        centres: (P, 3) centreline with heights by lane id, or (P, 2) if heights are unknown.
+    """
+    ids = [i for i, lane in lanes.items() if lane.kind == "vehicle"]
+    areas = [_area(lanes[i]) for i in ids]
+    found: dict[int, set[int]] = {i: set() for i in ids}
+    if ids:
+        pairs = shapely.STRtree(areas).query(areas, predicate="intersects")
+        for one, other in pairs.T:
+            a, b = ids[one], ids[other]
+            if a < b and not _follow_or_neighbour(lanes[a], lanes[b]):
+                shared = shapely.centroid(shapely.intersection(areas[one], areas[other]))
+                if _on_one_level(centres[a], centres[b], shared):
+                    found[a].add(b)
+                    found[b].add(a)
+    return {i: replace(lane, conflicts=tuple(sorted(found.get(i, ())))) for i, lane in lanes.items()}
+
+
+def _area(lane: Lane) -> shapely.Geometry:
+    """Return the area between the bounds without a narrow rim; valid even if the bounds cross."""
+    ring = np.concatenate([lane.right_bound, lane.left_bound[::-1]])
+    return shapely.make_valid(shapely.Polygon(ring)).buffer(-TOUCH_M)
+
+
+def _follow_or_neighbour(a: Lane, b: Lane) -> bool:
+    beside = (a.adjacent_left, a.adjacent_right, a.reverse_of)
+    return a.lane_id == b.reverse_of or b.lane_id in (*beside, *a.successors, *a.predecessors)
+
+
+def _on_one_level(a: FloatArray, b: FloatArray, where: shapely.Point) -> bool:
+    if a.shape[1] < 3 or b.shape[1] < 3 or where.is_empty:
+        return True
+    place = np.array([where.x, where.y])
+    levels = [line[np.argmin(np.hypot(*(line[:, :2] - place).T)), 2] for line in (a, b)]
+    return abs(float(levels[0] - levels[1])) < MIN_HEADROOM_M

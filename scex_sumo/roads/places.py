@@ -1,31 +1,26 @@
-"""Places of a road in a word: ring, crossing, merge or lane."""
+"""Kinds of places on a road: ring, crossing, merge or lane."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.derived import derived
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.cache import owner_cache
 from scex_sumo.geometry.polylines import project
 from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import conflicts
 from scex_sumo.roads.relations import ways_round
 
-LONGEST_RING_M = 400.0  # the way round; longer ways back to the same lane are blocks of streets
-AROUND_M = 5.0  # a place counts to a conflict of lanes as far before and after it
+MAX_RING_M = 400.0  # the way round; longer ways back to the same lane are blocks of streets
+AROUND_M = 5.0  # a crossing or merge reaches this far beyond the conflict of lanes
 PLACES = ("ring", "crossing", "merge", "lane")
 
 
 def places_of(road: Road, points: FloatArray) -> list[str | None]:
-    """What kind of place each of some points is, one of ``PLACES``; None off the lanes.
+    """Return the kind of place of each point (N, 2), one of ``PLACES``; None off the lanes.
 
-    A ring is a lane from which a way of at most 400 m leads round to its own start; a crossing and a merge
-    reach 5 m beyond where the lanes are in each other's way; an acceleration lane and the one beside it are a
-    merge.
-
-    Args:
-        road: the map.
-        points: (N, 2) m.
+    A ring is a lane from which a way of at most 400 m leads back to its start. A crossing or merge reaches
+    5 m beyond the lanes' conflict. An acceleration lane and the lane beside it are a merge.
     """
     rank = np.full(len(points), len(PLACES))
     rings, meetings = _rings(road), _meetings(road)
@@ -43,27 +38,27 @@ def places_of(road: Road, points: FloatArray) -> list[str | None]:
     return [PLACES[k] if k < len(PLACES) else None for k in rank.tolist()]
 
 
-@derived
+@owner_cache
 def _rings(road: Road) -> frozenset[int]:
-    """Lanes from which a short way leads round to their own start."""
+    """Return the lanes from which a short way leads back to their start."""
     lanes = list(road.vehicle_lanes.values())
-    short = ways_round(lanes) <= LONGEST_RING_M
+    short = ways_round(lanes) <= MAX_RING_M
     return frozenset(lane.lane_id for lane, ring in zip(lanes, short.tolist(), strict=True) if ring)
 
 
-@derived
+@owner_cache
 def _meetings(road: Road) -> dict[int, list[tuple[str, float, float]]]:
-    """By lane where it crosses or merges with others: kind, arc lengths of start and end, m."""
+    """Return where each lane crosses or merges with others: kind, arc lengths of start and end, m."""
     words = {"cross": "crossing", "merge": "merge"}
-    found: dict[int, list[tuple[str, float, float]]] = {}
+    meetings: dict[int, list[tuple[str, float, float]]] = {}
     lanes = road.vehicle_lanes
     for conflict in conflicts(lanes):
         if conflict.kind in words:
             for number, (start, end) in zip(conflict.lanes, conflict.spans, strict=True):
-                found.setdefault(number, []).append((words[conflict.kind], start, end))
+                meetings.setdefault(number, []).append((words[conflict.kind], start, end))
     for lane in lanes.values():  # one that ends beside another that goes on: an acceleration lane
         for beside in (lane.left, lane.right):
             if beside in lanes and lanes[beside].successors and not lane.successors:
                 for number in (lane.lane_id, beside):
-                    found.setdefault(number, []).append(("merge", 0.0, np.inf))
-    return found
+                    meetings.setdefault(number, []).append(("merge", 0.0, np.inf))
+    return meetings

@@ -1,4 +1,4 @@
-"""Relations of the lanes of a road: behind one another, side by side, meeting ahead. Tables for all pairs."""
+"""Relations of all pairs of a road's lanes: one behind the other, side by side, meeting ahead."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
 from scex_sumo.geometry.crossings import intersect
 from scex_sumo.geometry.polylines import along, arc_lengths, length_of
-from scex_sumo.road import Lane
-from scex_sumo.roads.conflicts import Conflict, conflicts, opposed
-from scex_sumo.roads.conflicts import lines_cross as proper_crossing
+from scex_sumo.road import Lane, Road
+from scex_sumo.roads.conflicts import Conflict, conflicts, lines_cross, opposed
 
-CONFLICT_M = 80.0  # how far ahead drivers look for the place where their ways meet
-CONFLICTS = 4  # places remembered per pair of lanes, the nearest first
+CONFLICT_M = 80.0  # how far ahead drivers look for a meeting place
+CONFLICTS = 4  # meeting places per pair of lanes, the nearest first
 BESIDE_M = 30.0  # how far along the lanes a vehicle on the next lane still counts as beside
 SIDEWAYS = 2  # lanes to either side
-SAMPLE_M = 0.5  # where centrelines that come close do not cross, their closest places are sampled
+SAMPLE_M = 0.5  # step in the search for the closest places of lanes that do not cross
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,18 +27,18 @@ class LaneRelations:
 
     Attributes:
         length: (L,) m.
-        ahead: (L, L) way from the start of a to the start of b along successors, m; inf where there is none,
+        ahead: (L, L) way from the start of a to the start of b along successors, m; inf without a way,
             0 on the diagonal.
-        loop: (L,) the shortest way from the start of a lane round to its start again, m; inf without one.
-        side: (L, L) how many lanes b lies left (positive) or right of a, along the way at most `BESIDE_M`
-            before or after it; 0 where they are not neighbours.
-        lead: (L, L) and the next two: the lead of a vehicle at ``s_b`` on b over one at ``s_a`` on a is
-            ``lead + stretch_b * s_b - stretch_a * s_a`` where `side` is not 0, m.
+        loop: (L,) shortest way from the start of a lane back to its start, m; inf without one.
+        side: (L, L) number of lanes that b lies left (positive) or right of a, at most `BESIDE_M` before or
+            after it; 0 if they are not neighbours.
+        lead: (L, L) with the next two, where `side` is not 0: a vehicle at ``s_b`` on b leads one at ``s_a``
+            on a by ``lead + stretch_b * s_b - stretch_a * s_a``, m.
         stretch_a: (L, L).
         stretch_b: (L, L).
-        meeting: (L, L, CONFLICTS, 2) way from the start of a, and from that of b, to the places where ways
-            ahead of both meet, m: where the centrelines cross, or where two that merge first come too close
-            for two vehicles. The nearest first, by the sum of both; inf where there is none.
+        meeting: (L, L, CONFLICTS, 2) way from the start of a, and of b, to the places where their ways ahead
+            meet, m: where centrelines cross, or where merging lanes first come too close for two vehicles.
+            The nearest first, by the sum of both; inf without a place.
     """
 
     length: FloatArray
@@ -52,11 +52,7 @@ class LaneRelations:
 
 
 def lane_relations(lanes: Sequence[Lane]) -> LaneRelations:
-    """Relate all lanes to each other.
-
-    Args:
-        lanes: the L vehicle lanes of a road; lanes that they name and that are not among them are ignored.
-    """
+    """Relate the L vehicle lanes of a road to each other; other lanes that they name are ignored."""
     number = {lane.lane_id: k for k, lane in enumerate(lanes)}
     length = np.array([length_of(lane.centreline) for lane in lanes], dtype=np.float64)
     ahead = _ways(lanes, number, length)
@@ -73,8 +69,34 @@ def lane_relations(lanes: Sequence[Lane]) -> LaneRelations:
     )
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RoadIndex:
+    """Vehicle lanes of a road as tables; make it with `road_index`.
+
+    Attributes:
+        lane_id: (L,) ascending; the other tables count lanes in this order.
+        speed_limit: (L,) m/s.
+        relations: how each lane relates to each other one.
+    """
+
+    lane_id: IntArray
+    speed_limit: FloatArray
+    relations: LaneRelations
+
+
+@owner_cache
+def road_index(road: Road) -> RoadIndex:
+    """Return the index of a road, kept with it."""
+    lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: lane.lane_id)
+    return RoadIndex(
+        lane_id=np.array([lane.lane_id for lane in lanes], dtype=np.int64),
+        speed_limit=np.array([lane.speed_limit_mps for lane in lanes], dtype=np.float64),
+        relations=lane_relations(lanes),
+    )
+
+
 def ways_round(lanes: Sequence[Lane]) -> FloatArray:
-    """(L,) the shortest way from the start of a lane round to its start again, m; inf without one."""
+    """Return the shortest way from each lane's start back to its start (L,), m; inf without one."""
     number = {lane.lane_id: k for k, lane in enumerate(lanes)}
     length = np.array([length_of(lane.centreline) for lane in lanes], dtype=np.float64)
     return _loops(lanes, number, length, _ways(lanes, number, length))
@@ -89,7 +111,7 @@ def _loops(
 
 
 def _ways(lanes: Sequence[Lane], number: dict[int, int], length: FloatArray) -> FloatArray:
-    """(L, L) shortest ways along successors from start to start, m."""
+    """Return the shortest ways along successors from start to start (L, L), m."""
     ways = np.full((len(lanes), len(lanes)), np.inf)
     np.fill_diagonal(ways, 0.0)
     links = {(k, number[i]) for k, lane in enumerate(lanes) for i in lane.successors if i in number}
@@ -97,14 +119,14 @@ def _ways(lanes: Sequence[Lane], number: dict[int, int], length: FloatArray) -> 
     while shorter:
         shorter = False
         for tail, head in sorted(links):
-            found = np.minimum(ways[:, head], ways[:, tail] + length[tail])
-            shorter |= bool((found < ways[:, head]).any())
-            ways[:, head] = found
+            way = np.minimum(ways[:, head], ways[:, tail] + length[tail])
+            shorter |= bool((way < ways[:, head]).any())
+            ways[:, head] = way
     return ways
 
 
 def _neighbours(lanes: Sequence[Lane], number: dict[int, int]) -> list[tuple[int, int, int]]:
-    """(lane, other lane, how many lanes to the left that is), nearest first; right is negative."""
+    """Return (lane, other lane, lanes to the left; right is negative), nearest first."""
     left: dict[int, int] = {}
     right: dict[int, int] = {}
     for k, lane in enumerate(lanes):
@@ -115,21 +137,20 @@ def _neighbours(lanes: Sequence[Lane], number: dict[int, int]) -> list[tuple[int
             if other is not None and other in number:
                 table[k] = number[other]
                 back.setdefault(number[other], k)
-    found: dict[tuple[int, int], int] = {}
+    hops_of: dict[tuple[int, int], int] = {}
     for sign, table in ((1, left), (-1, right)):
         at = {k: k for k in range(len(lanes))}
         for hops in range(1, SIDEWAYS + 1):
             at = {k: table[here] for k, here in at.items() if here in table}
             for k, other in at.items():
                 if other != k:
-                    found.setdefault((k, other), sign * hops)
-    return sorted(((k, other, hops) for (k, other), hops in found.items()), key=lambda f: (abs(f[2]), f))
+                    hops_of.setdefault((k, other), sign * hops)
+    return sorted(((*pair, hops) for pair, hops in hops_of.items()), key=lambda row: (abs(row[2]), row))
 
 
 def _beside(
     lanes: Sequence[Lane], number: dict[int, int], length: FloatArray, ahead: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """`LaneRelations.side`, `lead`, `stretch_a` and `stretch_b`."""
     count = len(lanes)
     side, lead = np.zeros((count, count), dtype=np.int64), np.zeros((count, count))
     stretch_a, stretch_b = np.ones((count, count)), np.ones((count, count))
@@ -161,13 +182,12 @@ def _beside(
 def _meetings(
     lanes: Sequence[Lane], number: dict[int, int], length: FloatArray, ahead: FloatArray
 ) -> FloatArray:
-    """`LaneRelations.meeting`."""
     count = len(lanes)
     table = np.full((count, count, CONFLICTS, 2), np.inf)
     by_id = {lane.lane_id: lane for lane in lanes}
     places = []
-    for conflict in _ahead(by_id):
-        s = meeting_place(conflict, by_id)
+    for conflict in _conflicts_ahead(by_id):
+        s = _meeting_place(conflict, by_id)
         first, second = (number[i] for i in conflict.lanes)
         places += [(first, s[0], second, s[1]), (second, s[1], first, s[0])]
     if not places:
@@ -189,21 +209,21 @@ def _meetings(
     return table
 
 
-def _ahead(lanes: dict[int, Lane]) -> list[Conflict]:
-    """The conflicts that drivers approach: crossings and merges, not the branches of a fork.
+def _conflicts_ahead(lanes: dict[int, Lane]) -> list[Conflict]:
+    """Return the conflicts that drivers approach: crossings and merges, not the branches of a fork.
 
-    Branches may overlap for longer than their first lanes. A lane whose overlap begins at its start, without
-    a crossing, continues a fork where a lane before it is itself a branch beside the same other lane.
+    Branches may overlap for longer than their first lanes. A lane that overlaps from its start without
+    crossing continues a fork if a lane before it is a branch beside the same other lane.
     """
-    found = conflicts(lanes)
-    forks = {c.lanes for c in found if c.kind == "diverge"}
+    every = conflicts(lanes)
+    forks = {c.lanes for c in every if c.kind == "diverge"}
     forks |= {  # at the map's border a fork has no lane before it
         (min(i, j), max(i, j))
         for i, lane in lanes.items()
         for j in lane.conflicts
         if j in lanes and np.hypot(*(lane.centreline[0] - lanes[j].centreline[0])) < SAMPLE_M
     }
-    rest = [c for c in found if c.kind != "diverge"]
+    rest = [c for c in every if c.kind != "diverge"]
     while True:
         apart = {c.lanes for c in rest if c.kind == "cross" and _parts_further(c, lanes, forks)}
         if not apart:
@@ -217,15 +237,15 @@ def _parts_further(conflict: Conflict, lanes: dict[int, Lane], forks: set[tuple[
     for one, other, start in ((a, b, start_a), (b, a, start_b)):
         before = {(min(p, other), max(p, other)) for p in lanes[one].predecessors}
         if start < SAMPLE_M and before & forks:
-            return not proper_crossing(lanes[a].centreline, lanes[b].centreline)
+            return not lines_cross(lanes[a].centreline, lanes[b].centreline)
     return False
 
 
-def meeting_place(conflict: Conflict, lanes: dict[int, Lane]) -> tuple[float, float]:
-    """Where two lanes meet, as an arc length on either, m.
+def _meeting_place(conflict: Conflict, lanes: dict[int, Lane]) -> tuple[float, float]:
+    """Return where two lanes meet, as an arc length on each, m.
 
-    The beginning of a merge; else the first crossing of the centrelines within the stretch that both share,
-    or the place where they come closest; the middle of the stretch where traffic comes the other way.
+    It is the beginning of a merge. Else it is the first crossing of the centrelines within the shared
+    stretch; without a crossing the place where they come closest, or the middle between opposed lanes.
     """
     (first_a, last_a), (first_b, last_b) = conflict.spans
     if conflict.kind == "merge":

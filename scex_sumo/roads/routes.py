@@ -1,8 +1,4 @@
-"""Routes of vehicles: where they can go over lanes, and the centrelines under them.
-
-Nothing here depends on a behaviour model: a route is a sequence of lane ids, a candidate path a route with
-the centreline under it.
-"""
+"""Routes of vehicles: sequences of lanes that they can take, and the centrelines under them."""
 
 from __future__ import annotations
 
@@ -11,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.derived import derived
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
 from scex_sumo.geometry.polylines import (
     along,
     arc_lengths,
@@ -23,20 +19,8 @@ from scex_sumo.geometry.polylines import (
     wrap,
 )
 from scex_sumo.road import Lane, Road
-from scex_sumo.roads.matching import OFFSET_SIGMA_M, Matches, match, off_road
+from scex_sumo.roads.matching import OFFSET_SIGMA_M, Matches, match
 from scex_sumo.scene import SeedScene
-
-__all__ = [
-    "CandidatePath",
-    "Matches",
-    "candidate_paths",
-    "centreline",
-    "extended",
-    "match",
-    "off_road",
-    "onward",
-    "routes",
-]
 
 CHANGE_LENGTH_M = 40.0  # lane change at the end of a lane
 MAX_ROUTES = 32
@@ -48,11 +32,11 @@ class CandidatePath:
     """One way a vehicle can go.
 
     Attributes:
-        lanes: lane ids; the vehicle is on the first. Two that follow each other are successors, or
-            neighbours where a lane ends and a lane change is the only way on.
+        lanes: lane ids; the vehicle is on the first. Each next lane is a successor, or a neighbour if the
+            lane ends and a lane change is the only way on.
         s: arc length of the vehicle's foot point on the first lane, m.
-        probability: of this path among the vehicle's: match probability, shared equally at every fork.
-        angle: direction from the vehicle to the end of the path in the vehicle's frame, rad, left positive.
+        probability: match probability, shared equally at every fork.
+        angle: from the vehicle to the end of the path in the vehicle's frame, rad, left positive.
     """
 
     lanes: tuple[int, ...]
@@ -62,85 +46,62 @@ class CandidatePath:
 
 
 def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[int, ...], ...]:
-    """All lane sequences from a place on the road over a distance.
+    """Return all lane sequences from arc length ``s`` on a lane over a distance, at most `MAX_ROUTES`.
 
-    Follows successors; where a lane has none but a lane change is allowed, it goes on on the neighbour
-    (left first). Ends at the horizon or at the end of the mapped road; in a roundabout a lane can come twice.
-
-    Args:
-        road: the map.
-        lane_id: lane to start on.
-        s: arc length on that lane, m.
-        horizon_m: distance to cover, m.
-
-    Returns:
-        At most `MAX_ROUTES` routes in the order of a depth-first search over ascending lane ids.
+    A route follows successors. If a lane has none, the route changes to the neighbour if allowed, left first.
+    It ends at the horizon or at the end of the mapped road; in a roundabout a lane can come twice. The order
+    is that of a depth-first search over ascending lane ids.
     """
     lanes, length = _known(road), _lengths(road)
-    found: list[tuple[int, ...]] = []
+    complete: list[tuple[int, ...]] = []
     stack: list[tuple[tuple[int, ...], float]] = [((lane_id,), length[lane_id] - s)]
-    while stack and len(found) < MAX_ROUTES:
+    while stack and len(complete) < MAX_ROUTES:
         route, covered = stack.pop()
         following, gain = onward(lanes, route)
         if covered >= horizon_m or not following:
-            found.append(route)
+            complete.append(route)
             continue
         for lane in reversed(following):
             stack.append(((*route, lane), covered + (length[lane] if gain else 0.0)))
-    return tuple(found)
+    return tuple(complete)
 
 
 def onward(lanes: dict[int, Lane], route: tuple[int, ...]) -> tuple[list[int], bool]:
-    """Lanes that can follow a route, and whether they lie ahead (False: beside, by a lane change)."""
+    """Return the lanes that can follow a route, and whether they lie ahead or need a lane change."""
     last = lanes[route[-1]]
     ahead = sorted(i for i in last.successors if i in lanes)
     if ahead:
         return ahead, True
     beside = [i for i in (last.left, last.right) if i is not None and i in lanes and i not in route]
-    # A neighbour that ends as well leads nowhere; one change after the other is not tried.
+    # A neighbour that ends too leads nowhere; two changes in a row are not tried.
     return [i for i in beside if lanes[i].successors][:1], False
 
 
-@derived
+@owner_cache
 def _known(road: Road) -> dict[int, Lane]:
     return road.vehicle_lanes
 
 
-@derived
+@owner_cache
 def _lengths(road: Road) -> dict[int, float]:
-    """Lengths of the vehicle lanes, m; never zero, so that every search along them ends."""
+    """Return the lengths of the vehicle lanes, m; never zero, so that every search along them ends."""
     steps = {i: np.diff(lane.centreline, axis=0) for i, lane in _known(road).items()}
     return {i: max(float(np.hypot(*step.T).sum()), 0.01) for i, step in steps.items()}
 
 
-@derived
-def _turns(road: Road) -> dict[tuple[int, int], float]:
-    return {}
-
-
+@owner_cache
 def _turn(road: Road, lane: int, other: int) -> float:
-    """Change of direction from the end of a lane to 10 m down the other, rad, without its sign."""
-    turns = _turns(road)  # filled as turns are asked for; forgotten with the road
-    if (lane, other) not in turns:
-        line = road.lanes[other].centreline
-        there = along(line, np.array([0.0, min(10.0, _lengths(road)[other])]))
-        towards = np.arctan2(*(there[1] - there[0])[::-1])
-        turns[lane, other] = abs(float(wrap(towards - headings(road.lanes[lane].centreline)[-1])))
-    return turns[lane, other]
+    """Return the absolute change of direction from the end of a lane to 10 m down the other, rad."""
+    there = along(road.lanes[other].centreline, np.array([0.0, min(10.0, _lengths(road)[other])]))
+    towards = np.arctan2(*(there[1] - there[0])[::-1])
+    return abs(float(wrap(towards - headings(road.lanes[lane].centreline)[-1])))
 
 
 def candidate_paths(road: Road, scene: SeedScene) -> tuple[tuple[CandidatePath, ...], ...]:
-    """Paths that each vehicle of a seed scene can take, from its pose at that moment.
+    """Return the paths that each vehicle of a seed scene can take; none for a vehicle off the mapped lanes.
 
-    A path is 80 m long, or 6 s at the vehicle's speed where that is longer. Paths are ordered from left to
+    A path is 80 m long, or 6 s at the vehicle's speed if that is longer. Paths are ordered from left to
     right: by falling angle from the vehicle to the path's end, then by lane ids.
-
-    Args:
-        road: the map.
-        scene: the seed scene.
-
-    Returns:
-        (V,) paths of each vehicle; none for a vehicle off the mapped lanes.
     """
     now = scene.now
     found = match(road, now.x, now.y, now.heading)
@@ -159,19 +120,18 @@ def candidate_paths(road: Road, scene: SeedScene) -> tuple[tuple[CandidatePath, 
 
 
 def _past(scene: SeedScene, vehicle: int) -> FloatArray:
-    """(P, 2) where the vehicle was half a second and a second before, as far as that was recorded."""
+    """Return where the vehicle was 0.5 s and 1 s before (P, 2), as far as recorded."""
     back = [steps for steps in (5, 10) if scene.recorded_steps[vehicle] >= steps]
     track = scene.history[vehicle]
     return np.array([[track.x[-1 - steps], track.y[-1 - steps]] for steps in back]).reshape(-1, 2)
 
 
 def _starts(road: Road, found: Matches, mine: IntArray, past: FloatArray) -> list[tuple[int, float, float]]:
-    """(lane, s, probability) of the lanes a vehicle's routes start on, best first.
+    """Return (lane, s, probability) of the lanes that a vehicle's routes start on, best first.
 
-    Where several lanes match, those count more that the vehicle has come along: each gets the likelihood of
-    the distance of the past places to it and its predecessors too, at most two sigma each. The best one is
-    taken, and others at least 0.3 times as probable, unless they are ahead of or behind a lane taken
-    already: their routes are the same ones cut differently.
+    If several lanes match, each is weighted by the likelihood that the vehicle came along it: by the distance
+    of past places to it and its predecessors, at most two sigma each. Taken are the best lane and others at
+    least 0.3 times as probable, without lanes ahead of or behind a taken one: these give the same routes.
     """
     options = [(int(found.lane_id[i]), float(found.s[i]), float(found.probability[i])) for i in mine]
     if len(options) > 1 and len(past):
@@ -188,7 +148,7 @@ def _starts(road: Road, found: Matches, mine: IntArray, past: FloatArray) -> lis
 
 
 def _came_along(road: Road, lane: int, s: float, past: FloatArray) -> float:
-    """Likelihood that a vehicle on a lane was at these places before."""
+    """Return the likelihood that a vehicle on a lane was at these places before."""
     points, _ = centreline(road, (lane,), s, 60.0, 5.0)
     cost = 0.0
     for x, y in past:
@@ -201,22 +161,22 @@ def _came_along(road: Road, lane: int, s: float, past: FloatArray) -> float:
 def _paths_from(
     road: Road, lane: int, s: float, probability: float, horizon: float, pose: tuple[float, float, float]
 ) -> list[CandidatePath]:
-    ways = routes(road, lane, s, horizon)
+    options = routes(road, lane, s, horizon)
     x, y, heading = pose
     paths = []
-    for way in ways:
+    for route in options:
         share = probability
-        for i in range(1, len(way)):  # alternatives at each fork, counted among the routes found
-            share /= len({other[i] for other in ways if other[:i] == way[:i] and len(other) > i})
-        points, _ = centreline(road, way, s, 0.0, horizon)
+        for i in range(1, len(route)):  # alternatives at each fork, counted among the routes found
+            share /= len({other[i] for other in options if other[:i] == route[:i] and len(other) > i})
+        points, _ = centreline(road, route, s, 0.0, horizon)
         dx, dy = points[-1] - (x, y)
         angle = float(wrap(np.arctan2(dy, dx) - heading))
-        paths.append(CandidatePath(lanes=way, s=s, probability=share, angle=angle))
+        paths.append(CandidatePath(lanes=route, s=s, probability=share, angle=angle))
     return paths
 
 
 def extended(road: Road, lanes: tuple[int, ...], length_m: float) -> tuple[int, ...]:
-    """A route continued, by the smallest turn at every fork, to a length or to the end of the road."""
+    """Extend a route by the smallest turn at every fork, to a length or to the end of the road."""
     known, length = _known(road), _lengths(road)
     # A lane beside the one before adds nothing: the change is made within its length.
     covered = length[lanes[0]] + sum(length[b] for a, b in pairwise(lanes) if b in known[a].successors)
@@ -234,20 +194,12 @@ def extended(road: Road, lanes: tuple[int, ...], length_m: float) -> tuple[int, 
 def centreline(
     road: Road, lanes: tuple[int, ...], s: float, behind_m: float, ahead_m: float
 ) -> tuple[FloatArray, IntArray]:
-    """Centreline of a route around a place on its first lane, straight on at both ends of the road.
+    """Return the centreline of a route from `behind_m` before to `ahead_m` after arc length `s`.
 
-    Before the first lane it follows the predecessors with the smallest turn.
-
-    Args:
-        road: the map.
-        lanes: the route.
-        s: the place, arc length on the first lane, m.
-        behind_m: length before the place, m.
-        ahead_m: length after the place, m.
+    It follows the predecessors with the smallest turn, and goes straight on at the ends of the road.
 
     Returns:
-        (P, 2) points, exactly `behind_m` before the place to `ahead_m` after it along the line, and (P,)
-        the lane id under each.
+        (P, 2) points and (P,) the lane id under each.
     """
     known, length = _known(road), _lengths(road)
     before: list[int] = []
@@ -267,7 +219,7 @@ def centreline(
 
 
 def _pieces(known: dict[int, Lane], sequence: tuple[int, ...]) -> tuple[list[FloatArray], list[int]]:
-    """Centrelines of a sequence of lanes; a change to a neighbour is blended over the end of the lane."""
+    """Return the centrelines of a sequence of lanes; a lane change is blended over the lane's end."""
     pieces: list[FloatArray] = []
     rest = known[sequence[0]].centreline
     for a, b in pairwise(sequence):
@@ -281,7 +233,7 @@ def _pieces(known: dict[int, Lane], sequence: tuple[int, ...]) -> tuple[list[Flo
 
 
 def _cut(points: FloatArray, owner: IntArray, start: float, length: float) -> tuple[FloatArray, IntArray]:
-    """The part of a line from an arc length on, continued straight where the line is too short."""
+    """Return the part of a line from an arc length on, continued straight if the line is too short."""
     arc = arc_lengths(points)
     ends = np.array([start, start + length])
     inside = slice(int(np.searchsorted(arc, ends[0], side="right")), int(np.searchsorted(arc, ends[1])))

@@ -1,23 +1,24 @@
-"""Example seeds of our own making, and synthetic seeds populated by SUMO."""
+"""Example seeds of this package, recorded seeds, and synthetic seeds populated by SUMO."""
 
 from __future__ import annotations
 
 from importlib import resources
 from pathlib import Path
 
-from scex_sumo.errors import UsageError
+from scex_sumo.base.errors import UsageError
 
 EXAMPLES = ("roundabout", "motorway_merge", "urban_intersection")
 
 
 def example_path(name: str) -> Path:
-    """The map of an example seed; its tracks lie beside it as ``NAME.csv``.
-
-    Args:
-        name: one of ``roundabout``, ``motorway_merge``, ``urban_intersection``.
+    """Return the map of an example seed, one of ``EXAMPLES``; its tracks lie beside it as ``NAME.csv``.
 
     Raises:
         UsageError: there is no such example.
+
+    Example:
+        >>> scex.example_path("roundabout").name
+        'roundabout.osm'
     """
     if name not in EXAMPLES:
         raise UsageError(f"unknown example seed {name!r}; known: {', '.join(EXAMPLES)}")

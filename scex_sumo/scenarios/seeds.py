@@ -1,16 +1,17 @@
-"""Seed scenes together with their map: recorded ones read, synthetic ones populated by SUMO."""
+"""Seed scenes with their map: read from recordings, or populated by SUMO."""
 
 from __future__ import annotations
 
 import dataclasses
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 
-from scex_sumo.errors import TrackError
-from scex_sumo.files import TemporaryFolder
-from scex_sumo.kept import kept_object
-from scex_sumo.scene import SeedScene, States
-from scex_sumo.version import version_of
+from scex_sumo.base.cache import cached_object
+from scex_sumo.base.errors import TrackError
+from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.version import version_of
+from scex_sumo.scene import Obstacles, SeedScene, States
 
 
 def read_seed(
@@ -28,26 +29,26 @@ def read_seed(
     Args:
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
         tracks: a track file in INTERACTION format, a CommonRoad scenario, or a folder with the chunks of one
-            CommonRoad recording; None looks where the dataset's
-            folder layout has it, and takes a CommonRoad map's own vehicles.
-        case: the case of a file with ``case_id``; None takes the busiest one.
-        time: the moment in seconds of the recording; None takes frame 10 of a case, and of a recording the
-            moment with most moving vehicles recorded from 1 s before to 3 s after.
+            CommonRoad recording; None looks where the dataset's folder layout has it, and takes a CommonRoad
+            map's own vehicles.
+        case: the case of a file with ``case_id``; None for the busiest one.
+        time: the moment in seconds of the recording; None for frame 10 of a case, or for the moment of a
+            recording with most moving vehicles recorded from 1 s before to 3 s after.
         origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
-        align: whether tracks that lie beside the map's lanes are moved onto them, see `align_tracks`; False
-            leaves them where they were recorded.
+        align: move tracks that lie beside the map's lanes onto them, see `align_tracks`.
         cache: keep the road in ``~/.cache/scex-sumo`` for the next run on the same map.
-
-    Returns:
-        The seed scene, its ``road`` set.
 
     Raises:
         MapError: the map cannot be read.
         TrackError: the tracks cannot be read, or hold no such moment.
+
+    Example:
+        >>> scex.read_seed(scex.example_path("roundabout"), time=4.0).vehicles
+        14
     """
-    from scex_sumo.converters.datasets.seed import recorded_scene
+    from scex_sumo.converters.datasets.find import find_tracks
+    from scex_sumo.converters.datasets.recordings import recorded_scene
     from scex_sumo.converters.maps import read_map
-    from scex_sumo.converters.tracks.find import find_tracks
 
     map_path = Path(map_path)
     try:
@@ -67,27 +68,30 @@ def synthetic_seed(
     seed: int = 0,
     origin: tuple[float, float] | None = None,
     cache: bool = True,
+    progress: Callable[[int, int], None] | None = None,
 ) -> SeedScene:
-    """Populate a map by SUMO's own demand and car-following, and take one moment of it.
+    """Populate a map by SUMO's own demand and car-following, and take one moment with history and future.
 
     Args:
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
-        vehicles: how many vehicles the seed scene has.
+        vehicles: number of vehicles in the seed scene.
         seed: the same seed gives the same scene.
-        origin: latitude and longitude of the map's coordinates; None looks beside the map, and takes its
-            south-west corner where nothing is said: no tracks need to match.
+        origin: latitude and longitude of the map's coordinates; None looks beside the map, else takes its
+            south-west corner.
         cache: keep road, net and scene in ``~/.cache/scex-sumo`` for the next run on the same map.
-
-    Returns:
-        The seed scene with a history and a future from the same SUMO run, its ``road`` set.
+        progress: called with the moments tried and the most that will be.
 
     Raises:
         MapError: the map cannot be read.
         SimulationError: the map cannot hold so many vehicles.
+
+    Example:
+        >>> scex.synthetic_seed(scex.example_path("roundabout"), vehicles=3).vehicles
+        3
     """
     from scex_sumo.converters.maps import read_map
-    from scex_sumo.converters.net.kept import converted
-    from scex_sumo.scenarios.traffic.synthetic import synthetic_scene
+    from scex_sumo.converters.net.net_cache import converted
+    from scex_sumo.scenarios.synthetic import synthetic_scene
 
     map_path = Path(map_path)
     road = read_map(map_path, origin=origin, own_corner=True, keep=cache)
@@ -96,11 +100,11 @@ def synthetic_seed(
     def populated() -> SeedScene:
         with TemporaryFolder() as folder:
             net = converted(road, Path(folder) / f"{road.name}.net.xml", keep=cache)
-            return synthetic_scene(road, net, vehicles=vehicles, seed=seed, name=name)
+            return synthetic_scene(road, net.path, vehicles=vehicles, seed=seed, name=name, progress=progress)
 
     if cache:
         made_of = pickle.dumps((version_of("eclipse-sumo"), vehicles, seed, road))
-        scene = kept_object("populated", made_of, populated, (SeedScene, States))
+        scene = cached_object("populated", made_of, populated, (SeedScene, States, Obstacles))
     else:
         scene = populated()
     return dataclasses.replace(scene, road=road)

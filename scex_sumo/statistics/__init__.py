@@ -1,4 +1,4 @@
-"""Statistics of samples: densities, intervals, designs, distances, effects. Arrays in, arrays out.
+"""Statistics of samples: densities, intervals, designs, paired tests. Arrays in, arrays out.
 
-May import arrays and errors alone.
+May import base alone.
 """

@@ -1,7 +1,6 @@
-"""Atoms: values that many children share exactly, told apart from the density of the rest.
+"""Atoms: values that many children share exactly, separate from the density of the rest.
 
-A kernel would smear a WTTC of 0 that half of the children have, or a collision that a leader has whoever
-drives, over values that nobody has. Values that cannot be negative are reflected at 0.
+A kernel would smear a WTTC of 0 that half of the children have over values that no child has.
 """
 
 from __future__ import annotations
@@ -11,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.errors import InputError
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import InputError
 from scex_sumo.statistics.density import (
     BANDWIDTH,
     Atom,
@@ -23,20 +22,20 @@ from scex_sumo.statistics.density import (
     dkw_half_width,
 )
 
-LEAST_SHARE: Final = 0.02
+MIN_SHARE: Final = 0.02
 """A finite value that more of the samples share exactly is an atom."""
 
 
-def split_atoms(samples: ArrayLike, least: float = LEAST_SHARE) -> tuple[tuple[Atom, ...], FloatArray]:
-    """Atoms of samples, and the samples that are none, infinite ones included.
+def split_atoms(samples: ArrayLike, least: float = MIN_SHARE) -> tuple[tuple[Atom, ...], FloatArray]:
+    """Split samples into atoms and the other samples, infinite ones included.
 
     Args:
         samples: (n,) values; inf allowed.
-        least: a finite value that more than this share of them have is an atom, and at least two have.
+        least: an atom is a finite value with more than this share of the samples, and at least two.
     """
     values = checked(samples, "atoms")
     if not 0 < least < 1:
-        raise InputError(f"atoms: least share {least}; choose one between 0 and 1, e.g. {LEAST_SHARE}")
+        raise InputError(f"atoms: least share {least}; choose one between 0 and 1, e.g. {MIN_SHARE}")
     # -0.0 and 0.0 are one value.
     at, counts = np.unique(values + 0.0, return_counts=True)
     many = (counts > np.maximum(least * values.size, 1)) & np.isfinite(at)
@@ -53,15 +52,15 @@ def mixed_density(
     *,
     reflect: bool | None = None,
     half_width: float | None = None,
-    least: float = LEAST_SHARE,
+    least: float = MIN_SHARE,
 ) -> Density:
     """Atoms and the kernel density of the rest.
 
     Args:
         samples: (n,) values; inf allowed.
         bandwidth: h, in the unit of the samples.
-        reflect: fold what the kernel puts below 0 back; None does so where no sample is negative.
-        half_width: of the band, of the design's intervals; None takes that of independent draws.
+        reflect: fold what the kernel puts below 0 back; by default where no sample is negative.
+        half_width: of the band under a design; by default that of independent draws.
         least: share above which a value is an atom.
     """
     values = checked(samples, "density")

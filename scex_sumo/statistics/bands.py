@@ -1,4 +1,4 @@
-"""Runs that go on until the bands around all cumulative distributions are as narrow as asked for."""
+"""Runs that go on until the bands around all cumulative distributions are narrow enough."""
 
 from __future__ import annotations
 
@@ -8,24 +8,23 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.errors import UsageError
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.errors import UsageError
 from scex_sumo.statistics.intervals import DesignIntervals
 
 FIRST_LOOK: Final = 100
-MOST_CHILDREN: Final = 10_000
+MAX_CHILDREN: Final = 10_000
 RARE: Final = 0.2
 """A metric that is defined in a smaller share of the children does not hold up a run."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """How surely the metrics are known after some children.
+    """Certainty of the metrics after some children.
 
     Attributes:
-        children: how many there are.
         width: half-width of the widest band.
-        metric: the column that has it.
+        metric: its column; empty without any.
         left_out: columns that are defined too rarely to count.
     """
 
@@ -42,10 +41,9 @@ def check_band(band: float) -> None:
 
 
 def look(intervals: DesignIntervals, values: FloatArray, defined: BoolArray, columns: Sequence[str]) -> Look:
-    """How surely the metrics are known.
+    """Find the widest band of all metrics.
 
     Args:
-        intervals: of the C children.
         values: (C, M) of each metric.
         defined: (C, M) False where undefined.
         columns: (M,) names of the metrics.
@@ -65,17 +63,13 @@ def look(intervals: DesignIntervals, values: FloatArray, defined: BoolArray, col
 
 
 def grow(measure: Callable[[int], Look], *, band: float, most: int) -> Look:
-    """Run more and more children until the widest band is as narrow as asked for.
+    """Run more and more children until the widest band is narrow enough; return the last look.
 
-    How many are run next depends on what was found only, not on workers, batches or interruptions.
+    The next number depends on the values only, not on workers, batches or interruptions.
 
     Args:
         measure: runs the first N children, where they have not run yet, and looks at them.
-        band: half-width asked for.
         most: children at which it ends in any case.
-
-    Returns:
-        The last look.
     """
     count = min(FIRST_LOOK, most)
     while True:

@@ -1,8 +1,7 @@
-"""Densities of metric values, and their uncertainty. Arrays in, arrays out.
+"""Densities of metric values and their uncertainty.
 
-Samples are the values of the children in which a metric is defined: drop undefined children first and report
-the share of those that remain. Infinite samples are values: they count in every denominator, so that a
-density integrates to the share of finite samples and a cumulative curve ends there.
+Samples are the values of the children in which a metric is defined: drop the others first and report their
+share. Infinite samples count in every denominator: a density integrates to the share of finite samples.
 """
 
 from __future__ import annotations
@@ -13,8 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.errors import InputError
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import InputError
 from scex_sumo.statistics.normal import normal_cdf, normal_quantile
 
 BANDWIDTH: Final = 0.1
@@ -27,7 +26,7 @@ _KERNEL_REACH = 39  # bandwidths after which the kernel is 0 in double precision
 
 @dataclass(frozen=True, kw_only=True)
 class Atom:
-    """A value that many samples share exactly, and the share of all samples that have it."""
+    """Value that many samples share exactly, and its share of all samples."""
 
     value: float
     share: float
@@ -42,8 +41,8 @@ class Density:
         pdf: (G,) density, 1 / unit.
         cdf: (G,) cumulative distribution with the same kernel.
         band: (G,) lower and (G,) upper limit of the cumulative distribution.
-        atoms: values told apart, ascending; ``pdf`` is the density of the rest and integrates to its share,
-            ``cdf`` and ``band`` are of all samples, with a step at every atom.
+        atoms: ascending; ``pdf`` is the density of the other samples and integrates to their share, ``cdf``
+            and ``band`` are of all samples, with a step at every atom.
     """
 
     x: FloatArray
@@ -55,14 +54,7 @@ class Density:
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """An estimate with its confidence interval.
-
-    Attributes:
-        value: the estimate; NaN without samples.
-        low: lower limit.
-        high: upper limit.
-        count: number of samples it rests on.
-    """
+    """Estimate (NaN without samples), limits of its confidence interval, number of samples."""
 
     value: float
     low: float
@@ -71,7 +63,7 @@ class Interval:
 
     @property
     def percent(self) -> str:
-        """In words, e.g. ``12 % [9–16]``, with a digit after the point where less than 2 % is uncertain."""
+        """In words, e.g. ``12 % [9–16]``; with one decimal where the interval is below 2 % wide."""
         digits = 0 if self.high - self.low >= 0.02 else 1
         value, low, high = (f"{100 * x:.{digits}f}" for x in (self.value, self.low, self.high))
         return f"{value} %" if self.low == self.high else f"{value} % [{low}–{high}]"
@@ -89,16 +81,15 @@ def density(
     """Gaussian kernel density with an absolute bandwidth.
 
     f(x) = sum of phi((x - x_i) / h) / (n h), F(x) = mean of Phi((x - x_i) / h). The band is F +- the
-    Dvoretzky-Kiefer-Wolfowitz half-width: smoothing both the samples' and the true distribution with the same
-    kernel does not move them further apart, so it holds for the smoothed truth.
+    Dvoretzky-Kiefer-Wolfowitz half-width. It holds for the smoothed truth, too: smoothing with one kernel
+    does not increase the distance of two distributions.
 
     Args:
         samples: (n,) values; inf allowed.
         bandwidth: h, in the unit of the samples.
         x: where to evaluate, ascending; by default a grid of h / 4 around the samples.
         reflect: fold the part of the density below 0 back, for values that cannot be negative.
-        half_width: of the band; None takes that of independent draws.
-        confidence: of the band.
+        half_width: of the band; by default that of independent draws.
     """
     values = checked(samples, "density")
     if not (np.isfinite(bandwidth) and bandwidth > 0):
@@ -143,20 +134,13 @@ def p_critical(
     *,
     confidence: float = CONFIDENCE,
 ) -> Interval:
-    """Share of critical samples with its Wilson score interval.
+    """Share of critical samples with its Wilson score interval; NaN in 0 to 1 without samples.
 
-    It is the share among the children in which the metric is defined; a child without, say, any car-following
-    pair says nothing about TTC. A value on the threshold is critical. Infinite values are defined, and count
-    as not critical on the left.
+    A value on the threshold is critical. Infinite values count as not critical on the left.
 
     Args:
-        samples: (n,) values; inf allowed.
-        threshold: in the unit of the samples.
+        samples: (n,) values of the children in which the metric is defined; inf allowed.
         side: ``left`` where values at or below the threshold are critical, ``right`` where those at or above.
-        confidence: of the interval.
-
-    Returns:
-        The share and its interval; NaN in 0 to 1 without samples.
     """
     values = checked(samples, "p_critical")
     if side not in ("left", "right"):
@@ -183,7 +167,7 @@ def wilson(successes: int, count: int, confidence: float = CONFIDENCE) -> Interv
 
 
 def checked(samples: ArrayLike, what: str) -> FloatArray:
-    """(N,) samples of any shape; an `InputError` that begins with ``what`` where some are NaN."""
+    """(N,) samples of any shape; raise an `InputError` that begins with ``what`` where some are NaN."""
     values = np.asarray(samples, dtype=np.float64).reshape(-1)
     missing = int(np.count_nonzero(np.isnan(values)))
     if missing:
@@ -197,10 +181,11 @@ def _check_confidence(confidence: float) -> None:
 
 
 def common_grid(finite: FloatArray, bandwidth: float) -> FloatArray:
-    """(G,) multiples of h / 4 within 5 h of any sample, without the space between clusters far apart."""
+    """(G,) multiples of h / 4 within 5 h of any sample, without the space between distant clusters."""
     step = bandwidth / _GRID_PER_BANDWIDTH
     reach = _GRID_MARGIN * _GRID_PER_BANDWIDTH
-    centre = np.unique(np.rint(finite / step))
+    largest = np.finfo(np.float64).max / 4 * min(step, 1.0)  # of larger values, numbers of steps overflow
+    centre = np.unique(np.rint(np.clip(finite, -largest, largest) / step))
     if centre.size == 0:
         return np.empty(0)
     # Neighbouring samples share most of their surroundings: only the ends of the merged ranges matter.

@@ -1,8 +1,8 @@
-"""Designs of assignments: independent draws, and balanced ones, which need fewer runs.
+"""Designs of assignments: independent draws, and balanced ones, which need fewer children.
 
-A design says for every run (row) which level each factor has: which of its models each vehicle gets. Rows are
-judged by how far the shares of all level combinations are from what independent draws would give on average,
-few factors counting more than many.
+A design says for every child (row) which level, a behaviour model, each factor, a vehicle, has. It is judged
+by the shares of all level combinations against those expected of independent draws, few factors counting
+more than many.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.errors import UsageError
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import UsageError
 
 DECAY: Final = 0.3
 """How much a combination of k + 1 factors counts against one of k; found by ``benchmarks/designs.py``."""
@@ -26,19 +26,17 @@ Shares = Sequence[Sequence[float]] | Sequence[FloatArray]
 
 
 def balanced(shares: Shares, rows: int, rng: np.random.Generator, *, decay: float = DECAY) -> IntArray:
-    """Rows that are balanced wherever one stops: one by one, each where it is missing most.
+    """Draw balanced rows one by one, so that each prefix is balanced, too.
 
     With the product kernel k(x, z) = prod over factors of (1 + decay * ([x = z] / share - 1)), the squared
-    discrepancy of the rows from the product of the shares is the mean of k over all pairs of rows, less one;
-    it adds up the squared deviations of the shares of all combinations of k factors, weighted by decay^k.
-    Every next row is the best one that a coordinate search from random starts finds (kernel herding). The
-    first rows of a longer design are the shorter design. Blocks of 1024 rows are independent of each other.
+    discrepancy of the rows from the product of the shares is the mean of k over all pairs of rows, less one.
+    It adds up the squared deviations of the shares of all combinations of k factors, weighted by decay^k. The
+    next row is the best one that a coordinate search from random starts finds (kernel herding). Blocks of
+    1024 rows are independent of each other.
 
     Args:
         shares: per factor, the share of each of its levels; each sums to 1, none is 0.
-        rows: number of rows R.
-        rng: the randomness; ties and starts are drawn from it. With equal shares all levels of a factor are
-            alike, so that each single row is distributed as an independent draw.
+        rng: draws ties and starts. With equal shares, each single row is distributed as an independent draw.
         decay: above 0 and below 1.
 
     Returns:
@@ -69,15 +67,11 @@ def balanced(shares: Shares, rows: int, rng: np.random.Generator, *, decay: floa
 def _next_row(
     kernels: Sequence[FloatArray], edges: Sequence[FloatArray], rng: np.random.Generator
 ) -> IntArray:
-    """The row that lowers the discrepancy most, as far as a search from a few random rows finds it.
+    """(F,) levels of the row that lowers the discrepancy most, as far as a search from a few starts finds it.
 
     Args:
         kernels: per factor, (L, 1 + R) of its levels with themselves, and with those of the rows so far.
         edges: per factor, (L - 1,) bounds between its levels, as `_edges`.
-        rng: the randomness.
-
-    Returns:
-        (F,) levels.
     """
     starts = _STARTS if kernels[0].shape[1] > 1 else 1
     rows = _between(edges, rng.random((starts, len(edges))))
@@ -112,16 +106,7 @@ def _next_row(
 
 
 def independent(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
-    """Independent draws: the baseline.
-
-    Args:
-        shares: per factor, the share of each of its levels.
-        rows: number of rows R.
-        rng: the randomness.
-
-    Returns:
-        (R, F) level of each factor in each row.
-    """
+    """(R, F) independent draws of levels; arguments as of `balanced`."""
     return _between(_edges(shares), rng.random((rows, len(shares))))
 
 

@@ -1,17 +1,17 @@
-"""Intervals of means over the children of a design: as wide as the design leaves them uncertain.
+"""Intervals of means over the children of a design.
 
-Independent draws have Wilson's interval and the band of Dvoretzky, Kiefer and Wolfowitz. A design that
-balances who drives whom leaves less: with y = mean + effects of single vehicles' models + interactions of
-two, three and more vehicles' models, the variance of the mean over the rows of the design is
+Independent draws have Wilson's interval and the band of Dvoretzky, Kiefer and Wolfowitz. A balanced design
+leaves less uncertainty. With y = mean + effects of single vehicles' models + interactions of two, three and
+more vehicles' models, the variance of the mean over the rows of the design is
 
     sum over orders k of s²(k) · b(k),
 
-s²(k) the variance that interactions of k vehicles make, b(k) the mean of the normed kernel of order k over
-all pairs of rows (1 / N for independent rows, 0 where the design balances the order). The design says b; the
-components s² are estimated from the products of residuals of pairs of rows, which they make alike the more,
-the more models two rows share; typical components are mixed in as if they had been seen in a few children.
-From the variance follow the effective number of independent children, p (1 - p) / variance, Wilson's interval
-with it, and the band, in proportion to the standard deviation.
+s²(k) the variance of interactions of k vehicles, b(k) the mean of the normed kernel of order k over all pairs
+of rows (1 / N for independent rows, 0 where the design balances the order). The design gives b. The
+components s² are estimated from products of residuals of pairs of rows, which are the more alike, the more
+models two rows share; typical components are mixed in as if seen in a few children. The effective number of
+independent children is p (1 - p) / variance: it gives Wilson's interval; the band is in proportion to the
+standard deviation.
 
 Source: variance components by quadratic forms, Rao 1971 (MINQUE); Wilson 1927; the coverage is measured by
 ``benchmarks/intervals.py``.
@@ -26,8 +26,8 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.errors import InputError
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import InputError
 from scex_sumo.statistics.density import CONFIDENCE, Interval, dkw_half_width
 from scex_sumo.statistics.normal import normal_quantile
 
@@ -41,6 +41,9 @@ _FORMS_FOR: Final = (0.5, 0.2, 0.1, 0.2)  # components by order, then the rest, 
 _TYPICAL: Final = (0.6, 0.2, 0.1, 0.1)  # components of shares before anything is seen
 _PRIOR_CHILDREN: Final = 30  # as many children are worth the typical components
 _BLOCK_ROWS: Final = 1024  # blocks of a design are independent of each other
+MAX_DOUBLE: Final = 4096
+"""Children up to which matrices of blocks are kept in double precision; of 10 000 they take 400 MB."""
+
 _THRESHOLDS: Final = 33
 _WIDEST: Final = 0.9  # quantile of the standard deviations over thresholds that makes the band
 
@@ -49,9 +52,8 @@ class DesignIntervals:
     """Intervals of shares, and bands of distributions, over the children of one design.
 
     Attributes:
-        count: number of children.
-        balanced: False for independent draws, where the ordinary intervals are given.
-        whole: True where all assignments are there, each once: then nothing is uncertain.
+        balanced: False for independent draws, which have the ordinary intervals.
+        whole: True where all assignments occur once: then nothing is uncertain.
     """
 
     def __init__(
@@ -66,11 +68,8 @@ class DesignIntervals:
 
         Args:
             levels: (C, V) model of each vehicle in each child, whole numbers from 0.
-            design: how the assignments were drawn; ``random`` gets the ordinary intervals, ``all`` are all
-                assignments.
-            shares: per vehicle, how often each level is meant to come; by default all levels that come,
-                equally often.
-            confidence: of the intervals.
+            design: how the assignments were drawn; ``all`` are all assignments.
+            shares: per vehicle, the intended share of each level; by default equal for all that occur.
         """
         self.count = len(levels)
         self._levels, self._design, self._shares = np.asarray(levels, dtype=np.int64), design, shares
@@ -83,10 +82,13 @@ class DesignIntervals:
         if self.balanced:
             starts = range(0, self.count, _BLOCK_ROWS)
             parts = [slice(start, start + _BLOCK_ROWS) for start in starts]
-            self._blocks = [_Block([(level[p], share) for level, share in factors], p) for p in parts]
+            compact = self.count > MAX_DOUBLE
+            self._blocks = [
+                _Block([(level[p], share) for level, share in factors], p, compact=compact) for p in parts
+            ]
 
     def among(self, vehicle: int, child: int) -> DesignIntervals:
-        """Those of the children in which a vehicle has the model that it has in one of them."""
+        """Intervals of the children in which a vehicle has the model that it has in one of them."""
         key = (vehicle, int(self._levels[child, vehicle]))
         if key not in self._parts:
             shares, levels = self._shares, self._levels[self._levels[:, vehicle] == key[1]]
@@ -98,7 +100,7 @@ class DesignIntervals:
         return self._parts[key]
 
     def variance(self, values: FloatArray) -> FloatArray:
-        """(M,) variance of the means of values (C, M) over the children, as the design leaves it."""
+        """(M,) variance of the means of values (C, M) over the children under the design."""
         if self.whole:
             return np.zeros(values.shape[1])
         if not self.balanced:
@@ -114,15 +116,14 @@ class DesignIntervals:
         return np.asarray(np.sum(parts, axis=0))
 
     def share(self, critical: BoolArray) -> Interval:
-        """Share of the critical children with its interval; NaN in 0 to 1 without children.
+        """Share of the critical children (C,) with its interval; NaN in 0 to 1 without children.
 
-        Args:
-            critical: (C,) False also where a metric is undefined.
+        Undefined metrics are not critical.
         """
         return self.all_shares(np.asarray(critical)[:, None])[0]
 
     def all_shares(self, critical: BoolArray) -> list[Interval]:
-        """The same for many questions at once, (C, M)."""
+        """Shares of many questions at once, (C, M)."""
         hits = np.asarray(critical, dtype=np.float64)
         if len(hits) != self.count:
             raise InputError(f"intervals: {len(hits)} values for the {self.count} children of the design")
@@ -139,7 +140,7 @@ class DesignIntervals:
         ]
 
     def effective_number(self, critical: FloatArray) -> FloatArray:
-        """(M,) independent children that would be as sure of shares (C, M); no fewer than there are."""
+        """(M,) independent children that would be as certain of shares (C, M); no fewer than there are."""
         share = critical.mean(axis=0)
         spread = share * (1 - share)
         number = np.full(spread.shape, np.inf if self.whole else float(self.count))
@@ -158,15 +159,15 @@ class DesignIntervals:
         return number
 
     def half_width(self, values: FloatArray) -> float:
-        """Half-width of the band around the cumulative distribution of a metric, 0 to 1.
+        """Half-width, 0 to 1, of the band around the cumulative distribution of a metric.
 
         Args:
-            values: (C,) NaN where undefined; 1 where it is defined nowhere.
+            values: (C,) NaN where undefined; 1 where it is undefined everywhere.
         """
         return float(self.half_widths(np.asarray(values)[:, None])[0])
 
     def half_widths(self, values: FloatArray) -> FloatArray:
-        """(M,) the same for many metrics at once, (C, M)."""
+        """(M,) half-widths of many metrics at once, (C, M)."""
         known = ~np.isnan(values)
         counts = known.sum(axis=0)
         widths = np.array([min(dkw_half_width(n, self._confidence), 1.0) if n else 1.0 for n in counts])
@@ -226,17 +227,17 @@ class _Block:
     """Rows of a design whose products are looked at together.
 
     Attributes:
-        rows: which.
-        size: how many.
         kernel_means: (K + 1,) mean of the normed kernel of each order over all pairs of rows, then the rest.
-        design: (K + 1, K + 1) what the quadratic forms are for components of 1.
+        design: (K + 1, K + 1) the quadratic forms for components of 1.
     """
 
-    def __init__(self, factors: Sequence[tuple[IntArray, FloatArray]], rows: slice) -> None:
+    def __init__(
+        self, factors: Sequence[tuple[IntArray, FloatArray]], rows: slice, *, compact: bool = False
+    ) -> None:
+        """Prepare rows of a design; ``compact`` keeps matrices of single precision."""
         self.rows, self.size = rows, len(factors[0][0])
         every = _kernels(factors)
         kernels = [*every[:ORDERS], np.eye(self.size)]
-        self._kernels = kernels
         means = [float(kernel.mean()) for kernel in every]
         # The rest is mostly of the next order, where there is one, then of the one after, or of routes drawn.
         after = [*means[ORDERS:], 1 / self.size, 1 / self.size]
@@ -248,15 +249,18 @@ class _Block:
         self._projection = inverse - np.outer(sums, sums) / sums.sum()
         parts = [self._projection @ kernel for kernel in kernels]
         self.design = np.array([[np.sum(a * b.T) for b in parts] for a in parts])
+        if compact:
+            self._projection = self._projection.astype(np.float32)
+        self._kernels = [kernel.astype(self._projection.dtype, copy=False) for kernel in kernels[:-1]]
 
     def of_orders(self, components: Sequence[float]) -> FloatArray:
-        """(K + 1,) components of the orders that there are, and of the rest."""
-        return np.array([*components[: len(self._kernels) - 1], components[-1]])
+        """(K + 1,) components of the orders that occur, and of the rest."""
+        return np.array([*components[: len(self.kernel_means) - 1], components[-1]])
 
     def forms(self, values: FloatArray) -> FloatArray:
         """(K + 1, M) quadratic forms of the residuals of values (R, M)."""
         residuals = self._projection @ values
-        alike = [kernel @ residuals for kernel in self._kernels[:-1]]  # the last one is the identity
+        alike = [kernel @ residuals for kernel in self._kernels]  # that of the rest is the identity
         return np.stack([(residuals * part).sum(axis=0) for part in (*alike, residuals)])
 
 
@@ -270,7 +274,9 @@ def _kernels(factors: Sequence[tuple[IntArray, FloatArray]]) -> list[FloatArray]
         alike /= len(share) - 1
         for order in range(most, 0, -1):
             sums[order] += sums[order - 1] * alike
-    return [sums[order] / comb(len(factors), order) for order in range(1, most + 1)]
+    for order in range(1, most + 1):
+        sums[order] /= comb(len(factors), order)
+    return sums[1:]
 
 
 def _nonnegative(design: FloatArray, forms: FloatArray) -> FloatArray:

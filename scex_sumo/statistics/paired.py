@@ -1,4 +1,4 @@
-"""Paired tests: values and critical children of two runs of the same children. Arrays in, numbers out."""
+"""Paired tests: values and critical children of two runs of the same children."""
 
 from __future__ import annotations
 
@@ -7,30 +7,22 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 
 ROUNDING: Final = 1e-9  # in the metric's unit; libraries may round another way among other vehicles
 
 
 def signs(one: FloatArray, two: FloatArray) -> FloatArray:
-    """(n,) sign of one - two; 0 for equal infinities, and for what differs by rounding only."""
+    """(n,) sign of one - two; 0 for equal infinities, and for differences by rounding."""
     with np.errstate(invalid="ignore"):
         same = (one == two) | (np.abs(one - two) < ROUNDING)
     return np.where(same, 0.0, np.where(one > two, 1.0, -1.0))
 
 
 def signed_rank(one: FloatArray, two: FloatArray) -> float:
-    """Two-sided p of Wilcoxon's signed-rank test, ties and zeros as Pratt has them.
+    """Two-sided p of Wilcoxon's signed-rank test, zeros after Pratt; NaN where all pairs are equal.
 
-    Infinite differences are the largest. Normal approximation with the variance of the ranks that are there.
-
-    Args:
-        one: (n,) values.
-        two: (n,) values of the same children.
-
-    Returns:
-        p; NaN where all pairs are equal.
-
+    Infinite differences are the largest. Normal approximation with the variance of the present ranks.
     Source: Wilcoxon 1945, Pratt 1959.
     """
     from scipy.special import ndtr
@@ -47,13 +39,11 @@ def signed_rank(one: FloatArray, two: FloatArray) -> float:
 
 
 def mcnemar(first_only: int, second_only: int) -> float:
-    """Two-sided p of McNemar's exact test; 1 where no child differs.
+    """Two-sided p of McNemar's exact test (1947); 1 where no child differs.
 
     Args:
         first_only: children that are critical in the first run only.
         second_only: in the second run only.
-
-    Source: McNemar 1947.
     """
     from scipy.special import bdtr
 
@@ -62,10 +52,7 @@ def mcnemar(first_only: int, second_only: int) -> float:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """P-values of several tests, each so that none of the true hypotheses is rejected; NaN stays.
-
-    Source: Holm 1979.
-    """
+    """Adjust the p-values of several tests, after Holm 1979; NaN stays."""
     values = np.asarray(p_values, dtype=np.float64)
     known = np.flatnonzero(~np.isnan(values))
     order = known[np.argsort(values[known], kind="stable")]

@@ -1,4 +1,1 @@
-"""Studies of finished runs: compare, explain, how many children are enough.
-
-May import extrapolation, results, statistics and all below; not reports.
-"""
+"""Studies of many runs: rank, validate, compare, explain, and the sample size. A wing around the core."""

@@ -1,4 +1,1 @@
-"""Training of the learned drivers: samples from recordings, losses, the loop. Never loaded by ``run``.
-
-May import behaviors, converters, extrapolation and all below; torch lives here.
-"""
+"""Training of the learned drivers: samples from recordings, losses, the loop. Only this wing loads torch."""

@@ -1,4 +1,4 @@
-"""Closed loop without SUMO: what a driver should have done from where it drifts to when it drives itself."""
+"""Closed loop without SUMO: samples from where a driver drifts to when it drives itself."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredict
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
 from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
-from scex_sumo.extrapolation.rollout import Cast, roll_out
+from scex_sumo.extrapolation.rollout import Batch, roll_out
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from scex_sumo.training.data.dataset import Dataset, SampleOptions, map_shift, part_scenes
+from scex_sumo.training.data.obstacles import add_obstacles
 from scex_sumo.training.data.perturb import Perturbation, perturbed
 from scex_sumo.training.data.samples import TrainingSamples, learnable, scene_samples
-from scex_sumo.training.data.standing import put_in_the_way
 from scex_sumo.world.plain import PlainWorld
 
 if TYPE_CHECKING:
@@ -29,19 +29,14 @@ if TYPE_CHECKING:
 
 REPLAN = 5
 DRIFT_STEPS = (5, 10, 20)  # after so much driving by itself a driver is asked what it should have done
-MOST_SCENES = 10  # of a site and round
+MAX_SCENES = 10  # of a site and round
 EVERY_S = 1.0
 
 
 def closed_loop(
     recordings: Sequence[Recording], sampling: SampleOptions, dataset: Dataset, options: TrainOptions
 ) -> Drift:
-    """What makes the samples of a round: the network drives all vehicles of training scenes.
-
-    Args:
-        sampling: their split and perturbations.
-        dataset: names and maps of the sites.
-    """
+    """Return the function that makes the samples of a round, in which the network drives training scenes."""
 
     def drift(file: Path, number: int) -> TrainingSamples | None:
         rng, model = np.random.default_rng([options.seed, number, 1]), driver(options.kind, file)
@@ -52,7 +47,7 @@ def closed_loop(
                 if recording.site == site:
                     loaded = load_recording(recording)
                     here += part_scenes(loaded, "train", split=sampling.split, every_s=EVERY_S)
-            chosen = rng.permutation(len(here))[:MOST_SCENES]
+            chosen = rng.permutation(len(here))[:MAX_SCENES]
             for k in sorted(chosen.tolist()):
                 road = here[k].road
                 assert road is not None
@@ -65,7 +60,7 @@ def closed_loop(
 
 
 def driver(kind: str, file: Path) -> Behavior:
-    """The behaviour model that drives with a file of weights, on its likeliest path."""
+    """Build the behaviour model that drives with a file of weights, on its likeliest path."""
     if kind == "graph":
         return GraphPredictor(GraphPredictorProfile(path="likeliest", weights=str(file)))
     return GraphImagePredictor(GraphImagePredictorProfile(path="likeliest", weights=str(file)))
@@ -74,12 +69,12 @@ def driver(kind: str, file: Path) -> Behavior:
 def drifted_samples(
     scene: SeedScene, road: Road, model: Behavior, perturbation: Perturbation, rng: np.random.Generator
 ) -> list[TrainingSamples]:
-    """Where a driver gets to by itself, with the way back to what the recorded ones did as its target.
+    """Make samples where a driver gets to by itself; the target is the way back to the recorded drivers.
 
-    And where it gets to with standing vehicles in the way, with stopping behind them as its target.
+    Where standing vehicles are in the way, the target is to stop behind them.
     """
     starts = [(replace(scene, history=perturbed(scene.history, perturbation, rng)), None)]
-    stop = put_in_the_way(scene, road, learnable(scene, max(DRIFT_STEPS)), rng)
+    stop = add_obstacles(scene, road, learnable(scene, max(DRIFT_STEPS)), rng)
     found = []
     for start, blocked in [*starts, *([] if stop is None else [stop])]:
         held = start.vehicles - scene.vehicles
@@ -93,16 +88,13 @@ def drifted_samples(
 
 
 def drive_all(scene: SeedScene, road: Road, model: Behavior, *, steps: int, held: int = 0) -> States:
-    """Let one model drive all vehicles of a seed scene.
-
-    Args:
-        held: so many of the last vehicles keep their velocity instead.
+    """Let one model drive all vehicles of a seed scene; the last ``held`` vehicles keep their velocity.
 
     Returns:
         (1, steps, V) states after each step.
     """
     mine = (np.arange(scene.vehicles) >= scene.vehicles - held).astype(np.int64)
-    cast = Cast(
+    batch = Batch(
         children=np.zeros(1, dtype=np.int64),
         assignment=mine[None],
         models=(model, build(ModelSpec(name="constant_velocity"))),
@@ -111,4 +103,4 @@ def drive_all(scene: SeedScene, road: Road, model: Behavior, *, steps: int, held
         route_draw=np.random.default_rng(0).random((1, scene.vehicles)),
         generators=[np.random.default_rng([0, 0])],
     )
-    return roll_out(PlainWorld(1, scene.vehicles), road, scene, cast, steps=steps, replan=REPLAN).states
+    return roll_out(PlainWorld(1, scene.vehicles), road, scene, batch, steps=steps, replan=REPLAN).states

@@ -1,8 +1,8 @@
 """Loss that a network is trained for.
 
-Modes: the one nearest to the recorded future is pulled there, the others a little (soft winner takes all),
-and mode 0, the expected one, always. Their probabilities: cross-entropy against how near each came. Paths:
-cross-entropy over a vehicle's candidates. Accelerations and jerks beyond what drivers do cost.
+The mode nearest to the recorded future is pulled there, the others a little (soft winner takes all), and mode
+0, the expected one, always. Probabilities of modes: cross-entropy against how near each came. Paths:
+cross-entropy over a vehicle's candidates. Hard accelerations and jerks cost.
 """
 
 from __future__ import annotations
@@ -20,18 +20,15 @@ from scex_sumo.training.networks.graph import ModeTensors
 
 @dataclass(frozen=True, kw_only=True)
 class LossWeights:
-    """How much each part counts.
+    """Weights of the parts of the loss.
 
     Attributes:
         expected: mode 0 against the recorded future.
         winner: the nearest mode against it.
         relaxed: share of the winner's weight that all modes have.
-        mode: cross-entropy of the modes.
-        path: cross-entropy of the paths.
-        free: the free trajectories.
-        final: how much the last step counts besides the mean over all.
-        sharp_m: errors of two modes that differ by this are told apart, m.
-        round_m: errors below it count by their square, m.
+        final: weight of the last step besides the mean over all.
+        sharp_m: difference of errors that separates two modes, m.
+        round_m: smaller errors count by their square, m.
         acceleration: per (m/s²)² beyond `hard`.
         jerk: per (m/s³)².
         sideways: per (m/s²)² of the second change of the offset.
@@ -54,14 +51,11 @@ class LossWeights:
 
 
 def displacement(speed: Tensor, acceleration: Tensor) -> Tensor:
-    """Way along the path, as `motion.drive` moves: a vehicle stops, and does not reverse.
+    """(n, M, H) m along the path, as `motion.drive` moves: a vehicle stops, and does not reverse.
 
     Args:
         speed: (n,) m/s now.
         acceleration: (n, M, H) m/s².
-
-    Returns:
-        (n, M, H) m.
     """
     # v' = max(v + a·dt, 0) for all steps at once: the running sum, reflected at its running minimum.
     free = speed[:, None, None] + torch.cumsum(acceleration, 2) * STEP_S
@@ -72,20 +66,14 @@ def displacement(speed: Tensor, acceleration: Tensor) -> Tensor:
 
 
 def trajectory_errors(ahead: Tensor, aside: Tensor, weights: LossWeights) -> Tensor:
-    """(n, M) how far trajectories are off, m: rounded distance, its mean over the steps and its last value.
-
-    Args:
-        ahead: (n, M, H) m.
-        aside: (n, M, H) m.
-        weights: `round_m` and `final`.
-    """
+    """(n, M) rounded errors of trajectories (n, M, H), m: mean over the steps, plus the last one."""
     r = weights.round_m
     distance = torch.sqrt(ahead**2 + aside**2 + r**2) - r
     return distance.mean(2) + weights.final * distance[..., -1]
 
 
 def loss(modes: ModeTensors, batch: Batch, weights: LossWeights) -> tuple[Tensor, dict[str, float]]:
-    """The loss of a batch, and its parts by name for the log."""
+    """Return the loss of a batch, and its parts by name for the log."""
     share, total = batch.share, batch.share.sum().clamp(min=1e-6)
     way = displacement(batch.start[:, 0], modes.acceleration)
     aside = torch.zeros_like(way) if modes.offset is None else modes.offset - batch.d[:, None]

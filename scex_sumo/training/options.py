@@ -1,4 +1,4 @@
-"""Numbers of a training run, and what they do: learning rate, sites, what keeps from overfitting."""
+"""Options of a training run, and their effect: learning rate, weights of sites, regularisation."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.errors import UsageError
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import UsageError
 from scex_sumo.training.data.batches import Batch
 from scex_sumo.training.data.dataset import Dataset
 from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.loss import LossWeights
-from scex_sumo.training.networks.kinds import KINDS, Net
+from scex_sumo.training.networks.graph_image import NETWORKS, Net
 from scex_sumo.training.networks.layers import ScalerModule
 
 Kind: TypeAlias = Literal["graph", "hybrid"]
@@ -25,25 +25,21 @@ Kind: TypeAlias = Literal["graph", "hybrid"]
 
 @dataclass(frozen=True, kw_only=True)
 class TrainOptions:
-    """How a network is trained.
+    """Options of a training run.
 
     Attributes:
-        kind: ``graph`` or ``hybrid``.
-        seed: of the first weights, of the order of batches and of all that is drawn.
-        epochs: over all samples.
+        seed: of the first weights, the order of batches and all draws.
         minutes: stop before the epoch that would end later than this; 0 does not.
-        rounds: rounds in closed loop, at even distances over the epochs.
+        rounds: rounds in closed loop, evenly spread over the epochs.
         patience: stop after so many epochs without a better validation.
         nodes: vehicles per batch, about.
         rate: highest learning rate; falls to zero like a cosine.
-        decay: weight decay.
         average: share of the running mean of the weights that stays at each step; the mean is what is kept.
-        gradient: longest gradient.
         dropout: share of hidden values that is dropped in training.
-        noise: spread of the noise on all scaled inputs, in their own standard deviations.
+        noise: spread of the noise on all scaled inputs, in their standard deviations.
         balance: a site counts like the number of its vehicles to the power of 1 minus this.
         unlinked: share of the graph's edges that is dropped in training.
-        mirror: share of the batches that are seen in a mirror in training.
+        mirror: share of the batches that are mirrored in training.
         sizes: numbers of `Architecture` that differ from the shipped ones.
         weights: of the parts of the loss.
     """
@@ -68,8 +64,8 @@ class TrainOptions:
     weights: LossWeights = field(default_factory=LossWeights)
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise UsageError(f"train: unknown network {self.kind!r}; known: {', '.join(KINDS)}")
+        if self.kind not in NETWORKS:
+            raise UsageError(f"train: unknown network {self.kind!r}; known: {', '.join(NETWORKS)}")
         if self.epochs < 1 or self.rounds < 0 or self.rounds >= self.epochs:
             raise UsageError(
                 f"train: {self.epochs} epochs with {self.rounds} rounds in closed loop; give at least one "
@@ -94,19 +90,19 @@ def learning_rate(options: TrainOptions, done: float) -> float:
 
 
 def weight_groups(net: nn.Module, decay: float) -> list[dict[str, Any]]:
-    """Only matrices decay."""
+    """Parameters for the optimizer; only matrices decay."""
     matrices = [p for p in net.parameters() if p.dim() >= 2]
     others = [p for p in net.parameters() if p.dim() < 2]
     return [{"params": matrices, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
 
 
 def copied(net: Net) -> Net:
-    """A copy that is not trained."""
+    """Return a copy that is not trained."""
     return deepcopy(net).requires_grad_(False)
 
 
 def roughen(net: Net, options: TrainOptions) -> None:
-    """Dropout after every ReLU and noise on scaled inputs, in training only; they are not the network's."""
+    """Add dropout after every ReLU and noise on scaled inputs, as hooks that act in training only."""
 
     def drop(module: nn.Module, given: Any, out: Tensor) -> Tensor:
         return nn.functional.dropout(out, options.dropout, module.training)
@@ -122,7 +118,7 @@ def roughen(net: Net, options: TrainOptions) -> None:
 
 
 def unlinked(batch: Batch, share: float) -> Batch:
-    """A batch without a share of its edges."""
+    """Drop a share of a batch's edges."""
     if not share:
         return batch
     keep = torch.rand(batch.scene.edge.shape[0], device=batch.scene.edge.device) >= share
@@ -131,7 +127,7 @@ def unlinked(batch: Batch, share: float) -> Batch:
 
 
 def fit_scales(net: Net, samples: TrainingSamples) -> None:
-    """Means and spreads of all inputs."""
+    """Fit means and spreads of all inputs."""
     net.scene.node_scale.fit(torch.as_tensor(samples.node))
     net.scene.history_scale.fit(torch.as_tensor(samples.history).flatten(1))
     net.scene.edge_scale.fit(torch.as_tensor(samples.edge))

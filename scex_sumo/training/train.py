@@ -1,7 +1,8 @@
-"""Training a learned driver: epochs over samples, rounds in closed loop, checkpoints."""
+"""Train a learned driver: epochs over samples, rounds in closed loop, checkpoints."""
 
 from __future__ import annotations
 
+import hashlib
 import math
 import time
 from collections.abc import Callable
@@ -13,17 +14,17 @@ import numpy as np
 import torch
 from torch import nn
 
-from scex_sumo.behaviors.learned.networks.architecture import Architecture
-from scex_sumo.errors import UsageError
-from scex_sumo.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from scex_sumo.base.cache import code_key
+from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.learned.architecture import Architecture
+from scex_sumo.training.checkpoint import read_checkpoint, write_checkpoint
+from scex_sumo.training.data.augment import Images, mirrored
 from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.data.dataset import Dataset
-from scex_sumo.training.data.images import Images
-from scex_sumo.training.data.mirror import mirrored
 from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.loss import loss
 from scex_sumo.training.networks.graph import ModeTensors
-from scex_sumo.training.networks.kinds import KINDS, Net, save_net
+from scex_sumo.training.networks.graph_image import NETWORKS, Net, save_net
 from scex_sumo.training.options import (
     TrainOptions,
     copied,
@@ -36,8 +37,13 @@ from scex_sumo.training.options import (
 )
 from scex_sumo.training.validate import Score, score_network
 
-# Given a network's file, the samples of a round in closed loop.
 Drift: TypeAlias = Callable[[Path, int], TrainingSamples | None]
+"""Makes the samples of a round in closed loop, from a network's file and the round's number."""
+
+_MODULES = ("net", "mean", "optimizer")
+_NUMBERS = ("epoch", "seconds", "best_epoch", "best_loss")
+STATE = {"identity", "best", *_MODULES, *_NUMBERS}
+"""Entries of a checkpoint."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,7 +59,7 @@ class Progress:
 
 
 def device_of(name: str) -> torch.device:
-    """The device of a name; ``auto`` takes a GPU where there is one.
+    """Return the device of a name; ``auto`` takes a GPU where there is one.
 
     Raises:
         UsageError: it cannot be used here.
@@ -73,7 +79,7 @@ class Trainer:
     """One training run.
 
     Args:
-        drift: makes the samples of a round in closed loop; None does without.
+        drift: makes the samples of a round in closed loop; None for no rounds.
         folder: for checkpoints and the samples of rounds; None keeps none.
     """
 
@@ -89,7 +95,7 @@ class Trainer:
         self.dataset, self.options, self.device, self.folder = dataset, options, device, folder
         self.drift = drift if options.rounds else None
         torch.manual_seed(options.seed)
-        self.net: Net = KINDS[options.kind](Architecture(**options.sizes))
+        self.net: Net = NETWORKS[options.kind](Architecture(**options.sizes))
         fit_scales(self.net, dataset.train)
         self.net.to(device)
         self.mean = copied(self.net)
@@ -106,10 +112,9 @@ class Trainer:
         self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
 
     def run(self, report: Callable[[Progress], None], tick: Callable[[int, int], None] | None = None) -> None:
-        """Train to the end, or until time or patience is up; `best` then has the weights.
+        """Train until epochs, time or patience end; `best` then has the weights.
 
         Args:
-            report: called after every epoch.
             tick: called with the number of batches done, and of all.
         """
         options, begun = self.options, time.monotonic() - self.seconds
@@ -125,7 +130,7 @@ class Trainer:
                 self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
             self.seconds = time.monotonic() - begun
             if self.folder is not None:
-                write_checkpoint(self.folder, self._checkpoint(), self.drifted)
+                write_checkpoint(self.folder, self._state(), self.drifted)
             report(Progress(epoch=self.epoch, epochs=options.epochs, seconds=self.seconds, parts=parts,
                             score=score, better=better))  # fmt: skip
             if self.epoch - self.best_epoch >= options.patience:
@@ -134,7 +139,7 @@ class Trainer:
                 return
 
     def _round(self) -> None:
-        """Before some epochs: drive with the present weights, and learn from where that leads to."""
+        """In some epochs, drive with the present weights first, and learn from where that leads to."""
         options = self.options
         due = [round((k + 1) * options.epochs / (options.rounds + 1)) for k in range(options.rounds)]
         if self.drift is None or self.folder is None or self.epoch not in due:
@@ -209,7 +214,7 @@ class Trainer:
         return seen
 
     def predict_mean(self, batch: Batch) -> ModeTensors:
-        """What the mean weights say, the map as it lies, with an attention of 0.5."""
+        """Predict with the mean weights, the map not turned, and an attention of 0.5."""
         return self._predict(self.mean.eval(), batch, None)
 
     @torch.no_grad()
@@ -220,7 +225,7 @@ class Trainer:
             mean.lerp_(present, 1 - keep)
 
     def finished(self) -> Net:
-        """The network with the best weights."""
+        """Return the network with the best weights."""
         net = copied(self.mean)
         net.load_state_dict(self.best)
         return net.cpu().eval()
@@ -229,43 +234,33 @@ class Trainer:
         """Go on from the checkpoint in the folder; False where there is none.
 
         Raises:
-            ResultError: it is another run's.
+            ResultError: it belongs to another run.
         """
         if self.folder is None:
             return False
-        found = read_checkpoint(self.folder, self.identity())
+        found = read_checkpoint(self.folder, self.identity(), STATE)
         if found is None:
             return False
-        checkpoint, self.drifted = found
-        self._restore(checkpoint)
+        state, self.drifted = found
+        self._restore(state)
         if self.drifted:
             self._use_drifted()
         return True
 
     def identity(self) -> dict[str, Any]:
         """What a checkpoint must agree in with the run that goes on from it."""
-        return {"dataset": self.dataset.digest, **asdict(self.options), "minutes": 0.0}
+        code = hashlib.sha256(code_key()).hexdigest()
+        return {"dataset": self.dataset.digest, "code": code, **asdict(self.options), "minutes": 0.0}
 
-    def _checkpoint(self) -> Checkpoint:
-        """The present state."""
-        return Checkpoint(
-            identity=self.identity(),
-            epoch=self.epoch,
-            seconds=self.seconds,
-            best_epoch=self.best_epoch,
-            best_loss=self.best_loss,
-            net=self.net.state_dict(),
-            mean=self.mean.state_dict(),
-            best=self.best,
-            optimizer=self.optimizer.state_dict(),
-            rounds=len(self.drifted),
-        )
+    def _state(self) -> dict[str, Any]:
+        """Return what a checkpoint holds, see `STATE`."""
+        modules = {name: getattr(self, name).state_dict() for name in _MODULES}
+        numbers = {name: getattr(self, name) for name in _NUMBERS}
+        return {"identity": self.identity(), "best": self.best, **modules, **numbers}
 
-    def _restore(self, known: Checkpoint) -> None:
-        """Go on from where a run was."""
-        self.net.load_state_dict(known.net)
-        self.mean.load_state_dict(known.mean)
-        self.best = {k: v.to(self.device) for k, v in known.best.items()}
-        self.optimizer.load_state_dict(known.optimizer)
-        self.epoch, self.seconds = known.epoch, known.seconds
-        self.best_epoch, self.best_loss = known.best_epoch, known.best_loss
+    def _restore(self, state: dict[str, Any]) -> None:
+        for name in _MODULES:
+            getattr(self, name).load_state_dict(state[name])
+        for name in _NUMBERS:
+            setattr(self, name, state[name])
+        self.best = {k: v.to(self.device) for k, v in state["best"].items()}

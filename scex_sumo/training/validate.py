@@ -1,4 +1,4 @@
-"""Validation: how well a network predicts that part of the recordings, without driving."""
+"""Validation of a network: how well it predicts that part of the recordings, without driving."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ NODES = 2000  # per batch, about
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """Errors over the vehicles of some samples.
+    """Errors over the vehicles of some samples, in m and by site.
 
     Attributes:
         loss: mean over batches, weighted as in training.
-        ade: mean distance over 3 s of the expected mode on the likeliest path, m, by site.
-        fde: its distance after 3 s, m, by site.
-        best: distance after 3 s of the best of the six likeliest combinations of path and mode, m, by site.
+        ade: mean distance over 3 s of the expected mode on the likeliest path.
+        fde: its distance after 3 s.
+        best: distance after 3 s of the best of the six likeliest combinations of path and mode.
     """
 
     loss: float

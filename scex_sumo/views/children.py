@@ -1,4 +1,4 @@
-"""Children of a run as files for plain sumo-gui: one, an encounter, or several side by side."""
+"""Children of a run as files for sumo-gui: one child, an encounter, or several children side by side."""
 
 from __future__ import annotations
 
@@ -9,67 +9,62 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.arrays import IntArray
-from scex_sumo.errors import ResultError, UsageError
-from scex_sumo.files import write_atomic, writing
+from scex_sumo.base.arrays import IntArray
+from scex_sumo.base.colors import Rgb, model_colors
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.files import write_atomic, writing
 from scex_sumo.metrics.registry import metric_of, side_of
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 from scex_sumo.views.replay import ReadNet, write_view
-from scex_sumo.world.gui.colors import Rgb, model_colors
-from scex_sumo.world.gui.drawings import ChildView
+from scex_sumo.world.gui_drawings import ChildView
 
 
 def write_critical(run: Run) -> list[Path]:
-    """Files for plain sumo-gui: the most critical child by each metric that is defined in any.
+    """Write the most critical child by each metric that is defined in any child.
 
-    A child that is so by several is shown at the worst step by the last of them.
+    A child that is the most critical by several metrics stops at its worst step by the last of them.
     """
     files, net = [], ReadNet.of(run.net.path)
     columns = [c for c in run.columns if not c.endswith("_mean") and len(run.samples(c))]
     children = {column: run.most_critical(column) for column in columns}
     last = {number: column for column, number in children.items()}
-    shown = {number: write_worst(run, column, net) for number, column in last.items()}
+    views = {number: write_worst(run, column, net) for number, column in last.items()}
     for column, number in children.items():
-        files.append(shown[number].with_name(f"critical_{column}.sumocfg"))
-        write_atomic(files[-1], shown[number].read_bytes())
+        files.append(views[number].with_name(f"critical_{column}.sumocfg"))
+        write_atomic(files[-1], views[number].read_bytes())
     return files
 
 
 def write_critical_of(folder: Path) -> None:
-    """The same for the run in a folder, for another process."""
+    """Write the same for the run in a folder, e.g. in another process."""
     write_critical(open_run(folder))
 
 
 def write_child(run: Run, number: int) -> Path:
-    """Files that show one child in plain sumo-gui; returns the one to open."""
+    """Write the view of one child; return the file to open."""
     return _write(run, [_child_view(run, number)])
 
 
 def event_of(
     run: Run, number: int, *, critical: str | None = None, encounter: tuple[int, int] | None = None
 ) -> tuple[list[int], str]:
-    """Who is to be looked at in a child, and why.
+    """Return the track ids to look at in a child, none for all vehicles, and the event in words.
 
     Args:
-        run: a finished run.
-        number: of the child.
-        critical: metric of which the child has an extremum.
-        encounter: two vehicles of which the child is an encounter.
-
-    Returns:
-        Track ids, none for everybody, and words.
+        critical: metric whose extremum of the child is the event.
+        encounter: two track ids whose encounter is the event.
     """
     if encounter is not None:
         return list(encounter), _named(encounter)
     if critical is None:
         return [], ""
-    row = _worst_row(run, number, run.column(critical))
-    return _tracks(row), f"{_value(run, number, critical)} · {_named(_tracks(row))}".rstrip(" ·")
+    column = run.column(critical)
+    row = _worst_row(run, number, column)
+    return _tracks(row), f"{_value(run, number, column)} · {_named(_tracks(row))}".rstrip(" ·")
 
 
 def _worst_row(run: Run, number: int, column: str) -> dict[str, Any]:
-    """Where an extremum of a child comes from; empty for a mean, which has no step of its own."""
     here = np.asarray(run.worst["child"]) == number
     rows: list[dict[str, Any]] = run.worst.filter(pa.array(here)).to_pylist()
     return next((row for row in rows if row["metric"] == column), {})
@@ -84,12 +79,10 @@ def _named(tracks: Sequence[int]) -> str:
 
 
 def write_worst(run: Run, column: str, net: ReadNet | None = None) -> Path:
-    """Files that show the child most critical by a metric, at its worst step; returns the one to open.
+    """Write the view of the most critical child by a metric, at its worst step; return the file to open.
 
     Args:
-        run: a finished run.
-        column: the metric.
-        net: the run's, where it has been read for other children.
+        net: of the run, if it has been read already.
     """
     column = run.column(column)
     number = run.most_critical(column)
@@ -98,39 +91,33 @@ def write_worst(run: Run, column: str, net: ReadNet | None = None) -> Path:
         return _write(run, [_child_view(run, number, title=_value(run, number, column))], net)
     tracks = _tracks(row)
     step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
-    return _write(run, [_event_view(run, number, tracks, step, _written(column, row["value"]))], net)
+    return _write(run, [_event_view(run, number, tracks, step, _value_text(column, row["value"]))], net)
 
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
-    """Files that show two vehicles in a typical child where they meet; returns the one to open.
+    """Write the view of a typical child in which two vehicles meet; return the file to open.
 
     Raises:
         ResultError: they meet in no child.
     """
     rows: list[dict[str, Any]] = run.encounters.to_pylist()
-    found = [row for row in rows if {row["track_id"], row["other_id"]} == {first, second}]
-    if not found:
+    row = next((row for row in rows if {row["track_id"], row["other_id"]} == {first, second}), None)
+    if row is None:
         pairs = ", ".join(f"{row['track_id']},{row['other_id']}" for row in rows[:5]) or "nobody"
         raise ResultError(f"{run.folder}: {first} and {second} meet in no child; those who do most: {pairs}")
-    row = found[0]
-    what = "collides in" if row["collision"] > 0 else "critical in"
-    share = row["collision"] if row["collision"] > 0 else row["critical"]
-    view = _event_view(
-        run, row["child"], [first, second], round(row["time_s"] / STEP_S), f"{what} {100 * share:.0f} %"
-    )
-    return _write(run, [view])
+    what, share = ("collides", row["collision"]) if row["collision"] > 0 else ("critical", row["critical"])
+    step, title = round(row["time_s"] / STEP_S), f"{what} in {100 * share:.0f} %"
+    return _write(run, [_event_view(run, row["child"], [first, second], step, title)])
 
 
 def write_grid(run: Run, count: int, column: str | None = None) -> Path:
-    """Files that show children side by side; returns the one to open.
+    """Write the view of children side by side; return the file to open.
 
     Args:
-        run: a finished run.
-        count: of children.
-        column: shows the most critical ones by this metric; None shows those that differ most.
+        column: takes the most critical children by this metric; None takes the most different ones.
 
     Raises:
-        UsageError: fewer than two children, or more than there are.
+        UsageError: fewer than two children, or more than the run has.
     """
     if not 2 <= count <= run.children:
         raise UsageError(f"--grid {count}: give 2 to {run.children}, the number of children")
@@ -140,13 +127,12 @@ def write_grid(run: Run, count: int, column: str | None = None) -> Path:
 
 
 def most_different(run: Run, count: int) -> IntArray:
-    """(count,) children whose vehicles end up in the most different places, the first ones most so.
+    """Return (count,) children whose vehicles end in the most different places.
 
-    Each one is the farthest from those already chosen; the first is the farthest from the mean.
+    Each one is the farthest from those chosen before; the first is the farthest from the mean.
     """
-    shape = run.children, -1, LOGGED_HISTORY + int(run.info["steps"])
-    ends = np.stack([np.asarray(run.tracks[name]).reshape(shape)[:, :, -1] for name in ("x", "y")], axis=-1)
-    places = ends.reshape(run.children, -1)
+    ends = [np.stack([block.x[:, :, -1], block.y[:, :, -1]], axis=-1) for block in run.state_blocks()]
+    places = np.concatenate(ends).reshape(run.children, -1)
     away = np.linalg.norm(places - places.mean(axis=0), axis=1)
     chosen: list[int] = []
     for number in range(count):
@@ -158,20 +144,18 @@ def most_different(run: Run, count: int) -> IntArray:
 
 
 def most_critical(run: Run, count: int, column: str) -> IntArray:
-    """(count,) children in the order of a metric, the most critical first; undefined ones last."""
+    """Return (count,) children ordered by a metric, the most critical first, undefined ones last."""
     column = run.column(column)
     values = run.values(column) * (1 if side_of(column) == "left" else -1)
     return np.argsort(values, kind="stable")[:count].astype(np.int64)
 
 
 def _value(run: Run, number: int, column: str | None) -> str:
-    if column is None:
-        return ""
-    return _written(column, float(run.values(column)[number]))
+    return "" if column is None else _value_text(column, float(run.values(column)[number]))
 
 
-def _written(column: str, value: float) -> str:
-    """The value of a metric as the tables print it, with its unit."""
+def _value_text(column: str, value: float) -> str:
+    """Return the value of a metric as the tables print it, with its unit."""
     metric, mean = metric_of(column), " mean" if column.endswith("_mean") else ""
     return f"{metric.words}{mean} {value:.3g} {metric.column_unit or ''}".rstrip()
 
@@ -188,20 +172,14 @@ def _child_view(run: Run, number: int, *, title: str = "", **event: Any) -> Chil
 
 
 def _event_view(run: Run, number: int, tracks: Sequence[int], step: int, what: str) -> ChildView:
-    """A child that stops at an event of some vehicles, ``step`` after the moment."""
-    known = list(run.info["seed_scene"]["track_ids"])
+    ids = list(run.info["seed_scene"]["track_ids"])
     title = f"{what} · {_named(tracks)} after {step * STEP_S:.1f} s"
-    return _child_view(
-        run,
-        number,
-        title=title,
-        event=[known.index(track) for track in tracks],
-        stop=LOGGED_HISTORY - 1 + step,
-    )
+    event = [ids.index(track) for track in tracks]
+    return _child_view(run, number, title=title, event=event, stop=LOGGED_HISTORY - 1 + step)
 
 
 def colors_of(run: Run) -> dict[str, Rgb]:
-    """The colour of each model of a run in sumo-gui and videos, 0 to 255."""
+    """Return the colour of each model of a run in sumo-gui and videos, 0 to 255."""
     names = sorted(set(run.assignments["model"].unique().to_pylist()))
     return dict(zip(names, model_colors(names), strict=True))
 

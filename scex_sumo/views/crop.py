@@ -12,6 +12,8 @@ from xml.etree import ElementTree
 
 import shapely
 
+from scex_sumo.converters.net.reader import net_root, points_of
+
 Box = tuple[float, float, float, float]
 _SHORTEST_M = 0.5
 _DOT_M = 0.1
@@ -21,15 +23,13 @@ def crop_net(net: Path, box: Box, out: Path) -> Path:
     """Write a net whose shapes are cropped to a box; returns the file.
 
     Args:
-        net: NET.net.xml.
         box: smallest x, y and largest x, y, m.
-        out: file to write.
     """
-    root = ElementTree.parse(net).getroot()
+    root = net_root(net)
     for lane in root.iter("lane"):
         lane.attrib.pop("outlineShape", None)
         if not _crop_shape(lane, box, closed=False):
-            x, y = _into(box, *_points(lane.get("shape", ""))[0])
+            x, y = _into(box, *points_of(lane.get("shape", ""))[0].tolist())
             lane.set("shape", f"{x:.2f},{y:.2f} {x + _DOT_M:.2f},{y:.2f}")
     for edge in root.iter("edge"):
         edge.attrib.pop("shape", None)
@@ -65,7 +65,7 @@ def _into(box: Box, x: float, y: float) -> tuple[float, float]:
 
 def _crop_shape(element: ElementTree.Element, box: Box, *, closed: bool) -> bool:
     """Crop the shape of an element to its longest or largest part within; False where nothing is left."""
-    points = _points(element.get("shape", ""))
+    points = points_of(element.get("shape", ""))
     if len(points) < (4 if closed else 2):
         return False
     whole = shapely.make_valid(shapely.Polygon(points)) if closed else shapely.LineString(points)
@@ -79,8 +79,3 @@ def _crop_shape(element: ElementTree.Element, box: Box, *, closed: bool) -> bool
     line = best.exterior if closed else best
     element.set("shape", " ".join(f"{x:.2f},{y:.2f}" for x, y in shapely.get_coordinates(line)))
     return True
-
-
-def _points(shape: str) -> list[tuple[float, float]]:
-    pairs = (point.split(",") for point in shape.split())
-    return [(float(pair[0]), float(pair[1])) for pair in pairs]

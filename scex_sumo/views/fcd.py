@@ -1,7 +1,7 @@
-"""Floating car data, SUMO's own format for trajectories: what sumo-gui replays and SUMO's tools plot.
+"""Floating car data (FCD), SUMO's format for trajectories, which sumo-gui replays and SUMO's tools plot.
 
-Positions and speeds are the logged ones. SUMO wants a lane beside every position; it is the nearest one whose
-direction fits, and the first of a vehicle is never inside a junction, where SUMO lets nobody begin.
+Positions and speeds are the logged ones. SUMO needs a lane for every position: the nearest one with a similar
+direction. The first lane of a vehicle is outside of junctions, where SUMO inserts no vehicle.
 """
 
 from __future__ import annotations
@@ -9,36 +9,35 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr as quoted
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray, least_of
-from scex_sumo.errors import ResultError
-from scex_sumo.files import quoted
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
+from scex_sumo.base.errors import ResultError
+from scex_sumo.converters.net.reader import read_net
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.frame import to_sumo
 from scex_sumo.world.tiles import tile_id
 
-# A lane that points the wrong way is as bad as one that is this much farther away, m per rad.
-_WRONG_WAY_M_PER_RAD = 3.0
-_FARTHEST_M = 1e8
+_TURN_COST_M_PER_RAD = 3.0  # a lane in another direction costs as much as one farther away
+_MAX_COORDINATE_M = 1e8
 _NEAR_M = 8.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FcdTracks:
-    """Vehicles to be written side by side.
+    """Tracks of N vehicles in one tile.
 
     Attributes:
         ids: (N,) SUMO's ids.
         types: (N,) ids of vehicle types.
         length: (N,) m.
         states: (N, T) centres, in the net's coordinates.
-        present: (N, T) from a vehicle's first to its last appearance without a gap.
-        tile: slot whose lanes the vehicles drive on, None in a net that is not tiled.
+        present: (N, T) True from a vehicle's first to its last appearance.
+        tile: slot of the tile; None in a net without tiles.
         offset: x and y of the tile, m.
     """
 
@@ -52,42 +51,31 @@ class FcdTracks:
 
 
 class LaneFinder:
-    """The lanes of a SUMO net, to be found by position and heading."""
+    """Index of the lanes of a SUMO net by position and heading."""
 
     def __init__(self, net_path: Path) -> None:
-        """Read the net's lanes; a `ResultError` where one's shape is no place."""
-        names, lines, inside = [], [], []
-        for edge in ElementTree.parse(net_path).getroot().iter("edge"):
-            function = edge.get("function", "normal")
-            if function not in ("normal", "internal"):
-                continue
-            for lane in edge.iter("lane"):
-                points = np.array([p.split(",")[:2] for p in lane.get("shape", "").split()], dtype=float)
-                if not (np.abs(points) < _FARTHEST_M).all():
-                    raise ResultError(f"{net_path}: lane {lane.get('id')} leaves the Earth; run again")
-                names.append(lane.get("id", ""))
-                lines.append(shapely.linestrings(points))
-                inside.append(function == "internal")
-        self._names = names
-        self._lines = np.array(lines)
-        self._inside = np.array(inside)
-        self._tree = shapely.STRtree(lines)
+        """Read the net's lanes; a `ResultError` names a lane with impossible coordinates."""
+        lanes = [x for x in read_net(net_path).lanes.values() if x.function in ("normal", "internal")]
+        far = [lane.lane_id for lane in lanes if not (np.abs(lane.shape) < _MAX_COORDINATE_M).all()]
+        if far:
+            raise ResultError(f"{net_path}: lane {far[0]} leaves the Earth; run again")
+        self._names = [lane.lane_id for lane in lanes]
+        self._lines = np.array([lane.line for lane in lanes])
+        self._inside = np.array([lane.internal for lane in lanes])
+        self._tree = shapely.STRtree(self._lines)
         self._outer = np.flatnonzero(~self._inside)
         self._outer_tree = shapely.STRtree(self._lines[self._outer])
 
     def find(
         self, x: FloatArray, y: FloatArray, heading: FloatArray, first: BoolArray
     ) -> tuple[list[str], FloatArray]:
-        """The lane of each place.
+        """Return the lane id of each place, and (n,) positions along the lanes, m.
 
         Args:
             x: (n,) m.
             y: (n,) m.
             heading: (n,) rad.
-            first: (n,) where a vehicle begins.
-
-        Returns:
-            Lane ids, and (n,) positions along them in m.
+            first: (n,) True for the first place of a vehicle.
         """
         places = shapely.points(x, y)
         place, lane = self._tree.query(places, predicate="dwithin", distance=_NEAR_M)
@@ -95,13 +83,13 @@ class LaneFinder:
         place, lane = place[allowed], lane[allowed]
         cheapest = least_of(place, self._cost(lane, places[place], heading[place]))
         near = place[cheapest]
-        found = np.empty(len(places), dtype=np.int64)
-        found[near] = lane[cheapest]
+        chosen = np.empty(len(places), dtype=np.int64)
+        chosen[near] = lane[cheapest]
         far = np.setdiff1d(np.arange(len(places)), near)
         if len(far):
-            found[far] = self._outer[self._outer_tree.nearest(places[far])]
-        along = shapely.line_locate_point(self._lines[found], places)
-        return [self._names[i] for i in found], along
+            chosen[far] = self._outer[self._outer_tree.nearest(places[far])]
+        along = shapely.line_locate_point(self._lines[chosen], places)
+        return [self._names[i] for i in chosen], along
 
     def _cost(self, lanes: IntArray, places: NDArray[np.object_], heading: FloatArray) -> FloatArray:
         lines = self._lines[lanes]
@@ -112,7 +100,7 @@ class LaneFinder:
             shapely.get_y(front) - shapely.get_y(back), shapely.get_x(front) - shapely.get_x(back)
         )
         turn = np.abs(np.angle(np.exp(1j * (direction - heading))))
-        cost: FloatArray = shapely.distance(lines, places) + _WRONG_WAY_M_PER_RAD * turn
+        cost: FloatArray = shapely.distance(lines, places) + _TURN_COST_M_PER_RAD * turn
         return cost
 
 
@@ -120,8 +108,8 @@ def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder) -> Non
     """Write tracks as SUMO's FCD, the first step at 0.1 s.
 
     Args:
-        groups: vehicles, all with the same number of steps; each group in one tile.
-        lanes: the lanes of the net as converted, not tiled.
+        groups: tracks with the same number of steps.
+        lanes: of the net without tiles.
     """
     steps = groups[0].states.shape[1]
     rows: list[list[str]] = [[] for _ in range(steps)]

@@ -1,7 +1,7 @@
-"""Child scenarios as files that plain sumo-gui opens: ``sumo-gui -c child_0007.sumocfg``, without Python.
+"""Replay of child scenarios in sumo-gui without Python: ``sumo-gui -c child_0007.sumocfg``.
 
-sumo-gui replays the logged trajectories (FCD) on the converted net with its markings; vehicles have the
-colour of their behaviour model, thin lines show where each of them goes from the seed scene on.
+sumo-gui replays the logged trajectories (FCD) on the converted net with its markings. Vehicles have the
+colour of their behaviour model; thin lines show their paths from the seed scene on.
 """
 
 from __future__ import annotations
@@ -9,31 +9,31 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+from xml.sax.saxutils import quoteattr as quoted
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray
-from scex_sumo.files import quoted
+from scex_sumo.base.arrays import BoolArray
+from scex_sumo.base.colors import Rgb
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.crop import crop_extras, crop_net
 from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
-from scex_sumo.world.gui.colors import Rgb
-from scex_sumo.world.gui.drawings import (
+from scex_sumo.world.gui_drawings import (
     OTHER_RGB,
     ChildView,
     Frame,
-    Shown,
+    TiledChild,
     draw_children,
     draw_ids,
     draw_legend,
     frame_of,
     legend_entries,
+    letter_height,
+    readable,
 )
-from scex_sumo.world.gui.names import letter_height, readable
-from scex_sumo.world.gui.settings import write_view_settings
+from scex_sumo.world.gui_settings import write_view_settings
 from scex_sumo.world.tiles import TileLayout, TileTemplate, template_of
 from scex_sumo.world.vehicle_types import given_type
 
@@ -43,14 +43,8 @@ _GRID_MARGIN_M, _GRID_AROUND_M = 15.0, 25.0
 _WINDOW = "1400,900"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ReadNet:
-    """What views need of a net.
-
-    Attributes:
-        lanes: to be found.
-        template: its extent.
-    """
+class ReadNet(NamedTuple):
+    """A net that has been read: index of its lanes, and template of its tiles."""
 
     lanes: LaneFinder
     template: TileTemplate
@@ -58,7 +52,7 @@ class ReadNet:
     @classmethod
     def of(cls, path: Path) -> ReadNet:
         """Read a net."""
-        return cls(lanes=LaneFinder(path), template=template_of(path))
+        return cls(LaneFinder(path), template_of(path))
 
 
 def write_view(
@@ -71,14 +65,13 @@ def write_view(
     snapshots: tuple[tuple[float, str], ...] = (),
     again: ReadNet | None = None,
 ) -> Path:
-    """Write what sumo-gui needs to show one child, or several side by side in reading order.
+    """Write the files that show one child in sumo-gui, or several side by side in reading order.
 
     Args:
         folder: where to write; the net is referred to by a relative path.
-        children: with the same number of steps.
         colors: RGB of each behaviour model, 0 to 255.
-        snapshots: times in s and names of pictures that sumo-gui writes then.
-        again: the net of views of one child each, read and used for several.
+        snapshots: times in s and names of pictures that sumo-gui writes.
+        again: the net, if it has been read for another view of one child.
 
     Returns:
         The file to open: ``child_NUMBER.sumocfg``, or ``grid_N.sumocfg`` of N children.
@@ -93,17 +86,17 @@ def write_view(
     net_file, additional = net.path, [net.extras] if net.extras is not None else []
     if grid:
         net_file, additional = _write_tiles(folder / name, source[1], template, layout, len(children))
-    shown = [
-        Shown(child=child, slot=slot if grid else None, offset=layout.offset(slot))
+    tiled = [
+        TiledChild(child=child, slot=slot if grid else None, offset=layout.offset(slot))
         for slot, child in enumerate(children)
     ]
-    groups = [group for s in shown for group in _groups(scene, s)]
+    groups = [group for s in tiled for group in _groups(scene, s)]
     write_fcd(folder / f"{name}.fcd.xml", groups, read.lanes)
     entries = legend_entries(scene, [model for child in children for model in child.models], colors)
-    frame = frame_of(template.bounds, [s.offset for s in shown], entries)
+    frame = frame_of(template.bounds, [s.offset for s in tiled], entries)
     if not grid:
         frame = frame.closer(children[0].looked_at)
-    drawn = draw_children(shown, colors, frame) + draw_legend(frame)
+    drawn = draw_children(tiled, colors, frame) + draw_legend(frame)
     letter_m = 0.0
     if not grid:
         letter_m = frame.exaggeration * letter_height([key for group in groups for key in group.ids])
@@ -117,14 +110,13 @@ def write_view(
         letter_m=letter_m,
         chosen=True,
         snapshots=snapshots,
-        # At the end sumo-gui would ask whether to close; who comes for the pictures only wants it to end.
-        pause_s=None if snapshots else _stop_s(children[0]),
+        # A pause at the end would keep a sumo-gui open that only writes snapshots.
+        pause_s=None if snapshots else (children[0].stop_state + 1) * STEP_S,
     )
     return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1], ids=not grid)
 
 
 def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[Path, Path | None]:
-    """Net and markings around where the vehicles of some children are and go."""
     states = [child.states for child in children]
     xs, ys = (np.concatenate([getattr(s, axis) for s in states], axis=None) for axis in ("x", "y"))
     around = _GRID_AROUND_M
@@ -135,18 +127,13 @@ def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[P
     return file, crop_extras(net.extras, box, stem.with_name(f"{stem.name}.cropped.add.xml"))
 
 
-def _stop_s(child: ChildView) -> float:
-    """When sumo-gui stops, s: after the last state, or at that of the event."""
-    return (child.stop_state + 1) * STEP_S
-
-
 def _choose_ids(
     path: Path, groups: Sequence[FcdTracks], child: ChildView, letter_m: float, frame: Frame
 ) -> str:
-    """Select the vehicles whose ids sumo-gui writes on them: those that can be read where it stops.
+    """Select the vehicles whose ids sumo-gui writes: those that are readable where the replay stops.
 
     Returns:
-        What is drawn in place of the ids of an event that cannot: both, beside their ring.
+        Drawings of the event's ids beside their rings, if they overprint others.
     """
     at, here = child.stop_state, [(group, n) for group in groups for n in range(len(group.ids))]
     here.sort(key=lambda entry: entry[0] is not groups[0] or entry[1] not in child.event)
@@ -166,7 +153,6 @@ def _choose_ids(
 def _write_tiles(
     stem: Path, drawn: Path | None, template: TileTemplate, layout: TileLayout, count: int
 ) -> tuple[Path, list[Path]]:
-    """Copies of the net side by side, and of what is drawn on it; returns their files."""
     net_file, extras = stem.with_name(f"{stem.name}.net.xml"), stem.with_name(f"{stem.name}.extras.xml")
     template.write(net_file, range(count), layout)
     if drawn is None:
@@ -175,36 +161,36 @@ def _write_tiles(
     return net_file, [extras]
 
 
-def _groups(scene: SeedScene, shown: Shown) -> list[FcdTracks]:
-    steps = shown.child.states.shape[1]
+def _groups(scene: SeedScene, tiled: TiledChild) -> list[FcdTracks]:
+    steps = tiled.child.states.shape[1]
     vehicles = FcdTracks(
-        ids=[shown.id(str(track)) for track in scene.track_ids],
-        types=[_type_id(model, v) for v, model in enumerate(shown.child.models)],
+        ids=[tiled.id(str(track)) for track in scene.track_ids],
+        types=[_type_id(model, v) for v, model in enumerate(tiled.child.models)],
         length=scene.length,
-        states=shown.child.states,
-        present=np.ones(shown.child.states.shape, dtype=bool),
-        tile=shown.slot,
-        offset=shown.offset,
+        states=tiled.child.states,
+        present=np.ones(tiled.child.states.shape, dtype=bool),
+        tile=tiled.slot,
+        offset=tiled.offset,
     )
     others = scene.obstacles
     if others is None:
         return [vehicles]
-    # Frame 1 of a child is the second of the eleven states that a seed scene holds of the past.
+    # Frame 1 of a child is the second of the eleven past states of a seed scene.
     columns = np.minimum(np.arange(1, steps + 1), others.states.shape[1] - 1)
     obstacles = FcdTracks(
-        ids=[shown.id(f"P{name}") for name in others.ids],
+        ids=[tiled.id(f"P{name}") for name in others.ids],
         types=[f"other.{o}" for o in range(len(others.ids))],
         length=others.length,
         states=others.states[:, columns],
         present=_without_gaps(others.present[:, columns]),
-        tile=shown.slot,
-        offset=shown.offset,
+        tile=tiled.slot,
+        offset=tiled.offset,
     )
     return [vehicles, obstacles]
 
 
 def _without_gaps(present: BoolArray) -> BoolArray:
-    """SUMO replays a track step by step and would close a gap in it by a jump in time."""
+    """Return presence from first to last appearance: SUMO would close a gap by a jump in time."""
     return (
         np.logical_or.accumulate(present, axis=1)
         & np.logical_or.accumulate(present[:, ::-1], axis=1)[:, ::-1]
@@ -216,7 +202,7 @@ def _type_id(model: str, vehicle: int) -> str:
 
 
 def _types(scene: SeedScene, children: Sequence[ChildView], colors: Mapping[str, Rgb]) -> str:
-    """A type for each vehicle and model: it has the vehicle's size and the model's colour."""
+    """Return a SUMO type for each vehicle and model, with the vehicle's size and the model's colour."""
     lines = []
     for v in range(scene.vehicles):
         size = scene.types[v], float(scene.length[v]), float(scene.width[v])
@@ -232,7 +218,7 @@ def _types(scene: SeedScene, children: Sequence[ChildView], colors: Mapping[str,
 def _write_configuration(
     folder: Path, name: str, net: Path, additional: Sequence[Path], steps: int, *, ids: bool
 ) -> Path:
-    """The file that sumo-gui opens; other files are named relative to it."""
+    """Write the file that sumo-gui opens; it names the others by relative paths."""
 
     def relative(path: Path) -> str:
         return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
@@ -244,7 +230,7 @@ def _write_configuration(
         "gui-settings-file": f"{name}.view.xml",
         "step-length": str(STEP_S),
         "end": f"{(steps + 2) * STEP_S:.1f}",
-        # The trajectories go where they go: on and off the lanes, and through one another.
+        # Logged trajectories may leave the lanes and overlap.
         "ignore-route-errors": "true",
         "insertion-checks": "none",
         "collision.action": "none",

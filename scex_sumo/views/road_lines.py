@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import NamedTuple
+from xml.etree import ElementTree
 
-import numpy as np
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.net.reader import points_of, read_net
+from scex_sumo.converters.net.sumo_net import net_file
 
-from scex_sumo.arrays import FloatArray
-
-_LANE = re.compile(r"<lane [^>]*?\bwidth=\"([\d.]+)\"[^>]*?\bshape=\"([^\"]+)\"")
-_JUNCTION = re.compile(r"<junction [^>]*?\bshape=\"([^\"]+)\"")
-_POLYGON = re.compile(r"<poly [^>]*?\btype=\"([^\"]*)\"[^>]*?\bfill=\"(\d)\"[^>]*?\bshape=\"([^\"]+)\"")
 _BORDERS = {"curbstone", "road_border", "guard_rail", "fence", "wall"}
 
 SURFACE, AREA, MARKING, BORDER, STOP = range(5)
@@ -23,7 +20,6 @@ class RoadLine(NamedTuple):
     """A line of the road.
 
     Attributes:
-        kind: how it is drawn.
         width_m: of a surface, else 0.
         points: (P, 2) m.
     """
@@ -40,22 +36,19 @@ def road_lines(net: Path, box: tuple[float, float, float, float]) -> list[RoadLi
         net: NET.net.xml, with NET.add.xml beside it.
         box: least and largest x, least and largest y, m, that lines must touch.
     """
-    text = net.read_text(encoding="utf-8") if net.is_file() else ""
-    lines = [RoadLine(SURFACE, float(width), _points(shape)) for width, shape in _LANE.findall(text)]
-    lines += [RoadLine(AREA, 0.0, _points(shape)) for shape in _JUNCTION.findall(text)]
-    extras = net.with_name(net.name.removesuffix(".net.xml") + ".add.xml")
-    drawn = extras.read_text(encoding="utf-8") if extras.is_file() else ""
-    for kind, filled, shape in _POLYGON.findall(drawn):
-        if filled == "0":
-            style = BORDER if kind in _BORDERS else STOP if kind == "stop_line" else MARKING
-            lines.append(RoadLine(style, 0.0, _points(shape)))
+    lines = []
+    if net.is_file():
+        content = read_net(net)
+        lines += [RoadLine(SURFACE, lane.width_m, lane.shape) for lane in content.lanes.values()]
+        lines += [RoadLine(AREA, 0.0, junction.shape) for junction in content.junctions.values()]
+    extras = net_file(net, ".add.xml")
+    if extras.is_file():
+        for poly in ElementTree.parse(extras).getroot().iter("poly"):
+            kind = poly.get("type", "")
+            if poly.get("fill") == "0":
+                style = BORDER if kind in _BORDERS else STOP if kind == "stop_line" else MARKING
+                lines.append(RoadLine(style, 0.0, points_of(poly.get("shape", ""))))
     return [line for line in lines if len(line.points) > 1 and _touches(line.points, box)]
-
-
-def _points(shape: str) -> FloatArray:
-    flat = np.array(shape.replace(",", " ").split(), dtype=np.float64)
-    count = len(shape.split())
-    return flat.reshape(count, -1)[:, :2]
 
 
 def _touches(points: FloatArray, box: tuple[float, float, float, float]) -> bool:

@@ -1,24 +1,116 @@
-"""World as the closed loop sees it: whatever moves vehicles to their next states and says what then holds."""
+"""World and simulator protocols, and the registry of simulators: entry points in ``scex_sumo.worlds``.
+
+The closed loop moves vehicles in a `World`. A `Simulator` makes a world for each batch of children.
+``--world NAME`` names an entry of the registry, or the import path of a simulator's class.
+"""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
-from scex_sumo.arrays import BoolArray
-from scex_sumo.scene import States
+from scex_sumo.base.arrays import BoolArray, IntArray
+from scex_sumo.base.registry import Registry
+from scex_sumo.scene import SeedScene, States
+
+if TYPE_CHECKING:
+    from scex_sumo.converters.net.sumo_net import SumoNet
+
+DEFAULT_WORLD = "sumo"
+WORLDS = Registry(
+    group="scex_sumo.worlds",
+    kind="world",
+    builtin={
+        "sumo": "scex_sumo.world.sumo:SumoSimulator",
+        "plain": "scex_sumo.world.plain:PlainSimulator",
+        "checked": "scex_sumo.world.plain:CheckedSimulator",
+    },
+)
 
 
 class World(Protocol):
-    """What the loop needs of a world that has been set to the seed scene."""
+    """A batch of children in closed loop, set to the seed scene."""
 
     def move(self, states: States, mask: BoolArray) -> None:
-        """Override the masked vehicles' next states, (C, V)."""
+        """Set the next states (C, V) of the vehicles in the mask; SUMO drives the others."""
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
-        """Set the replayed participants' next states, (O,)."""
+        """Set the next states (O,) of the replayed pedestrians and cyclists."""
 
     def step(self) -> None:
         """Advance by 0.1 s."""
 
     def read(self) -> States:
-        """What the world holds after the step, (C, V)."""
+        """Return the states (C, V) after the step."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SumoDriven:
+    """A vehicle that one of SUMO's car-following models drives.
+
+    Attributes:
+        vehicle: index in the seed scene.
+        model: SUMO's name of the model, e.g. ``EIDM``.
+        parameters: attributes of SUMO's vehicle types, e.g. ``{"tau": "1.2"}``.
+        edges: route in SUMO's edges; the vehicle is on the first one.
+    """
+
+    child: int
+    vehicle: int
+    model: str
+    parameters: Mapping[str, str]
+    edges: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WorldRequest:
+    """What a simulator is made for.
+
+    Attributes:
+        net: its map as a SUMO net.
+        models: names of the behaviour models.
+        slots: tile slots that the children may have.
+        sumo_drives: whether SUMO drives some vehicles.
+        gui: show the run live in sumo-gui.
+        compared: whether a checked world is compared with SUMO's.
+    """
+
+    scene: SeedScene
+    net: SumoNet
+    models: Sequence[str]
+    slots: Sequence[int]
+    sumo_drives: bool = False
+    gui: bool = False
+    compared: bool = True
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BatchStart:
+    """The children of a batch.
+
+    Attributes:
+        slots: (C,) tile slot of each child. Children share one if SUMO drives nobody and nobody watches.
+        assignment: (C, V) index into the models of the request.
+        driven: the vehicles that SUMO drives.
+    """
+
+    slots: IntArray
+    assignment: IntArray
+    driven: Sequence[SumoDriven] = ()
+
+
+class Simulator(Protocol):
+    """Simulator of the children of one seed scene: a context manager, one per process."""
+
+    has_sumo: ClassVar[bool]
+    """Whether SUMO can drive vehicles in it, and show it in sumo-gui."""
+
+    def __init__(self, request: WorldRequest) -> None: ...
+
+    def __enter__(self) -> Simulator: ...
+
+    def __exit__(self, *error: object) -> None: ...
+
+    def begin(self, batch: BatchStart) -> World:
+        """Return a world with all vehicles of the batch at the seed scene; the one before has ended."""

@@ -1,4 +1,7 @@
-"""Plain world of arrays: what libsumo holds after a step too, where no vehicle is SUMO's to drive."""
+"""Plain world of arrays, and the checked world, which compares it with SUMO's.
+
+Where SUMO drives nobody, a plain world holds the same as libsumo after each step, to the bit.
+"""
 
 from __future__ import annotations
 
@@ -6,43 +9,132 @@ from dataclasses import replace
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.errors import SimulationError
 from scex_sumo.scene import States
-from scex_sumo.world.frame import from_sumo, returned, to_sumo
+from scex_sumo.world.base import BatchStart, World, WorldRequest
+from scex_sumo.world.frame import angle_read_back, from_sumo, to_sumo
+from scex_sumo.world.sumo import SumoSimulator
+
+SAMPLE = 2  # children of a batch that SUMO simulates, too, in a checked world
 
 
 class PlainWorld:
-    """A world that does as it is told: what libsumo holds after a step too, where all are overridden."""
+    """World of arrays: vehicles are where they were moved to."""
 
     def __init__(self, children: int, vehicles: int, *, length: FloatArray | None = None) -> None:
-        """Nobody is anywhere yet.
+        """Make a world without states.
 
         Args:
-            children: C.
-            vehicles: V.
-            length: (V,) m, to hold to the bit what SUMO holds, which knows front bumpers and degrees; None
-                for states as told.
+            length: (V,) m, to round as SUMO, which stores front bumpers and degrees; None rounds nothing.
         """
         self._states = States.empty((children, vehicles))
         self._length = length
 
     def move(self, states: States, mask: BoolArray) -> None:
-        """Override the masked vehicles' next states, (C, V)."""
+        """Set the next states (C, V) of the vehicles in the mask."""
         states = states.map(lambda values: np.where(mask, values, np.nan))
-        speed = np.where(states.speed < 0, 0.0, states.speed)  # SUMO knows no speed below zero
+        speed = np.where(states.speed < 0, 0.0, states.speed)  # SUMO has no negative speeds
         if self._length is not None:
             x, y, angle = to_sumo(states, self._length)
-            self._states = from_sumo(x, y, returned(angle), speed, self._length)
+            self._states = from_sumo(x, y, angle_read_back(angle), speed, self._length)
             return
         heading = np.pi - np.mod(np.pi - states.heading, 2.0 * np.pi)  # in (-pi, pi]
         self._states = replace(states, heading=heading, speed=speed)
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
-        """Obstacles are read from the seed scene."""
+        """Do nothing: behaviour models read obstacles from the seed scene."""
 
     def step(self) -> None:
-        """Nothing is left to do."""
+        """Do nothing."""
 
     def read(self) -> States:
-        """(C, V) what was told."""
+        """Return the states (C, V) that were set."""
         return self._states
+
+
+class PlainSimulator:
+    """Simulator of plain worlds."""
+
+    has_sumo = False
+
+    def __init__(self, request: WorldRequest) -> None:
+        self.scene = request.scene
+
+    def __enter__(self) -> PlainSimulator:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close nothing."""
+
+    def begin(self, batch: BatchStart) -> World:
+        """Return a plain world."""
+        return PlainWorld(len(batch.slots), self.scene.vehicles, length=self.scene.length)
+
+
+class CheckedWorld:
+    """Plain world whose first children run in SUMO's world, too; both must hold the same, to the bit."""
+
+    def __init__(self, plain: World, sumo: World, sample: int) -> None:
+        """Join two worlds that are set to the seed scene; SUMO's has the first ``sample`` children."""
+        self._plain, self._sumo, self._sample = plain, sumo, sample
+
+    def move(self, states: States, mask: BoolArray) -> None:
+        """Set the next states (C, V) of the vehicles in the mask."""
+        self._plain.move(states, mask)
+        self._sumo.move(states[: self._sample], mask[: self._sample])
+
+    def move_obstacles(self, states: States, present: BoolArray) -> None:
+        """Do nothing: behaviour models read obstacles from the seed scene."""
+
+    def step(self) -> None:
+        """Advance both by 0.1 s."""
+        self._plain.step()
+        self._sumo.step()
+
+    def read(self) -> States:
+        """Return the states (C, V) in the plain world.
+
+        Raises:
+            SimulationError: SUMO's states differ.
+        """
+        held, theirs = self._plain.read(), self._sumo.read()
+        for name in ("x", "y", "heading", "speed"):
+            ours, sumos = getattr(held, name)[: self._sample], getattr(theirs, name)
+            if not np.array_equal(ours, sumos):
+                raise SimulationError(
+                    f"the plain world and SUMO differ in {name} by {np.abs(ours - sumos).max():.3g}; "
+                    "use --world sumo and please report this with the seed scene"
+                )
+        return held
+
+
+class CheckedSimulator:
+    """Simulator of checked worlds.
+
+    Where SUMO drives vehicles or shows them, SUMO alone simulates all. Where nothing is to be compared, the
+    world is plain.
+    """
+
+    has_sumo = True
+
+    def __init__(self, request: WorldRequest) -> None:
+        self._needs_sumo = request.sumo_drives or request.gui
+        self._plain = PlainSimulator(request)
+        self._sumo = SumoSimulator(request) if self._needs_sumo or request.compared else None
+
+    def __enter__(self) -> CheckedSimulator:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._sumo is not None:
+            self._sumo.__exit__(*error)
+
+    def begin(self, batch: BatchStart) -> World:
+        """Return the world of a batch."""
+        if self._sumo is None:
+            return self._plain.begin(batch)
+        if self._needs_sumo:
+            return self._sumo.begin(batch)
+        some = BatchStart(slots=batch.slots[:SAMPLE], assignment=batch.assignment[:SAMPLE])
+        return CheckedWorld(self._plain.begin(batch), self._sumo.begin(some), len(some.slots))

@@ -1,43 +1,39 @@
-"""One running SUMO: its files, its start and end, its errors; what talks to it is the world's to choose."""
+"""Session of SUMO: its files, its start and end, its errors."""
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, fields
-from functools import cache
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scex_sumo.errors import SimulationError
-from scex_sumo.files import writing
-from scex_sumo.programs import program, sumo_home
+from scex_sumo.base.colors import Rgb
+from scex_sumo.base.errors import SimulationError
+from scex_sumo.base.files import writing
+from scex_sumo.base.programs import checked_path, program
 from scex_sumo.scene import STEP_S
-from scex_sumo.world.gui.colors import Rgb
-from scex_sumo.world.gui.drawings import draw_legend, frame_of
-from scex_sumo.world.gui.names import LETTER_M
-from scex_sumo.world.gui.settings import write_view_settings
+from scex_sumo.world.gui_drawings import LETTER_M, draw_legend, frame_of
+from scex_sumo.world.gui_settings import write_view_settings
 from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, template_of, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 
-ANY_ROUTE = "anywhere"  # vehicles that are moved need a route to exist, and never follow it
+ANY_ROUTE = "anywhere"  # moved vehicles need a route, and never follow it
 
-# Tiles of a world shown in sumo-gui stand close together, to be seen at a glance.
+# Tiles in sumo-gui stand close together, to be seen at a glance.
 _GUI_MARGIN_M = 30.0
 
 _OPTIONS = (
     *("--step-length", str(STEP_S), "--seed", "0", "--xml-validation", "never"),
     *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true"),
-    # SUMO must not take away, stop or push what is where it was put.
+    # SUMO must not remove, stop or push vehicles that were moved.
     *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
     *("--default.speeddev", "0"),
     # SUMO's drivers change lanes in this many seconds instead of jumping sideways.
@@ -49,10 +45,10 @@ _open = False
 
 @dataclass(frozen=True, kw_only=True)
 class VehicleCalls:
-    """SUMO's functions on a vehicle that are called at every step, by their names.
+    """SUMO's functions on a vehicle that are called at every step.
 
-    libsumo wraps each in a Python function that does nothing but pass the arguments on, a fifth of the
-    getters' time; traci has no such inner functions.
+    libsumo wraps each in a Python function that only passes the arguments on, which takes a fifth of the
+    getters' time. These are the inner functions; traci has none.
     """
 
     moveToXY: Callable[..., None]
@@ -63,59 +59,47 @@ class VehicleCalls:
 
     @classmethod
     def of(cls, module: Any) -> VehicleCalls:
-        """Those of libsumo or traci."""
+        """Return the functions of libsumo or traci."""
         inner = getattr(module, "_libsumo", None)
         names = [field.name for field in fields(cls)]
         return cls(**{n: getattr(inner, f"vehicle_{n}", getattr(module.vehicle, n)) for n in names})
 
 
 def load_sumo(*, gui: bool = False) -> Any:
-    """libsumo, or traci for sumo-gui; the first time takes a tenth of a second."""
-    return importlib.import_module("traci") if gui else _libsumo()
+    """Import libsumo, or traci for sumo-gui."""
+    if gui:
+        import traci
 
+        return traci
+    import libsumo
 
-@cache
-def _libsumo() -> Any:
-    """SUMO's own module of its package, which would import traci, sumolib and what these need as well.
-
-    Whoever imports the package gets it whole all the same, around this module.
-    """
-    os.environ.setdefault("SUMO_HOME", str(sumo_home()))
-    name = "libsumo"
-    found = importlib.util.find_spec(name)
-    if name in sys.modules or found is None:
-        return importlib.import_module(f"{name}.{name}")
-    sys.modules[name] = importlib.util.module_from_spec(found)
-    try:
-        return importlib.import_module(f"{name}.{name}")
-    finally:
-        del sys.modules[name]
+    return libsumo
 
 
 @contextmanager
 def _silence() -> Iterator[Callable[[], list[str]]]:
-    """Keep SUMO and traci from writing to the terminal; gives a way to read what SUMO complained about.
+    """Keep SUMO and traci from writing to the terminal; yields a function that returns SUMO's messages.
 
-    SUMO writes to the process's own error stream, past Python's: the stream itself is diverted for a while.
+    SUMO writes to the process's error stream, not to Python's, so that the stream itself is diverted.
     """
     sys.stderr.flush()
     stream = os.dup(2)
     with tempfile.TemporaryFile() as file, redirect_stdout(StringIO()):
         os.dup2(file.fileno(), 2)
 
-        def said() -> list[str]:
+        def messages() -> list[str]:
             file.seek(0)
             return file.read().decode("utf-8", errors="replace").splitlines()
 
         try:
-            yield said
+            yield messages
         finally:
             os.dup2(stream, 2)
             os.close(stream)
 
 
 class SumoSession:
-    """SUMO with the tiles of a net: started when needed, returned to time 0 between batches."""
+    """SUMO with the tiles of a net, started when needed and reset to time 0 between batches."""
 
     def __init__(
         self,
@@ -128,15 +112,11 @@ class SumoSession:
         delay_ms: int,
         legend: Sequence[tuple[str, Rgb]],
     ) -> None:
-        """Take the net apart; nothing is started.
+        """Read the net; nothing is started. Arguments are those of `SumoWorld`.
 
         Args:
-            slots: the tile slots that batches will use.
             types: the vehicle types; drivers may be entered later.
-            folder: where SUMO's files go.
-            gui: sumo-gui in libsumo's place.
-            delay_ms: pause of sumo-gui after each step.
-            legend: what the colours of vehicles mean in sumo-gui.
+            folder: for SUMO's files.
 
         Raises:
             SimulationError: the net cannot be read.
@@ -157,13 +137,7 @@ class SumoSession:
         self._errors: tuple[type[Exception], ...] = ()
 
     def ready(self, module: Any) -> Any:
-        """An empty simulation at time 0 that knows all vehicle types entered.
-
-        Args:
-            module: libsumo or traci.
-
-        Returns:
-            The module, connected.
+        """Return the module (libsumo or traci), connected to an empty simulation with all vehicle types.
 
         Raises:
             SimulationError: SUMO does not start, or another simulation runs in this process.
@@ -173,15 +147,17 @@ class SumoSession:
                 self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
             return self._sumo
         self.stop()
-        # SUMO numbers its lanes and gives each a random generator: with all tiles always there, and as many
-        # generators as lanes, a random driver meets the same numbers in its slot in whatever company.
+        # SUMO gives each lane a random generator by its number. With all tiles and as many generators as
+        # lanes, a random driver gets the same numbers in its slot, whatever else is simulated.
         self.slots = list(range(TILE_SLOTS)) if self._types.random else self.slots
         generators = self._template.lanes * TILE_SLOTS if self._types.random else 1
-        self._start(module, [*self._write_files(), "--thread-rngs", str(generators)])
+        with writing(self._folder):
+            options = self._write_files()
+        self._start(module, [*options, "--thread-rngs", str(generators)])
         return self._sumo
 
     def stop(self) -> None:
-        """End the simulation if it runs."""
+        """End the simulation, if it runs."""
         global _open
         if self._sumo is not None:
             with suppress(*self._errors):
@@ -190,7 +166,7 @@ class SumoSession:
 
     @contextmanager
     def refusals(self, what: str) -> Iterator[None]:
-        """Turn SUMO's errors into ours: SUMO refused to do ``what``."""
+        """Turn SUMO's errors into a `SimulationError`: SUMO refused to do ``what``."""
         try:
             yield
         except self._errors as error:
@@ -198,16 +174,14 @@ class SumoSession:
             raise SimulationError(f"SUMO refused to {what}: {reason}") from error
 
     def _write_files(self) -> list[str]:
-        """SUMO's input; returns the options that name it."""
-        with writing(self._folder):
-            return self._written()
-
-    def _written(self) -> list[str]:
+        """Write SUMO's input files; returns the options that name them."""
+        if "," in str(self._folder):
+            raise SimulationError(f"{self._folder}: SUMO splits paths at commas; set TMPDIR to one without")
         self._folder.mkdir(parents=True, exist_ok=True)
         net, types = self._folder / "tiles.net.xml", self._folder / "types.add.xml"
         self._template.write(net, self.slots, self.layout)
         self._types.write(types)
-        additional, options = [types], ["-n", str(net)]
+        additional, options = [types], ["-n", checked_path(net)]
         if self._gui:
             if self._extras is not None:
                 additional.append(self._folder / "tiles.add.xml")
@@ -231,11 +205,11 @@ class SumoSession:
             raise SimulationError("sumo-gui needs a display and DISPLAY is not set; run without --gui")
         binary = program("sumo-gui") if self._gui else "sumo"
         self._errors = (module.TraCIException, module.FatalTraCIError)
-        with _silence() as said:
+        with _silence() as messages:
             try:
                 (module if self._gui else module.simulation).start([binary, *options, *_OPTIONS])
             except self._errors as error:
-                reason = next((line for line in said() if line.startswith("Error: ")), f"Error: {error}")
+                reason = next((line for line in messages() if line.startswith("Error: ")), f"Error: {error}")
                 raise SimulationError(f"SUMO does not start: {reason.removeprefix('Error: ')}") from error
         self._sumo, _open = module, True
         edge = self._template.plainest_edge

@@ -1,8 +1,7 @@
-"""The world: libsumo (or sumo-gui), tiles, vehicles moved to their planned states, and what SUMO then holds.
+"""SUMO's world: vehicles in tiles of libsumo (or sumo-gui), moved to their planned states and read back.
 
-The only module that imports libsumo or traci, and only when a world opens. libsumo runs one simulation per
-process; a world opens its tiles once and is reused for all batches. Every batch begins at time 0 with new
-vehicles: nothing is left of one that could colour the next, not even the time (EIDM drivers depend on it).
+libsumo runs one simulation per process. A world opens its tiles once and is reused for all batches. Every
+batch begins at time 0 with new vehicles, so that no batch depends on another (EIDM depends on the time).
 """
 
 from __future__ import annotations
@@ -11,18 +10,18 @@ import shutil
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.errors import SimulationError
-from scex_sumo.files import TemporaryFolder
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.colors import Rgb, model_colors
+from scex_sumo.base.errors import SimulationError
+from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
-from scex_sumo.world.batch import ANY_LANE, RunningBatch, Some, SumoDriven, new_batch, vehicle_ids
+from scex_sumo.world.base import BatchStart, SumoDriven, World, WorldRequest
+from scex_sumo.world.batch import ANY_LANE, RunningBatch, Selection, new_batch, vehicle_ids
 from scex_sumo.world.frame import from_sumo, to_sumo
-from scex_sumo.world.gui.colors import Rgb
 from scex_sumo.world.session import ANY_ROUTE, SumoSession, VehicleCalls, load_sumo
 from scex_sumo.world.tiles import TILE_SLOTS, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
@@ -30,9 +29,9 @@ from scex_sumo.world.vehicle_types import TypeBook
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 
-__all__ = ["TILE_SLOTS", "SumoDriven", "SumoWorld"]
-# Distance at which SUMO takes a vehicle to be on a lane, m. Faster than the default of 100 m; from 20 m on it
-# finds the right one of two lanes that fork on all maps tried, with 5 m not always.
+__all__ = ["TILE_SLOTS", "SumoDriven", "SumoSimulator", "SumoWorld"]
+# Distance at which SUMO matches a vehicle to a lane, m. Faster than the default of 100 m. On all maps tried,
+# 20 m finds the right one of two forking lanes; 5 m does not always.
 _MATCH_M = 20.0
 _NO_LANE = -1
 
@@ -40,8 +39,8 @@ _NO_LANE = -1
 class SumoWorld:
     """SUMO's simulation of a batch of children, each in its tile; a context manager, one per process.
 
-    Children in which SUMO drives nobody may share a tile: vehicles that are moved take no notice of others,
-    and one in SUMO stands for all that have come the same way.
+    Children in which SUMO drives nobody may share a tile, because moved vehicles do not react to others. One
+    vehicle in SUMO then represents all that took the same way, see `SharedVehicles`.
     """
 
     def __init__(
@@ -58,11 +57,10 @@ class SumoWorld:
 
         Args:
             scene: the seed scene, for sizes, types and names.
-            slots: the tile slots that batches will use, each below ``TILE_SLOTS``.
+            slots: the tile slots of the batches, each below ``TILE_SLOTS``.
             gui: show the simulation in sumo-gui. Its tiles stand closer together, so that the last bits of
                 positions may differ from a run without.
-            delay_ms: pause of sumo-gui after each step.
-            legend: names and colours to be explained in sumo-gui, e.g. the behaviour models.
+            legend: names and colours for sumo-gui's legend.
 
         Raises:
             SimulationError: the net cannot be read.
@@ -89,9 +87,7 @@ class SumoWorld:
     def __enter__(self) -> SumoWorld:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -101,16 +97,15 @@ class SumoWorld:
         self._temporary.cleanup()
 
     def begin(self, start: States, slots: IntArray, driven: Sequence[SumoDriven] = ()) -> None:
-        """Put everybody at the start of a batch; ``read`` then equals ``start``.
+        """Set all vehicles to the start of a batch; ``read`` then equals ``start``.
 
         Args:
             start: (C, V) states of the seed scene.
-            slots: (C,) tile slot of each child; only children in which SUMO drives nobody may share one.
+            slots: (C,) tile slot of each child; children may share one if SUMO drives nobody in them.
             driven: the vehicles that SUMO drives; all others must be moved before each step.
 
         Raises:
-            SimulationError: a slot without a tile, or shared with a driver of SUMO's, a route that the net
-                does not hold, or a refusal by SUMO.
+            SimulationError: a slot has no tile, or SUMO refuses something, e.g. a route.
             UsageError: an unknown SUMO model or parameter.
         """
         wanted, tiles = [int(slot) for slot in slots], self._session.slots
@@ -129,7 +124,7 @@ class SumoWorld:
         batch.refuse_shared_slots()
         with self._session.refusals(f"set up a batch of {len(wanted)} children"):
             poses = self._poses(start)
-            self._add_vehicles(batch.part_ways(poses), driven)
+            self._add_vehicles(batch.split(poses), driven)
             self._place(poses, batch.everybody, start.speed, np.zeros(start.shape))
         if others := self._scene.obstacles:
             self.move_obstacles(others.states[:, HISTORY_STEPS], others.present[:, HISTORY_STEPS])
@@ -138,16 +133,12 @@ class SumoWorld:
             batch.hand_over(driven, self._sumo)
 
     def move(self, states: States, mask: BoolArray) -> None:
-        """Say where vehicles are after the next step.
+        """Set the next states (C, V) of the vehicles in the mask: all that SUMO does not drive.
 
-        Args:
-            states: (C, V), used where ``mask`` is True.
-            mask: (C, V) exactly the vehicles that SUMO does not drive.
-
-        SUMO knows no negative speeds: a vehicle that reverses is where it should be, and reads 0 m/s.
+        SUMO has no negative speeds: a reversing vehicle has the right position and a speed of 0 m/s.
 
         Raises:
-            SimulationError: a vehicle is moved that SUMO drives, or one is left out that it does not.
+            SimulationError: the mask is another one.
         """
         batch = self._batch
         if not np.array_equal(mask, batch.overridden):
@@ -157,19 +148,15 @@ class SumoWorld:
             )
         with self._session.refusals("move vehicles"):
             poses = self._poses(states)
-            self._add_vehicles(batch.part_ways(poses))
+            self._add_vehicles(batch.split(poses))
             self._place(poses, batch.moved, states.speed, (states.speed - batch.speed) / STEP_S)
         np.copyto(batch.speed, states.speed, where=mask)
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
-        """Say where pedestrians and cyclists are after the next step, wherever SUMO's drivers see them.
+        """Set the states (O,) of pedestrians and cyclists after the next step, where SUMO's drivers see them.
 
-        Their speed is left to SUMO's own estimate, the motion along the lane: somebody who crosses a lane
-        stands still for whoever drives along it.
-
-        Args:
-            states: (O,) one for each obstacle of the seed scene.
-            present: (O,) False takes an obstacle out of the world.
+        SUMO estimates their speed along the lane: a pedestrian that crosses a lane stands still for the
+        vehicles on it. Obstacles that are not present are removed.
         """
         batch, others = self._batch, self._scene.obstacles
         if others is None:
@@ -205,15 +192,15 @@ class SumoWorld:
             batch.watch_route_ends(self._sumo)
 
     def read(self) -> States:
-        """What SUMO holds now: (C, V) centres, headings in (-pi, pi], speeds.
+        """Return SUMO's states (C, V), headings in (-pi, pi].
 
-        The speed of a vehicle that is moved is the one that it was given: SUMO is told where it matters to
-        somebody in the child, see ``_advance``.
+        The speed of a moved vehicle is the one that was set. SUMO gets it only where it matters, see
+        ``_advance``.
         """
         batch, get = self._batch, self._call
         shape = batch.overridden.shape
         with self._session.refusals("read vehicles"):
-            held, place = batch.everybody.ids, batch.stand_ins.place.reshape(shape)
+            held, place = batch.everybody.ids, batch.shared.place.reshape(shape)
             ends = chain.from_iterable(map(get.getPosition, held))
             front = np.fromiter(ends, np.float64, 2 * len(held)).reshape(-1, 2)[place]
             angle = np.fromiter(map(get.getAngle, held), np.float64, len(held))[place]
@@ -225,14 +212,14 @@ class SumoWorld:
         return from_sumo(x, y, angle, speed, self._length)
 
     def save(self, folder: Path) -> None:
-        """Write net, vehicle types and a state from which SUMO goes on by itself (``--load-state``)."""
+        """Write net, vehicle types and a state from which SUMO continues (``--load-state``)."""
         for file in ("tiles.net.xml", "types.add.xml"):
             shutil.copyfile(Path(self._temporary.name) / file, folder / file)
         with self._session.refusals("save its state"):
             self._sumo.simulation.saveState(str(folder / "state.xml"))
 
     def color(self, child: int, vehicle: int, rgb: Rgb) -> None:
-        """Colour a vehicle of the batch in sumo-gui; without it nobody looks, and nothing happens."""
+        """Colour a vehicle of the batch in sumo-gui; does nothing without it."""
         if self._gui:
             with self._session.refusals("colour a vehicle"):
                 self._sumo.vehicle.setColor(self._batch.id_of(child, vehicle), (*rgb, 255))
@@ -244,14 +231,14 @@ class SumoWorld:
         return self._running
 
     def _poses(self, states: States) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """States (C, V) in SUMO's terms: x and y of the front bumpers, each in its tile, and angles."""
+        """Convert states (C, V) to x and y of the front bumpers in their tiles, and angles."""
         front_x, front_y, angle = to_sumo(states, self._length)
         return front_x + self._batch.offset[0], front_y + self._batch.offset[1], angle
 
     def _place(
-        self, poses: Sequence[FloatArray], some: Some, speed: FloatArray, acceleration: FloatArray
+        self, poses: Sequence[FloatArray], some: Selection, speed: FloatArray, acceleration: FloatArray
     ) -> None:
-        """Queue poses for the next step, and for the moment after it the speeds that somebody looks at."""
+        """Queue poses for the next step, and for after it the speeds in watched children."""
         x, y, degrees = (values.reshape(-1)[some.index].tolist() for values in poses)
         move = self._call.moveToXY
         for key, to_x, to_y, turned, lanes in zip(some.ids, x, y, degrees, some.lanes, strict=True):
@@ -265,11 +252,11 @@ class SumoWorld:
         self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, ANY_LANE, _MATCH_M)
 
     def _advance(self, batch: RunningBatch) -> None:
-        """One step of SUMO, a count of the vehicles, and the right speeds for those that were moved.
+        """Run one step of SUMO, count the vehicles, and set the speeds of moved vehicles.
 
-        SUMO takes the motion along the lane for the speed, which is wrong wherever a vehicle is not parallel
-        to it. What is set here is what SUMO goes on with, and what its drivers see of a vehicle; without
-        anybody in a child who looks, a vehicle's speed is none of SUMO's concern.
+        SUMO takes the motion along the lane for the speed, which is wrong for a vehicle at an angle to it.
+        SUMO continues with the speed that is set here, and its drivers see it. In children without SUMO
+        drivers nothing needs it.
         """
         with self._session.refusals("advance"):
             self._sumo.simulation.step()
@@ -282,7 +269,7 @@ class SumoWorld:
         batch.held = np.where(batch.speed < 0, 0.0, batch.speed)
 
     def _add_vehicles(self, new: IntArray, driven: Sequence[SumoDriven] = ()) -> None:
-        """Add vehicles of the batch, by flat index."""
+        """Add vehicles of the batch to SUMO, by flat index."""
         batch, vehicles = self._batch, self._scene.vehicles
         by_sumo = {d.child * vehicles + d.vehicle: d for d in driven}
         for index in new.tolist():
@@ -296,5 +283,33 @@ class SumoWorld:
             else:
                 self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.overridden(v))
                 if batch.mixed[child]:
-                    # Or SUMO makes others give way to lane changes that this vehicle will never make.
+                    # Else SUMO makes others give way to lane changes that this vehicle never makes.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)
+
+
+class SumoSimulator:
+    """Simulator of SUMO's worlds: one `SumoWorld`, with each vehicle in the colour of its model."""
+
+    has_sumo = True
+
+    def __init__(self, request: WorldRequest) -> None:
+        self._scene, self._gui = request.scene, request.gui
+        self._colors = model_colors(request.models)
+        legend = tuple(zip(request.models, self._colors, strict=True))
+        self._world = SumoWorld(
+            request.net, request.scene, slots=request.slots, gui=request.gui, legend=legend
+        )
+
+    def __enter__(self) -> SumoSimulator:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._world.close()
+
+    def begin(self, batch: BatchStart) -> World:
+        """Return the world, set to the seed scene."""
+        self._world.begin(self._scene.now.repeat(len(batch.slots)), batch.slots, batch.driven)
+        if self._gui:
+            for (child, vehicle), model in np.ndenumerate(batch.assignment):
+                self._world.color(child, vehicle, self._colors[model])
+        return self._world

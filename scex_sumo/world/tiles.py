@@ -1,8 +1,7 @@
-"""Copies of a SUMO net side by side: one tile for each child scenario of a batch.
+"""Tiles: copies of a SUMO net side by side, one for each child scenario of a batch.
 
-A tile is the net with every id prefixed and every coordinate moved by whole metres, so that decimals stay
-exact and the offset of a slot depends on nothing but the slot: whatever else is simulated beside it, a child
-meets the same numbers in its slot.
+A tile is the net with prefixed ids and coordinates moved by whole metres, so that decimals stay exact. The
+offset depends on the slot alone: a child has the same numbers in its slot, whatever is simulated beside it.
 """
 
 from __future__ import annotations
@@ -14,12 +13,13 @@ from decimal import Decimal
 from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr as quoted
 
-from scex_sumo.errors import SimulationError
-from scex_sumo.files import quoted
+from scex_sumo.base.errors import SimulationError, listed
+from scex_sumo.converters.net.allowed import prune
 
 TILE_SLOTS = 64
-"""Number of tile slots; a child i that needs a tile of its own is always in slot ``i % TILE_SLOTS``."""
+"""Number of tile slots; a child i with a tile of its own is always in slot ``i % TILE_SLOTS``."""
 
 TILE_COLUMNS = 8
 WINDOW_ASPECT = 1.5  # width by height of what is visible in a window of sumo-gui
@@ -41,28 +41,30 @@ _IDS: dict[str, tuple[str, ...]] = {
 _SHAPES = ("shape", "outlineShape")
 _ONCE = frozenset({"location", "type"})  # the same for all tiles
 _PLAIN = frozenset({"request", "phase", "param", "stopOffset"})  # neither ids nor coordinates
+# Right of way that is in the requests already, and the logic of actuated lights, which asks detectors.
+_LEFT_OUT = frozenset({"prohibition", "condition", "assignment", "function"})
+_LOGIC = ("earlyTarget", "finalTarget")  # attributes of phases that name conditions
 
 _PREFIX = "\x01"  # stands for the prefix in a template; no character of XML 1.0
 
 
 def tile_prefix(slot: int) -> str:
-    """What ids of a tile start with, e.g. ``t12_``."""
+    """Return the prefix of a tile's ids, e.g. ``t12_``."""
     return f"t{slot}_"
 
 
 def tile_id(slot: int, name: str) -> str:
-    """An id in a tile; SUMO's internal edges and lanes keep their leading colon."""
+    """Return an id in a tile; SUMO's internal edges and lanes keep their leading colon."""
     return f":{tile_prefix(slot)}{name[1:]}" if name.startswith(":") else tile_prefix(slot) + name
 
 
 @dataclass(frozen=True, kw_only=True)
 class TileLayout:
-    """Where tiles lie: slot 0 on the map's own coordinates, the others to its east and north.
+    """Positions of tiles: slot 0 at the map's own coordinates, the others to its east and north.
 
     Attributes:
         pitch_x: whole metres from a tile to its eastern neighbour.
         pitch_y: whole metres from a tile to its northern neighbour; negative for rows that go south.
-        columns: tiles in a row.
     """
 
     pitch_x: int
@@ -70,13 +72,13 @@ class TileLayout:
     columns: int = TILE_COLUMNS
 
     def offset(self, slot: int) -> tuple[int, int]:
-        """Whole metres by which a slot's copy is moved."""
+        """Return the offset of a slot in whole metres."""
         row, column = divmod(slot, self.columns)
         return column * self.pitch_x, row * self.pitch_y
 
 
 class TileTemplate:
-    """A net or additional file, taken apart once so that copies cost little more than writing them."""
+    """Net or additional file, parsed once for all its copies."""
 
     def __init__(self, path: Path) -> None:
         """Read the file.
@@ -91,6 +93,8 @@ class TileTemplate:
             root = ElementTree.parse(path).getroot()
         except (OSError, ElementTree.ParseError) as error:
             raise SimulationError(f"{path}: cannot be read as a SUMO file: {error}") from error
+        if left_out := prune(root):  # SUMO loads roads, lights and drawings only
+            raise SimulationError(f"{path}: {listed(left_out)} cannot be copied to tiles; remove it")
         self._path = path
         self._root = root.tag
         # The schema's location comes with a namespace and is of no use to a generated file.
@@ -122,7 +126,7 @@ class TileTemplate:
 
     @property
     def plainest_edge(self) -> str:
-        """Id of the edge with the fewest points: SUMO goes through those of a vehicle's route at every move.
+        """Id of the edge with the fewest points, because SUMO scans a vehicle's route at every move.
 
         Raises:
             SimulationError: the file holds no edges.
@@ -132,7 +136,7 @@ class TileTemplate:
         return min(self._edges, key=lambda edge: self._edges[edge])
 
     def layout(self, *, margin_m: float = TILE_MARGIN_M) -> TileLayout:
-        """Tiles that keep at least ``margin_m`` between their maps."""
+        """Return a layout with at least ``margin_m`` between maps."""
         left, bottom, right, top = self.bounds
         return TileLayout(
             pitch_x=math.ceil((right - left + margin_m) / 10) * 10,
@@ -140,7 +144,7 @@ class TileTemplate:
         )
 
     def window_layout(self, count: int, *, margin_m: float) -> TileLayout:
-        """Tiles in reading order: square numbers as squares, others about in the proportions of a window."""
+        """Return a layout in reading order: a square for square numbers, else shaped like a window."""
         wide = self.layout(margin_m=margin_m)
         columns = round(math.sqrt(count * WINDOW_ASPECT * wide.pitch_y / wide.pitch_x))
         if math.isqrt(count) ** 2 == count:
@@ -148,12 +152,7 @@ class TileTemplate:
         return TileLayout(pitch_x=wide.pitch_x, pitch_y=-wide.pitch_y, columns=min(max(columns, 1), count))
 
     def write(self, path: Path, slots: Sequence[int], layout: TileLayout) -> None:
-        """Write the copies of some slots.
-
-        Args:
-            slots: the slots wanted, in any order.
-            layout: where slots lie.
-        """
+        """Write the copies of some slots, in any order."""
         offsets = [layout.offset(slot) for slot in slots]
         columns = {dx: [_moved(x, dx) for x in self._x] for dx in {o[0] for o in offsets}}
         rows = {dy: [_moved(y, dy) for y in self._y] for dy in {o[1] for o in offsets}}
@@ -172,6 +171,8 @@ class TileTemplate:
 
     def _take(self, element: ElementTree.Element) -> None:
         tag = element.tag
+        if tag in _LEFT_OUT:
+            return
         if tag not in _IDS and tag not in _PLAIN:
             raise SimulationError(f"{self._path}: element <{tag}> cannot be copied to tiles; remove it")
         ids = _IDS.get(tag, ())
@@ -184,7 +185,7 @@ class TileTemplate:
             elif key == "x" and "y" in element.attrib:
                 self._point(' x="', value, '" y="', element.attrib["y"])
                 self._text('"')
-            elif key == "y" and "x" in element.attrib:
+            elif (key == "y" and "x" in element.attrib) or key in _LOGIC:
                 continue
             elif key in ids:
                 self._text(f" {key}={quoted(' '.join(_mark(name) for name in value.split()))}")
@@ -216,11 +217,7 @@ class TileTemplate:
 
 
 def template_of(path: Path) -> TileTemplate:
-    """The template of a net; that of the last one serves again where a file says the same.
-
-    Raises:
-        SimulationError: as `TileTemplate`.
-    """
+    """Return the template of a net; the last one is reused for a file with the same content."""
     content = path.read_bytes() if path.is_file() else b""
     if not _last or _last[0][0] != content:
         _last[:] = [(content, TileTemplate(path))]

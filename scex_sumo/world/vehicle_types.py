@@ -1,23 +1,23 @@
-"""Vehicle types for SUMO: shapes to look at, sizes of the seed scene, parameters of SUMO's own drivers."""
+"""Vehicle types for SUMO: shapes, sizes, and parameters of SUMO's drivers."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from xml.sax.saxutils import quoteattr as quoted
 
-from scex_sumo.converters.tracks.kinds import road_user
-from scex_sumo.files import quoted
+from scex_sumo.base.sumo_models import RANDOM_MODELS, RANDOM_PARAMETERS, check_driver
+from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.scene import SeedScene
-from scex_sumo.sumo_models import RANDOM_MODELS, RANDOM_PARAMETERS, check_driver
-from scex_sumo.world.gui.drawings import OTHER_RGB
+from scex_sumo.world.gui_drawings import OTHER_RGB
 
 _GUI_SHAPES = {"van": "delivery", "car": "passenger", "tram": "rail/railcar"}
 _CLASSES = {"truck": "truck", "bus": "bus", "motorcycle": "motorcycle"}
 
 
 def gui_shape(kind: str) -> str:
-    """SUMO's name of the shape that a recorded type looks like; a passenger car where it is not known."""
+    """Return SUMO's shape for a recorded type; a passenger car for unknown types."""
     user = road_user(kind)
     return _GUI_SHAPES.get(user, user)
 
@@ -25,10 +25,7 @@ def gui_shape(kind: str) -> str:
 def given_type(
     name: str, kind: str, length: float, width: float, rgb: tuple[int, int, int] | None = None
 ) -> str:
-    """The ``vType`` element of vehicles that are only ever put somewhere; colour 0 to 255.
-
-    Class ``ignoring`` may be on any lane; the top speed is out of the way.
-    """
+    """Return the ``vType`` element of moved vehicles: class ``ignoring`` may be on any lane."""
     attributes = {"vClass": "ignoring", "guiShape": gui_shape(kind), "maxSpeed": "200"}
     if rgb is not None:
         attributes["color"] = ",".join(str(c) for c in rgb)
@@ -38,10 +35,7 @@ def given_type(
 def _driven_type(
     name: str, kind: str, length: float, width: float, model: str, parameters: Mapping[str, str]
 ) -> str:
-    """The ``vType`` element of vehicles that a car-following model of SUMO drives.
-
-    Trucks and buses get SUMO's acceleration, braking and top speed for them.
-    """
+    """Return the ``vType`` element of vehicles that SUMO drives; trucks and buses get SUMO's limits."""
     shape = gui_shape(kind)
     attributes = {"vClass": _CLASSES.get(shape, "passenger"), "guiShape": shape, "carFollowModel": model}
     attributes |= dict.fromkeys(RANDOM_PARAMETERS, "0")
@@ -55,10 +49,10 @@ def _element(name: str, length: float, width: float, attributes: Mapping[str, st
 
 
 class TypeBook:
-    """The vehicle types of a seed scene: one for each type and size, and each SUMO driver in them."""
+    """Vehicle types of a seed scene: one for each type and size, and for each SUMO driver in them."""
 
     def __init__(self, scene: SeedScene) -> None:
-        """Collect the types and sizes of the seed scene's vehicles, pedestrians and cyclists."""
+        """Collect the types and sizes of vehicles, pedestrians and cyclists."""
         self._vehicles = list(zip(scene.types, scene.length.tolist(), scene.width.tolist(), strict=True))
         self._obstacles = []
         if (others := scene.obstacles) is not None:
@@ -70,36 +64,32 @@ class TypeBook:
 
     @property
     def complete(self) -> bool:
-        """Whether the file written last holds every driver entered."""
+        """Whether the last file has every driver that was entered."""
         return self._written == set(self._drivers.values())
 
     @property
     def random(self) -> bool:
-        """Whether a driver draws random numbers of SUMO's."""
+        """Whether a driver uses SUMO's random numbers."""
         return any(model in RANDOM_MODELS for model, _ in self._drivers)
 
     def enter(self, model: str, parameters: Mapping[str, str]) -> None:
-        """Make a SUMO driver known.
-
-        Raises:
-            UsageError: unknown model or parameter, or one that would make the driver depend on its tile.
-        """
+        """Enter a SUMO driver; raises a `UsageError` as `check_driver`."""
         key = (model, tuple(sorted(parameters.items())))
         if key not in self._drivers:
             check_driver(model, parameters)
             self._drivers[key] = len(self._drivers)
 
     def overridden(self, vehicle: int) -> str:
-        """Type of a vehicle of the seed scene that SUMO does not drive."""
+        """Return the type of a vehicle that SUMO does not drive."""
         return _type_name(*self._vehicles[vehicle])
 
     def driven(self, vehicle: int, model: str, parameters: Mapping[str, str]) -> str:
-        """Type of a vehicle of the seed scene that SUMO drives."""
+        """Return the type of a vehicle that SUMO drives."""
         index = self._drivers[model, tuple(sorted(parameters.items()))]
         return f"{self.overridden(vehicle)}_{model}{index}"
 
     def obstacle(self, obstacle: int) -> str:
-        """Type of a pedestrian or cyclist."""
+        """Return the type of a pedestrian or cyclist."""
         return _type_name(*self._obstacles[obstacle])
 
     def write(self, path: Path) -> None:

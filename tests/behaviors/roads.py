@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.road import Lane, Road
-from scex_sumo.scene import Obstacles, Plan, SceneHistory, SeedScene, States, Who
+from scex_sumo.scene import Obstacles, Plan, SceneHistory, SeedScene, States, VehicleIndex
 
 
 def lane(
@@ -120,16 +120,16 @@ def present(scene: SeedScene, children: int = 1, draw: np.ndarray | None = None)
     )
 
 
-def every(history: SceneHistory) -> Who:
+def every(history: SceneHistory) -> VehicleIndex:
     c, v = np.indices(history.now.shape).reshape(2, -1)
-    return Who(child=c, vehicle=v)
+    return VehicleIndex(child=c, vehicle=v)
 
 
 def generators(history: SceneHistory) -> list[np.random.Generator]:
     return [np.random.default_rng(int(c)) for c in history.children]
 
 
-def plan(model: Behavior, where: Road, history: SceneHistory, who: Who | None = None) -> Plan:
+def plan(model: Behavior, where: Road, history: SceneHistory, who: VehicleIndex | None = None) -> Plan:
     return model.plan(history, where, every(history) if who is None else who, generators(history))
 
 

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.profiles import DEFAULTS
-from scex_sumo.behaviors.registry import LEARNED, build, parse_models
-from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
+from scex_sumo.behaviors.registry import DEFAULTS, LEARNED, build, parse_models
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
 from tests.behaviors.learned import nets
 
@@ -88,7 +87,7 @@ def test_some_of_the_vehicles_get_the_very_plans_they_get_among_all(model: Behav
     everyone = rows(roads.plan(model, ROAD, whole)).reshape(4, 7, 9, 30)
     for keep in (np.array([3]), np.array([0, 8]), np.array([1, 2, 4, 5, 6, 7])):
         child, vehicle = (a.ravel() for a in np.meshgrid(np.arange(7), keep, indexing="ij"))
-        some = rows(roads.plan(model, ROAD, whole, Who(child=child, vehicle=vehicle)))
+        some = rows(roads.plan(model, ROAD, whole, VehicleIndex(child=child, vehicle=vehicle)))
         assert np.array_equal(some, everyone[:, child, vehicle])
 
 
@@ -103,5 +102,5 @@ def test_a_child_gets_the_very_plans_in_any_batch(model: Behavior) -> None:
 
 
 def test_nobody_to_plan_for_gives_an_empty_plan(model: Behavior) -> None:
-    nobody = Who(child=np.zeros(0, dtype=np.int64), vehicle=np.zeros(0, dtype=np.int64))
+    nobody = VehicleIndex(child=np.zeros(0, dtype=np.int64), vehicle=np.zeros(0, dtype=np.int64))
     assert rows(roads.plan(model, ROAD, history(), nobody)).shape == (4, 0, 30)

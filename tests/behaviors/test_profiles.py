@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scex_sumo.behaviors.profiles import DEFAULTS
+from scex_sumo.behaviors.registry import DEFAULTS
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.commands.completion import complete_models, complete_results
+from scex_sumo.commands.options import complete_models, complete_results
 
 CODE = "import sys; sys.argv = ['scex-sumo']; from scex_sumo.cli import main; main()"
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from scex_sumo import example_path
+from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.inspect import inspect_command
-from scex_sumo.errors import UsageError
 
 MAP = Path(example_path("roundabout"))
 

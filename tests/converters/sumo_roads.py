@@ -12,7 +12,7 @@ import numpy as np
 import sumo
 from shapely import Polygon
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.road import Lane, Regulation, Road
 
 SUMO = Path(sumo.SUMO_HOME) / "bin" / "sumo"

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import IntArray
+from scex_sumo.base.arrays import IntArray
 from scex_sumo.evaluation.encounters import SCHEMA, encounters_table, in_words
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
-from scex_sumo.metrics.outlines.collisions import find_collisions
-from scex_sumo.metrics.outlines.encounters import find_encounters
+from scex_sumo.metrics.collisions import find_collisions
 from scex_sumo.scene import States
 from scex_sumo.statistics.density import wilson
 from scex_sumo.statistics.intervals import DesignIntervals
+from tests.metrics.scenes import find_encounters
 
 TRACKS = np.array([17, 23, 99])
 MODELS = np.array(["constant_velocity", "emergency_brake"])

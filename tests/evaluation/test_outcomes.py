@@ -14,9 +14,9 @@ from scex_sumo.evaluation.outcomes import (
     encounters_of_rows,
 )
 from scex_sumo.metrics.base import PlannedPaths
-from scex_sumo.metrics.outlines.collisions import find_collisions
-from scex_sumo.metrics.outlines.encounters import find_encounters
+from scex_sumo.metrics.collisions import find_collisions
 from tests.evaluation.test_encounters import LEVELS, TRACKS, children
+from tests.metrics.scenes import find_encounters
 
 NUMBERS = np.arange(100, 140)
 

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from scex_sumo.errors import ResultError
+from scex_sumo.base.errors import ResultError
 from scex_sumo.evaluation.plans import plans_table, read_plans
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part
@@ -96,7 +96,8 @@ def test_a_folder_without_plans_has_none(tmp_path: Path) -> None:
 def test_a_damaged_file_is_said(folder: Path) -> None:
     file = folder / "plans.parquet"
     table = pq.read_table(file)
-    for wrong in (table.slice(1), table.slice(0, 0), table.take(list(range(12))[::-1])):
+    huge = table.set_column(2, "step", pa.array([1e308] * 12))
+    for wrong in (table.slice(1), table.slice(0, 0), table.take(list(range(12))[::-1]), huge):
         pq.write_table(wrong, file)
         with pytest.raises(ResultError, match="not the plans of every vehicle of every child; run again"):
             read_plans(folder)

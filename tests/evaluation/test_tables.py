@@ -11,9 +11,9 @@ import pyarrow.csv as csv
 import pyarrow.parquet as pq
 import pytest
 
+from scex_sumo.base.errors import ResultError, TrackError, UsageError
 from scex_sumo.commands.metrics import metrics_command
 from scex_sumo.converters.tracks.reader import TrackTable, read_tracks
-from scex_sumo.errors import ResultError, TrackError, UsageError
 from scex_sumo.evaluation import blocks as recording
 from scex_sumo.evaluation.blocks import blocks
 from scex_sumo.evaluation.sources import read_source
@@ -184,7 +184,12 @@ def test_a_while_without_anybody_costs_no_memory(tmp_path: Path) -> None:
 
 
 def test_ids_of_cases_keep_their_kind(tmp_path: Path) -> None:
-    for names, expected in ((("2.0", "10.0"), [2, 10]), (("0.5", "2"), [0.5, 2.0]), (("a", "b"), ["a", "b"])):
+    for names, expected in (
+        (("2.0", "10.0"), [2, 10]),
+        (("0.5", "2"), [0.5, 2.0]),
+        (("a", "b"), ["a", "b"]),
+        (("1", "1e200"), [1.0, 1e200]),
+    ):
         rows = [f"{name},{row(1, 1, 0, 0, 1.0)}" for name in names]
         table = write_csv(tmp_path / "ids.csv", rows, f"case_id,{HEADER}")
         assert recording_table(table)["case_id"].to_pylist() == expected
@@ -276,3 +281,26 @@ def test_parquet_with_rows_given_twice_is_refused(tmp_path: Path) -> None:
     pq.write_table(once.take(np.repeat(np.arange(8), 2)), tmp_path / "twice.parquet")
     with pytest.raises(TrackError, match="8 rows at a time that their track already has"):
         read_source(tmp_path / "twice.parquet")
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        ("width", 1e200, "column width has values beyond 10000; repair them"),
+        ("length", 0.0, "length of a vehicle is not above 0 m; repair it"),
+        ("timestamp_ms", 1e-300, "stamps rise by 1e-300 ms, needs at least 1; give them in ms"),
+        ("frame_id", -1e308, r"column frame_id has values beyond 1e\+15; repair them"),
+        ("vx", 1e155, r"vx of track 1 is 1e\+155, beyond 10000"),
+    ],
+)
+def test_parquet_with_a_value_that_would_overflow_is_refused(
+    tmp_path: Path, column: str, value: float, message: str
+) -> None:
+    write_csv(tmp_path / "whole.csv", [row(1, f, 1.0 * f, 0.0, 10.0) for f in range(1, 9)])
+    table = csv.read_csv(tmp_path / "whole.csv").append_column("case_id", pa.array(["1"] * 8))
+    at = table.column_names.index(column)
+    rest = [value * k for k in range(1, 8)] if column == "timestamp_ms" else [1.0] * 7
+    changed = table.set_column(at, column, pa.array([value if rest[0] == 1.0 else 0.0, *rest]))
+    pq.write_table(changed, tmp_path / "changed.parquet")
+    with pytest.raises(TrackError, match=rf"changed\.parquet: {message}$"):
+        read_source(tmp_path / "changed.parquet")

@@ -11,8 +11,8 @@ import pytest
 from shapely.geometry import LineString, Point
 
 from example_maps.make_examples import draw
+from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.errors import UsageError
 from scex_sumo.road import Lane, Road
 from scex_sumo.scenarios import EXAMPLES, example_path
 

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 
 
 def box_centres(file: Path, times: FloatArray) -> dict[str, FloatArray]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.exporters.registry import exporter
+from scex_sumo.exporters.registry import EXPORTERS
 from scex_sumo.exporters.request import Request
 from scex_sumo.results.run import Run
 
@@ -65,7 +65,7 @@ class Actor:
 def test_the_actor_is_where_the_child_has_it_mirrored_into_carla_s_frame(
     run: Run, controller: ModuleType, tmp_path: Path
 ) -> None:
-    file = exporter("openscenario")(Request(run=run, children=(1,), out=tmp_path))[1]
+    file = EXPORTERS.load("openscenario")(Request(run=run, children=(1,), out=tmp_path))[1]
     states = run.states(1)
     actor = Actor(f"vehicle{run.scene.track_ids[2]}")
     control = controller.Replay(actor, {"file": str(file)})

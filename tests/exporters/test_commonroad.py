@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.commonroad.tracks import read_commonroad_tracks
+from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.maps import read_map
-from scex_sumo.errors import UsageError
 from scex_sumo.exporters.commonroad_road import lanelet_numbers, point_by_point
-from scex_sumo.exporters.registry import exporter
+from scex_sumo.exporters.registry import EXPORTERS
 from scex_sumo.exporters.request import Request
+from scex_sumo.formats.commonroad.tracks import read_commonroad_tracks
 from scex_sumo.geometry.polylines import distances
 from scex_sumo.results.run import Run
 
@@ -19,7 +19,9 @@ reader = pytest.importorskip("commonroad.common.file_reader")
 
 @pytest.fixture(scope="module")
 def file(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    (written,) = exporter("commonroad")(Request(run=run, children=(2,), out=tmp_path_factory.mktemp("cr")))
+    (written,) = EXPORTERS.load("commonroad")(
+        Request(run=run, children=(2,), out=tmp_path_factory.mktemp("cr"))
+    )
     return written
 
 
@@ -33,6 +35,18 @@ def test_the_road_read_back_is_the_same(run: Run, file: Path) -> None:
         assert other.speed_limit_mps == pytest.approx(lane.speed_limit_mps, abs=1e-6)
         for name in ("left_bound", "right_bound", "centreline"):
             assert distances(getattr(other, name), getattr(lane, name)).max() < 1e-6
+
+
+def test_a_stop_line_refers_to_its_sign(file: Path) -> None:
+    scenario, _ = reader.CommonRoadFileReader(str(file)).open()
+    lanelets = [x for x in scenario.lanelet_network.lanelets if x.stop_line is not None]
+    assert lanelets
+    for lanelet in lanelets:
+        signs = lanelet.stop_line.traffic_sign_ref or set()
+        lights = lanelet.stop_line.traffic_light_ref or set()
+        assert (
+            len(signs | lights) == 1 and signs <= lanelet.traffic_signs and lights <= lanelet.traffic_lights
+        )
 
 
 def test_the_states_read_back_are_the_same(run: Run, file: Path) -> None:
@@ -50,7 +64,7 @@ def test_the_states_read_back_are_the_same(run: Run, file: Path) -> None:
 def test_commonroad_io_reads_an_ego_s_task_from_the_seed_scene_on(run: Run, tmp_path: Path) -> None:
     track = int(run.scene.track_ids[0])
     request = Request(run=run, children=(2,), out=tmp_path, ego=track)
-    (file,) = exporter("commonroad")(request)
+    (file,) = EXPORTERS.load("commonroad")(request)
     scenario, tasks = reader.CommonRoadFileReader(str(file)).open()
     (task,) = tasks.planning_problem_dict.values()
     now = run.states(2)[0, 9]
@@ -59,7 +73,7 @@ def test_commonroad_io_reads_an_ego_s_task_from_the_seed_scene_on(run: Run, tmp_
     first = scenario.dynamic_obstacles[0]
     assert first.initial_state.time_step == 0 and first.prediction.final_time_step == 30
     with pytest.raises(UsageError, match="--ego 999: not in the seed scene"):
-        exporter("commonroad")(Request(run=run, children=(2,), out=tmp_path, ego=999))
+        EXPORTERS.load("commonroad")(Request(run=run, children=(2,), out=tmp_path, ego=999))
 
 
 def test_borders_get_as_many_points_each_and_keep_their_own() -> None:

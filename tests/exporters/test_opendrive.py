@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.maps import read_map
 from scex_sumo.exporters.opendrive.file import opendrive_text
 from scex_sumo.geometry.polylines import arc_lengths, distances, samples

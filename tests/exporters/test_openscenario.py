@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.exporters.openscenario import axle_offset
-from scex_sumo.exporters.registry import exporter
+from scex_sumo.exporters.registry import EXPORTERS
 from scex_sumo.exporters.request import Request
 from scex_sumo.results.run import Run
 from tests.exporters.openscenario_reader import box_centres
@@ -18,7 +18,7 @@ pytest.importorskip("scenariogeneration")
 @pytest.fixture(scope="module")
 def files(run: Run, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     out = tmp_path_factory.mktemp("osc")
-    return exporter("openscenario")(Request(run=run, children=(0, 2), out=out))
+    return EXPORTERS.load("openscenario")(Request(run=run, children=(0, 2), out=out))
 
 
 def test_the_box_of_each_vehicle_is_where_the_child_has_it_at_every_step(run: Run, files: list[Path]) -> None:
@@ -58,7 +58,7 @@ def test_trajectories_are_followed_in_position_mode_with_absolute_times(files: l
 
 def test_the_readme_says_how_to_play_slow_vehicles_and_names_the_road(files: list[Path]) -> None:
     text = files[-1].read_text()
-    assert "--traj_filter 0" in text and files[0].name in text
+    assert "--traj_filter 0" in text and "--pline_interpolation segment" in text and files[0].name in text
     logic = ET.parse(files[1]).getroot().find("RoadNetwork/LogicFile")
     assert logic is not None and logic.get("filepath") == files[0].name
 

@@ -6,12 +6,12 @@ import pytest
 
 from scex_sumo.converters.maps import read_map
 from scex_sumo.exporters.opendrive.file import opendrive_text
-from scex_sumo.exporters.registry import exporter
+from scex_sumo.exporters.registry import EXPORTERS
 from scex_sumo.exporters.request import Request
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
-from tests.converters.sumo.test_lanelets import EXAMPLES, SHARED
 from tests.exporters.quality_checkers import checker, findings
+from tests.formats.sumo.test_lanelets import EXAMPLES, SHARED
 
 pytest.importorskip("scenariogeneration")
 if checker(".xodr") is None or checker(".xosc") is None:
@@ -35,7 +35,7 @@ def nothing_against(map_path: Path, folder: Path) -> None:
 
 
 def test_children_as_openscenario_are_valid_by_asam_s_checker(run: Run, tmp_path: Path) -> None:
-    files = exporter("openscenario")(Request(run=run, children=(0, 1, 2, 3), out=tmp_path))
+    files = EXPORTERS.load("openscenario")(Request(run=run, children=(0, 1, 2, 3), out=tmp_path))
     assert [line for file in files if file.suffix in (".xosc", ".xodr") for line in findings(file)] == []
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.errors import MapError, UsageError
-from scex_sumo.exporters.registry import exporter
+from scex_sumo.base.errors import MapError, UsageError
+from scex_sumo.exporters.registry import EXPORTERS
 from scex_sumo.exporters.request import Request, closest_encounters, critical_children
 from scex_sumo.results.run import Run
 
@@ -39,10 +39,10 @@ def test_a_map_that_is_gone_is_asked_for(run: Run, tmp_path: Path) -> None:
 
 
 def test_an_exporter_of_ones_own_is_named_by_its_import_path(run: Run) -> None:
-    write = exporter("tests.exporters.test_request:write_nothing")
+    write = EXPORTERS.load("tests.exporters.test_request:write_nothing")
     assert write(Request(run=run, children=(1,))) == [Path("1")]
     with pytest.raises(UsageError, match="known: interaction, fcd, openscenario, sumo"):
-        exporter("word")
+        EXPORTERS.load("word")
 
 
 def write_nothing(request: Request) -> list[Path]:
@@ -50,7 +50,7 @@ def write_nothing(request: Request) -> list[Path]:
 
 
 def test_all_children_are_cases_of_one_interaction_file(run: Run, tmp_path: Path) -> None:
-    (file,) = exporter("interaction")(Request(run=run, children=(0, 1, 2, 3), out=tmp_path / "all.csv"))
+    (file,) = EXPORTERS.load("interaction")(Request(run=run, children=(0, 1, 2, 3), out=tmp_path / "all.csv"))
     lines = file.read_text().splitlines()
     assert len(lines) == 1 + 4 * run.scene.vehicles * 40
     assert lines[0].startswith("case_id,track_id,frame_id")

@@ -6,14 +6,17 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from scex_sumo.exporters.registry import exporter
+from scex_sumo.base.programs import environment, program
+from scex_sumo.exporters.registry import EXPORTERS
 from scex_sumo.exporters.request import Request
-from scex_sumo.programs import environment, program
+from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.results.run import Run
+from scex_sumo.scenarios import example_path
+from scex_sumo.scenarios.seeds import read_seed
 
 
 def test_sumo_goes_on_from_the_child_s_last_step(run: Run, tmp_path: Path) -> None:
-    (file,) = exporter("sumo")(Request(run=run, children=(1,), out=tmp_path))
+    (file,) = EXPORTERS.load("sumo")(Request(run=run, children=(1,), out=tmp_path))
     command = [program("sumo"), "-c", str(file), "--fcd-output", "fcd.xml", "--end", "3"]
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, env=environment())
     (first, *_, last) = ET.parse(tmp_path / "fcd.xml").getroot().findall("timestep")
@@ -30,3 +33,16 @@ def test_sumo_goes_on_from_the_child_s_last_step(run: Run, tmp_path: Path) -> No
             moved += states.speed[v] > 1
     assert moved and len(last)
     assert "EIDM" in (tmp_path / "README.md").read_text()
+
+
+def test_vehicles_beside_the_middle_of_their_lane_go_on(tmp_path: Path) -> None:
+    """SUMO holds a vehicle beside the middle of its lane for good where lane changes take time."""
+    run = extrapolate(read_seed(example_path("roundabout")), children=4, models="paper", out=tmp_path / "run")
+    collided = set(run.collisions["child"].to_pylist())
+    children = tuple(child for child in range(run.children) if child not in collided)
+    assert children
+    for file in EXPORTERS.load("sumo")(Request(run=run, children=children, out=tmp_path / "sumo")):
+        command = [program("sumo"), "-c", file.name, "--fcd-output", "fcd.xml", "--end", "150"]
+        subprocess.run(command, cwd=file.parent, check=True, capture_output=True, env=environment())
+        last = ET.parse(file.with_name("fcd.xml")).getroot().findall("timestep")[-1]
+        assert [vehicle.attrib for vehicle in last] == []  # all have arrived

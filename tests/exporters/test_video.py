@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scex_sumo.commands.of_results.export import export_command
-from scex_sumo.errors import UsageError
+from scex_sumo.base.errors import UsageError
+from scex_sumo.exporters.command import export_command
 from scex_sumo.results.run import Run
 from scex_sumo.views.children import colors_of
 

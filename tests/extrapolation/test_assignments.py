@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.errors import UsageError
+from scex_sumo.base.errors import UsageError
 from scex_sumo.extrapolation import assignments as module
 from scex_sumo.extrapolation.assignments import (
     all_assignments,

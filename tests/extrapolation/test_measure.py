@@ -145,3 +145,39 @@ def test_boxes_that_overlap_at_first_and_vehicles_that_leave_are_said() -> None:
     notes = outcome_notes(gone, measure_recorded(gone, 30))
     assert notes[0] == "boxes overlap at the seed moment already, which is no collision: 0 and 1"
     assert "1 of 2 vehicles leave within the time of a child" in notes[-1] and notes[-1].endswith(": 1")
+
+
+def test_vehicles_do_not_leave_where_the_recording_merely_ends() -> None:
+    scene = crossing_seed()
+    assert scene.future_valid is not None
+    valid = scene.future_valid.copy()
+    valid[:, 12:] = False
+    ended = dataclasses.replace(scene, future_valid=valid)
+    [note] = outcome_notes(ended, measure_recorded(ended, 30))
+    assert note == "recorded: the recording ends 1.2 s after the moment, and the recorded column too"
+
+
+def test_one_vehicle_many_times_over_is_said_once_and_no_list_of_collisions() -> None:
+    one = many(crossing_seed(), 9)
+    notes = outcome_notes(one, measure_recorded(one, 30))
+    assert notes == [
+        "8 of 9 vehicles lie on another one and look like its copies: 1, 2, 3, 4, 5, 6, 7, 8; leave them out "
+        "of the tracks"
+    ]
+
+
+def many(scene: SeedScene, count: int) -> SeedScene:
+    """The first vehicle of a scene, many times over."""
+    again = np.zeros(count, int)
+    assert scene.future is not None and scene.future_valid is not None
+    return dataclasses.replace(
+        scene,
+        track_ids=np.arange(count),
+        types=("car",) * count,
+        length=scene.length[again],
+        width=scene.width[again],
+        history=scene.history[again],
+        recorded_steps=scene.recorded_steps[again],
+        future=scene.future[again],
+        future_valid=scene.future_valid[again],
+    )

@@ -1,4 +1,4 @@
-"""Who drives whom, with and without vehicles under test; models are tried before anything runs."""
+"""Models of the vehicles, with and without vehicles under test; models are tried before anything runs."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.plug_in.fallback import Fallible
 from scex_sumo.behaviors.registry import behavior
-from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, Who
+from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 from scex_sumo.statistics.designs import DESIGNS
 from tests.behaviors import roads
 
@@ -29,7 +29,9 @@ class Parked:
     def __init__(self, *, not_for: int = -1) -> None:
         self.not_for = not_for
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
         if (who.vehicle == self.not_for).any() or self.not_for == 99:
             raise LookupError("nowhere to park")
         now = history.now[who.child, who.vehicle]

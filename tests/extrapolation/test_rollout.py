@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import BoolArray
-from scex_sumo.errors import ScexError
-from scex_sumo.extrapolation.rollout import Cast, Replaced, roll_out
+from scex_sumo.base.arrays import BoolArray
+from scex_sumo.base.errors import ScexError
+from scex_sumo.extrapolation.rollout import Batch, Replaced, roll_out
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.seeds import straight_seed
 
 ROAD = Road(name="empty", lanes={})
@@ -49,7 +49,9 @@ class Forward:
         self.seen: list[SceneHistory] = []
         self.change = change
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
         self.seen.append(history)
         now = history.now[who.child, who.vehicle]
         ahead = now.speed[:, None] * 0.1 * np.arange(1, 31)
@@ -61,8 +63,8 @@ class Forward:
         return plan if self.change is None else self.change(plan)
 
 
-def cast_of(model: Forward, scene: SeedScene, children: int, *, overridden: bool = True) -> Cast:
-    return Cast(
+def cast_of(model: Forward, scene: SeedScene, children: int, *, overridden: bool = True) -> Batch:
+    return Batch(
         children=np.arange(children),
         assignment=np.zeros((children, scene.vehicles), dtype=np.int64),
         models=[model],
@@ -155,7 +157,7 @@ def test_no_model_can_change_what_the_others_see() -> None:
 
     class Careless(Forward):
         def plan(
-            self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]
+            self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
         ) -> Plan:
             history.states.x[...] -= 100.0
             return super().plan(history, road, who, rng)

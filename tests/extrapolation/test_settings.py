@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from scex_sumo import extrapolate
+from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.commands.run import run_command
-from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.settings import RunSettings
-from tests.seeds import straight_seed
 
 
 @pytest.mark.parametrize(
@@ -23,13 +23,14 @@ from tests.seeds import straight_seed
         ({"replan": 31}, r"--replan: got 31, needs 1 to 30 \(models plan 30 steps\)"),
         ({"seed": -1}, "--seed: got -1, needs 0 or more"),
         ({"models": []}, "--models: names no model"),
+        ({"models": [ModelSpec(name="standard_driver", weight=0.0)]}, "--models: all weights are 0"),
         ({"children": 0}, r"--children: got 0, needs at least 1 \(or 'all'\)"),
         ({"children": 10**8}, "--children: got 100,000,000, at most 100,000 are run"),
         ({"steps": 10**5}, "--steps: got 100,000, at most 6,000 are run"),
         ({"children": "some"}, "--children: got 'some', needs a number or 'all'"),
         ({"design": "best"}, "unknown design 'best'"),
         ({"until_band": 0.05, "children": "all"}, "--until-band: all combinations leave nothing to estimate"),
-        ({"thresholds": {"speed": 3.0}}, "--threshold: unknown metric 'speed'; known: distance"),
+        ({"thresholds": {"speed": 3.0}}, "--threshold: unknown metric 'speed'; nearest: "),
         ({"thresholds": {"ttc": float("nan")}}, "--threshold ttc=nan: is no threshold"),
     ],
 )
@@ -49,9 +50,13 @@ def test_more_states_than_a_machine_holds_are_refused_with_their_number() -> Non
         settings.check_size(100_000, 3)
 
 
-def test_an_unknown_setting_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(TypeError, match="has no setting 'childs'; known: models, assign, under_test"):
-        extrapolate(straight_seed(), childs=3)
+def test_extrapolate_takes_all_settings_with_their_defaults() -> None:
+    taken = inspect.signature(extrapolate).parameters
+    for field in dataclasses.fields(RunSettings):
+        if field.default is dataclasses.MISSING:  # a mapping, which is empty
+            assert taken[field.name].default is None
+        else:
+            assert taken[field.name].default == field.default, field.name
 
 
 def test_a_number_of_children_may_be_given_as_text() -> None:

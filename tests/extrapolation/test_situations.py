@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity, ConstantVelocityProfile
-from scex_sumo.behaviors.profiles import DEFAULTS
-from scex_sumo.behaviors.registry import LEARNED, build, parse_models
+from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile
+from scex_sumo.behaviors.registry import DEFAULTS, LEARNED, build, parse_models
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.situations import plan_once, plans_of, sight_of
+from scex_sumo.extrapolation.situations import plan_inputs_of, plan_once, plans_of
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, Who
+from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 from tests.behaviors import roads
 from tests.behaviors.learned import nets
 from tests.behaviors.test_batches import ROAD, SCENE, history
@@ -33,15 +32,15 @@ def alike() -> SceneHistory:
     return replace(whole, states=whole.states[same])
 
 
-def asked(model: Behavior, whole: SceneHistory, who: Who) -> tuple[Plan, Plan]:
+def asked(model: Behavior, whole: SceneHistory, who: VehicleIndex) -> tuple[Plan, Plan]:
     """What the model plans, asked for everybody and asked once for each situation."""
     rng = [np.random.default_rng(c) for c in range(len(whole.children))]
     return model.plan(whole, ROAD, who, rng), plan_once(model, whole, ROAD, who, rng)
 
 
-def everybody(whole: SceneHistory) -> Who:
+def everybody(whole: SceneHistory) -> VehicleIndex:
     child, vehicle = np.indices(whole.now.shape).reshape(2, -1)
-    return Who(child=child, vehicle=vehicle)
+    return VehicleIndex(child=child, vehicle=vehicle)
 
 
 @pytest.fixture(params=[*NAMES, *RANDOM, "graph_predictor:mode=draw"])
@@ -59,7 +58,7 @@ def model(request: pytest.FixtureRequest, tmp_path: Path) -> Behavior:
 )
 def test_plans_are_the_same_to_the_bit(model: Behavior, whole: SceneHistory) -> None:
     some = everybody(whole)
-    for who in (some, Who(child=some.child[::3], vehicle=some.vehicle[::3])):
+    for who in (some, VehicleIndex(child=some.child[::3], vehicle=some.vehicle[::3])):
         each, once = asked(model, whole, who)
         for key in ("x", "y", "heading", "speed"):
             np.testing.assert_array_equal(getattr(once, key), getattr(each, key))
@@ -74,8 +73,10 @@ def test_models_side_by_side_plan_what_each_plans_alone(whole: SceneHistory) -> 
     names = ["standard_driver", "risky_driver", "emergency_brake", "constant_velocity:path=-1", "replay"]
     models = [build(parse_models(name)[0]) for name in [*names, "calibrated_driver:guard=true"]]
     drawn = np.random.default_rng(3).integers(len(models), size=whole.now.shape)
-    groups = [Who(child=c, vehicle=v) for c, v in (np.nonzero(drawn == m) for m in range(len(models)))]
-    groups[2] = Who(child=groups[2].child[:0], vehicle=groups[2].vehicle[:0])
+    groups = [
+        VehicleIndex(child=c, vehicle=v) for c, v in (np.nonzero(drawn == m) for m in range(len(models)))
+    ]
+    groups[2] = VehicleIndex(child=groups[2].child[:0], vehicle=groups[2].vehicle[:0])
     rng = [np.random.default_rng(c) for c in range(len(whole.children))]
     made = dict(plans_of(models, groups, whole, ROAD, rng))
     assert list(made) == [0, 1, 3, 4, 5]
@@ -92,7 +93,9 @@ class Counting(ConstantVelocity):
         super().__init__(ConstantVelocityProfile())
         self.asked: list[int] = []
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
         self.asked.append(len(who))
         return super().plan(history, road, who, rng)
 
@@ -113,4 +116,4 @@ def test_a_users_model_is_asked_for_everybody_even_where_it_takes_after_one_of_o
 
 @pytest.mark.parametrize("name", RANDOM)
 def test_a_model_that_draws_is_asked_for_everybody(name: str) -> None:
-    assert sight_of(build(parse_models(name)[0])) is None
+    assert plan_inputs_of(build(parse_models(name)[0])) is None

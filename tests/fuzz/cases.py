@@ -10,8 +10,8 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from tests.converters.commonroad.commonroad_maps import Lanelet, Vehicle, write_scenario
-from tests.converters.datasets.levelx_files import Mover, write_highd
+from tests.formats.commonroad.commonroad_maps import Lanelet, Vehicle, write_scenario
+from tests.formats.levelx.levelx_files import Mover, write_highd
 from tests.fuzz.forked import Ended, run_forked
 from tests.fuzz.mutations import NUMBERS, bytes_changed, mutated
 from tests.fuzz.sources import EXAMPLES, KEPT, Sources
@@ -136,6 +136,15 @@ def _kept(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     return f"{file.name}: {how}", list(KEPT[command])
 
 
+def _edited(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """A kept table or listing of `rank` or `validate`, edited by column, type, null or value."""
+    command = rng.choice(("rank", "validate"))
+    shutil.copytree(sources.interrupted(command), work, dirs_exist_ok=True)
+    files = [file for file in (work / "out").rglob("*.*") if file.suffix in (".parquet", ".json")]
+    file = rng.choice(sorted(files))
+    return f"{file.relative_to(work / 'out')}: {_twice(file, rng)}", list(KEPT[command])
+
+
 def _highway(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     """A recording of highD's form, whose meta data are the map."""
     movers = [
@@ -192,6 +201,7 @@ KINDS: Final[Mapping[str, Callable[[Sources, Path, Random], tuple[str, list[str]
     "folders": _folder,
     "options": _options,
     "kept": _kept,
+    "edited": _edited,
     "highways": _highway,
     "simulations": _simulation,
 }

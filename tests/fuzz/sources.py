@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 import scex_sumo
-from scex_sumo.programs import environment, program
+from scex_sumo.base.programs import environment, program
 
 EXAMPLES = Path(scex_sumo.__file__).parent / "scenarios/data"
 RUN: Final = ("--children", "3", "--steps", "5", "--no-plots", "--reference", "none")
@@ -23,7 +23,8 @@ KEPT: Final = {
 RESULTS: Final = {"run": "metrics.parquet", "rank": "ranking.csv", "validate": "values.parquet"}
 """A file of theirs that an interruption does not change."""
 _INTERRUPTED = (
-    "from scex_sumo.results.claimed import ClaimedFolder as F; from scex_sumo.cli import main; import sys\n"
+    "from scex_sumo.results.output_folder import OutputFolder as F\n"
+    "from scex_sumo.cli import main; import sys\n"
     "def stop(*_, **__): raise KeyboardInterrupt\n"
     "F.finish = stop; sys.argv = ['scex-sumo', *sys.argv[1:]]; main()"
 )

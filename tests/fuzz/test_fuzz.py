@@ -13,7 +13,9 @@ from tests.fuzz.forked import _verdict
 from tests.fuzz.mutations import mutated
 
 CASES = [
-    (kind, number) for kind in ("tracks", "maps", "commonroad", "folders", "options") for number in range(2)
+    (kind, number)
+    for kind in ("tracks", "maps", "commonroad", "folders", "options", "edited")
+    for number in range(2)
 ]
 
 

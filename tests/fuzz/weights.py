@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import safetensors.numpy
 
-from scex_sumo.behaviors.learned.networks.architecture import Architecture, shapes
+from scex_sumo.behaviors.learned.architecture import Architecture, shapes
 from scex_sumo.behaviors.learned.weights import ABOUT, save_weights
 from tests.fuzz.mutations import VALUES, mutated
 

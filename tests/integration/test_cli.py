@@ -35,7 +35,7 @@ def scex(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedPro
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small run of an example seed."""
     out = tmp_path_factory.mktemp("run") / "out"
-    done = scex("run", ROUNDABOUT, "--children", 12, "--no-plots", "-o", out)
+    done = scex("run", ROUNDABOUT, "--children", 12, "--no-plots", "--keep-plans", "-o", out)
     assert done.returncode == 0, done.stderr
     return out
 
@@ -78,7 +78,7 @@ def test_one_vehicle_is_run_and_its_metrics_of_pairs_are_shown_as_undefined(tmp_
     out = tmp_path / "a single one"
     done = scex("run", ROUNDABOUT, "--synthetic", 1, "--children", 2, "-o", out)
     assert done.returncode == 0, done.stderr
-    assert "1 vehicle, 2 child scenarios" in done.stdout
+    assert "1 vehicle, 2 futures" in done.stdout
     assert done.stdout.count(" 0/2") == 13
     assert f"scex-sumo view '{out}' --child 0" in done.stdout  # ttc is defined in no child
     densities = pq.read_table(out / "densities.parquet")
@@ -91,7 +91,7 @@ def test_the_same_seed_gives_the_same_bytes_whatever_the_batches_and_workers(
 ) -> None:
     for options in (["--batch", "5"], ["--workers", "2", "--batch", "4"]):
         out = tmp_path / options[0].strip("-")
-        done = scex("run", ROUNDABOUT, "--children", 12, "--no-plots", "-o", out, *options)
+        done = scex("run", ROUNDABOUT, "--children", 12, "--no-plots", "--keep-plans", "-o", out, *options)
         assert done.returncode == 0, done.stderr
         for table in TABLES:
             name = f"{table}.parquet"
@@ -119,7 +119,7 @@ def test_evaluated_again_a_result_has_the_runs_values(result: Path, tmp_path: Pa
 
 def test_long_children_with_few_plans_are_evaluated_again_whole(tmp_path: Path) -> None:
     """Recordings of 200 steps and more are cut into windows; children are not, history included."""
-    options = ("--children", 2, "--steps", 195, "--replan", 17, "--no-plots")
+    options = ("--children", 2, "--steps", 195, "--replan", 17, "--no-plots", "--keep-plans")
     done = scex("run", ROUNDABOUT, *options, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert scex("metrics", tmp_path / "out", "-o", tmp_path / "again.parquet").returncode == 0
@@ -129,7 +129,7 @@ def test_long_children_with_few_plans_are_evaluated_again_whole(tmp_path: Path) 
 
 def test_without_plans_gap_times_are_of_the_tracks_driven_and_that_is_said(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    done = scex("run", ROUNDABOUT, "--children", 2, "--no-plots", "--no-keep-plans", "-o", out)
+    done = scex("run", ROUNDABOUT, "--children", 2, "--no-plots", "-o", out)
     assert done.returncode == 0, done.stderr
     assert not (out / "plans.parquet").exists()
     done = scex("metrics", out, "-o", tmp_path / "again.parquet")
@@ -156,14 +156,15 @@ def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path:
         "def stop(done, total):\n"
         "    if done >= 6 * 30 + 5: raise KeyboardInterrupt\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
-        f"scex_sumo.extrapolate(seed, children=12, batch=4, out={str(out)!r}, progress=stop)\n"
+        f"options = dict(keep_plans=True, batch=4, out={str(out)!r}, progress=stop)\n"
+        "scex_sumo.extrapolate(seed, children=12, **options)\n"
     )
     stopped = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert "KeyboardInterrupt" in stopped.stderr
     assert (out / "incomplete.json").exists()
     assert not (out / "run.json").exists()
     assert "interrupted" in refused("view", out, "--child", 0)
-    done = scex("run", ROUNDABOUT, "--children", 12, "--no-plots", "-o", out)
+    done = scex("run", ROUNDABOUT, "--children", 12, "--no-plots", "--keep-plans", "-o", out)
     assert done.returncode == 0, done.stderr
     for table in TABLES:
         name = f"{table}.parquet"
@@ -233,7 +234,7 @@ def test_what_is_no_map_is_said(tmp_path: Path, content: str, words: str) -> Non
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--models", "granny"], "unknown behavior 'granny'; known: "),
+        (["--models", "granny"], "unknown behavior 'granny'; nearest: "),
         (["--models", "standard_driver@many"], "many"),
         (["--models", "standard_driver:courage=9"], "courage"),
         (["--children", "0"], "--children"),
@@ -369,3 +370,32 @@ def test_a_run_does_not_import_torch_nor_networks_that_it_does_not_use(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ["run:1", "T10:30", "file:x"])
+def test_a_result_with_a_colon_in_its_relative_name_is_read_and_evaluated(name: str, tmp_path: Path) -> None:
+    """Arrow takes such a name for a URI."""
+
+    def here(*arguments: object) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "scex_sumo", *map(str, arguments)]
+        return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+
+    for arguments in (
+        ("run", ROUNDABOUT, "--children", 2, "--steps", 5, "--keep-plans", "-o", name),
+        ("report", name),
+        ("metrics", name, "-o", "again:1.parquet"),
+        ("metrics", f"{name}/tracks.parquet", "-o", "again:2.parquet"),
+    ):
+        done = here(*arguments)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / name / "run.json").is_file() and (tmp_path / "again:2.parquet").is_file()
+
+
+def test_a_comma_in_the_folder_for_temporary_files_is_one_line(tmp_path: Path) -> None:
+    folder = tmp_path / "a,b"
+    folder.mkdir()
+    command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), "--children", "2", "-o", "out"]
+    environment = {**os.environ, "TMPDIR": str(folder)}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
+    assert done.returncode == 1
+    assert "SUMO splits paths at commas; set TMPDIR to one without" in done.stderr.splitlines()[-1]

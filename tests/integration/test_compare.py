@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo
-from scex_sumo.commands.of_results.compare import short_names
+from scex_sumo.studies.compare.command import short_names
 
 PAIRS = 3
 

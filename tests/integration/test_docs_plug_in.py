@@ -81,7 +81,7 @@ def test_the_predictor_of_the_page_drives_and_is_short(plug_in: Path) -> None:
     code = [line for line in (plug_in / "drivers.py").read_text().splitlines()[1:] if line.strip()]
     assert len(code) <= 15
     printed = run(own, plug_in)
-    assert "3 child scenarios" in printed and "replaced" not in printed
+    assert "3 futures" in printed and "replaced" not in printed
 
 
 def test_the_torchscript_file_of_the_page_drives(plug_in: Path) -> None:
@@ -108,6 +108,6 @@ def test_the_driving_function_of_the_page_is_tested_and_read_back(tmp_path: Path
     assert write_files("under_test.md", tmp_path) == ["acc.py", "compare.py"]
     (command,) = commands("under_test.md")
     printed = run(command, tmp_path)
-    assert "under test, vehicle 8: acc:Acc: 3 child scenarios" in printed and "replaced" not in printed
+    assert "under test, vehicle 8: acc:Acc: 3 futures" in printed and "replaced" not in printed
     read = run(["python", "compare.py"], tmp_path)
     assert read.startswith("{8: 'acc:Acc'}\n") and read.endswith("3 3\n")

@@ -14,7 +14,7 @@ import pytest
 import sumo
 from matplotlib.image import imread
 
-from scex_sumo.errors import SimulationError
+from scex_sumo.base.errors import SimulationError
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.views.replay import ChildView, write_view
 from scex_sumo.world.sumo import SumoWorld

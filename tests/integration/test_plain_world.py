@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import scex_sumo
-from scex_sumo.errors import SimulationError, UsageError
+from scex_sumo.base.errors import SimulationError, UsageError
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import EXAMPLES
 from scex_sumo.scene import SeedScene
@@ -60,7 +60,7 @@ def test_a_checked_run_gives_the_same_and_has_seen_that_sumo_does(tmp_path: Path
 def test_a_plain_world_that_holds_something_else_than_sumo_ends_the_run(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("scex_sumo.world.plain.returned", lambda angle: angle + 1e-9)
+    monkeypatch.setattr("scex_sumo.world.plain.angle_read_back", lambda angle: angle + 1e-9)
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
     with pytest.raises(SimulationError, match=r"^the plain world and SUMO differ in x by .*use --world sumo"):
         scex_sumo.extrapolate(scene, out=tmp_path / "out", world="checked", children=9)

@@ -63,7 +63,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_run_tells_the_vehicle_under_test_apart(folder: Path) -> None:
     printed = (folder / "printed.txt").read_text()
-    assert "under test, vehicle 3: drivers:Straight: 6 child scenarios" in printed
+    assert "under test, vehicle 3: drivers:Straight: 6 futures" in printed
     assert "worse : better" in printed
     assert "Under test, vehicle 3: drivers:Straight" in (folder / "out" / "report.html").read_text()
     # One vehicle, 6 children of 6 plans; 3 of these children lose the last 3.

@@ -18,8 +18,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo
-from scex_sumo.errors import UsageError
-from scex_sumo.ranking.rank import rank as rank_dataset
+from scex_sumo.base.errors import UsageError
+from scex_sumo.studies.rank.rank import rank as rank_dataset
 
 MODELS = "standard_driver,constant_velocity,emergency_brake"
 OPTIONS = ("--every", "4", "--first", "3", "--children", "6", "--top", "2", "--models", MODELS)

@@ -17,17 +17,20 @@ from scex_sumo.extrapolation.reference import (
     drop_reference,
     reference_children,
 )
-from scex_sumo.reports.tables.runs import print_summary, summary_table
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.reports.run_table import print_summary, summary_table
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 
 
 def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Path) -> None:
     scene = read_seed(example_path("motorway_merge"))
-    settings = {"models": "rules", "children": 4, "steps": 5}
-    run = extrapolate(scene, out=tmp_path, **settings)
+    run = extrapolate(scene, out=tmp_path, models="rules", children=4, steps=5)
     before = (tmp_path / "tracks.parquet").read_bytes()
-    likely = add_reference(run, scene, "likely", **settings)
+    with Workers(1) as workers:
+        settings = RunSettings(models="rules", children=4, steps=5)
+        likely = add_reference(run, scene, "likely", settings, workers=workers)
     assert (tmp_path / "tracks.parquet").read_bytes() == before
     assert likely.children == CHILDREN
     assert json.loads((tmp_path / "reference" / "run.json").read_text())["models"]
@@ -35,7 +38,7 @@ def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Pat
     assert set(drivers) == {"likely_driver:guard=true"}
     again = type(run)(tmp_path)
     headers = [str(column.header) for column in summary_table(again).columns]
-    assert "P likely" in headers and "P possible" in headers
+    assert "human-like" in headers and "stress test" in headers
     terminal = Console(width=80, force_terminal=True, color_system=None, file=io.StringIO())
     print_summary(again, terminal)
     assert isinstance(terminal.file, io.StringIO)
@@ -43,8 +46,8 @@ def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Pat
     assert max(map(len, lines)) <= 80
     shares = (again.p_collision.percent, likely.p_collision.percent)
     assert [
-        f"possible: a collision in {shares[0]} of children, driven as any of the models",
-        f"likely: a collision in {shares[1]} of children, driven as people were recorded",
+        f"stress test: a collision in {shares[0]} of futures, driven as any of the models",
+        f"human-like: a collision in {shares[1]} of futures, driven as people were recorded",
     ] == [" ".join(lines[i].split()) for i in range(len(lines)) if " a collision in " in lines[i]]
     drop_reference(again)
     assert type(run)(tmp_path).reference is None

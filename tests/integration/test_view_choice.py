@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scex_sumo import example_path, extrapolate, read_seed
-from scex_sumo.errors import ResultError, UsageError
+from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.results.run import Run
 from scex_sumo.views.children import most_critical, most_different, write_encounter, write_grid, write_worst
 from scex_sumo.views.fcd import LaneFinder
@@ -95,6 +95,8 @@ def test_a_grid_is_cropped_to_its_vehicles(run: Run) -> None:
 
 def test_a_net_that_leaves_the_earth_is_refused(tmp_path: Path) -> None:
     net = tmp_path / "edited.net.xml"
-    net.write_text('<net><edge id="a"><lane id="a_0" shape="0,0 1e300,5"/></edge></net>')
+    net.write_text(
+        '<net><edge id="a"><lane id="a_0" index="0" speed="9" length="9" shape="0,0 1e300,5"/></edge></net>'
+    )
     with pytest.raises(ResultError, match=r"edited\.net\.xml: lane a_0 leaves the Earth; run again"):
         LaneFinder(net)

@@ -53,7 +53,14 @@ if __name__ == "__main__":
     seed = scex_sumo.read_seed({seed!r})
     out = Path(sys.argv[1]) / sys.argv[2]
     scex_sumo.extrapolate(
-        seed, models=["straight"], children=6, batch=2, workers=int(sys.argv[2]), replan=15, out=out
+        seed,
+        models=["straight"],
+        children=6,
+        batch=2,
+        workers=int(sys.argv[2]),
+        replan=15,
+        keep_plans=True,
+        out=out,
     )
 """
 
@@ -83,12 +90,16 @@ def test_a_run_that_is_over_before_its_workers_are_ready_ends_them_and_says_noth
     tmp_path: Path,
 ) -> None:
     code = (
-        "import scex_sumo, scex_sumo.extrapolation.workers.pool\n"
+        "import scex_sumo\n"
+        "from scex_sumo.extrapolation.engine import RunOptions, run_scene\n"
+        "from scex_sumo.extrapolation.settings import RunSettings\n"
+        "from scex_sumo.extrapolation.workers import Workers\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
-        "with scex_sumo.extrapolation.workers.pool.Workers(2) as workers:\n"
+        "with Workers(2) as workers:\n"
         "    for number in range(2):\n"
-        "        run = scex_sumo.extrapolate(\n"
-        "            seed, children=2, steps=1, batch=1, workers=workers, seed=number)\n"
+        "        settings = RunSettings(children=2, steps=1, seed=number)\n"
+        "        options = RunOptions(batch=1)\n"
+        "        run = run_scene(seed, settings, out=None, workers=workers, options=options)\n"
         "        assert run.children == 2\n"
         "        assert run.info['run_notes'] == [], run.info['run_notes']\n"
         "assert workers.deaths == []\n"
@@ -119,9 +130,20 @@ def test_an_error_in_a_worker_arrives_with_its_traceback(tmp_path: Path) -> None
     done = ran(tmp_path, f"FLAG.touch(); {limit}")
     assert done.returncode == 1
     assert "File too large" in done.stderr.strip().splitlines()[-1]
-    assert "scex_sumo.extrapolation.workers.serving._Elsewhere" in done.stderr
+    assert "scex_sumo.extrapolation.workers.WorkerTraceback" in done.stderr
     assert "in save_part" in done.stderr
     assert (tmp_path / "2" / "incomplete.json").exists()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_too_little_address_space_is_one_line(tmp_path: Path, workers: int) -> None:
+    """Libsumo and Arrow crash while they are loaded, which no exception tells."""
+    command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), "--workers", str(workers)]
+    limited = ["bash", "-c", 'ulimit -v 1400000; exec "$@"', "bash", *command, "-o", str(tmp_path / "out")]
+    done = subprocess.run(limited, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: ulimit -v leaves each process 1.4 GB of address space")
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="finds processes in /proc")

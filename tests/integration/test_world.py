@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.errors import SimulationError
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import SimulationError
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.world.sumo import TILE_SLOTS, SumoDriven, SumoWorld
 

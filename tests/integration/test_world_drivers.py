@@ -12,9 +12,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scex_sumo.errors import SimulationError, UsageError
+from scex_sumo.base.errors import SimulationError, UsageError
+from scex_sumo.base.sumo_models import SUMO_MODELS
 from scex_sumo.scene import Obstacles, SeedScene, States
-from scex_sumo.sumo_models import SUMO_MODELS
 from scex_sumo.world.sumo import SumoDriven, SumoWorld
 
 STRAIGHT = ("w_in", "e_out")

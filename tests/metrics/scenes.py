@@ -8,8 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.metrics.base import PlannedPaths, SceneTracks
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.metrics.base import PAPER, PlannedPaths, SceneTracks
+from scex_sumo.metrics.collisions import find_collisions
+from scex_sumo.metrics.encounters import Encounters, encounters_of
+from scex_sumo.metrics.pairs.batches import scene_batches
 from scex_sumo.scene import STEP_S, States
 
 
@@ -118,3 +121,10 @@ def moved(tracks: SceneTracks, planned: PlannedPaths, motion: Any) -> tuple[Scen
     plan_x, plan_y, _ = motion(planned.x, planned.y, np.zeros_like(planned.x))
     states = replace(tracks.states, x=x, y=y, heading=heading)
     return replace(tracks, states=states), replace(planned, x=plan_x, y=plan_y)
+
+
+def find_encounters(tracks: SceneTracks, planned: PlannedPaths | None) -> Encounters:
+    """Encounters of all pairs in all children."""
+    hits = find_collisions(tracks)
+    batches = scene_batches(tracks, planned, preset="path", parameters=PAPER)
+    return Encounters.join([encounters_of(scenes, hits, start) for start, scenes in batches])

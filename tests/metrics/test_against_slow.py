@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import PairValues, evaluate_pairs
 from scex_sumo.metrics.formulas.wttc import worst_time_to_collision

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.errors import InputError, UsageError
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import InputError, UsageError
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.pairs import batches
-from scex_sumo.metrics.pairs.presets import preset_named
+from scex_sumo.metrics.pairs.leaders import preset_named
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 from scex_sumo.metrics.registry import COLUMNS, METRICS
 from scex_sumo.scene import STEP_S, States
@@ -243,14 +243,20 @@ def test_what_does_not_fit_is_refused() -> None:
         SceneTracks(states=States(**good), length=size, width=np.ones(2))
     with pytest.raises(InputError, match="speed of vehicle 0 in child 0 at step 0 is not a finite number"):
         SceneTracks(states=States(**{**good, "speed": state(np.nan)}), length=size, width=size)
+    with pytest.raises(InputError, match=r"x of vehicle 0 .* not a finite number up to 1e\+12 \(6 such"):
+        SceneTracks(states=States(**{**good, "x": state(1e200)}), length=size, width=size)
+    with pytest.raises(InputError, match="a width is not within 0 to"):
+        SceneTracks(states=States(**good), length=size, width=-size)
     with pytest.raises(InputError, match="first step 3"):
         SceneTracks(states=States(**good), length=size, width=size, first=3)
     tracks, planned = random_run(np.random.default_rng(0), vehicles=4)
+    with pytest.raises(InputError, match="a coordinate is beyond"):
+        replace(planned, x=planned.x * 1e300)
     with pytest.raises(InputError, match="planned paths are of 2 children"):
         evaluate(tracks.children(slice(0, 1)), planned)
     with pytest.raises(UsageError, match="known: paper, path"):
         evaluate(tracks, planned, preset="best")
-    with pytest.raises(UsageError, match="unknown metric 'speed'; known: distance"):
+    with pytest.raises(UsageError, match="unknown metric 'speed'; nearest: "):
         evaluate(tracks, planned, metrics=("speed",))
     with pytest.raises(InputError, match="type 'truck' is -1"):
         MetricParameters(max_acceleration_by_type={"truck": -1.0})

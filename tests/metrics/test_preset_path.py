@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
 from scex_sumo.scene import STEP_S, States

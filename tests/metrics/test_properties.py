@@ -14,9 +14,11 @@ from hypothesis import strategies as st
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
-from scex_sumo.metrics.formulas.drac import deceleration_to_avoid_crash
-from scex_sumo.metrics.formulas.pttc import potential_time_to_collision
-from scex_sumo.metrics.formulas.ttc import time_to_collision
+from scex_sumo.metrics.formulas.following import (
+    deceleration_to_avoid_crash,
+    potential_time_to_collision,
+    time_to_collision,
+)
 from scex_sumo.metrics.formulas.wttc import worst_time_to_collision
 from scex_sumo.metrics.registry import METRICS
 from scex_sumo.scene import States

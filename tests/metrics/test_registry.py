@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo as scex
-from scex_sumo.errors import InputError, UsageError
+from scex_sumo.base.errors import InputError, UsageError
 from scex_sumo.metrics import registry
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
@@ -38,8 +38,8 @@ from scex_sumo.metrics.registry import (
     side_of,
     thresholds_of,
 )
-from scex_sumo.reports.pictures.figure import draw_figure
-from scex_sumo.reports.tables.runs import summary_table
+from scex_sumo.reports.figure import draw_figure
+from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.run import open_run
 from tests.metrics.scenes import one_scene, random_run
 
@@ -107,7 +107,7 @@ def test_a_metric_by_import_path_goes_through_the_command(example: Path) -> None
 
 
 def test_an_entry_point_of_another_package_is_a_name(example: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    point = importlib.metadata.EntryPoint("speed_gap", "closeness:speed_gap", registry.ENTRY_POINTS)
+    point = importlib.metadata.EntryPoint("speed_gap", "closeness:speed_gap", registry.PACKAGES.group)
     monkeypatch.syspath_prepend(str(example.parent))
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point])
     assert "speed_gap" in registry.known_metrics()
@@ -200,7 +200,7 @@ def test_what_is_no_metric_is_refused(example: Path) -> None:
         ("closeness:np", "closeness:np is no metric; decorate it"),
         ("closeness:other", "has no other"),
         ("far_away:speed", "no module far_away in"),
-        ("speeds", "unknown metric 'speeds'; known: distance, tq"),
+        ("speeds", "unknown metric 'speeds'; nearest: "),
     ):
         with pytest.raises(UsageError, match=message):
             metrics_named([name])
@@ -249,7 +249,7 @@ def test_a_table_says_one_over_what_everybody_names() -> None:
 
 
 def test_a_column_that_nobody_means_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(UsageError, match="unknown metric 'speed'; known: distance, distance_mean"):
+    with pytest.raises(UsageError, match="unknown metric 'speed'; nearest: "):
         column_named("speed")
 
 
@@ -259,3 +259,17 @@ def test_metrics_are_named_as_they_are_printed() -> None:
         "gap_time",
         "drac",
     ]
+
+
+def test_an_unknown_metric_is_a_short_line_with_the_nearest_names() -> None:
+    with pytest.raises(
+        UsageError, match="unknown metric 'tcc'; nearest: ttc, wttc, pttc; a metric of your own"
+    ):
+        metrics_named(["tcc"])
+    with pytest.raises(
+        UsageError, match=r"^unknown metric 'tcc mean'; nearest: ttc_mean, wttc_mean, pttc_mean$"
+    ):
+        column_named("tcc mean", (*COLUMNS, *COLUMNS))
+    with pytest.raises(UsageError) as caught:
+        metrics_named(["x" * 5000])
+    assert len(str(caught.value)) < 160

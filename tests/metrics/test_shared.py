@@ -9,11 +9,10 @@ import pytest
 
 from scex_sumo.metrics.base import PAPER, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
-from scex_sumo.metrics.outlines.encounters import find_encounters
 from scex_sumo.metrics.pairs import batches
-from scex_sumo.metrics.pairs.kinds import shared_pairs
-from scex_sumo.metrics.pairs.presets import preset_named
-from tests.metrics.scenes import random_run
+from scex_sumo.metrics.pairs.batches import track_pairs
+from scex_sumo.metrics.pairs.leaders import preset_named
+from tests.metrics.scenes import find_encounters, random_run
 
 METRICS = ("paper", "path")
 
@@ -56,7 +55,7 @@ def test_sharing_changes_no_byte(
 def test_of_many_children_each_pair_of_tracks_is_there_once() -> None:
     """Five vehicles of three tracks each: ten pairs of nine."""
     tracks, planned = mixed_run(1)
-    shared = shared_pairs(tracks, planned, preset=preset_named("paper"), parameters=PAPER)
+    shared = track_pairs(tracks, planned, preset=preset_named("paper"), parameters=PAPER)
     assert shared is not None
     assert shared.scenes.vehicles == 15
     assert len(shared.scenes.pairs[0]) <= 90
@@ -68,4 +67,4 @@ def test_of_many_children_each_pair_of_tracks_is_there_once() -> None:
 
 def test_children_that_all_differ_share_nothing() -> None:
     tracks, planned = random_run(np.random.default_rng(0), children=6)
-    assert shared_pairs(tracks, planned, preset=preset_named("paper"), parameters=PAPER) is None
+    assert track_pairs(tracks, planned, preset=preset_named("paper"), parameters=PAPER) is None

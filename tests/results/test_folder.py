@@ -12,11 +12,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from scex_sumo.errors import ResultError
+from scex_sumo.base.errors import ResultError
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import PARTS, Part, Parts, joined_parts, save_part
 from scex_sumo.results.run import open_run
-from scex_sumo.results.tables import read_assignments, read_states
+from scex_sumo.results.tables import StateBlocks, read_assignments, read_states
 from scex_sumo.scene import States
 from tests.seeds import straight_seed
 
@@ -235,3 +235,18 @@ def test_assignments_without_names_of_models_are_refused(tmp_path: Path) -> None
     pq.write_table(pa.table(columns), tmp_path / "assignments.parquet")
     with pytest.raises(ResultError, match="column model holds no names"):
         read_assignments(tmp_path / "assignments.parquet", rows=2)
+
+
+@pytest.mark.parametrize("row_group", [9, 18, 4, 100])
+def test_states_are_read_a_row_group_at_a_time(tmp_path: Path, row_group: int) -> None:
+    """Of four children with three vehicles and three frames, in groups that hold whole children or not."""
+    columns = {name: np.arange(36.0) + k for k, name in enumerate(("x", "y", "vx", "vy", "psi_rad"))}
+    file = tmp_path / "tracks.parquet"
+    pq.write_table(pa.table(columns), file, row_group_size=row_group)
+    blocks = StateBlocks(file, children=4, vehicles=3, frames=3)
+    assert blocks.ends.tolist() == {9: [1, 2, 3, 4], 18: [2, 4]}.get(row_group, [4])
+    for child in (3, 0, 1, 2):
+        assert blocks.child(child).x.tolist() == columns["x"].reshape(4, 3, 3)[child].tolist()
+        assert blocks.child(child).heading.tolist() == columns["psi_rad"].reshape(4, 3, 3)[child].tolist()
+    with pytest.raises(ResultError, match=r"has 36 rows, run\.json says 45; run again"):
+        StateBlocks(file, children=5, vehicles=3, frames=3)

@@ -10,12 +10,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.commands.run import parse_under_test
-from scex_sumo.errors import ResultError, UsageError
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.reports.page.run.under_test import under_test_card, under_test_rows
-from scex_sumo.reports.tables.under_test import under_test_table
+from scex_sumo.reports.page.under_test import under_test_card, under_test_rows
+from scex_sumo.reports.under_test_table import under_test_table
 from scex_sumo.results.run import Run
 from tests.metrics.scenes import random_run
 
@@ -126,7 +126,7 @@ def test_a_metric_without_values_or_threshold_is_left_open(run: Run) -> None:
 
 def test_table_and_report_show_every_metric(run: Run) -> None:
     table = under_test_table(run.under_test)
-    assert table.title == "under test, vehicle 17: mypkg:MyDriver: 5 child scenarios"
+    assert table.title == "under test, vehicle 17: mypkg:MyDriver: 5 futures"
     assert table.row_count == 1 + 6
     assert list(table.columns[3].cells) == ["1 : 0", "2 : 1", "–", "–", "–", "–", "2 : 0"]
     assert list(table.columns[5].cells)[:2] == ["20.0%", "40.0%"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import (
@@ -18,22 +18,7 @@ from scex_sumo.roads.matching import (
 
 
 def plain_match(road: Road, x: FloatArray, y: FloatArray, heading: FloatArray) -> Matches:
-    """Find the lanes that vehicles may be on, by position and heading.
-
-    A lane is a candidate where the centre is at most `OFFSET_MARGIN_M` outside its bounds and the heading
-    within `HEADING_LIMIT_RAD` of the lane's. Each centreline segment gets the likelihood
-    exp(-(distance/0.8 m)^2/2 - (heading difference/0.15 rad)^2/2); a lane has that of its best segment, so
-    that a short kink in a centreline does not throw the match off.
-
-    Args:
-        road: the map.
-        x: (n,) centres, m.
-        y: (n,) centres, m.
-        heading: (n,) rad.
-
-    Returns:
-        Candidates of all vehicles; a vehicle off the mapped lanes has none.
-    """
+    """Find the lanes that vehicles may be on, as `match` does."""
     segments = lane_segments(road)
     if not len(segments.lane_id) or not len(x):
         none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
@@ -70,10 +55,11 @@ def _match_some(
     cost = (distance / OFFSET_SIGMA_M) ** 2 + (error / HEADING_SIGMA_RAD) ** 2
     possible = (distance <= segments.reach[segments.owner]) & (np.abs(error) <= HEADING_LIMIT_RAD)
     cost = np.where(possible, cost, np.inf)
-    best = np.minimum.reduceat(cost, segments.first, axis=1)
+    lane_first = np.searchsorted(segments.owner, np.arange(len(segments.lane_id)))
+    best = np.minimum.reduceat(cost, lane_first, axis=1)
     hit, index = np.nonzero(np.isfinite(best)[:, segments.owner] & (cost == best[:, segments.owner]))
     # Of equally good segments of one lane the first one counts.
-    _, unique = np.unique(hit * len(segments.first) + segments.owner[index], return_index=True)
+    _, unique = np.unique(hit * len(lane_first) + segments.owner[index], return_index=True)
     hit, index = hit[unique], index[unique]
     # Floored, since a likelihood that underflows to zero could not be normalised.
     score = np.exp(-0.5 * np.minimum(cost[hit, index], 600.0))

@@ -10,9 +10,9 @@ from shapely import STRtree
 from shapely.geometry import Point, Polygon
 
 from example_maps.make_examples import draw, make
-from scex_sumo.converters.datasets.seed import recorded_scene
+from scex_sumo.base.errors import UsageError
+from scex_sumo.converters.datasets.recordings import recorded_scene
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.errors import UsageError
 from scex_sumo.scenarios import EXAMPLES, example_path
 from scex_sumo.scene import SeedScene
 

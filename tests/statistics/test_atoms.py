@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scex_sumo.errors import InputError
+from scex_sumo.base.errors import InputError
 from scex_sumo.statistics.atoms import mixed_density, split_atoms
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import scex_sumo
-from scex_sumo.errors import UsageError
+from scex_sumo.base.errors import UsageError
 from scex_sumo.statistics.bands import Look, check_band, grow, look
 from scex_sumo.statistics.designs import balanced
 from scex_sumo.statistics.intervals import DesignIntervals

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from scex_sumo.errors import InputError
+from scex_sumo.base.errors import InputError
 from scex_sumo.statistics.density import (
     Interval,
     density,
@@ -128,3 +128,11 @@ def test_what_makes_no_sense_is_refused(call: object, message: str) -> None:
 )
 def test_an_interval_in_words_has_the_digits_that_are_sure(low: float, high: float, words: str) -> None:
     assert Interval(value=0.12, low=low, high=high, count=385).percent == words
+
+
+def test_values_near_the_largest_number_are_values() -> None:
+    """In steps of the grid they would be infinite; they count in the cumulative curve only."""
+    found = density(np.array([0.0, 1.0, 1.7e308, -1.7e308]))
+    assert np.isfinite(found.x).all()
+    at = np.searchsorted(found.x, 2.0) - 1
+    assert found.cdf[at] == pytest.approx(0.75)

@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import IntArray
-from scex_sumo.errors import UsageError
+from scex_sumo.base.arrays import IntArray
+from scex_sumo.base.errors import UsageError
 from scex_sumo.extrapolation.assignments import assignments
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.statistics.designs import DESIGNS, balanced

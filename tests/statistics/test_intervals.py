@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.errors import InputError
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import InputError
 from scex_sumo.statistics.density import dkw_half_width, wilson
 from scex_sumo.statistics.designs import balanced
 from scex_sumo.statistics.intervals import DesignIntervals, wilson_of

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from scipy import special
 
-from scex_sumo.statistics import normal
 from scex_sumo.statistics.normal import normal_cdf, normal_quantile, normal_quantiles
 
 Z = np.concatenate(
@@ -27,24 +23,6 @@ def test_distribution_and_quantiles_are_scipys_to_the_bit() -> None:
     np.testing.assert_array_equal(normal_quantiles(SHARES), special.ndtri(SHARES))
 
 
-def test_they_are_so_without_the_compiled_module_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(normal, "_functions", special)
-    np.testing.assert_array_equal(normal_cdf(Z), special.ndtr(Z))
-    np.testing.assert_array_equal(normal_quantiles(SHARES), special.ndtri(SHARES))
-
-
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.95, 0.975, 0.995])
 def test_one_quantile_is_a_plain_number(share: float) -> None:
     assert normal_quantile(share) == special.ndtri(share)
-
-
-def test_neither_takes_the_rest_of_scipy_which_is_whole_when_it_is_wanted() -> None:
-    code = (
-        "import sys, numpy as np\n"
-        "from scex_sumo.statistics.density import density, p_critical\n"
-        "density([1.0, 2.0]), p_critical([1.0], 2.0)\n"
-        "assert 'scipy.special' not in sys.modules and 'scipy.linalg' not in sys.modules\n"
-        "import scipy.special\n"
-        "assert scipy.special.erfinv(0.0) == 0.0 and scipy.special.logsumexp([0.0]) == 0.0"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)

@@ -12,13 +12,15 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from scex_sumo.base.errors import MapError, MissingExtraError, ResultError, TrackError, UsageError  # noqa: E402
 from scex_sumo.behaviors.learned.weights import load_weights  # noqa: E402
-from scex_sumo.commands.of_datasets.train import train_command  # noqa: E402
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording  # noqa: E402
-from scex_sumo.errors import MapError, MissingExtraError, ResultError, TrackError, UsageError  # noqa: E402
+from scex_sumo.converters.datasets.split import Split  # noqa: E402
 from scex_sumo.road import Road  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
+from scex_sumo.training.command import train_command  # noqa: E402
 from scex_sumo.training.data import dataset as dataset_module  # noqa: E402
+from scex_sumo.training.data.augment import Images, turned  # noqa: E402
 from scex_sumo.training.data.dataset import (  # noqa: E402
     Dataset,
     SampleOptions,
@@ -26,8 +28,7 @@ from scex_sumo.training.data.dataset import (  # noqa: E402
     map_shift,
     part_scenes,
 )
-from scex_sumo.training.data.images import Images, turned  # noqa: E402
-from scex_sumo.training.data.split import Split  # noqa: E402
+from scex_sumo.training.data.samples import load_samples  # noqa: E402
 from scex_sumo.training.options import TrainOptions  # noqa: E402
 from scex_sumo.training.train import Progress, Trainer  # noqa: E402
 from tests.behaviors import roads  # noqa: E402
@@ -125,6 +126,14 @@ def test_a_broken_checkpoint_is_named(small: Dataset, tmp_path: Path) -> None:
         trained(small, options(epochs=1), tmp_path)
 
 
+def test_a_broken_round_is_named(small: Dataset, tmp_path: Path) -> None:
+    trained(small, options(epochs=4, rounds=1), tmp_path, stop=3)
+    (file,) = tmp_path.glob("round*.npz")
+    file.write_bytes(b"")
+    with pytest.raises(ResultError, match=r"round0\.npz cannot be read; train without --resume"):
+        trained(small, options(epochs=4, rounds=1), tmp_path)
+
+
 def test_training_stops_when_validation_gets_no_better(small: Dataset) -> None:
     run, log = trained(small, options(epochs=30, patience=1, rate=0.0))
     assert len(log) == 2  # the first is the best, the second is no better
@@ -171,6 +180,20 @@ def test_samples_come_from_the_cache_the_second_time(
         make_dataset(merge, replace(SAMPLING, copies=2), cache=tmp_path)
 
 
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"\x93NUMPY"])
+def test_damaged_samples_in_the_cache_are_made_again(tmp_path: Path, small: Dataset, content: bytes) -> None:
+    """NumPy raises an EOFError for no byte, which command lines take for Ctrl-C."""
+    merge = [
+        r for r in find_recordings([example_path("motorway_merge").parent]) if r.name == "motorway_merge"
+    ]
+    make_dataset(merge, SAMPLING, cache=tmp_path)
+    for file in tmp_path.glob("*.npz"):
+        file.write_bytes(content)
+    again = make_dataset(merge, SAMPLING, cache=tmp_path)
+    np.testing.assert_array_equal(small.train.feature, again.train.feature)
+    assert all(load_samples(file) for file in tmp_path.glob("*.npz"))
+
+
 def test_tracks_that_are_not_finite_are_named() -> None:
     folder = example_path("motorway_merge").parent
     (merge,) = (r for r in find_recordings([folder]) if r.name == "motorway_merge")
@@ -206,6 +229,9 @@ def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
         train()
     with pytest.raises(ResultError, match="--overwrite"):  # finished: there is nothing to go on from
         train(resume=True)
+    for place, resume in (("..", True), (".", True), (".", False), (str(tmp_path), False)):
+        with pytest.raises(UsageError, match="is a folder; give a file for the weights"):
+            train(out=Path(place), resume=resume)
     for few in ({"epochs": 0}, {"rounds": -1}):
         with pytest.raises(UsageError, match="--epochs needs at least 1"):
             train(out=tmp_path / "other.safetensors", **few)
@@ -231,7 +257,7 @@ def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monke
 
 
 def test_training_says_that_it_needs_torch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scex_sumo.commands.of_datasets.train.find_spec", lambda name: None)
+    monkeypatch.setattr("scex_sumo.training.command.find_spec", lambda name: None)
     with pytest.raises(
         MissingExtraError, match=r"^train: needs torch; install with: pip install 'scex-sumo\[learned\]'$"
     ):

@@ -9,9 +9,17 @@ import numpy as np
 import pytest
 
 from scex_sumo.scene import States
-from scex_sumo.world.gui.drawings import ChildView, Shown, draw_children, draw_ids, draw_legend, frame_of
-from scex_sumo.world.gui.names import letter_height, readable
-from scex_sumo.world.gui.settings import write_view_settings
+from scex_sumo.world.gui_drawings import (
+    ChildView,
+    TiledChild,
+    draw_children,
+    draw_ids,
+    draw_legend,
+    frame_of,
+    letter_height,
+    readable,
+)
+from scex_sumo.world.gui_settings import write_view_settings
 
 RED, BLUE = (214, 64, 58), (54, 124, 196)
 MAP = (0.0, 0.0, 300.0, 100.0)
@@ -63,7 +71,7 @@ def test_vehicles_are_enlarged_only_where_they_would_be_too_small_to_see() -> No
 
 def test_ways_begin_at_the_seed_scene_in_the_colour_of_the_model() -> None:
     child = ChildView(number=7, states=track(100.0, 40.0), models=("risky",), past=2, title="wttc < 0.3, say")
-    shown = Shown(child=child, slot=4, offset=(1000, -500))
+    shown = TiledChild(child=child, slot=4, offset=(1000, -500))
     drawn = elements(draw_children([shown], {"risky": RED}, frame_of(MAP, [(0, 0)], [])))
     way = drawn["t4_way.0"]
     assert way.get("shape") == "1101.00,-460.00 1102.00,-460.00 1103.00,-460.00"

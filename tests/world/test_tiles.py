@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
-from scex_sumo.errors import SimulationError
+from scex_sumo.base.errors import SimulationError
+from scex_sumo.base.programs import environment, program
 from scex_sumo.world.tiles import TILE_SLOTS, TileLayout, TileTemplate, tile_id
 
 NET = """<?xml version="1.0" encoding="UTF-8"?>
@@ -148,3 +150,26 @@ def test_what_cannot_be_copied_is_an_error(tmp_path: Path, text: str, words: str
 def test_a_net_that_is_not_there_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(SimulationError, match="cannot be read"):
         TileTemplate(tmp_path / "absent.net.xml")
+
+
+LOGIC = """    <prohibition prohibitor="first-&gt;second" prohibited="second-&gt;first"/>
+    <tlLogic id="b" type="actuated" programID="0" offset="0">
+        <phase duration="30" minDur="5" maxDur="50" state="G" earlyTarget="Busy"/>
+        <phase duration="3" state="r"/>
+        <condition id="Busy" value="z:loop > 3"/>
+        <assignment id="Count" check="z:loop" value="Count + 1"/>
+        <function id="Twice" nArgs="1"><assignment id="Twice" check="1" value="$1 * 2"/></function>
+    </tlLogic>"""
+
+
+def test_logic_of_lights_and_prohibitions_are_left_out_and_the_copies_load(tmp_path: Path) -> None:
+    start, end = NET.index("    <tlLogic"), NET.index("    <junction")
+    path = tmp_path / "map.net.xml"
+    path.write_text(NET[:start] + LOGIC + NET[end:], encoding="utf-8")
+    net = copies(TileTemplate(path), tmp_path, [0, 3], TileLayout(pitch_x=1000, pitch_y=1000))
+    assert {e.tag for e in net.iter()}.isdisjoint({"prohibition", "condition", "assignment", "function"})
+    assert [light.get("id") for light in net.iter("tlLogic")] == ["t0_b", "t3_b"]
+    assert not any("earlyTarget" in phase.attrib for phase in net.iter("phase"))
+    command = [program("sumo"), "-n", "tiles.net.xml", "--end", "5", "--no-step-log"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True)
+    assert "condition" not in done.stderr and "Busy" not in done.stderr

@@ -1,57 +1,44 @@
-"""Leaders: the next vehicle or obstacle along each driver's path."""
+"""Leader search: the next vehicle or obstacle along each driver's path."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray, least_of
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
 from scex_sumo.behaviors.driving.paths import COARSE, DS_M, SeedPaths
-from scex_sumo.behaviors.driving.perception import Everyone, everyone
 from scex_sumo.behaviors.driving.projection import refine
-from scex_sumo.scene import SceneHistory, Who
+from scex_sumo.scene import SceneHistory, States, VehicleIndex
 
 LATER_WEIGHT = 0.1  # m² per m along the path; the nearest coarse sample is up to 2 m, 4 m², off
-MOST_PAIRS = 60_000  # at a time: bounds the memory, and stays near the processor
-CORRIDOR_MARGIN_M = 0.3  # kept on both sides of the own width when judging who is in the way
+MAX_PAIRS = 60_000  # at a time: bounds the memory, and fits the processor's cache
+CORRIDOR_MARGIN_M = 0.3  # of the driver's corridor, on both sides of its width
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Leaders:
-    """The leader of each of n vehicles.
+    """The leader of each of n vehicles."""
 
-    Attributes:
-        gap: (n,) bumper to bumper along the path, m; inf without a leader, may be negative on overlap.
-        speed: (n,) the leader's speed component along the path, m/s; 0 without a leader.
-        index: (n,) column of the leader: vehicles first, then obstacles; -1 without a leader.
-    """
-
+    # (n,) bumper to bumper along the path, m; inf without a leader, may be negative on overlap
     gap: FloatArray
-    speed: FloatArray
-    index: IntArray
+    speed: FloatArray  # (n,) the leader's speed component along the path, m/s; 0 without a leader
+    index: IntArray  # (n,) column of the leader: vehicles first, then obstacles; -1 without a leader
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ahead:
-    """All who are in the way of n drivers, k in all; the one with the smallest gap leads.
+    """The k vehicles and obstacles in the way of n drivers; the one with the smallest gap is the leader."""
 
-    Attributes:
-        driver: (k,) the driver.
-        other: (k,) column of who is in the way: vehicles first, then obstacles.
-        gap: (k,) bumper to bumper along the path, m.
-        speed: (k,) speed component along the path, m/s.
-        cos: (k,) cosine of its heading against the path's.
-    """
-
-    driver: IntArray
-    other: IntArray
-    gap: FloatArray
-    speed: FloatArray
-    cos: FloatArray
+    driver: IntArray  # (k,) the driver
+    other: IntArray  # (k,) column of the other one: vehicles first, then obstacles
+    gap: FloatArray  # (k,) bumper to bumper along the path, m
+    speed: FloatArray  # (k,) speed component along the path, m/s
+    cos: FloatArray  # (k,) cosine of its heading against the path's
 
     def leaders(self, n: int) -> Leaders:
-        """The nearest one ahead of each of the n drivers."""
+        """Return the nearest one ahead of each of the n drivers."""
         result = Leaders(gap=np.full(n, np.inf), speed=np.zeros(n), index=np.full(n, -1))
         chosen = least_of(self.driver, self.gap, self.other)
         driver = self.driver[chosen]
@@ -62,35 +49,23 @@ class Ahead:
 
 def find_leaders(
     history: SceneHistory,
-    who: Who,
+    who: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s_centre: FloatArray,
     *,
     clearance: float,
     radius: float,
-    obstacle_clearance: float = 1.5,
-    aside: FloatArray | None = None,
-    margin: float = CORRIDOR_MARGIN_M,
+    **options: Any,
 ) -> Leaders:
-    """The next vehicle or obstacle on or near each driver's path: the nearest that `find_ahead` finds."""
-    return find_ahead(
-        history,
-        who,
-        paths,
-        row,
-        s_centre,
-        clearance=clearance,
-        radius=radius,
-        obstacle_clearance=obstacle_clearance,
-        aside=aside,
-        margin=margin,
-    ).leaders(len(who))
+    """Find the next vehicle or obstacle on or near each driver's path; see `find_ahead` for the arguments."""
+    ahead = find_ahead(history, who, paths, row, s_centre, clearance=clearance, radius=radius, **options)
+    return ahead.leaders(len(who))
 
 
 def find_ahead(
     history: SceneHistory,
-    who: Who,
+    who: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s_centre: FloatArray,
@@ -103,32 +78,28 @@ def find_ahead(
 ) -> Ahead:
     """Find the vehicles and obstacles on or near each driver's path, ahead of it.
 
-    Another one counts when its centre is within `radius` of the driver's, its centre or any part of it is
-    near enough to the path (a vehicle's centre within `clearance`, an obstacle's within
-    `obstacle_clearance`, or its body inside the driver's own corridor: own width and `margin` on both sides),
-    and
+    One counts if its centre is within `radius` of the driver's, and in one of these cases:
 
-    - its nearest end along the path is ahead of the driver's front bumper; or
-    - it is alongside with its centre ahead of the driver's and its body inside the driver's corridor (a
-      vehicle beside, in the next lane, is no leader; one that cuts in is); and
-    - it does not face the driver (within 60 degrees) outside the corridor: oncoming traffic in its own
-      lane, moving or waiting, would stop every driver whose clearance takes in that lane.
+    - Its nearest end along the path is ahead of the driver's front bumper, it does not face the driver
+      (within 60 degrees), and its centre is within the clearance of the path.
+    - Its nearest end is ahead of the front bumper, it does not face the driver, and its body is inside the
+      driver's corridor.
+    - Its centre is ahead of the driver's, and its body is inside the corridor. So an oncoming vehicle counts
+      in the corridor only, and of vehicles alongside only those that cut in.
 
-    Its extent along the path is that of its rectangle turned by its heading, so that a vehicle standing
-    across the path has a rear bumper too.
+    Its extent along the path is that of its rectangle, so a vehicle across the path has a rear bumper too.
 
     Args:
         row: (n,) path of each driver.
         s_centre: (n,) arc length of the driver's centre on its path, m.
-        clearance: m from the path to the other vehicle's centre.
+        clearance: of a vehicle's centre from the path, m.
         radius: perception radius, m.
-        obstacle_clearance: m from the path to an obstacle's centre; pedestrians wait beside the lane.
-        aside: (n,) how far beside its path each driver keeps, m, left positive; distances to the path are to
-            that line. None is on the path.
-        margin: of the driver's own corridor beyond its width, on each side, m.
+        obstacle_clearance: of an obstacle's centre from the path, m.
+        aside: (n,) offset of each driver's line from its path, m, left positive; None is 0.
+        margin: of the driver's corridor beyond its width, on each side, m.
     """
     others = everyone(history)
-    size = max(1, MOST_PAIRS // max(1, others.length.size))
+    size = max(1, MAX_PAIRS // max(1, others.length.size))
     parts = [
         _ahead_of(
             history,
@@ -152,7 +123,7 @@ def find_ahead(
 def _ahead_of(
     history: SceneHistory,
     others: Everyone,
-    who: Who,
+    who: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s_centre: FloatArray,
@@ -161,15 +132,15 @@ def _ahead_of(
     aside: FloatArray | None,
     margin: float,
 ) -> Ahead:
-    """Who is ahead of a part of the drivers; the clearance is that of each of the others, (M,)."""
-    own = history.now[who.child, who.vehicle]
+    """Find those ahead of a part of the drivers; the clearance (M,) is that of each of the others."""
+    now = history.now[who.child, who.vehicle]
     length, width = history.scene.length[who.vehicle], history.scene.width[who.vehicle]
     ox, oy = others.states.x[who.child], others.states.y[who.child]  # (n, M)
-    near = (ox - own.x[:, None]) ** 2 + (oy - own.y[:, None]) ** 2 <= radius**2
+    near = (ox - now.x[:, None]) ** 2 + (oy - now.y[:, None]) ** 2 <= radius**2
     near &= others.present[who.child]
     near[np.arange(len(who)), who.vehicle] = False
     guess, distance2 = _first_guess(paths, row, s_centre, ox, oy, radius)
-    # Points further from every coarse sample than this can neither be within the clearance nor in the way.
+    # Points further than this from every coarse sample are neither within the clearance nor in the corridor.
     reach = max(
         float(clearance.max(initial=0.0)),
         float(width.max(initial=0.0)) / 2 + margin + others.longest / 2,
@@ -201,7 +172,7 @@ def _ahead_of(
 def _first_guess(
     paths: SeedPaths, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, radius: float
 ) -> tuple[FloatArray, FloatArray]:
-    """The nearest of the coarse samples from just behind each driver to the perception radius.
+    """Find the nearest coarse sample from just behind each driver to the perception radius.
 
     Returns:
         (n, M) arc length, m, and (n, M) squared distance, m².
@@ -212,7 +183,7 @@ def _first_guess(
     start = np.clip((s / spacing).astype(np.int64) - 2, 0, samples - span)
     window = start[:, None] + np.arange(span)
     coarse = paths.coarse.transpose(0, 2, 1)[row[:, None], window]  # (n, span, 3)
-    # On the second lap of a roundabout the same place is as near: the first time counts.
+    # A path may pass a place twice, e.g. in a roundabout: the first time counts.
     later = LATER_WEIGHT * spacing * np.arange(span)
     coarse[:, :, 2] += later
     px, py = x - paths.centre[0], y - paths.centre[1]
@@ -221,3 +192,35 @@ def _first_guess(
     best = np.argmin(cost, axis=2)
     smallest = np.take_along_axis(cost, best[:, :, None], axis=2)[:, :, 0]
     return (start[:, None] + best) * spacing, smallest - later[best] + px**2 + py**2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Everyone:
+    """Vehicles and obstacles of all children together; M = V + O columns."""
+
+    states: States  # (C, M) now
+    present: BoolArray
+    length: FloatArray  # (M,) m
+    width: FloatArray  # (M,) m
+    obstacle: BoolArray  # (M,) False for the vehicles
+    longest: float  # the largest diagonal, m
+
+
+def everyone(history: SceneHistory) -> Everyone:
+    """Join vehicles and obstacles in one set of arrays."""
+    scene, now = history.scene, history.now
+    present = np.ones(now.shape, dtype=np.bool_)
+    length, width = scene.length, scene.width
+    obstacles = scene.obstacles
+    if obstacles is not None and history.obstacle_states is not None and history.obstacle_present is not None:
+        shape = (now.shape[0], len(obstacles.ids))
+        spread = history.obstacle_states.map(lambda values: np.broadcast_to(values, shape))
+        now = States.concatenate([now, spread], axis=1)
+        present = np.concatenate([present, np.broadcast_to(history.obstacle_present, shape)], axis=1)
+        length = np.concatenate([length, obstacles.length])
+        width = np.concatenate([width, obstacles.width])
+    longest = float(np.sqrt(length**2 + width**2).max(initial=0.0))
+    obstacle = np.arange(len(length)) >= scene.vehicles
+    return Everyone(
+        states=now, present=present, length=length, width=width, obstacle=obstacle, longest=longest
+    )

@@ -1,25 +1,27 @@
-"""Motion of a car along its path: a kinematic bicycle that joins the path and keeps to it.
+"""Vehicle motion along a path: a kinematic bicycle with steering feedback.
 
-The reference point of the bicycle is the rear axle, `REAR_AXLE_SHARE` of the vehicle's length behind its
-centre. Each step is an arc of constant curvature, so that the heading follows the motion of the rear axle
-exactly.
+The reference point is the rear axle, `REAR_AXLE_SHARE` of the length behind the centre. Each step is an arc
+of constant curvature.
 
-Steering is a state feedback on offset d, heading error e and curvature error k in arc length with nested
-limits: the heading error aims at -ω/3·d, the curvature error at ω·(aim - e), and moves there at rate 3ω.
-Without limits the offset decays like (A + Bs + Cs²)·exp(-ωs), so it does not oscillate. ω = 1/max(3 m,
-v·0.67 s). The state follows from the pose and the last step's motion alone, so a plan made halfway through
-another continues it.
+Steering feeds back offset d, heading error e and curvature error k in arc length, with nested limits. The
+heading error aims at -ω/3·d, the curvature error at ω·(aim - e), and moves there at rate 3ω, with ω = 1/max(3
+m, v·0.67 s). Without limits the offset decays like (A + Bs + Cs²)·exp(-ωs), without oscillation. The state
+follows from the pose and the last step alone, so a new plan continues the motion of the previous one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeAlias
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.base import PLAN_STEPS, Sight
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import (
     bend_at,
@@ -29,20 +31,23 @@ from scex_sumo.behaviors.driving.projection import (
     refine,
     sample_paths,
 )
-from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
 REAR_AXLE_SHARE = 0.3  # of the length, behind the centre; a 4.5 m car has it 1.35 m behind
 CURVATURE_LIMIT = 0.2  # 1/m, a turning radius of 5 m
 JOIN_TIME_S = 0.67
 JOIN_LENGTH_M = 3.0
 JOIN_ANGLE_RAD = 0.5
-JOIN_ACCELERATION = 3.2  # m/s² lateral, on top of what the path asks for, up to twice that where
-JOIN_HEADING_RAD = 0.18  # the heading is further off than this
-JOIN_JERK = 8.0  # m/s³ lateral, likewise
-SLOPE_SPEED = 1.0  # m/s; a slower vehicle does not turn further for an offset that changes
+JOIN_ACCELERATION = 3.2  # m/s² lateral, beyond that of the path; up to twice that
+JOIN_HEADING_RAD = 0.18  # at larger heading errors
+JOIN_JERK = 8.0  # m/s³ lateral, likewise up to twice that
+SLOPE_SPEED = 1.0  # m/s; a slower vehicle steers as at this speed for a changing offset
+CURVE_TIME_S = 0.8  # time constant of slowing down for a curve
+CURVE_ACCELERATION = 4.05  # m/s² lateral, as ``calibrated_driver``
+CURVE_DECELERATION = 2.18  # m/s² before a curve, likewise
+CURVE_BRAKING = 6.0  # m/s² at most, for a vehicle that is too fast already
 STEERING_RATE = 0.3  # 1/(m·s): 45 degrees/s at the wheels of a 2.7 m wheelbase
 
 # (step, speed, arc length on the path from the start of the plan, arc length on the table) -> m/s²
@@ -50,24 +55,23 @@ Accelerate: TypeAlias = Callable[[int, FloatArray, FloatArray, FloatArray], Floa
 
 
 def rear_axle(states: States, length: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Positions of rear axles, m."""
+    """Return positions of rear axles, m."""
     back = REAR_AXLE_SHARE * length
     return states.x - back * np.cos(states.heading), states.y - back * np.sin(states.heading)
 
 
 def _present_bend(
     history: SceneHistory,
-    who: Who,
+    who: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s: FloatArray,
     heading: FloatArray,
     v: FloatArray,
 ) -> FloatArray:
-    """(n,) by how much vehicles turn more than their path does at the moment, 1/m.
+    """(n,) present curvature of the vehicles' motion minus that of their paths, 1/m.
 
-    From the last step, or the last half second where the history was recorded rather than driven by us,
-    since recorded headings are noisy.
+    Measured over the last step; over the last half second in the seed scene, as recorded headings are noisy.
     """
     steps = 1 if history.step > 0 else 5
     length = history.scene.length[who.vehicle]
@@ -80,15 +84,15 @@ def _present_bend(
     way = chord * (1 + turned**2 / 24)  # arc over a chord
     then, _, _ = refine(paths, row, s - way, px, py, 2)
     bend = turned / np.maximum(way, 0.02) - bend_at(paths, row, then + way / 2)
-    # Recorded headings are noisy, a padded history is straight in a curve: never off by more than a
-    # driver's own correction could be. One who stands can turn the wheel first.
+    # Recorded headings are noisy, and a padded history is straight in a curve: limit the value to what
+    # steering can correct. A standing vehicle can turn its wheels first.
     most = _bend_limit(v, _urgency(wrap(now.heading - heading)))
     return np.where(way > 0.02, clipped(bend, -most, most), 0.0)
 
 
 def drive(
     history: SceneHistory,
-    who: Who,
+    who: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     accelerate: Accelerate,
@@ -101,23 +105,23 @@ def drive(
 
     Args:
         row: (n,) path of each.
-        accelerate: gives (n,) accelerations for a step; a vehicle whose speed would fall below zero stops
-            within the step and stays.
-        start: (n,) states to start from, the present ones by default.
-        aside: (n, H + 1) wanted offset from the path now and after each step, m, left positive; None is on
-            the path. Offsets that change evenly are followed without lag, see `_steer`.
+        accelerate: returns (n,) accelerations for a step; a vehicle stops instead of reversing.
+        start: (n,) initial states, the present ones by default.
+        aside: (n, H + 1) wanted offset from the path now and after each step, m, left positive; None is 0.
 
     Returns:
         (n, H).
     """
     length = history.scene.length[who.vehicle]
+    if paths.slow_in_curves:
+        accelerate = _slowing_for_curves(accelerate, paths, row, REAR_AXLE_SHARE * length)
     now = history.now[who.child, who.vehicle]
     begin = now if start is None else start
     x, y = rear_axle(begin, length)
     s, _, path_heading = foot_points(paths, row, x, y, expected_way(history, who))
     heading = path_heading + wrap(begin.heading - path_heading)
     v = np.maximum(begin.speed, 0.0)
-    # How the wheels stand is known where the vehicle is now, not where it shall start later.
+    # The steering angle is known for the present state only.
     there = (begin.x == now.x) & (begin.y == now.y)
     bend = np.where(there, _present_bend(history, who, paths, row, s, path_heading, v), 0.0)
     s0, out = s, np.empty((4, steps, len(who)))
@@ -148,21 +152,18 @@ def drive(
 def drive_along(
     history: SceneHistory,
     road: Road,
-    who: Who,
+    who: VehicleIndex,
     path: PathChoice,
     accelerate: Accelerate | None = None,
     *,
     start: States | None = None,
 ) -> Plan:
-    """Drive vehicles along the paths that they choose; see `drive`.
+    """Drive vehicles along chosen paths for 3 s; see `drive`.
 
     Args:
         path: the choice, as in `SeedPaths.choose`.
-        accelerate: gives (n,) accelerations for a step; None keeps the speed.
-        start: (n,) states to start from, the present ones by default.
-
-    Returns:
-        (n, 30).
+        accelerate: as in `drive`; None keeps the speed.
+        start: as in `drive`.
     """
     paths, row = chosen_paths(history, road, who, path)
     return drive(history, who, paths, row, accelerate or (lambda _, v, *__: np.zeros_like(v)), start=start)
@@ -171,7 +172,7 @@ def drive_along(
 def _along_arc(
     x: FloatArray, y: FloatArray, heading: FloatArray, angle: FloatArray, moved: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Pose after an arc of a length that turns by an angle."""
+    """Return the pose after an arc."""
     # sin(z)/z of the half angle, which is below 0.5: the chord of the arc.
     z2 = (angle / 2) ** 2
     chord = moved * (1 - z2 / 6 * (1 - z2 / 20))
@@ -180,7 +181,7 @@ def _along_arc(
 
 
 def _lead(wanted: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """First and second derivative of wanted offsets (H + 1, n) in arc length, over one and two steps."""
+    """Return the first and second derivative of wanted offsets (H + 1, n) in arc length."""
     way = np.maximum(moved, SLOPE_SPEED * STEP_S)
     change = wanted[step + 1] - wanted[step]
     further = wanted[min(step + 2, len(wanted) - 1)] - wanted[step + 1]
@@ -195,11 +196,13 @@ def _steer(
     moved: FloatArray,
     lead: tuple[FloatArray, FloatArray] | None = None,
 ) -> FloatArray:
-    """New curvature error against the path after one step.
+    """Return the curvature error against the path after one step.
 
-    With a wanted offset that changes with arc length, `offset` is what is left to it and `lead` its first and
-    second derivative. Heading and curvature error then aim at those, which takes away the lag: in arc length
-    the offset follows the wanted one through (3ωp² + 3ω²p + ω³)/(p + ω)³, which is 1 up to the second order.
+    Args:
+        offset: (n,) present minus wanted offset, m.
+        lead: first and second derivative of the wanted offset in arc length. Heading and curvature error aim
+            at them, which removes the lag: the offset follows the wanted one through
+            (3ωp² + 3ω²p + ω³)/(p + ω)³, which is 1 up to the second order.
     """
     omega = 1 / np.maximum(JOIN_LENGTH_M, JOIN_TIME_S * v)
     urgency = _urgency(error)
@@ -216,7 +219,7 @@ def _steer(
 
 
 def _urgency(error: FloatArray) -> FloatArray:
-    """(n,) 1 to 2, by the heading error."""
+    """(n,) factor 1 to 2 on the limits, by the heading error."""
     return clipped(np.abs(error) / JOIN_HEADING_RAD, 1.0, 2.0)
 
 
@@ -233,11 +236,12 @@ def _centres(out: FloatArray, length: FloatArray) -> Plan:
     )
 
 
-@derived
+@owner_cache
 def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> FloatArray:
-    """(P * N,) highest speed along all paths, m/s, from which the driver comes through every curve ahead.
+    """(P * N,) highest speed along all paths that respects every curve ahead, m/s.
 
-    √(lateral / curvature) in the curve; before it, what braking at `deceleration` brings down to that.
+    It is √(lateral / curvature) in the curve, and before it the speed from which braking at `deceleration`
+    reaches that.
     """
     square = lateral / np.maximum(paths.curve_curvature, 1e-6)
     # v² may fall by 2·b·ds per sample: a running minimum of v² + 2·b·s from the far end.
@@ -245,3 +249,109 @@ def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> Float
     reachable = np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope
     speeds: FloatArray = np.sqrt(reachable).ravel()
     return speeds
+
+
+def _slowing_for_curves(
+    accelerate: Accelerate, paths: SeedPaths, row: IntArray, ahead: FloatArray
+) -> Accelerate:
+    """Limit accelerations to those that curves allow; `ahead` (n,) is from the rear axle to the centre, m."""
+    speeds = curve_speeds(paths, CURVE_ACCELERATION, CURVE_DECELERATION)
+
+    def allowed(s: FloatArray) -> FloatArray:
+        sample = clipped((s + ahead) * (1 / DS_M), 0.0, paths.samples - 1.0).astype(np.int64)
+        return np.asarray(speeds[row * paths.samples + sample])
+
+    def limited(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
+        # The speed allowed a moment ahead too, so that the car does not lag behind it.
+        slowing = (np.minimum(allowed(s), allowed(s + v * CURVE_TIME_S)) - v) / CURVE_TIME_S
+        return np.minimum(accelerate(step, v, travelled, s), np.maximum(slowing, -CURVE_BRAKING))
+
+    return limited
+
+
+def own_motion(history: SceneHistory, who: VehicleIndex) -> FloatArray:
+    """(n, 45) index and last second of each vehicle: all that a plan by its own states depends on."""
+    past = history.states[who.child, who.vehicle]
+    return np.concatenate([who.vehicle[:, None], past.x, past.y, past.heading, past.speed], axis=1)
+
+
+def handed_out(made: Plan, kind: IntArray) -> Plan:
+    """Expand k distinct plans to n vehicles; `kind` (n,) is the plan of each."""
+    return Plan(
+        x=made.x[kind],
+        y=made.y[kind],
+        heading=made.heading[kind],
+        speed=made.speed[kind],
+        fallback=None if made.fallback is None else made.fallback[kind],
+        reasons=tuple(made.reasons[k] for k in kind.tolist()) if made.reasons else (),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Intent:
+    """Arguments of `drive` for n distinct situations, which one model asks for."""
+
+    who: VehicleIndex
+    paths: SeedPaths
+    row: IntArray
+    accelerate: Accelerate
+    # (m,) situation of each of the m requested vehicles; None if each has its own
+    kind: IntArray | None = None
+
+    def of(self, kind: IntArray) -> Intent:
+        """Return the intent for (k,) of the m vehicles."""
+        return replace(self, kind=kind if self.kind is None else self.kind[kind])
+
+
+class DrivesAlong(ABC):
+    """Base of models whose plan is a drive along a path and nothing else.
+
+    Attributes:
+        sees: what a plan depends on if the path is not drawn, see `Sight`.
+        profile: parameters with a ``path``.
+    """
+
+    sees: ClassVar[Sight] = "itself"
+
+    def __init__(self, profile: Any) -> None:
+        self.profile = profile
+
+    @property
+    def sight(self) -> Sight | None:
+        """What a plan depends on; a drawn path differs between children."""
+        return None if self.profile.path == "random" else self.sees
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Plan 3 s; see `Behavior.plan`. Draws nothing."""
+        return driven(history, [self.intend(history, road, who)])[0]
+
+    @abstractmethod
+    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
+        """Return the drive for the vehicles that `plan` is asked for."""
+
+
+def driven(history: SceneHistory, intents: Sequence[Intent]) -> list[Plan]:
+    """Drive the vehicles of several models in one call, and return a plan of 3 s for each model."""
+    made: dict[int, Plan] = {}
+    for paths in {id(one.paths): one.paths for one in intents}.values():
+        mine = [index for index, one in enumerate(intents) if one.paths is paths]
+        made |= zip(mine, _side_by_side(history, paths, [intents[index] for index in mine]), strict=True)
+    return [made[index] for index in range(len(intents))]
+
+
+def _side_by_side(history: SceneHistory, paths: SeedPaths, intents: Sequence[Intent]) -> list[Plan]:
+    ends = [0, *accumulate(len(one.who) for one in intents)]
+    parts = [(one.accelerate, slice(*part)) for one, part in zip(intents, pairwise(ends), strict=True)]
+    who = VehicleIndex(
+        child=np.concatenate([one.who.child for one in intents]),
+        vehicle=np.concatenate([one.who.vehicle for one in intents]),
+    )
+
+    def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
+        return np.concatenate([model(step, v[k], travelled[k], s[k]) for model, k in parts])
+
+    made = drive(history, who, paths, np.concatenate([one.row for one in intents]), accelerate)
+    kinds = [np.arange(len(one.who)) if one.kind is None else one.kind for one in intents]
+    return [handed_out(made, begin + kind) for begin, kind in zip(ends, kinds, strict=False)]

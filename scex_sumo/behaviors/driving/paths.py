@@ -1,7 +1,6 @@
-"""Paths of a seed scene as tables: everything that models need of the map, computed once per seed.
+"""Path tables of a seed scene: the candidate paths of all vehicles, smoothed and sampled once per seed.
 
-A path belongs to a vehicle of the seed scene and follows from its pose at that moment; it stays the same
-through a child. Paths of all vehicles lie in one table, so that a step of a whole batch is one look-up.
+A path follows from the vehicle's pose in the seed scene and stays the same in all children.
 """
 
 from __future__ import annotations
@@ -13,21 +12,21 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.smoothing import drivable, resample
-from scex_sumo.derived import derived
-from scex_sumo.errors import UsageError
 from scex_sumo.geometry.polylines import arc_lengths, nearest
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import candidate_paths, centreline, extended
-from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, Who
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 DS_M = 0.5
-BEHIND_M = 20.0  # path behind the centre: room for the rear axle and the vehicles behind
+BEHIND_M = 20.0  # path behind the centre, for the rear axle and the vehicles behind
 FIRST_HORIZON_S = 8.0  # 3 s of a child, 3 s of a plan, and some acceleration
-HORIZON_STEP_S = 5.0  # longer children get longer tables, in steps of so much
+LONGER_S = 5.0  # longer children get tables that are longer by 1, 3, 7, ... times this
 ROUTE_M = 500.0  # of the routes for SUMO
-COARSE = 8  # one point in so many for the first step of a projection
+COARSE = 8  # every eighth sample, for the first step of a projection
 COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
 PathChoice: TypeAlias = (
     int | Literal["straight", "random"] | tuple[int, ...] | tuple[tuple[float, float], ...]
@@ -36,41 +35,29 @@ PathChoice: TypeAlias = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeedPaths:
-    """All candidate paths of all vehicles of a seed scene.
+    """All candidate paths of all vehicles of a seed scene."""
 
-    Attributes:
-        first: (V,) row of the vehicle's first path; its paths are consecutive, left to right.
-        count: (V,) number of its paths, at least 1.
-        straight: (V,) which of its paths goes on straightest from the lane that it most probably is on.
-        draw_edges: (P,) upper edge in [0, 1] of the path's share of `SceneHistory.route_draw`.
-        lanes: (P) lane ids of each path; empty for a vehicle off the mapped lanes.
-        on_road: (V,) False for vehicles off the mapped lanes, whose path is a straight line.
-        table: (P * N, 12) one row per sample: value of each of `COLUMNS`, then its change to the next one.
-        samples: N, samples per path, `DS_M` apart.
-        speed_limit: (P, N) m/s; where no lane is, the vehicle's own speed.
-        coarse: (P, 3, M) every `COARSE`-th sample as -2x, -2y, x² + y², relative to `centre`.
-        centre: (2,) m.
-    """
-
-    first: IntArray
-    count: IntArray
-    straight: IntArray
-    draw_edges: FloatArray
-    lanes: tuple[tuple[int, ...], ...]
-    on_road: BoolArray
+    first: IntArray  # (V,) row of the vehicle's first path; its paths are consecutive, left to right
+    count: IntArray  # (V,) number of its paths, at least 1
+    straight: IntArray  # (V,) index of its straightest path from its most probable lane
+    draw_edges: FloatArray  # (P,) upper edge in [0, 1] of the path's share of `SceneHistory.route_draw`
+    lanes: tuple[tuple[int, ...], ...]  # (P) lane ids of each path; empty for a vehicle off the mapped lanes
+    on_road: BoolArray  # (V,) False for vehicles off the mapped lanes, whose path is a straight line
+    # (P * N, 12) one row per sample: value of each of `COLUMNS`, then its change to the next one
     table: FloatArray
-    samples: int
-    speed_limit: FloatArray
+    samples: int  # N, samples per path, `DS_M` apart
+    speed_limit: FloatArray  # (P, N) m/s; off the lanes, the vehicle's own speed
+    # (P, 3, M) every `COARSE`-th sample as -2x, -2y, x² + y², relative to `centre` (2,), m
     coarse: FloatArray
     centre: FloatArray
+    slow_in_curves: bool  # every model slows down for curves; False on the maps that the models come with
 
     def choose(self, path: PathChoice, vehicle: IntArray, draw: FloatArray) -> IntArray:
-        """Path rows for vehicles.
+        """(n,) path row of each vehicle.
 
         Args:
             path: index from left to right, clamped to the vehicle's last path (-1 is the rightmost);
-                ``straight`` is `straight`; ``random`` picks by `draw`; anything else means that there is
-                but one path.
+                ``straight``; ``random``, by `draw`; anything else if each vehicle has one given path.
             vehicle: (n,) index into the seed scene.
             draw: (n,) in [0, 1).
         """
@@ -96,7 +83,7 @@ class SeedPaths:
 
     @cached_property
     def curve_curvature(self) -> FloatArray:
-        """(P, N) |curvature| averaged over 3 m, 1/m: what a driver slows down for."""
+        """(P, N) |curvature| averaged over 3 m, 1/m, which limits the speed."""
         k = np.abs(self.table.reshape(len(self.lanes), self.samples, -1)[:, :, 5])
         reach = int(1.5 / DS_M)
         padded = np.pad(k, ((0, 0), (reach, reach)), mode="edge")
@@ -106,34 +93,34 @@ class SeedPaths:
         return mean
 
 
-def chosen_paths(history: SceneHistory, road: Road, who: Who, path: PathChoice) -> tuple[SeedPaths, IntArray]:
-    """The paths of a seed scene, long enough for the present step, and the row that each vehicle follows.
+def chosen_paths(
+    history: SceneHistory, road: Road, who: VehicleIndex, path: PathChoice
+) -> tuple[SeedPaths, IntArray]:
+    """Return paths that are long enough for the present step, and the (n,) rows that vehicles follow.
 
     Args:
         path: the choice, as in `SeedPaths.choose`.
-
-    Returns:
-        The paths, and (n,) rows.
     """
-    # By the step alone, so that it does not matter who shares the batch.
-    further = max(0, ceil((history.step * STEP_S - 3.0) / HORIZON_STEP_S))
-    horizon = FIRST_HORIZON_S + HORIZON_STEP_S * further
+    # The length depends on the step alone, and so not on the batch. It doubles, so that all tables of a child
+    # together take memory in proportion to its steps.
+    further = max(0, ceil((history.step * STEP_S - 3.0) / LONGER_S))
+    horizon = FIRST_HORIZON_S + LONGER_S * (2 ** further.bit_length() - 1)
     paths = seed_paths(history.scene, road, given_path(path), horizon)
     return paths, paths.choose(path, who.vehicle, history.route_draw[who.child, who.vehicle])
 
 
-@derived
+@owner_cache
 def seed_paths(
     scene: SeedScene,
     road: Road,
     given: tuple[int, ...] | tuple[tuple[float, float], ...] | None = None,
     horizon_s: float = FIRST_HORIZON_S,
 ) -> SeedPaths:
-    """Candidate paths of a seed scene, smoothed and tabulated; kept with the seed scene.
+    """Tabulate the candidate paths of a seed scene; kept with the seed scene.
 
     Args:
-        given: lane ids or points of the one path that all vehicles shall take, instead of their own.
-        horizon_s: for how long the fastest vehicle shall find road on its table, s.
+        given: lane ids or points of one path for all vehicles, instead of their own.
+        horizon_s: time for which the fastest vehicle stays on its table, s.
     """
     now = scene.now
     ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
@@ -144,24 +131,20 @@ def seed_paths(
         pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
         if candidates is None:
             assert given is not None
-            mine = [_given(road, given, pose, ahead)]
+            options = [_given(road, given, pose, ahead)]
         else:
-            mine = [
+            options = [
                 _Line(*centreline(road, p.lanes, p.s, BEHIND_M, ahead), p.lanes, p.probability, p.angle)
                 for p in candidates[v]
             ] or [_straight(pose, ahead)]
-        count[v] = len(mine)
-        lines += mine
+        count[v] = len(options)
+        lines += options
     return _tabulate(road, lines, np.repeat(now.speed, count), int((BEHIND_M + ahead) / DS_M) + 1, count)
 
 
 @dataclass(frozen=True)
 class _Line:
-    """A path before it is smoothed: points, the lane under each, its lanes, its probability, its angle.
-
-    Attributes:
-        on_road: False for a vehicle off the mapped lanes.
-    """
+    """A path before smoothing; `owner` is the lane under each point."""
 
     points: FloatArray
     owner: IntArray | None
@@ -183,7 +166,7 @@ def _given(
     pose: tuple[float, float, float],
     ahead: float,
 ) -> _Line:
-    """The line of a path that the caller gave, cut at the vehicle."""
+    """Cut the path that the caller gave around the vehicle."""
     if isinstance(given[0], tuple):
         points = np.array(given, dtype=np.float64)
         owner: IntArray | None = None
@@ -207,7 +190,7 @@ def _given(
 def _tabulate(
     road: Road, lines: list[_Line], own_speed: FloatArray, samples: int, count: IntArray
 ) -> SeedPaths:
-    """Smooth the lines and lay them into tables; `own_speed` (P,) is that of their vehicles, m/s."""
+    """Smooth and sample the lines; `own_speed` (P,) is the speed of their vehicles, m/s."""
     raw = np.stack([resample(line.points, samples, DS_M) for line in lines])
     width, limit = np.full(raw.shape[:2], 3.5), np.repeat(own_speed[:, None], samples, axis=1)
     for k, line in enumerate(lines):
@@ -232,11 +215,12 @@ def _tabulate(
         speed_limit=limit,
         coarse=np.stack([-2 * some[..., 0], -2 * some[..., 1], (some**2).sum(-1)], 1),
         centre=centre,
+        slow_in_curves=road.sumo_lanes,
     )
 
 
 def _straightest(lines: list[_Line]) -> int:
-    """Which path goes on straightest from the lane that is the likeliest start; the leftmost of equals."""
+    """Return the straightest path from the likeliest start lane; the leftmost of equals."""
     by_lane: dict[tuple[int, ...], float] = {}
     for line in lines:
         by_lane[line.lanes[:1]] = by_lane.get(line.lanes[:1], 0.0) + line.share
@@ -255,7 +239,7 @@ def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> 
 
 
 def _columns(even: FloatArray) -> FloatArray:
-    """(P, N, 12) the rows of the table from evenly spaced points (P, N, 2)."""
+    """(P, N, 12) table rows of evenly spaced points (P, N, 2)."""
     step = np.gradient(even, axis=1)
     heading = np.unwrap(np.arctan2(step[..., 1], step[..., 0]), axis=1)  # without jumps of 2 pi
     curvature = np.gradient(heading, DS_M, axis=1)
@@ -269,14 +253,10 @@ def _columns(even: FloatArray) -> FloatArray:
 def planned_lanes(
     scene: SeedScene, road: Road, path: PathChoice, vehicle: IntArray, draw: FloatArray
 ) -> list[tuple[int, ...]]:
-    """(n) lane ids of the path that each vehicle takes and what follows it for half a kilometre.
-
-    Empty for a vehicle off the mapped lanes.
+    """(n) lane ids of each vehicle's path, extended by 500 m; empty for a vehicle off the mapped lanes.
 
     Args:
-        path: the choice, as in `SeedPaths.choose`.
-        vehicle: (n,) index into the seed scene.
-        draw: (n,) in [0, 1).
+        path: the choice, as in `SeedPaths.choose`, with `vehicle` and `draw`.
     """
     paths = seed_paths(scene, road, given_path(path))
     rows = paths.choose(path, vehicle, draw).tolist()
@@ -285,5 +265,5 @@ def planned_lanes(
 
 
 def given_path(path: PathChoice) -> tuple[int, ...] | tuple[tuple[float, float], ...] | None:
-    """The path itself where the caller gave one, else None."""
+    """Return the path if the caller gave lanes or points, else None."""
     return None if isinstance(path, int | str) else path

@@ -1,32 +1,24 @@
-"""Projecting points onto paths, many at once."""
+"""Projection of points onto paths, many at once."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.driving.paths import BEHIND_M, COARSE, DS_M, SeedPaths
-from scex_sumo.scene import STEP_S, SceneHistory, Who
+from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
 LAP_WEIGHT = 0.01  # (m off the path)² per (m off the expected arc length)²
 
 
 def clipped(values: FloatArray, low: FloatArray | float, high: FloatArray | float) -> FloatArray:
-    """What ``np.clip`` gives; its wrapping takes longer than some hundred values do."""
+    """Return ``np.clip``, without its overhead for small arrays."""
     result: FloatArray = np.minimum(np.maximum(values, low), high)
     return result
 
 
 def sample_paths(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
-    """Path properties at arc lengths.
-
-    Args:
-        row: (n,) path rows.
-        s: (n,) m from the start of the table.
-
-    Returns:
-        (6, n) the `COLUMNS`, linear between samples; straight on past both ends.
-    """
+    """(6, n) the `COLUMNS` at arc lengths `s`: linear between samples, straight on past both ends."""
     position = s * (1 / DS_M)
     index = clipped(position, 0.0, paths.samples - 1.0).astype(np.int64)
     values = np.ascontiguousarray(paths.table.take(row * paths.samples + index, axis=0).T)
@@ -46,10 +38,10 @@ def bend_at(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
 def refine(
     paths: SeedPaths, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, steps: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Move a first guess to the foot point.
+    """Move first guesses of arc lengths to the foot points.
 
     Returns:
-        (n,) arc length, (n,) signed distance (left positive), (n,) heading of the path there, unwrapped.
+        (n,) arc length, m; (n,) distance, m, left positive; (n,) heading of the path there, unwrapped.
     """
     for _ in range(steps):
         px, py, cos, sin, heading, curvature = sample_paths(paths, row, s)
@@ -63,10 +55,10 @@ def refine(
     return s, cos * (y - py) - sin * (x - px), heading
 
 
-def expected_way(history: SceneHistory, who: Who) -> FloatArray:
-    """(n,) roughly how far vehicles have come along their tables, m: at the mean of first and present speed.
+def expected_way(history: SceneHistory, who: VehicleIndex) -> FloatArray:
+    """(n,) rough arc length of vehicles, m, from the mean of first and present speed.
 
-    Tells the laps of a roundabout apart, nothing more.
+    It only distinguishes the laps of a roundabout.
     """
     first = history.scene.now.speed[who.vehicle]
     now = history.now.speed[who.child, who.vehicle]
@@ -76,16 +68,10 @@ def expected_way(history: SceneHistory, who: Who) -> FloatArray:
 def foot_points(
     paths: SeedPaths, row: IntArray, x: FloatArray, y: FloatArray, expected: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Foot points of points on their paths.
+    """Project points onto their paths; see `refine` for the result.
 
     Args:
-        row: (n,) path rows.
-        x: (n,) m.
-        y: (n,) m.
-        expected: (n,) arc length near which the foot point is looked for where a path passes twice, m.
-
-    Returns:
-        As `refine`.
+        expected: (n,) rough arc length, m, which decides where a path passes a place twice.
     """
     coarse = paths.coarse.take(row, axis=0)
     dx, dy = (x - paths.centre[0])[:, None], (y - paths.centre[1])[:, None]

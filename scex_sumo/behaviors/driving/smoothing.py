@@ -1,18 +1,18 @@
-"""Paths that a car can drive, out of centrelines as maps have them.
+"""Path smoothing: centrelines with corners, steps and uneven points become drivable paths.
 
-Centrelines have corners (up to 89 degrees), steps and uneven points. A path is the centreline under a
-Gaussian; where that is still too tight for a car, the corner is rounded further within the lane.
+A path is the centreline after a Gaussian filter. Where it is still too tight for a car, the corner is rounded
+further within the lane.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.geometry.polylines import along, length_of
 
 BASE_SIGMA_M = 1.5  # a turn of 8 m radius moves inwards by 0.14 m
-CURVATURES = (0.33, 0.25, 0.195, 0.165)  # 1/m, tried one after the other; the last leaves room to correct
+CURVATURES = (0.33, 0.25, 0.195, 0.165)  # 1/m, tried in this order; the last leaves room to correct
 SWEEPS = 400  # a right angle needs about 375 of them at 0.2 1/m
 FREEZE_M = 15.0
 
@@ -26,8 +26,8 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
         ds: spacing, m.
 
     Returns:
-        (K, N, 2) m. Curvature is at most 0.17 1/m wherever the lane is wide enough for that, else the
-        smallest of `CURVATURES` that keeps the path in the lane.
+        (K, N, 2) m. The curvature is at most 0.17 1/m if the lane is wide enough, else the smallest of
+        `CURVATURES` that keeps the path in the lane.
     """
     bound = 0.95 * half_width
     smooth = _within(gaussian(points, BASE_SIGMA_M / ds), points, bound)
@@ -38,18 +38,18 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
         wider = _relaxed(smooth[rows], limit)
         shift = wider - points[rows]
         too_far = np.hypot(shift[..., 0], shift[..., 1]) > bound[rows]
-        # Around a curve that would leave its lane the last curvature that did not stays; elsewhere on the
-        # path this does not matter, since the relaxation moves nothing but tight places.
+        # Where the rounded curve would leave its lane, keep the previous one. The relaxation moves tight
+        # places only, so the rest of the path is unaffected.
         stays = _dilate(too_far, int(FREEZE_M / ds))
         smooth[rows] = np.where(stays[..., None], smooth[rows], wider)
     return smooth
 
 
 def _relaxed(points: FloatArray, limit: float) -> FloatArray:
-    """Paths whose tight places have given way until the curvature is at most about `limit`.
+    """Round tight places until the curvature is at most about `limit`.
 
-    A point moves towards the middle of its neighbours by the share of its curvature that is too much: a
-    corner becomes an arc of that curvature between its unmoved legs.
+    A point moves towards the middle of its neighbours by the share of its curvature above the limit. So a
+    corner becomes an arc between its unmoved legs.
     """
     tight = np.flatnonzero((np.abs(curvature(points)) > limit).any(axis=0))
     first, last = max(0, tight[0] - 80), min(points.shape[1], tight[-1] + 81)
@@ -68,12 +68,7 @@ def _relaxed(points: FloatArray, limit: float) -> FloatArray:
 
 
 def gaussian(values: FloatArray, sigma: float) -> FloatArray:
-    """Gaussian filter along axis 1 of (K, N, F); the ends go on straight.
-
-    Args:
-        values: (K, N, F).
-        sigma: in samples.
-    """
+    """Apply a Gaussian filter along axis 1 of (K, N, F), `sigma` in samples; the ends go on straight."""
     reach = max(1, int(np.ceil(3 * sigma)))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     kernel /= kernel.sum()
@@ -98,7 +93,7 @@ def curvature(points: FloatArray) -> FloatArray:
 
 
 def _within(moved: FloatArray, points: FloatArray, bound: FloatArray) -> FloatArray:
-    """Points drawn back to the bound on their way from where they were, softly."""
+    """Limit the shift of points to the bound, softly."""
     shift = moved - points
     size = np.hypot(shift[..., 0], shift[..., 1]) / bound
     # x / (1 + x^8)^(1/8) is x for small x and 1 for large x.

@@ -1,4 +1,4 @@
-"""Guard around a model: the planned way stays, the speed on it becomes safe.
+"""Guard: it keeps a model's planned way and lowers the speed to a safe one.
 
 May import behaviors.driving and all below.
 """

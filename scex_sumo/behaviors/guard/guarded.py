@@ -1,4 +1,4 @@
-"""Guard around any of our models, a safe-speed bound: the planned way stays, the speed on it comes down."""
+"""Guard around a model: a safe-speed bound along the planned way."""
 
 from __future__ import annotations
 
@@ -8,35 +8,30 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.guard.conflicts import Holds, find_holds
-from scex_sumo.behaviors.guard.profile import GuardProfile
-from scex_sumo.behaviors.guard.ways import PlannedWays, planned_paths
+from scex_sumo.behaviors.guard.conflicts import StopLines, find_stop_lines
+from scex_sumo.behaviors.guard.corridors import GuardProfile, PlannedWays, planned_paths
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
-LAST_GAP_M = 0.2  # the nearest that hard braking aims for
-LEAP_MPS2 = 6.0  # who is to gain speed faster than that, or more way than this in a step, would leap
+LAST_GAP_M = 0.2  # that hard braking aims for
+LEAP_MPS2 = 6.0  # a plan that gains speed faster than this, or more way in a step, leaps
 LEAP_M = 0.1
-LEAST_CHANGE_MPS = 1e-6  # a bound that lowers a speed by less does not count
+MIN_CHANGE_MPS = 1e-6  # a bound that lowers a speed by less does not count
 
 
 def safe_speed(
     gap_m: FloatArray, leader_speed_mps: FloatArray, *, deceleration: float, reaction_time: float
 ) -> FloatArray:
-    """Highest speed from which a vehicle that reacts after a time still stops behind its leader.
+    """(n,) highest speed from which a vehicle still stops behind its leader, m/s, at least 0.
 
     v_safe = -bτ + √((bτ)² + v_leader² + 2·b·gap); the leader may brake with b at any moment.
 
     Args:
         gap_m: (n,) free way to the leader; may be negative.
-        leader_speed_mps: (n,) at least 0.
         deceleration: b, m/s², of both.
         reaction_time: τ, s.
-
-    Returns:
-        (n,) m/s, at least 0.
 
     Source: Krauss 1998.
     """
@@ -48,48 +43,37 @@ def safe_speed(
 
 @runtime_checkable
 class Steers(Protocol):
-    """A model that can steer clear of who is beside it."""
+    """A model that can steer away from vehicles beside it."""
 
     def clear_of_others(self) -> Behavior:
-        """The same model, one that does."""
+        """Return a copy of the model that does."""
         ...
 
 
 class Guarded:
-    """Any model, driven no faster than it could stop for others.
+    """A model whose vehicles drive slowly enough to stop for others.
 
-    The plan's way is kept; along it the speed stays below `safe_speed` of every leader in the swept corridor
-    and of every crossing that another vehicle reaches first. A model that `Steers` goes a way that keeps
-    clear of who is beside it. What the others will do is taken from the history alone, so a plan does not
-    depend on who else plans in the same call.
+    The way of the plan stays. The speed stays below `safe_speed` for every leader in the swept corridor and
+    every crossing that another vehicle reaches first. A model that `Steers` also keeps clear of vehicles
+    beside it. The motion of others is predicted from the history alone, so plans do not depend on each other.
     """
 
     def __init__(self, model: Behavior, profile: GuardProfile | None = None) -> None:
-        """Wrap a model.
-
-        Args:
-            profile: the guard's parameters; None takes the defaults.
-        """
         self.model = model.clear_of_others() if isinstance(model, Steers) else model
         self.profile = profile or GuardProfile()
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
-        """The model's plan, slowed down where it must be; see `Behavior.plan`."""
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Return the model's plan, slowed down where necessary; see `Behavior.plan`."""
         made = self.model.plan(history, road, who, rng)
         return slowed(made, history, road, who, self.profile) if len(who) else made
 
 
-def slowed(plan: Plan, history: SceneHistory, road: Road, who: Who, profile: GuardProfile) -> Plan:
-    """A plan re-timed along its own way so that its vehicles could always stop.
-
-    Args:
-        plan: (n, H).
-
-    Returns:
-        (n, H); rows that need no change are the very same numbers.
-    """
+def slowed(plan: Plan, history: SceneHistory, road: Road, who: VehicleIndex, profile: GuardProfile) -> Plan:
+    """Re-time a plan (n, H) along its way so that vehicles can always stop; other rows stay the same."""
     paths = planned_paths(plan, history, who, profile)
-    holds = find_holds(paths, history, road, who, profile).joined_by(_leaping(paths))
+    holds = find_stop_lines(paths, history, road, who, profile).joined_by(_leaping(paths))
     if not len(holds.row):
         return plan
     speed, arc, changed = _timed(paths, holds, profile)
@@ -102,9 +86,9 @@ def slowed(plan: Plan, history: SceneHistory, road: Road, who: Who, profile: Gua
 
 
 def _leaping(paths: PlannedWays) -> IntArray:
-    """Vehicles whose plan does not start from where they are: a model that takes no account of being slowed.
+    """Return vehicles whose plan does not start at their present state.
 
-    Such as one that keeps the speed it had, or repeats a recording.
+    Such a model ignores that it was slowed down, e.g. a replay.
     """
     v = paths.start_speed
     fast = paths.speed[:, 0] > v + LEAP_MPS2 * STEP_S
@@ -113,16 +97,16 @@ def _leaping(paths: PlannedWays) -> IntArray:
 
 
 def _timed(
-    paths: PlannedWays, holds: Holds, profile: GuardProfile
+    paths: PlannedWays, holds: StopLines, profile: GuardProfile
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """(n, H) speeds and arc lengths under all bounds, and (n,) which vehicles are held back at all."""
+    """(n, H) speeds and arc lengths under all bounds, and (n,) which vehicles are slowed."""
     speed, arc = paths.speed.copy(), paths.arc[:, 1:].copy()
     changed = np.zeros(len(speed), dtype=np.bool_)
-    mine, first = np.unique(holds.row, return_index=True)  # rows are sorted
-    s, v = np.zeros(len(mine)), paths.start_speed[mine]
-    # Steps first: what is done with all vehicles at once is a long row in memory.
-    planned, arcs = paths.speed[mine].T.copy(), paths.arc[mine].T.copy()
-    way, held = np.diff(arcs, axis=0), np.zeros(len(mine), dtype=np.bool_)
+    rows, first = np.unique(holds.row, return_index=True)  # rows are sorted
+    s, v = np.zeros(len(rows)), paths.start_speed[rows]
+    # Vehicles are the last axis, so that operations run along memory.
+    planned, arcs = paths.speed[rows].T.copy(), paths.arc[rows].T.copy()
+    way, held = np.diff(arcs, axis=0), np.zeros(len(rows), dtype=np.bool_)
     count = np.diff(np.append(first, len(holds.row)))
     gain = np.diff(planned, axis=0, prepend=v[None]) / STEP_S
     gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), profile.release_acceleration)
@@ -133,25 +117,24 @@ def _timed(
         wanted = np.minimum(np.maximum(wanted, v - braking * STEP_S), v + gain[step] * STEP_S)
         following = np.maximum(np.minimum(wanted, speed_then), 0.0)
         moved = (v + following) * (STEP_S / 2)
-        held |= (following < speed_then - LEAST_CHANGE_MPS) | (moved < way_then - LEAP_M)
+        held |= (following < speed_then - MIN_CHANGE_MPS) | (moved < way_then - LEAP_M)
         s = np.where(held, s + np.minimum(moved, way_then), arcs[step + 1])
         v = following
         timed[0, step], timed[1, step] = v, s
-    changed[mine] = held
-    speed[mine], arc[mine] = timed[0].T, timed[1].T
+    changed[rows] = held
+    speed[rows], arc[rows] = timed[0].T, timed[1].T
     return speed, arc, changed
 
 
 def _bounds(
-    holds: Holds, profile: GuardProfile, step: int, s: FloatArray, v: FloatArray, first: IntArray
+    holds: StopLines, profile: GuardProfile, step: int, s: FloatArray, v: FloatArray, first: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Speed limit at the end of a step and braking limit now, of each vehicle that has a hold.
+    """Return the speed limit after a step and the present braking limit of each vehicle with a stop line.
 
     Args:
-        step: steps since the present.
-        s: (P,) where the held vehicle is, m along its plan.
+        s: (P,) place of the vehicle, m along its plan.
         v: (P,) its speed, m/s.
-        first: index of each vehicle's first hold.
+        first: index of each vehicle's first stop line.
     """
     t = step * STEP_S
     gone = np.minimum(t, holds.stop_time)
@@ -166,14 +149,14 @@ def _bounds(
     bound = np.where(gap < 0, 0.0, follow)
     early = np.flatnonzero((holds.enter > t) & (holds.speed > 0))
     if len(early):
-        # Who will follow another one that is not there yet is not to be at the place before it.
+        # A vehicle that will follow one that is not there yet must not reach the place before it.
         entry = holds.position[early] + holds.speed[early] * holds.enter[early]
         ahead, left = entry - s[early], np.maximum(holds.enter[early] - t, STEP_S)
         wait = safe_speed(
             ahead - profile.minimum_gap, np.zeros_like(ahead), deceleration=b, reaction_time=tau
         )
         wait = np.maximum(wait, np.maximum(ahead, 0.0) / left)
-        # Stopping before the place would do, and so would getting there no sooner than the other one.
+        # It is enough to stop before the place, or to arrive no sooner than the other one.
         stop = v[early] ** 2 / (2 * np.maximum(ahead - LAST_GAP_M, LAST_GAP_M))
         late = 2 * np.maximum(v[early] - np.maximum(ahead, 0.0) / left, 0.0) / left
         braking[early] = np.where(holds.firm[early], np.minimum(stop, late), 0.0)

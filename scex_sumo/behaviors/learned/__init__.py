@@ -1,4 +1,4 @@
-"""Learned drivers: their inputs, networks, weights and behaviour models. Importing it loads no torch.
+"""Learned drivers: inputs, networks, weights and behaviour models, without torch.
 
 May import behaviors.driving, behaviors.scene_graph, behaviors.models and all below.
 """

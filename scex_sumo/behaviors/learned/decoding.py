@@ -1,20 +1,22 @@
-"""Plans from what a network predicts: accelerations and offsets along a path, or free trajectories."""
+"""Decoding of network outputs into plans: accelerations and offsets along a path, or free trajectories."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.leaders import everyone
 from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
-from scex_sumo.behaviors.learned.beside import offsets_beside, reached
-from scex_sumo.behaviors.learned.seen.surface import path_room
+from scex_sumo.behaviors.learned.surface import path_room
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
-RETURN_S = 3.0  # a driver who does not steer otherwise comes back to the path with this time constant
+RETURN_S = 3.0  # time constant of returning to the path if no offset is wanted
 EDGE_MARGIN_M = 0.15  # of the box to the edge of the drivable surface
 SMOOTHING_STEPS = 4  # to both sides
 STANDING_M = 0.01  # per step; a free trajectory that moves less keeps its heading
@@ -22,7 +24,7 @@ STANDING_M = 0.01  # per step; a free trajectory that moves less keeps its headi
 
 def plan_along(
     history: SceneHistory,
-    who: Who,
+    who: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     acceleration: FloatArray,
@@ -35,18 +37,15 @@ def plan_along(
 
     Args:
         row: (n,) path of each.
-        acceleration: (n, H) m/s²; who would reverse stops.
-        offset: (n, H) wanted distance left of the path after each step, m; None comes back to the path from
+        acceleration: (n, H) m/s²; vehicles stop instead of reversing.
+        offset: (n, H) wanted distance left of the path after each step, m; None returns to the path from
             the present offset like exp(-t / RETURN_S).
-        road: keeps the box of every vehicle on the drivable surface of this map; None does not.
-        clear: keeps it away from boxes beside it, too.
-
-    Returns:
-        (n, H).
+        road: keeps every box on the drivable surface of this map; None does not.
+        clear: also keeps it away from boxes beside it.
     """
-    own = history.now[who.child, who.vehicle]
-    s, present, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
-    steps, way = acceleration.shape[1], way_of(own.speed, acceleration)
+    now = history.now[who.child, who.vehicle]
+    s, present, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+    steps, way = acceleration.shape[1], way_of(now.speed, acceleration)
     if offset is None:
         wanted = present[:, None] * np.exp(-STEP_S / RETURN_S * np.arange(steps + 1))
     else:
@@ -55,10 +54,10 @@ def plan_along(
         wanted = _smoothed(wanted)
     else:
         least, most = _bounds(history, who, paths, row, s, way, road, clear=clear)
-        # Smoothed once it is bounded, so that the vehicle is not still on its way out at the edge; and not
-        # bounded again, for bounds jump by centimetres, and what is steered is their second derivative.
+        # Smooth after bounding, so that the vehicle does not still move outwards at the edge. Do not bound
+        # again: bounds jump by centimetres, and steering follows their second derivative.
         wanted = _smoothed(np.clip(wanted, least, most))
-    # What follows the path is the rear axle.
+    # The rear axle follows the path.
     wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(wanted, way)
 
     return drive(history, who, paths, row, lambda step, *_: acceleration[:, step], steps=steps, aside=wanted)
@@ -66,7 +65,7 @@ def plan_along(
 
 def _bounds(
     history: SceneHistory,
-    who: Who,
+    who: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s: FloatArray,
@@ -80,14 +79,11 @@ def _bounds(
     if not clear:
         return least, most
     right, left = offsets_beside(history, who, paths, row, s, way)
-    return _met(np.maximum(least, right), np.minimum(most, left))
+    return _consistent(np.maximum(least, right), np.minimum(most, left))
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:
-    """Offsets without the corners that they have at the knots: a mean over 0.9 s, applied twice.
-
-    Ends are continued straight, so that a straight line stays as it is.
-    """
+    """Smooth the corners of offsets at the knots by a mean over 0.9 s, applied twice; ends go on straight."""
     for _ in range(2):
         reach = np.arange(1, SMOOTHING_STEPS + 1)
         before = offset[:, :1] - (offset[:, 1:2] - offset[:, :1]) * reach[::-1]
@@ -100,7 +96,7 @@ def _smoothed(offset: FloatArray) -> FloatArray:
 
 
 def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """(n, H + 1) way from now on after each step, m, of vehicles that stop rather than reverse."""
+    """(n, H + 1) way from now on, m, of vehicles that stop instead of reversing."""
     v = np.maximum(speed, 0.0)
     way = np.zeros((len(speed), acceleration.shape[1] + 1))
     for step in range(acceleration.shape[1]):
@@ -111,7 +107,7 @@ def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
 
 
 def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
-    """(n, H + 1) change of the offset per metre of way; 0 for who stands."""
+    """(n, H + 1) change of the offset per metre of way; 0 for standing vehicles."""
     change, moved = np.diff(offset, axis=1), np.diff(way, axis=1)
     slope = np.where(moved > STANDING_M, change / np.maximum(moved, STANDING_M), 0.0)
     whole: FloatArray = np.concatenate([slope, slope[:, -1:]], axis=1)
@@ -121,9 +117,9 @@ def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
 def bounds_along(
     road: Road, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray, half_width: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(n, H + 1) least and most offset with which a box along the path stays on the drivable surface, m.
+    """(n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m.
 
-    Where the road is narrower than the box, both are the middle of the road.
+    Both are the middle of the road if that is narrower than the box.
 
     Args:
         row: (n,) path of each vehicle.
@@ -132,41 +128,155 @@ def bounds_along(
         half_width: (n,) m.
     """
     left, right = path_room(paths, road).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
-    most, least = (
-        reached(left) - half_width[:, None],
-        half_width[:, None] - reached(right),
-    )
-    return _met(least, most)
+    half = half_width[:, None]
+    return _consistent(half - reached(right), reached(left) - half)
 
 
-def _met(least: FloatArray, most: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same bounds, both in their middle where they leave nothing."""
+def _consistent(least: FloatArray, most: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Replace contradicting bounds by their middle."""
     middle, narrow = (most + least) / 2, most < least
     return np.where(narrow, middle, least), np.where(narrow, middle, most)
 
 
-def plan_freely(history: SceneHistory, who: Who, free: FloatArray) -> Plan:
-    """Take trajectories as they are: headings along the motion, whatever a car can do.
+def plan_freely(history: SceneHistory, who: VehicleIndex, free: FloatArray) -> Plan:
+    """Take trajectories as they are, with headings along the motion.
 
     Args:
         free: (n, H, 2) x ahead and y to the left of the present pose after each step, m.
     """
-    own = history.now[who.child, who.vehicle]
+    now = history.now[who.child, who.vehicle]
     step = np.diff(free, axis=1, prepend=np.zeros((len(who), 1, 2)))
     moved = np.hypot(step[..., 0], step[..., 1])
-    turn = _held(np.arctan2(step[..., 1], step[..., 0]), moved > STANDING_M)
-    cos, sin = np.cos(own.heading)[:, None], np.sin(own.heading)[:, None]
+    turn = _kept_headings(np.arctan2(step[..., 1], step[..., 0]), moved > STANDING_M)
+    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
     return Plan(
-        x=own.x[:, None] + cos * free[..., 0] - sin * free[..., 1],
-        y=own.y[:, None] + sin * free[..., 0] + cos * free[..., 1],
-        heading=wrap(own.heading[:, None] + turn),
+        x=now.x[:, None] + cos * free[..., 0] - sin * free[..., 1],
+        y=now.y[:, None] + sin * free[..., 0] + cos * free[..., 1],
+        heading=wrap(now.heading[:, None] + turn),
         speed=moved / STEP_S,
     )
 
 
-def _held(turn: FloatArray, moving: BoolArray) -> FloatArray:
-    """(n, H) headings, that of the last moving step where a vehicle stands, 0 before the first."""
+def _kept_headings(turn: FloatArray, moving: BoolArray) -> FloatArray:
+    """(n, H) headings; a standing vehicle keeps that of its last moving step, 0 before the first."""
     padded = np.concatenate([np.zeros((len(turn), 1)), turn], axis=1)
-    known = np.where(moving, np.arange(1, turn.shape[1] + 1), 0)
-    last = np.maximum.accumulate(known, axis=1)
+    step = np.where(moving, np.arange(1, turn.shape[1] + 1), 0)
+    last = np.maximum.accumulate(step, axis=1)
     return np.asarray(np.take_along_axis(padded, last, axis=1))
+
+
+NEAR_M = 25.0  # between centres of vehicles that can be beside each other within a plan
+MARGIN_M = 0.4  # between two boxes
+AHEAD_M = 1.0  # boxes this far ahead or behind count as beside
+ALONG = 0.5  # sine of the angle to the path; at larger angles a vehicle crosses it
+STRAIGHTENS_S, STRAIGHTENS_M = 1.0, 6.0  # after this time, at least this way, a third of an angle is left
+OWN_DRIFT_S = 0.3  # the vehicle stops its own drift sooner
+ASIDE_SPEED = 0.8  # m/s, lateral, towards a narrower place ahead
+ASIDE_M, ASIDE_S = 0.5, 1.0  # largest shift, and its time constant, away from a box that is too near
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Boxes:
+    """Boxes relative to paths, (p,) each."""
+
+    s: FloatArray  # arc length of the centre, m
+    offset: FloatArray  # of the centre from the path, m, left positive
+    sine: FloatArray  # of the angle to the path
+    ahead: FloatArray  # speed along the path, m/s
+    along: FloatArray  # half extent along the path, m
+    across: FloatArray  # half extent across it, m
+
+    @classmethod
+    def of(
+        cls,
+        paths: SeedPaths,
+        row: IntArray,
+        near: FloatArray,
+        states: States,
+        length: FloatArray,
+        width: FloatArray,
+    ) -> _Boxes:
+        """Project boxes onto paths, near arc lengths."""
+        s, offset, direction = foot_points(paths, row, states.x, states.y, near)
+        turned = wrap(states.heading - direction)
+        cos, sin = np.abs(np.cos(turned)), np.abs(np.sin(turned))
+        return cls(
+            s=s,
+            offset=offset,
+            sine=np.sin(turned),
+            ahead=np.maximum(states.speed, 0.0) * np.cos(turned),
+            along=(cos * length + sin * width) / 2,
+            across=(cos * width + sin * length) / 2,
+        )
+
+
+def offsets_beside(
+    history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
+
+    Two boxes share the free space between them. Others keep their speed and straighten up. Leaders and
+    crossing vehicles are handled by braking, not by steering.
+
+    Args:
+        row: (n,) path of each vehicle.
+        s: (n,) arc length of its centre now, m.
+        way: (n, H + 1) further way now and after each step, m.
+    """
+    (i, j), everybody = _near(history, who), everyone(history)
+    own, other = (
+        _Boxes.of(
+            paths, row[i], s[i], everybody.states[who.child[i], k], everybody.length[k], everybody.width[k]
+        )
+        for k in (who.vehicle[i], j)
+    )
+    side = np.where(other.offset > own.offset, 1.0, -1.0)
+    t: FloatArray = STEP_S * np.arange(way.shape[1], dtype=np.float64)
+    ahead = (other.s - own.s)[:, None] + other.ahead[:, None] * t - way[i]
+    along, apart = own.along + other.along, np.abs(other.offset - own.offset)
+    beside = (np.abs(ahead[:, 0]) < along) | (apart > own.across + other.across)
+    beside &= np.abs(other.sine) < ALONG
+    counts = beside[:, None] & (np.abs(ahead) < along[:, None] + AHEAD_M)
+    free = apart[:, None] - _taken(own, other, side, everybody.width[j], t) - MARGIN_M
+    room = reached(np.where(counts, np.maximum(free / 2, -ASIDE_M), np.inf))
+    room *= np.where(room < 0, 1 - np.exp(-t / ASIDE_S), 1.0)
+    least, most = np.full(way.shape, -np.inf), np.full(way.shape, np.inf)
+    left, right = side > 0, side < 0
+    np.minimum.at(most, i[left], own.offset[left, None] + room[left])
+    np.maximum.at(least, i[right], own.offset[right, None] - room[right])
+    return least, most
+
+
+def _near(history: SceneHistory, who: VehicleIndex) -> tuple[IntArray, IntArray]:
+    """(p,) vehicle, and (p,) column of another one near it."""
+    everybody = everyone(history)
+    now, others = history.now[who.child, who.vehicle], everybody.states[who.child]
+    near = np.hypot(others.x - now.x[:, None], others.y - now.y[:, None]) < NEAR_M
+    near &= everybody.present[who.child]
+    near[np.arange(len(who)), who.vehicle] = False
+    i, j = np.nonzero(near)
+    return i, j
+
+
+def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: FloatArray) -> FloatArray:
+    """(p, H + 1) distance across the path that the boxes occupy between their centres at times t, m.
+
+    Args:
+        side: (p,) 1 if the other is on the left, else -1.
+        width: (p,) of the other, m.
+    """
+    ahead = np.abs(other.ahead)
+    straightens = np.maximum(STRAIGHTENS_S * ahead, STRAIGHTENS_M)
+    left = np.exp(-ahead[:, None] * t / straightens[:, None])
+    drift = np.maximum(-side * other.sine, 0.0) * straightens
+    own_drift = np.maximum(side * own.ahead * own.sine, 0.0) * OWN_DRIFT_S
+    turned, straight = other.across[:, None], (width / 2 + drift)[:, None]
+    taken: FloatArray = (own.across + own_drift)[:, None] + straight + (turned - straight) * left
+    return taken
+
+
+def reached(room: FloatArray) -> FloatArray:
+    """(n, H + 1) room now from which the later room can be reached at `ASIDE_SPEED`."""
+    reach = ASIDE_SPEED * STEP_S * np.arange(room.shape[1])
+    reachable: FloatArray = np.minimum.accumulate((room + reach)[:, ::-1], axis=1)[:, ::-1] - reach
+    return reachable

@@ -1,4 +1,4 @@
-"""Driver that both learned models share: choose a path and a mode, ask the network, drive."""
+"""Driver of both learned models: it chooses a path and a mode, runs the network, and drives."""
 
 from __future__ import annotations
 
@@ -13,31 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray, distinct
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, distinct
+from scex_sumo.base.cache import cached_bytes, owner_cache
+from scex_sumo.base.errors import InputError
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
+from scex_sumo.behaviors.learned.architecture import FEATURES, STRIDE
 from scex_sumo.behaviors.learned.decoding import plan_along, plan_freely, way_of
-from scex_sumo.behaviors.learned.networks.architecture import FEATURES, STRIDE
-from scex_sumo.behaviors.learned.networks.head import Modes
-from scex_sumo.behaviors.learned.networks.image import MapImage
-from scex_sumo.behaviors.learned.networks.layers import exact
-from scex_sumo.behaviors.learned.networks.nets import KINDS, GraphImageNet, Net
+from scex_sumo.behaviors.learned.image_encoder import MapImage
+from scex_sumo.behaviors.learned.layers import exact
+from scex_sumo.behaviors.learned.networks import KINDS, GraphImageNet, Modes, Net
+from scex_sumo.behaviors.learned.path_inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
 from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
-from scex_sumo.behaviors.learned.seen.inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
-from scex_sumo.behaviors.learned.seen.raster import raster_of
+from scex_sumo.behaviors.learned.raster import raster_of
 from scex_sumo.behaviors.learned.weights import load_weights, sha256_of
-from scex_sumo.behaviors.models.path_follower import follow_path
+from scex_sumo.behaviors.models.idm import follow_path
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
-from scex_sumo.derived import derived
-from scex_sumo.errors import InputError
-from scex_sumo.kept import kept
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 
-OUTPUT_GRID = 2.0**-10  # m/s² and m: what is left of the order of sums is rounded away, see `layers`
-DRAW_DIGITS = 2.0**20  # modes are drawn with the digits of `route_draw` that paths do not use
+OUTPUT_GRID = 2.0**-10  # m/s² and m: rounds away what the order of sums changes, see `layers`
+DRAW_DIGITS = 2.0**20  # modes are drawn with digits of `route_draw` that paths do not use
 STOPPING_MPS2 = -1.0
-START_M, START_LIKELY = 1.0, 0.5  # who stands starts where this way in 3 s is so probable
-WAITS_STEPS = 30  # and so long only behind one that moves
+START_M, START_LIKELY = 1.0, 0.5  # a standing vehicle starts if this way in 3 s is so probable
+WAITS_STEPS = 30  # during which it starts only behind a moving leader
 SPEED, LEADER, LEADER_SPEED = (PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_speed"))
 OFF_MAP = "was not on a mapped lane in the seed scene"
 NOT_FINITE = "the network gave no finite plan"
@@ -46,13 +44,13 @@ Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile
 
 @cache
 def _algebra() -> ThreadpoolController:
-    """The library that multiplies matrices."""
+    """Return the controller of the linear algebra library's threads."""
     return ThreadpoolController().select(user_api="blas")
 
 
-@derived
+@owner_cache
 def image_of(road: Road, net: GraphImageNet, kept_as: str) -> MapImage:
-    """A map as a network sees it; with the hash of its weights, features stay in the user's cache."""
+    """Return a map's image features; with the hash of the weights they stay in the user's cache."""
     raster = raster_of(road)
     if not kept_as:
         return MapImage.of(raster, net.image.features_of(raster))
@@ -61,50 +59,44 @@ def image_of(road: Road, net: GraphImageNet, kept_as: str) -> MapImage:
         return net.image.features_of(raster).astype(np.float32).tobytes()  # exact, on their grid
 
     made_of = pickle.dumps((kept_as, road))
-    features = np.frombuffer(kept("images", made_of, make), np.float32).astype(np.float64)
+    features = np.frombuffer(cached_bytes("images", made_of, make), np.float32).astype(np.float64)
     return MapImage.of(raster, features.reshape(FEATURES, -(-raster.values.shape[1] // STRIDE), -1))
 
 
 @lru_cache(maxsize=4)
 def loaded(file: Path, kind: str, sha256: str) -> tuple[Net, dict[str, Any]]:
-    """The network of a file, made exact (see `layers`), and what the file says of it.
+    """Load the network of a file, made exact (see `layers`), and the file's meta data.
 
     Raises:
-        InputError: see `load_weights`; or the file has changed since its hash was taken, or weights are so
-            large that the network could not be exact.
+        InputError: see `load_weights`; or the file has changed since its hash was taken, or the weights are
+            too large for exact sums.
     """
     weights = load_weights(file, kind)
     if weights.meta["sha256"] != sha256:
         raise InputError(f"{file}: has changed since the run began; run again")
     state, share = exact(weights.state)
     if not share < 1:
-        raise InputError(f"{file}: weights add up to {share:.0f} times the most that is exact; train again")
+        raise InputError(f"{file}: weights are {share:.3g} times too large for exact sums; train again")
     return KINDS[kind](state, weights.sizes), weights.meta
 
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """What was chosen from the seed scene, for all children.
+    """Choices from the seed scene, for all children."""
 
-    Attributes:
-        likeliest: (V,) row of the path that the network thinks each vehicle takes.
-        paths: (V, K) cumulative probability of each vehicle's paths, 1 after the last one.
-        modes: (P, M) cumulative probability of the modes along each path.
-    """
-
-    likeliest: IntArray
-    paths: FloatArray
-    modes: FloatArray
+    likeliest: IntArray  # (V,) row of each vehicle's most probable path
+    paths: FloatArray  # (V, K) cumulative probability of each vehicle's paths, 1 after the last one
+    modes: FloatArray  # (P, M) cumulative probability of the modes along each path
 
 
 class LearnedDriver:
-    """A network, asked for all vehicles of all children at once.
+    """A network that plans for all vehicles of all children at once.
 
-    Path and mode of a vehicle are chosen from the seed scene and stay the same through a child.
+    Path and mode of a vehicle are chosen in the seed scene and stay the same through a child.
 
     Attributes:
-        keeps: whether what it makes of a map stays in the user's cache.
-        clear: whether it steers clear of who is beside it.
+        keeps: whether image features of maps stay in the user's cache.
+        clear: whether it steers away from vehicles beside it.
     """
 
     keeps = False
@@ -112,10 +104,6 @@ class LearnedDriver:
 
     def __init__(self, kind: str, file: Path, profile: Profile, *, attention: float, free: bool) -> None:
         """Load the weights.
-
-        Args:
-            attention: w of the hybrid.
-            free: the free trajectories are driven.
 
         Raises:
             InputError: the weights cannot be used.
@@ -131,10 +119,12 @@ class LearnedDriver:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """What the file of weights says of itself."""
+        """Meta data of the file of weights."""
         return loaded(self.file, self.kind, self.sha256)[1]
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
         paths, row = self._paths(history, road, who)
         reasons = np.where(paths.on_road[who.vehicle], "", OFF_MAP)
@@ -147,29 +137,29 @@ class LearnedDriver:
         rest = np.flatnonzero(reasons != "")
         if len(rest) or not parts:
             parts.append((rest, follow_path(history, road, who[rest])))
-        return _together(parts, reasons)
+        return _merged(parts, reasons)
 
     def predict(
-        self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray
+        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[PathInputs, Modes]:
-        """What the network says of n pairs of a vehicle and a path, not rounded."""
+        """Run the network for n pairs of a vehicle and a path; outputs are not rounded."""
         graph = scene_graph(history, road, radius=self.profile.radius)
         inputs = path_inputs(history, road, who, paths, row, radius=self.profile.radius)
         net = self._net
-        # Products as small as these gain nothing from threads, and children share the cores.
+        # Products this small gain nothing from threads, and workers share the cores.
         with _algebra().limit(limits=1):
             if not isinstance(net, GraphImageNet):
                 return inputs, net(graph, inputs)
-            own = history.now[who.child, who.vehicle]
-            pose = np.stack([own.x, own.y, own.heading], 1)
+            now = history.now[who.child, who.vehicle]
+            pose = np.stack([now.x, now.y, now.heading], 1)
             first, place = distinct(pose)  # many children have a vehicle at the same place
             image = image_of(road, net, self.sha256 if self.keeps else "")
             return inputs, net(graph, inputs, image, pose[first], place, self.attention, free=self.free)
 
     def _drive(
-        self, history: SceneHistory, road: Road, who: Who, paths: SeedPaths, row: IntArray
+        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[Plan, BoolArray]:
-        """Plans of those of n vehicles for which the network's answer is finite, and (n,) which ones."""
+        """Plan for those of n vehicles with finite outputs, and return (n,) which ones these are."""
         inputs, modes = self.predict(history, road, who, paths, row)
         chosen = (np.arange(len(who)), self._modes(history, road, who, row, modes))
         free = None if modes.free is None else _rounded(modes.free[chosen])
@@ -188,7 +178,7 @@ class LearnedDriver:
         plan = plan_along(history, who[finite], paths, row[finite], *wanted, road=road, clear=self.clear)
         return plan, finite
 
-    def _paths(self, history: SceneHistory, road: Road, who: Who) -> tuple[SeedPaths, IntArray]:
+    def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
         paths, row = chosen_paths(history, road, who, _plain(self.profile.path))
         if self.profile.path == "likeliest":
             choice = choice_of(history.scene, self, road)
@@ -198,8 +188,10 @@ class LearnedDriver:
                 row = paths.first[who.vehicle] + (draw[:, None] >= choice.paths[who.vehicle, :-1]).sum(1)
         return paths, row
 
-    def _modes(self, history: SceneHistory, road: Road, who: Who, row: IntArray, modes: Modes) -> IntArray:
-        """(n,) mode that each vehicle drives."""
+    def _modes(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, row: IntArray, modes: Modes
+    ) -> IntArray:
+        """(n,) mode of each vehicle."""
         if self.profile.mode == "draw":
             upper = choice_of(history.scene, self, road).modes[row]
             draw = history.route_draw[who.child, who.vehicle] * DRAW_DIGITS % 1.0
@@ -209,14 +201,14 @@ class LearnedDriver:
         return np.zeros(len(who), dtype=np.int64)
 
 
-@derived
+@owner_cache
 def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
-    """Paths and modes as the network sees them in the seed scene."""
+    """Run the network in the seed scene for the probabilities of paths and modes."""
     history = SceneHistory.of_scene(scene)
-    everyone = Who(child=np.zeros(scene.vehicles, np.int64), vehicle=np.arange(scene.vehicles))
+    everyone = VehicleIndex(child=np.zeros(scene.vehicles, np.int64), vehicle=np.arange(scene.vehicles))
     paths, _ = chosen_paths(history, road, everyone, _plain(driver.profile.path))
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
-    pairs = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+    pairs = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
     _, modes = driver.predict(history, road, pairs, paths, np.arange(len(vehicle)))
     logit = np.nan_to_num(_rounded(modes.path_logit), nan=-np.inf)
     ends = np.cumsum(paths.count)
@@ -230,8 +222,8 @@ def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
     """(V, K) cumulative probability of each vehicle's paths, 1 from its last one on, from (P,) logits."""
     upper = np.ones((len(paths.count), int(paths.count.max(initial=1))))
     for v, (first, count) in enumerate(zip(paths.first, paths.count, strict=True)):
-        mine = logit[first : first + count]
-        weight = np.exp(mine - mine.max()) if np.isfinite(mine).any() else np.ones(count)
+        part = logit[first : first + count]
+        weight = np.exp(part - part.max()) if np.isfinite(part).any() else np.ones(count)
         upper[v, : count - 1] = (np.cumsum(weight) / weight.sum())[:-1]
     return upper
 
@@ -239,11 +231,11 @@ def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
 def _stays(inputs: PathInputs, modes: Modes, *, waits: bool) -> BoolArray:
     """(n,) whether a vehicle stands and does not start.
 
-    Its expected mode alone starts too early: at a light a driver who starts wrongly is further off than one
-    who stands for half a second more, and what the first in a queue waits for is not seen.
+    The expected mode alone starts too early: the network does not see what the first vehicle of a queue
+    waits for, and a wrong start costs more than half a second of waiting.
 
     Args:
-        waits: nobody starts but behind one that moves.
+        waits: vehicles start only behind a moving leader.
     """
     speed = inputs.features[:, SPEED]
     stands = speed < STANDING_MPS
@@ -254,10 +246,8 @@ def _stays(inputs: PathInputs, modes: Modes, *, waits: bool) -> BoolArray:
     way = [way_of(speed, _rounded(modes.acceleration[:, k]))[:, -1] for k in range(count)]
     starts = np.sum(weight * (np.stack(way, 1) > START_M), 1) / weight.sum(1)
     stays = np.round(starts / OUTPUT_GRID) * OUTPUT_GRID < START_LIKELY
-    behind_one_that_moves = (inputs.features[:, LEADER] > 0) & (
-        inputs.features[:, LEADER_SPEED] > STANDING_MPS
-    )
-    return np.asarray(stands & (stays | (waits & ~behind_one_that_moves)))
+    moving_leader = (inputs.features[:, LEADER] > 0) & (inputs.features[:, LEADER_SPEED] > STANDING_MPS)
+    return np.asarray(stands & (stays | (waits & ~moving_leader)))
 
 
 def _rounded(values: FloatArray) -> FloatArray:
@@ -269,8 +259,8 @@ def _plain(path: PathChoice | Literal["likeliest"]) -> PathChoice:
     return "straight" if path == "likeliest" else path
 
 
-def _together(parts: list[tuple[IntArray, Plan]], reasons: NDArray[np.str_]) -> Plan:
-    """Plans of (k,) vehicles each as the plan of all; those with a reason fell back."""
+def _merged(parts: list[tuple[IntArray, Plan]], reasons: NDArray[np.str_]) -> Plan:
+    """Merge plans of (k,) vehicles each; vehicles with a reason fell back."""
     whole = States.empty((len(reasons), parts[0][1].shape[1]))
     for index, plan in parts:
         whole.assign(index, plan)

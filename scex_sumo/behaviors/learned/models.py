@@ -16,19 +16,17 @@ from scex_sumo.behaviors.learned.profiles import (
     weights_file,
 )
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, Who
+from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 
 if TYPE_CHECKING:
     from scex_sumo.behaviors.learned.driver import LearnedDriver
 
 
 class LearnedModel:
-    """A driver whose plans a network makes; vehicles off the map are left to the path-following driver.
+    """A model with a network; the path-following driver plans for vehicles off the map.
 
     Attributes:
-        name: of the model.
         kind: of its network, as `scex-sumo train` calls it.
-        profile: its parameters.
     """
 
     name: ClassVar[str]
@@ -36,7 +34,7 @@ class LearnedModel:
 
     def __init__(self, profile: GraphPredictorProfile | GraphImagePredictorProfile) -> None:
         self.profile = profile
-        self.driver.meta  # noqa: B018  unusable weights are said before anything runs
+        self.driver.meta  # noqa: B018  reports unusable weights before the run begins
 
     @cached_property
     def driver(self) -> LearnedDriver:
@@ -54,40 +52,38 @@ class LearnedModel:
 
     @property
     def weights_sha256(self) -> str:
-        """Of the file of weights."""
+        """SHA-256 of the file of weights."""
         return self.driver.sha256
 
     @property
     def sight(self) -> Sight | None:
-        """What decides on a plan; a path that is drawn differs between children."""
+        """What a plan depends on; a drawn path or mode differs between children."""
         return None if self.profile.path == "random" or self.profile.mode == "draw" else "everyone"
 
     def clear_of_others(self) -> LearnedModel:
-        """The same driver, one that steers clear of who is beside it."""
+        """Return a copy of the model that steers away from vehicles beside it."""
         other = copy(self)
         other.driver = copy(self.driver)
         other.driver.clear = True
         return other
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
         """Plan 3 s; see `Behavior.plan`. Draws nothing."""
         return self.driver.plan(history, road, who, rng)
 
 
 class GraphPredictor(LearnedModel):
-    """Drives along its path with the accelerations and the offset that a graph network predicts.
+    """Drives along its path with accelerations and offsets of a graph network.
 
-    The network sees all vehicles with their last second, related by the lanes, the path ahead and who is on
-    it.
+    The network sees the last second of all vehicles, their lane relations, the path ahead and vehicles on it.
     """
 
     name, kind = "graph_predictor", "graph"
 
 
 class GraphImagePredictor(LearnedModel):
-    """Drives the trajectory that a network predicts from the scene graph and the road seen from above.
-
-    Accelerations along the path and an offset from it, which may leave the lane but not the road.
-    """
+    """Drives with accelerations and offsets of a network that sees scene graph and road image."""
 
     name, kind = "graph_image_predictor", "hybrid"

@@ -1,26 +1,136 @@
-"""The Intelligent Driver Model along a path: standard, risky and calibrated driver."""
+"""Intelligent Driver Model along a path: standard, risky and calibrated driver, and the fallback driver."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray, distinct
-from scex_sumo.behaviors.base import Sight
-from scex_sumo.behaviors.driving.distinct import own_motion
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, distinct
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.base import PLAN_STEPS, Sight, check_path, check_positive
 from scex_sumo.behaviors.driving.leaders import find_leaders
-from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, Accelerate, curve_speeds
-from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, chosen_paths
+from scex_sumo.behaviors.driving.motion import (
+    CURVE_TIME_S,
+    REAR_AXLE_SHARE,
+    Accelerate,
+    DrivesAlong,
+    Intent,
+    curve_speeds,
+    driven,
+    own_motion,
+)
+from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
-from scex_sumo.behaviors.driving.together import Intent, driven
-from scex_sumo.behaviors.models.idm_profile import IdmParameters, IdmProfile
-from scex_sumo.derived import derived
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
 HABIT_STEPS = 5  # of the seed scene's history, over which the acceleration is measured
-CURVE_TIME_S = 0.8  # a driver slows down for a curve with this time constant, never harder than ``b``
+OFF_PATH_M = 5.0  # without a plan, a vehicle further from all its paths goes straight on
+AGAINST_PATH_RAD = np.pi / 2  # as does one with a larger heading error
+TURN_WEIGHT_M = 5.0  # distance to a path that counts as much as a heading error of 1 rad
+STRAIGHT_BONUS_M = 0.5  # advantage of the straight path over another one
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdmProfile:
+    """Driver profile of the Intelligent Driver Model (Treiber et al. 2000).
+
+    Attributes:
+        comfort_deceleration: ``b`` in m/s², positive.
+        time_headway: ``T`` in s.
+        minimum_gap: ``s0`` in m, bumper to bumper.
+        max_acceleration: ``a_max`` in m/s².
+        max_deceleration: braking limit in m/s²; the formula has none.
+        speed: desired speed ``v0`` in m/s; 0 takes the speed limit of the lane.
+        speed_factor: factor on the speed limit.
+        habit_memory: time constant in s with which the desired speed moves from the speed shown in the seed
+            scene to the one above; 0 takes the one above at once.
+        habit_lead: the shown speed is that after so many s at the acceleration of the last half second,
+        habit_margin: plus this, m/s.
+        clearance: another vehicle is a leader if its centre is this near to the path, m.
+        obstacle_clearance: likewise for a pedestrian or cyclist, m.
+        radius: perception radius, m.
+        curve_acceleration: comfortable lateral acceleration in curves, m/s²; 0 does not slow down for them.
+        curve_deceleration: braking before a curve, m/s².
+        path: index from left to right (clamped to the last; -1 is the rightmost), ``straight`` (the
+            straightest from its most probable lane), ``random`` (a fixed draw per child and vehicle), lane
+            ids, or points.
+    """
+
+    comfort_deceleration: float
+    time_headway: float
+    minimum_gap: float
+    max_acceleration: float
+    max_deceleration: float = 9.0
+    speed: float = 0.0
+    speed_factor: float = 1.0
+    habit_memory: float = 0.0
+    habit_lead: float = 0.0
+    habit_margin: float = 0.0
+    clearance: float = 5.0
+    obstacle_clearance: float = 1.5
+    radius: float = 100.0
+    curve_acceleration: float = 0.0
+    curve_deceleration: float = 1.0
+    path: PathChoice = "straight"
+
+    def __post_init__(self) -> None:
+        positive = (
+            "comfort_deceleration",
+            "max_acceleration",
+            "max_deceleration",
+            "speed_factor",
+            "radius",
+            "curve_deceleration",
+        )
+        check_positive(self, *positive)
+        check_positive(self, *(name for name in vars(self) if name not in (*positive, "path")), zero=True)
+        check_path(self.path)
+
+
+CALIBRATED = IdmProfile(
+    comfort_deceleration=1.21,
+    time_headway=0.5,
+    minimum_gap=1.0,
+    max_acceleration=1.61,
+    habit_memory=30.0,
+    habit_lead=1.59,
+    habit_margin=0.27,
+    clearance=1.5,
+    curve_acceleration=4.05,
+    curve_deceleration=2.18,
+)
+"""``calibrated_driver``: fitted by ``benchmarks/calibrate.py`` to the training part of TAF-BW and MONA.
+
+Clearance and memory are not fitted, as 3 s of driving do not show them.
+"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class IdmParameters:
+    """Parameters of the formula alone, one for all or (n,) one per vehicle; see `IdmProfile`."""
+
+    time_headway: FloatArray | float
+    minimum_gap: FloatArray | float
+    max_acceleration: FloatArray | float
+    comfort_deceleration: FloatArray | float
+    max_deceleration: FloatArray | float
+
+    @classmethod
+    def of(
+        cls, profile: IdmProfile, *, time_headway: FloatArray, comfort_deceleration: FloatArray
+    ) -> IdmParameters:
+        """Return a profile's parameters with (n,) headways, s, and decelerations, m/s², of vehicles."""
+        return cls(
+            time_headway=time_headway,
+            minimum_gap=profile.minimum_gap,
+            max_acceleration=profile.max_acceleration,
+            comfort_deceleration=comfort_deceleration,
+            max_deceleration=profile.max_deceleration,
+        )
 
 
 def idm_acceleration(
@@ -30,20 +140,16 @@ def idm_acceleration(
     gap: FloatArray,
     leader_speed: FloatArray,
 ) -> FloatArray:
-    """Acceleration of the Intelligent Driver Model.
+    """Acceleration of the Intelligent Driver Model, (n,) m/s².
 
     a = a_max·(1 - (v/v0)⁴ - (s*/s)²), s* = s0 + max(0, v·T + v·Δv / (2·√(a_max·b))), not below
     -max_deceleration. A gap below 0.1 m counts as 0.1 m. Below v0 = 0.1 m/s the driver does not accelerate.
 
     Args:
-        profile: the driver.
         speed: (n,) v, m/s.
         desired_speed: (n,) v0, m/s.
         gap: (n,) s, bumper to bumper, m; inf without a leader.
         leader_speed: (n,) m/s along the path; Δv is own minus leader's.
-
-    Returns:
-        (n,) m/s².
 
     Source: Treiber, Hennecke, Helbing 2000; the lower bound on s* from Treiber and Kesting 2013.
     """
@@ -55,7 +161,7 @@ def idm_acceleration(
 
 
 def free_share(speed: FloatArray, desired_speed: FloatArray) -> FloatArray:
-    """(n,) of a_max with which a driver without a leader accelerates: 1 - (v/v0)⁴."""
+    """(n,) share of a_max with which a driver without a leader accelerates: 1 - (v/v0)⁴."""
     free = 1 - (speed / np.maximum(desired_speed, 0.1)) ** 4
     return np.where(desired_speed < 0.1, np.minimum(free, 0.0), free)
 
@@ -63,7 +169,7 @@ def free_share(speed: FloatArray, desired_speed: FloatArray) -> FloatArray:
 def leader_share(
     profile: IdmProfile | IdmParameters, speed: FloatArray, gap: FloatArray, leader_speed: FloatArray
 ) -> FloatArray:
-    """(n,) of a_max that a leader takes from that: (s*/s)²."""
+    """(n,) share of a_max that a leader takes from that: (s*/s)²."""
     braking = (
         speed
         * (speed - leader_speed)
@@ -74,33 +180,24 @@ def leader_share(
     return share
 
 
-class IdmDriver:
+class IdmDriver(DrivesAlong):
     """Follows its path at the desired speed and keeps its distance to the leader on it.
 
-    The leader is found once per plan and expected to keep its speed along the path.
+    The leader is found once per plan and assumed to keep its speed along the path.
     """
 
-    def __init__(self, profile: IdmProfile) -> None:
-        self.profile = profile
+    sees: ClassVar[Sight] = "everyone"
+    profile: IdmProfile
 
-    @property
-    def sight(self) -> Sight | None:
-        """What decides on a plan; a path that is drawn differs between children."""
-        return None if self.profile.path == "random" else "everyone"
-
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
-        """Plan 3 s; see `Behavior.plan`. Draws nothing."""
-        return driven(history, [self.intend(history, road, who)])[0]
-
-    def intend(self, history: SceneHistory, road: Road, who: Who) -> Intent:
+    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
         """See `DrivesAlong`."""
         return self.follow(history, who, *chosen_paths(history, road, who, self.profile.path))
 
-    def follow(self, history: SceneHistory, who: Who, paths: SeedPaths, row: IntArray) -> Intent:
-        """The drive along given paths: (n,) rows of `paths`."""
+    def follow(self, history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray) -> Intent:
+        """Return the drive along given paths: (n,) rows of `paths`."""
         profile = self.profile
-        own = history.now[who.child, who.vehicle]
-        s_centre, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
+        now = history.now[who.child, who.vehicle]
+        s_centre, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
         leaders = find_leaders(
             history,
             who,
@@ -111,24 +208,23 @@ class IdmDriver:
             radius=profile.radius,
             obstacle_clearance=profile.obstacle_clearance,
         )
-        # Many children differ somewhere else only: who has the same leader at the same gap drives the same.
-        seen = np.stack([row, leaders.gap, leaders.speed], axis=1)
-        first, kind = distinct(np.concatenate([own_motion(history, who), seen], axis=1))
-        some = Who(child=who.child[first], vehicle=who.vehicle[first])
+        # Many children differ elsewhere only: vehicles with the same leader at the same gap drive the same.
+        situation = np.stack([row, leaders.gap, leaders.speed], axis=1)
+        first, kind = distinct(np.concatenate([own_motion(history, who), situation], axis=1))
         behind = (leaders.gap[first], leaders.speed[first])
-        accelerate = self._accelerate(history, some, paths, row[first], *behind)
-        return Intent(who=some, paths=paths, row=row[first], accelerate=accelerate, kind=kind)
+        accelerate = self._accelerate(history, who[first], paths, row[first], *behind)
+        return Intent(who=who[first], paths=paths, row=row[first], accelerate=accelerate, kind=kind)
 
     def _accelerate(
         self,
         history: SceneHistory,
-        who: Who,
+        who: VehicleIndex,
         paths: SeedPaths,
         row: IntArray,
         leader_gap: FloatArray,
         leader_speed: FloatArray,
     ) -> Accelerate:
-        """Behind leaders that keep their speeds: (n,) gaps in m and speeds along the path in m/s."""
+        """Accelerate behind leaders with (n,) gaps, m, and constant speeds along the path, m/s."""
         profile = self.profile
         wished = desired_speeds(paths, profile.speed, profile.speed_factor)
         curves = (
@@ -138,7 +234,7 @@ class IdmDriver:
         )
         habit = seed_motion(history, who)
         base, last = row * paths.samples, paths.samples - 1.0
-        # The centre's place: it is the rear axle that follows the table.
+        # Speeds are those at the centre, while the rear axle follows the table.
         ahead = REAR_AXLE_SHARE * history.scene.length[who.vehicle]
 
         def at(s: FloatArray) -> IntArray:
@@ -150,7 +246,7 @@ class IdmDriver:
             desired = desired_speed(profile, wished[at(s)], v, *habit, time_s)
             a = idm_acceleration(profile, v, desired, gap, leader_speed)
             if curves is not None:
-                # The speed to have where the car will be in a moment, so that it does not lag behind.
+                # The allowed speed a moment ahead, so that the car does not lag behind it.
                 slowing = (curves[at(s + v * CURVE_TIME_S)] - v) / CURVE_TIME_S
                 a = np.minimum(a, np.maximum(slowing, -profile.comfort_deceleration))
             return a
@@ -158,7 +254,7 @@ class IdmDriver:
         return accelerate
 
 
-def seed_motion(history: SceneHistory, who: Who) -> tuple[FloatArray, FloatArray]:
+def seed_motion(history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, FloatArray]:
     """(n,) speed in the seed scene, m/s, and mean acceleration over the half second before it, m/s²."""
     speed = history.scene.history.speed[who.vehicle]
     acceleration = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
@@ -173,18 +269,17 @@ def desired_speed(
     acceleration: FloatArray,
     time_s: float,
 ) -> FloatArray:
-    """Desired speed of drivers who keep to what they showed in the seed scene for a while.
+    """Desired speed of drivers that keep their behaviour of the seed scene for a while, (n,) m/s.
 
-    v0(t) = w + (h - w)·exp(-t/τ), h = v + k·a + m, not below 0 and not above the larger of w and v; w the
-    wished speed, v and a speed and acceleration in the seed scene, k the lead, m the margin, τ the memory.
-    v0 is never so far below the present speed that the driver would brake with more than b for it alone.
+    v0(t) = w + (h - w)·exp(-t/τ), h = v + k·a + m, not below 0 and not above the larger of w and v. k is the
+    lead, m the margin, τ the memory. v0 is so near to the present speed that it alone asks for no braking
+    harder than b.
 
     Args:
-        profile: the driver.
         wished: (n,) w, m/s.
         present: (n,) speed at that time, m/s.
-        speed: (n,) v, m/s.
-        acceleration: (n,) a, m/s².
+        speed: (n,) v in the seed scene, m/s.
+        acceleration: (n,) a in the seed scene, m/s².
         time_s: t, since the seed scene.
     """
     if profile.habit_memory == 0:
@@ -198,10 +293,63 @@ def desired_speed(
     return bounded
 
 
-@derived
+@owner_cache
 def desired_speeds(paths: SeedPaths, speed: float, factor: float) -> FloatArray:
-    """(P * N,) desired speed along all paths, m/s: the speed limit times a factor, or a given speed."""
+    """(P * N,) desired speed along all paths, m/s: the speed limit times a factor, or a given speed.
+
+    A vehicle off the mapped lanes keeps its own speed.
+    """
     wished = np.full_like(paths.speed_limit, speed) if speed > 0 else factor * paths.speed_limit
-    # A vehicle off the mapped lanes keeps its own speed, whatever the driver wishes.
     off = np.repeat(~paths.on_road, paths.count)
     return np.where(off[:, None], paths.speed_limit, wished).ravel()
+
+
+def follow_path(history: SceneHistory, road: Road, who: VehicleIndex) -> Plan:
+    """Plan 3 s for vehicles without a plan: ``calibrated_driver`` along the path that each vehicle is on.
+
+    That is the straight path, or another of the vehicle's paths if it is clearly nearer. A vehicle off all
+    its paths goes straight on at its present speed.
+    """
+    paths, straight = chosen_paths(history, road, who, "straight")
+    row, off = _nearest_path(history, who, paths, straight)
+    made = driven(history, [IdmDriver(CALIBRATED).follow(history, who, paths, row)])[0]
+    made.assign(off, _straight_on(history, who[off]))
+    return made
+
+
+def _nearest_path(
+    history: SceneHistory, who: VehicleIndex, paths: SeedPaths, straight: IntArray
+) -> tuple[IntArray, BoolArray]:
+    """(n,) row of the path that each vehicle is on, and (n,) True if it is on none."""
+    now = history.now[who.child, who.vehicle]
+    first, count = paths.first[who.vehicle], paths.count[who.vehicle]
+    way = expected_way(history, who)
+
+    def distance(row: IntArray) -> tuple[FloatArray, BoolArray]:
+        _, offset, heading = foot_points(paths, row, now.x, now.y, way)
+        error = np.abs(wrap(now.heading - heading))
+        away = (np.abs(offset) > OFF_PATH_M) | (error > AGAINST_PATH_RAD)
+        return np.abs(offset) + TURN_WEIGHT_M * error, away
+
+    row = straight.copy()
+    best, off = distance(row)
+    best = best - STRAIGHT_BONUS_M
+    for k in range(int(count.max(initial=0))):
+        other = first + np.minimum(k, count - 1)
+        cost, away = distance(other)
+        nearer = cost < best
+        row[nearer], best[nearer], off[nearer] = other[nearer], cost[nearer], away[nearer]
+    return row, off
+
+
+def _straight_on(history: SceneHistory, who: VehicleIndex) -> Plan:
+    now = history.now[who.child, who.vehicle]
+    speed = np.maximum(now.speed, 0.0)[:, None] * np.ones(PLAN_STEPS)
+    heading = now.heading[:, None] * np.ones(PLAN_STEPS)
+    way = speed * STEP_S * np.arange(1, PLAN_STEPS + 1)
+    return Plan(
+        x=now.x[:, None] + way * np.cos(heading),
+        y=now.y[:, None] + way * np.sin(heading),
+        heading=heading,
+        speed=speed,
+    )

@@ -1,38 +1,38 @@
-"""Lane changes of `LikelyDriver`: the lanes beside a path, and how probably a driver is on its way there."""
+"""Lane changes of `LikelyDriver`: the lanes beside a path, and the probability of a change."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import foot_points
-from scex_sumo.behaviors.models.likely_seen import seen_of, shown_by
+from scex_sumo.behaviors.models.likely_observations import last_second, observations_of
 from scex_sumo.behaviors.models.population import Population
-from scex_sumo.derived import derived
 from scex_sumo.geometry.polylines import samples
 from scex_sumo.road import Lane, Road
 from scex_sumo.scene import SeedScene
 
-AHEAD_S = (0.5, 3.0)  # a lane beside counts if it is there where the vehicle will be in this time
-LEAST_MPS = 3.0  # slower vehicles do not change
-USUAL_M = 3.2  # where no lane is mapped, those who change move by the width of one
-BESIDE_M = (1.5, 5.0)  # a centreline as far from the path is that of the next lane
-SOON_S = 2.0  # who will be beside a vehicle within this time is counted as there
+AHEAD_S = (0.5, 3.0)  # a lane counts if it is beside the vehicle's place in this time
+MIN_SPEED_MPS = 3.0  # slower vehicles do not change
+USUAL_M = 3.2  # lateral way of a change if no lane is mapped
+BESIDE_M = (1.5, 5.0)  # distance of the next lane's centreline from the path
+SOON_S = 2.0  # a vehicle that will be beside within this time occupies the lane
 APART_M = 1.0  # between bodies, along the way
-FREE_M = 2.5  # beside a vehicle, to be another lane's
-WELL_ON_ITS_WAY = 0.2  # a probability of less, and nobody changes to where somebody drives
-NOISE = 8.0  # 1/(m/s²): at a scatter of accelerations of 1 / NOISE, 0.7 of motion across is believed
+FREE_M = 2.5  # beside a vehicle; one further away is on a third lane
+MIN_OCCUPIED = 0.2  # smallest probability of a change to an occupied lane
+NOISE = 8.0  # 1/(m/s²): at a scatter of accelerations of 1 / NOISE, lateral motion counts by 0.7
 _POINT_M = 4.0
 
 
-@derived
+@owner_cache
 def _centrelines_beside(road: Road) -> dict[int, tuple[FloatArray | None, ...]]:
-    """Points of the centrelines to the left and to the right of each lane."""
+    """Return points of the centrelines to the left and to the right of each lane."""
 
     def line(lane: Lane, sides: tuple[int | None, ...]) -> FloatArray | None:
-        found = next((side for side in sides if side in road.lanes), None)
-        return None if found is None else samples(road.lanes[found].centreline, _POINT_M)[1]
+        beside = next((side for side in sides if side in road.lanes), None)
+        return None if beside is None else samples(road.lanes[beside].centreline, _POINT_M)[1]
 
     return {
         number: (line(lane, (lane.adjacent_left, lane.left)), line(lane, (lane.adjacent_right, lane.right)))
@@ -40,24 +40,24 @@ def _centrelines_beside(road: Road) -> dict[int, tuple[FloatArray | None, ...]]:
     }
 
 
-@derived
+@owner_cache
 def lanes_beside(scene: SeedScene, road: Road, paths: SeedPaths) -> FloatArray:
     """(P, 2) distance from each path to the middle of the lane on its left and right, m; inf without one."""
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
-    reach = np.maximum(scene.now.speed, LEAST_MPS)[vehicle, None] * np.array(AHEAD_S)
+    reach = np.maximum(scene.now.speed, MIN_SPEED_MPS)[vehicle, None] * np.array(AHEAD_S)
     lines = _centrelines_beside(road)
     beside = np.full((len(vehicle), 2), np.inf)
     for side, sign in ((0, 1.0), (1, -1.0)):
-        found = [
+        pairs = [
             (row, line)
             for row, lanes in enumerate(paths.lanes)
             for line in (lines[lane][side] for lane in lanes if lane in lines)
             if line is not None
         ]
-        if not found:
+        if not pairs:
             continue
-        row = np.repeat([r for r, _ in found], [len(line) for _, line in found])
-        x, y = np.concatenate([line for _, line in found]).T
+        row = np.repeat([r for r, _ in pairs], [len(line) for _, line in pairs])
+        x, y = np.concatenate([line for _, line in pairs]).T
         ahead, near = _ahead(scene, vehicle[row], x, y, reach[row])
         row, x, y, ahead = row[near], x[near], y[near], ahead[near]
         s, offset, _ = foot_points(paths, row, x, y, BEHIND_M + ahead)
@@ -72,7 +72,7 @@ def lanes_beside(scene: SeedScene, road: Road, paths: SeedPaths) -> FloatArray:
 def _ahead(
     scene: SeedScene, vehicle: IntArray, x: FloatArray, y: FloatArray, reach: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """(n,) how far points lie ahead of vehicles, m, and whether they may be within reach."""
+    """(n,) distance of points ahead of vehicles, m, and whether they may be within reach."""
     now = scene.now[vehicle]
     dx, dy = x - now.x, y - now.y
     ahead = np.cos(now.heading) * dx + np.sin(now.heading) * dy
@@ -80,9 +80,9 @@ def _ahead(
     return ahead, near
 
 
-@derived
+@owner_cache
 def lanes_taken(scene: SeedScene) -> BoolArray:
-    """(V, 2) whether somebody drives, or soon will, beside each vehicle to its left, and to its right."""
+    """(V, 2) whether a vehicle is, or soon will be, beside each vehicle on its left, and on its right."""
     now = scene.now
     cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
     dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
@@ -99,39 +99,39 @@ def lanes_taken(scene: SeedScene) -> BoolArray:
 def change_features(
     across: FloatArray, beside: FloatArray, taken: BoolArray, scatter: FloatArray
 ) -> FloatArray:
-    """(n, 2, 7) what a change to the left, and to the right, depends on, as seen from that side.
+    """(n, 2, 7) features of a change to the left, and to the right.
 
-    1; how far motion across the path is believed; whether no lane is mapped there; whether somebody drives
-    there; and offset, m, speed, m/s, and acceleration, m/s², towards that side, as far as they are believed.
+    1; trust in lateral motion; whether no lane is mapped there; whether the lane is occupied; then offset, m,
+    speed, m/s, and acceleration, m/s², towards that side, times the trust.
 
     Args:
-        across: (n, 3) as in `Seen`.
+        across: (n, 3) as in `PathObservations`.
         beside: (n, 2) as `lanes_beside`.
         taken: (n, 2) as `lanes_taken`.
         scatter: (n,) of accelerations, m/s².
     """
-    believed = 1 / np.hypot(1.0, scatter * NOISE)
-    towards = believed[:, None, None] * across[:, None] * np.array([1.0, -1.0])[:, None]
-    rest = np.stack([np.ones_like(beside), np.tile(believed[:, None], 2), np.isinf(beside), taken], axis=2)
+    trust = 1 / np.hypot(1.0, scatter * NOISE)
+    towards = trust[:, None, None] * across[:, None] * np.array([1.0, -1.0])[:, None]
+    rest = np.stack([np.ones_like(beside), np.tile(trust[:, None], 2), np.isinf(beside), taken], axis=2)
     return np.concatenate([rest, towards], axis=2)
 
 
-@derived
-def change_shares(scene: SeedScene, road: Road, paths: SeedPaths, known: Population) -> FloatArray:
-    """(P, 2) probability that a driver is on its way to the lane on the left, and on the right."""
-    seen = seen_of(scene, paths)
+@owner_cache
+def change_shares(scene: SeedScene, road: Road, paths: SeedPaths, people: Population) -> FloatArray:
+    """(P, 2) probability of a change to the lane on the left, and on the right."""
+    observed = observations_of(scene, paths)
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     beside, taken = lanes_beside(scene, road, paths), lanes_taken(scene)[vehicle]
-    features = change_features(seen.across, beside, taken, seen.unsure[:, 0])
-    odds = np.exp(np.minimum(features @ known.change, 30.0))
+    features = change_features(observed.across, beside, taken, observed.unsure[:, 0])
+    odds = np.exp(np.minimum(features @ people.change, 30.0))
     shares: FloatArray = odds / (1 + odds.sum(axis=1, keepdims=True))
-    slow = shown_by(scene).speed[vehicle, None] < LEAST_MPS
-    return np.where(slow | taken & (shares < WELL_ON_ITS_WAY), 0.0, shares)
+    slow = last_second(scene).speed[vehicle, None] < MIN_SPEED_MPS
+    return np.where(slow | taken & (shares < MIN_OCCUPIED), 0.0, shares)
 
 
-def change_to(across: FloatArray, beside: FloatArray, known: Population) -> FloatArray:
-    """(n, 2) where those who change to the left, and to the right, will be after 3 s, m, left positive."""
+def change_to(across: FloatArray, beside: FloatArray, people: Population) -> FloatArray:
+    """(n, 2) offset from the path 3 s after a change to the left, and to the right, m, left positive."""
     sign = np.array([1.0, -1.0])
     lane = np.where(np.isinf(beside), USUAL_M, beside)
-    far, offset, speed = known.change_to
+    far, offset, speed = people.change_to
     return np.asarray(sign * far * lane + offset * across[:, :1] + speed * across[:, 1:2])

@@ -1,4 +1,4 @@
-"""Population of drivers: the fitted joint distribution that `LikelyDriver` draws each vehicle's driver from.
+"""Population of drivers: the fitted joint distribution from which `LikelyDriver` draws.
 
 The numbers are in ``behaviors/weights/likely_driver.json``, written by ``benchmarks/calibrate_likely.py``.
 """
@@ -13,96 +13,76 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.statistics.normal import normal_quantiles
 
 SHIPPED = Path(__file__).parents[1] / "weights" / "likely_driver.json"
-NODES_S = (0.0, 1.5, 3.0)  # a driver's own acceleration is drawn for these times, and linear between them
-FAR_M = 50.0  # a leader beyond this does not count for that
-MOST_OWN_MPS2 = 5.0
+NODES_S = (0.0, 1.5, 3.0)  # additional accelerations are drawn for these times, linear between them
+FAR_M = 50.0  # a leader beyond this does not influence them
+MAX_ADDITIONAL_MPS2 = 5.0
 ASIDE_S = 3.0
-MOST_ASIDE_M = 1.75  # from the path: further off, a vehicle is on its way somewhere
-MOST_CHANGE_M = 5.0
-DEGREES = 4  # of freedom of the drawn accelerations: people are at times far from what one expects
+MAX_ASIDE_M = 1.75  # from the path, for a vehicle that keeps its lane
+MAX_CHANGE_M = 5.0
+DEGREES = 4  # of freedom of the drawn accelerations: few, for rare large deviations
 _WEYL = np.uint64(0x9E3779B97F4A7C15)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Population:
-    """Distribution of drivers.
+    """Distribution of drivers."""
 
-    Attributes:
-        speed_edges: (K - 1,) m/s between the K classes by speed in the seed scene.
-        mean: (K, 3, 7) the expected own acceleration in each of three seconds, m/s², linear in what the seed
-            scene shows, ``Seen.features``.
-        root: (K, 3, 3) lower triangular; root @ root.T is the scale matrix of what is left, (m/s²)²,
-        noise: (3,) and its square root grows with the scatter shown and by
-        unsure: (2,) with the rest of ``Seen.unsure``, see `spread_of`.
-        skew: (K,) draws that accelerate are exp(skew) times as large, those that brake exp(-skew) times.
-        headway: mean and standard deviation of the logarithm of the time headway in s.
-        braking: likewise of the deceleration with which it comes up to its leader, in m/s².
-        habit_s: for how long what it does beside what is asked of it lasts, s.
-        start_rate: 1/s at which a standing vehicle starts: behind a standing leader, a moving one, alone.
-        keeps_side: (3,) what of `Seen.across` makes the offset from its path that a vehicle moves to within
-            `ASIDE_S`: 1, s, s²,
-        side_m: and the scale of the rest, of `DEGREES`, m, which grows by
-        side_noise: (1,) and
-        side_unsure: (2,) with what ``side_shown`` gives, see `spread_of`.
-        change: (7,) weights of what makes a driver be on its way to the next lane, see `change_features`,
-        change_to: (3,) of that lane's distance, the offset and the speed across: where it will be in 3 s,
-        change_m: and the scale of the rest, of `DEGREES`, m.
-        path: (4,) weights of how a path fits the seed scene, see `path_features`.
-    """
-
-    speed_edges: FloatArray
+    speed_edges: FloatArray  # (K - 1,) m/s between the K classes by speed in the seed scene
+    # (K, 3, 7) weights of ``PathObservations.features`` for the expected additional acceleration in each of
+    # three seconds, m/s²
     mean: FloatArray
+    # (K, 3, 3) lower triangular; root @ root.T is the scale matrix of the deviation, (m/s²)²
     root: FloatArray
-    noise: FloatArray
-    unsure: FloatArray
-    skew: FloatArray
-    headway: tuple[float, float]
-    braking: tuple[float, float]
-    habit_s: float
+    noise: FloatArray  # (3,) growth of the deviation with the scatter, see `spread_of`
+    unsure: FloatArray  # (2,) growth with the other columns of ``PathObservations.unsure``
+    skew: FloatArray  # (K,) accelerating draws are exp(skew) times as large, braking ones exp(-skew) times
+    headway: tuple[float, float]  # mean and standard deviation of the logarithm of the time headway in s
+    braking: tuple[float, float]  # likewise of the deceleration towards a leader, in m/s²
+    habit_s: float  # time constant of the shown acceleration beyond that of the model, s
+    # 1/s at which a standing vehicle starts: behind a standing leader, a moving one, alone
     start_rate: tuple[float, float, float]
+    # (3,) weights of ``PathObservations.across`` for the offset after `ASIDE_S`: 1, s, s²
     keeps_side: FloatArray
-    side_m: float
-    side_noise: FloatArray
-    side_unsure: FloatArray
-    change: FloatArray
+    side_m: float  # scale of the deviation from that, m
+    side_noise: FloatArray  # (1,) growth of that deviation with ``side_shown``, see `spread_of`
+    side_unsure: FloatArray  # (2,) likewise
+    change: FloatArray  # (7,) weights of `change_features` for the probability of a lane change
+    # (3,) weights of the lane's distance, offset and lateral speed for the offset in 3 s
     change_to: FloatArray
-    change_m: float
-    path: FloatArray
+    change_m: float  # scale of the deviation from that, m
+    path: FloatArray  # (4,) weights of `path_features`
 
     def speed_class(self, speed: FloatArray) -> IntArray:
         """(n,) class of each speed."""
         return np.searchsorted(self.speed_edges, speed, side="right").astype(np.int64)
 
-    def own_acceleration(
+    def additional_acceleration(
         self, speed: FloatArray, features: FloatArray, unsure: FloatArray, draw: FloatArray
     ) -> FloatArray:
-        """What each driver adds to the acceleration that the situation asks for.
+        """(n, 3) acceleration that drivers add to the demanded one in each of three seconds, m/s².
 
         Args:
             speed: (n,) in the seed scene, m/s.
-            features: (n, 7) as in ``Seen``.
+            features: (n, 7) as in ``PathObservations``.
             unsure: (n, 3) likewise.
             draw: (n, 3) of Student's distribution with `DEGREES`; 0 is the expected driver.
-
-        Returns:
-            (n, 3) m/s² in each of three seconds.
         """
         k = self.speed_class(speed)
         drawn = np.einsum("nij,nj->ni", self.root[k], draw)
         skewed = self.skew[k] * np.sign(drawn.sum(axis=1))
-        own: FloatArray = np.einsum("nij,nj->ni", self.mean[k], features) + drawn * np.exp(skewed)[
+        added: FloatArray = np.einsum("nij,nj->ni", self.mean[k], features) + drawn * np.exp(skewed)[
             :, None
         ] * spread_of(unsure, self.noise, self.unsure)
-        return np.clip(own, -MOST_OWN_MPS2, MOST_OWN_MPS2)
+        return np.clip(added, -MAX_ADDITIONAL_MPS2, MAX_ADDITIONAL_MPS2)
 
 
 @cache
 def population() -> Population:
-    """The shipped population."""
+    """Load the shipped population."""
     given = json.loads(SHIPPED.read_text(encoding="utf-8"))
     arrays = (
         "speed_edges",
@@ -131,29 +111,29 @@ def population() -> Population:
 
 
 def spread_of(shown: FloatArray, noise: FloatArray, unsure: FloatArray) -> FloatArray:
-    """(n, N) factor on what drivers differ by: of people and of the noise of their boxes, as squares.
+    """(n, N) factor on the deviation of drivers, from their variation and the noise of their boxes.
 
     Args:
-        shown: (n, 3) scatter of the accelerations, m/s², then what people differ by.
+        shown: (n, 3) scatter of the accelerations, m/s², and two features of the variation.
         noise: (N,) 1/(m/s²): at a scatter of 1 / noise half of the variance is noise.
-        unsure: (2,) of the rest: the factor grows with its exponential.
+        unsure: (2,) weights of the features in an exponential.
     """
     grown: FloatArray = np.hypot(1.0, shown[:, :1] * noise) * np.exp(shown[:, 1:] @ unsure)[:, None]
     return grown
 
 
 def node_shares(time_s: float) -> FloatArray:
-    """(3,) share of each of `NODES_S` in what is linear between them; the last one goes on."""
+    """(3,) weights of linear interpolation between `NODES_S`; the last value goes on."""
     return np.array([np.interp(time_s, NODES_S, row) for row in np.eye(len(NODES_S))])
 
 
 def population_digest() -> str:
-    """SHA-256 of the shipped population."""
+    """Return the SHA-256 of the shipped population."""
     return hashlib.sha256(SHIPPED.read_bytes()).hexdigest()
 
 
 def way_across(across: FloatArray, target: FloatArray, time_s: FloatArray) -> FloatArray:
-    """(n, T) offsets from the path with the least jerk, from what is shown to where a vehicle wants to be.
+    """(n, T) offsets from the path with the least jerk, from the shown motion to the target.
 
     Args:
         across: (n, 3) offset, m, speed, m/s, and acceleration, m/s², at time 0.
@@ -173,12 +153,10 @@ def way_across(across: FloatArray, target: FloatArray, time_s: FloatArray) -> Fl
 
 
 def uniforms(draw: FloatArray, count: int, salt: int = 0) -> FloatArray:
-    """(n, count) numbers in (0, 1) that follow from one number each, the same in every plan.
+    """(n, count) pseudo-random numbers in (0, 1) that follow from one number each.
 
     Args:
-        draw: (n,) in [0, 1), one for each vehicle of a child.
-        count: how many.
-        salt: another one gives others.
+        draw: (n,) in [0, 1), one per vehicle of a child.
 
     Source: the mixing function of SplitMix64, Steele, Lea, Flood 2014.
     """

@@ -1,4 +1,4 @@
-"""SUMO's own car-following models, whose vehicles drive in the same world as the others."""
+"""SUMO's own car-following models, whose vehicles drive in the same world as all others."""
 
 from __future__ import annotations
 
@@ -6,23 +6,22 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
-from scex_sumo.behaviors.base import Sight
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.sumo_models import check_driver
+from scex_sumo.behaviors.base import Sight, check_path
 from scex_sumo.behaviors.driving.motion import drive_along
 from scex_sumo.behaviors.driving.paths import PathChoice, planned_lanes
-from scex_sumo.behaviors.parameters import check_path
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, SeedScene, Who
-from scex_sumo.sumo_models import check_driver
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, VehicleIndex
 
 
 class SumoDriver:
-    """A SUMO car-following model. The world leaves the vehicle to SUMO; this gives its route.
+    """A SUMO car-following model: the world leaves the vehicle to SUMO, and this class gives its route.
 
     Attributes:
         model: SUMO's name of the model, e.g. ``EIDM``.
         parameters: attributes of SUMO's vehicle types, e.g. ``{"tau": "1.2"}``.
-        path: which path to take, as in `IdmProfile`.
+        path: as in `IdmProfile`.
     """
 
     def __init__(
@@ -31,7 +30,7 @@ class SumoDriver:
         """Check and keep the model.
 
         Raises:
-            UsageError: SUMO has no such model or parameter, or it would depend on the tile.
+            UsageError: SUMO has no such model or parameter, or its result would depend on the tile.
         """
         self.model = model
         self.parameters = dict(parameters or {})
@@ -42,7 +41,7 @@ class SumoDriver:
     def routes(
         self, scene: SeedScene, road: Road, vehicle: IntArray, draw: FloatArray
     ) -> list[tuple[int, ...]]:
-        """Lane ids of the routes of vehicles; empty for one off the mapped lanes.
+        """Return the lane ids of routes; empty for a vehicle off the mapped lanes.
 
         Args:
             vehicle: (n,) index into the seed scene.
@@ -52,9 +51,11 @@ class SumoDriver:
 
     @property
     def sight(self) -> Sight | None:
-        """What decides on a plan; a path that is drawn differs between children."""
+        """What a plan depends on; a drawn path differs between children."""
         return None if self.path == "random" else "itself"
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
-        """The path that the vehicle is expected to take, at its present speed: for metrics only."""
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Return the expected path at the present speed, which is for metrics only."""
         return drive_along(history, road, who, self.path)

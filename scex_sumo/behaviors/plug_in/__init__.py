@@ -1,4 +1,4 @@
-"""Plug-ins: models of the user's own by import path, function or file, and who stands in when they fail.
+"""Plug-ins: users' models by import path, function or file, and the fallback planner.
 
 May import behaviors.models, behaviors.scene_graph and all below.
 """

@@ -1,83 +1,102 @@
-"""Fallback planner: who has no usable plan of its own model is driven by the path-following driver."""
+"""Fallback planner: the path-following driver replaces unusable plans of learned and users' models."""
 
 from __future__ import annotations
 
+import inspect
+import traceback
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import ScexError, reason_of
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
-from scex_sumo.behaviors.models.path_follower import follow_path
+from scex_sumo.behaviors.models.idm import follow_path
 from scex_sumo.behaviors.plug_in.single import SingleVehicle
-from scex_sumo.behaviors.plug_in.usable import checked_shape, reason_in_model, where_from, wrong_with
-from scex_sumo.errors import ScexError
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, States, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
-Answer = tuple[Plan, list[str], BoolArray]  # plans, what is wrong with each, whether it is to be replaced
+JUMP_M = 5.0  # largest deviation from the straight motion within one step: 500 m/s², beyond any vehicle
+MAX_REASON = 200  # characters
+STATES = ("x", "y", "heading", "speed")
+_PACKAGE = Path(__file__).resolve().parents[2]
+_STANDARD = Path(traceback.__file__).resolve().parent  # the standard library
+
+Answer = tuple[Plan, list[str], BoolArray]  # plans, why each fell back, whether it must be replaced
 
 
 class Fallible:
-    """Asks a model, and lets the path-following driver plan for vehicles that it has no usable plan for.
+    """A model with a fallback: the path-following driver plans for vehicles without a usable plan.
 
-    A plan is unusable where the model raises, is too short, is not finite, or jumps (see `wrong_with`). A
-    call that raises is made again child by child, then vehicle by vehicle, so that who falls back does not
-    depend on which children share a batch.
+    A plan is unusable if the model raises, or if the plan is too short, not finite, or jumps (see
+    `plan_defects`). A call that raises is repeated child by child, then vehicle by vehicle. So it does not
+    depend on the batch which vehicles fall back.
     """
 
     def __init__(self, model: Behavior, name: str) -> None:
-        """Stand in for a model.
-
-        Args:
-            name: what the user calls it, for messages.
-        """
         self.model = model
         self.name = name
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
-        """The model's plan with `Plan.fallback` and `Plan.reasons`; see `Behavior.plan`."""
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Return the model's plan with `Plan.fallback` and `Plan.reasons`; see `Behavior.plan`."""
         made, reasons, bad = self._ask(history, road, who, rng)
         if bad.any():
             made.assign(bad, follow_path(history, road, who[bad]))
         return replace(made, fallback=np.array([r != "" for r in reasons], bool), reasons=tuple(reasons))
 
-    def try_on(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> None:
-        """Raise a `ScexError` where the model has no usable plan for any of these vehicles."""
+    def try_on(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> None:
+        """Raise a `ScexError` if the model has no usable plan for any of these vehicles."""
         made = self.plan(history, road, who, rng)
         if len(who) == 0 or made.fallback is None or not made.fallback.all():
             return
         raise ScexError(
             f"{self.name}: no usable plan for any of {len(who)} vehicles of the seed scene: "
-            f"{made.reasons[0]}; it is {where_from(self.model)}; needs a Plan of x, y, heading, speed, "
+            f"{made.reasons[0]}; it is {describe_source(self.model)}; needs a Plan of x, y, heading, speed, "
             f"each (n, {PLAN_STEPS}) or more steps, finite, in m and rad of the map, starting at the vehicle"
         )
 
-    def _ask(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Answer:
-        if isinstance(self.model, SingleVehicle) and len(who) > 1:  # it goes from one to the next anyway
+    def _ask(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Answer:
+        if (
+            isinstance(self.model, SingleVehicle) and len(who) > 1
+        ):  # it plans for one vehicle at a time anyway
             return self._ask_each(history, road, who, np.arange(len(who)), rng)
-        asked = np.unique(who.child).tolist() if len(who) > 1 else []
-        before = [rng[child].bit_generator.state for child in asked]
+        children = np.unique(who.child).tolist() if len(who) > 1 else []
+        before = [rng[child].bit_generator.state for child in children]
         try:
-            made = checked_shape(self.model.plan(history, road, who, rng), len(who))
-            wrong = wrong_with(made, history, who)
+            made = plan_arrays(self.model.plan(history, road, who, rng), len(who))
+            defects = plan_defects(made, history, who)
         except (Exception, SystemExit) as error:  # whatever a user's code raises
             if len(who) == 1:
-                return _blank(1), [reason_in_model(error)], np.ones(1, dtype=np.bool_)
-            for child, state in zip(asked, before, strict=True):
+                return _blank(1), [model_error_reason(error)], np.ones(1, dtype=np.bool_)
+            for child, state in zip(children, before, strict=True):
                 rng[child].bit_generator.state = state
-            parts = np.unique(who.child, return_inverse=True)[1] if len(asked) > 1 else np.arange(len(who))
+            single = np.arange(len(who))
+            parts = np.unique(who.child, return_inverse=True)[1] if len(children) > 1 else single
             return self._ask_each(history, road, who, parts, rng)
-        own = made.reasons or (BY_ITSELF,) * len(who)
+        said = made.reasons or (BY_ITSELF,) * len(who)
         fell = np.zeros(len(who), bool) if made.fallback is None else made.fallback
-        reasons = [w or (o if f else "") for w, o, f in zip(wrong, own, fell, strict=True)]
-        return made, reasons, np.array([w != "" for w in wrong], bool)
+        reasons = [d or (s if f else "") for d, s, f in zip(defects, said, fell, strict=True)]
+        return made, reasons, np.array([d != "" for d in defects], bool)
 
     def _ask_each(
-        self, history: SceneHistory, road: Road, who: Who, part: IntArray, rng: Sequence[np.random.Generator]
+        self,
+        history: SceneHistory,
+        road: Road,
+        who: VehicleIndex,
+        part: IntArray,
+        rng: Sequence[np.random.Generator],
     ) -> Answer:
-        """Ask for some of the vehicles after the others: those with equal numbers in (n,) `part` together."""
+        """Ask part by part; vehicles with equal numbers in (n,) `part` are asked for together."""
         count = len(who)
         whole = _blank(count)
         reasons, bad = [""] * count, np.zeros(count, dtype=np.bool_)
@@ -92,3 +111,104 @@ class Fallible:
 
 def _blank(count: int) -> Plan:
     return Plan(**vars(States.empty((count, PLAN_STEPS)).map(np.zeros_like)))
+
+
+def plan_arrays(made: Any, count: int) -> Plan:
+    """Copy the first 30 steps of what a model returned for `count` vehicles.
+
+    Raises:
+        ScexError: it is no plan, has another number of vehicles, or is too short.
+    """
+    parts = {}
+    for key in STATES:
+        if not hasattr(made, key):
+            raise ScexError(f"returned {type(made).__name__}, which has no {key}; needs a scex_sumo.Plan")
+        values = np.asarray(getattr(made, key), dtype=np.float64)
+        if values.ndim != 2 or values.shape[0] != count or values.shape[1] < PLAN_STEPS:
+            raise ScexError(
+                f"plan.{key} has shape {values.shape}, needs ({count}, {PLAN_STEPS}) or more steps"
+            )
+        parts[key] = values[:, :PLAN_STEPS].copy()
+    return Plan(**parts, fallback=getattr(made, "fallback", None), reasons=getattr(made, "reasons", ()))
+
+
+def plan_defects(made: Plan, history: SceneHistory, who: VehicleIndex) -> list[str]:
+    """Return why each of the n plans is unusable; an empty text for a usable plan.
+
+    A plan must be finite. No state may lie more than 5 m from the straight continuation of the motion before
+    it. The first state is compared with the vehicle's present speed and heading.
+    """
+    reasons = [""] * len(who)
+    finite = np.stack([np.isfinite(getattr(made, key)).all(axis=1) for key in STATES])
+    for row in np.flatnonzero(~finite.all(axis=0)):
+        reasons[row] = f"plan.{STATES[int(np.argmin(finite[:, row]))]} is not finite"
+    off = _deviations(made, history, who)
+    for row in np.flatnonzero(finite.all(axis=0) & (off > JUMP_M).any(axis=1)):
+        step = int(np.argmax(off[row] > JUMP_M))
+        where = "starts" if step == 0 else f"jumps at step {step + 1} to"
+        reasons[row] = f"plan {where} {off[row, step]:.1f} m from where the vehicle's motion leads"
+    return reasons
+
+
+def _deviations(made: Plan, history: SceneHistory, who: VehicleIndex) -> FloatArray:
+    """(n, H) distance of each state from the straight continuation of the motion before it, m."""
+    now = history.now[who.child, who.vehicle]
+    step = now.speed * STEP_S
+    x = np.concatenate([(now.x - step * np.cos(now.heading))[:, None], now.x[:, None], made.x], axis=1)
+    y = np.concatenate([(now.y - step * np.sin(now.heading))[:, None], now.y[:, None], made.y], axis=1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        off: FloatArray = np.hypot(np.diff(x, 2, axis=1), np.diff(y, 2, axis=1))
+    return off
+
+
+def model_error_reason(error: BaseException) -> str:
+    """Describe a model's error, with the line of the model's own code that raised it."""
+    if isinstance(error, ScexError):
+        return _short(reason_of(error))
+    frame = _model_frame(error)
+    place = f" ({Path(frame.filename).name}, line {frame.lineno})" if frame is not None else ""
+    return _short(f"raised {reason_of(error)}") + place
+
+
+def _model_frame(error: BaseException) -> traceback.FrameSummary | None:
+    """Return the innermost frame of the model's code: neither ours nor of a library."""
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith("<")]
+    frames = [f for f in frames if _PACKAGE not in Path(f.filename).parents]
+    installed = [f for f in frames if "site-packages" in Path(f.filename).parts]
+    written = [f for f in frames if f not in installed and _STANDARD not in Path(f.filename).parents]
+    if written:
+        return written[-1]
+    # A model of an installed package: its own file comes first, the libraries that it calls come after.
+    return next((f for f in reversed(installed) if f.filename == installed[0].filename), None)
+
+
+def _short(words: str) -> str:
+    return words if len(words) <= MAX_REASON else f"{words[: MAX_REASON - 3]}..."
+
+
+def describe_source(model: Any) -> str:
+    """Return where to look for a model, e.g. ``class Driver of /path/driver.py``."""
+    made = _unwrapped(model)
+    if hasattr(made, "file"):
+        return f"the file {made.file}"
+    kind = "function" if inspect.isfunction(made) else "class"
+    file = source_file(model)
+    return f"{kind} {made.__qualname__} of {made.__module__ if file is None else file}"
+
+
+def source_file(model: Any) -> Path | None:
+    """Return the file of a model, or of its class or function; None if there is none."""
+    made = _unwrapped(model)
+    if hasattr(made, "file"):
+        return Path(made.file)
+    try:
+        return Path(inspect.getfile(made))
+    except (OSError, TypeError):
+        return None
+
+
+def _unwrapped(model: Any) -> Any:
+    """Return the class, function or file adapter that the user wrote."""
+    inner = getattr(model, "function", model.model if isinstance(model, SingleVehicle) else model)
+    inner = inner.func if isinstance(inner, partial) else inner
+    return inner if inspect.isfunction(inner) or hasattr(inner, "file") else type(inner)

@@ -1,68 +1,197 @@
-"""Models of files: TorchScript and ONNX predictors, and programs, as behaviour models."""
+"""Models from files: TorchScript and ONNX predictors, and programs."""
 
 from __future__ import annotations
 
 import importlib.util
-import inspect
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from scex_sumo.behaviors.plug_in.file_function import FileFunction
+import numpy as np
+from numpy.typing import NDArray
+
+from scex_sumo.base.errors import InputError, MissingExtraError, ScexError
 from scex_sumo.behaviors.plug_in.inputs import ARRAYS, Surroundings
 from scex_sumo.behaviors.plug_in.predictor import Predictor
 from scex_sumo.behaviors.plug_in.process import NAME, PROCESS
-from scex_sumo.behaviors.plug_in.user_model import UserModel
-from scex_sumo.errors import InputError, MissingExtraError
+from scex_sumo.behaviors.plug_in.user_model import EMPTY, UserModel
 
-_PACKAGES = {"torchscript": ("torch", "learned"), "onnx": ("onnxruntime", "onnx")}  # needed, and its extra
+_DTYPES: Final = {
+    "tensor(float)": np.float32,
+    "tensor(double)": np.float64,
+    "tensor(float16)": np.float16,
+    "tensor(int64)": np.int64,
+    "tensor(int32)": np.int32,
+    "tensor(bool)": np.bool_,
+}
+# Input and axis from which an ONNX file's sizes of the surroundings are read.
+_SIZES: Final = {
+    "neighbours": (("neighbours", 1), ("neighbour_size", 1), ("neighbour_kind", 1), ("neighbour_mask", 1)),
+    "lanes": (("lanes", 1), ("lane_limit", 1), ("lane_mask", 1)),
+    "points": (("lanes", 2),),
+}
 
 
-def _predictor(kind: str, file: str, surroundings: Mapping[str, Any]) -> Predictor:
-    """The predictor in a file; how much it sees is as given, else as the file says, else the default.
+class FileFunction(ABC):
+    """A function in a file: arrays by name in, trajectories out. Each process loads the file itself.
+
+    Attributes:
+        sizes: fields of `Surroundings` that the file fixes.
+    """
+
+    inputs: tuple[str, ...]
+
+    def __init__(self, file: str) -> None:
+        self.file = str(Path(file).resolve())
+        self.sizes: dict[str, int] = {}
+
+    @cached_property
+    @abstractmethod
+    def loaded(self) -> Any:
+        """Content of the file; raises an `InputError` if it cannot be loaded."""
+
+    @abstractmethod
+    def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
+        """Return trajectories; see `Predictor`."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "loaded"}
+
+
+class OnnxFunction(FileFunction):
+    """An ONNX file on one thread; its first output holds the trajectories."""
+
+    def __init__(self, file: str) -> None:
+        """Load the file.
+
+        Raises:
+            InputError: it is no ONNX file, or its number of vehicles is fixed.
+        """
+        super().__init__(file)
+        declared = self.loaded.get_inputs()
+        self.inputs = tuple(entry.name for entry in declared)
+        self._dtypes = {entry.name: _DTYPES.get(entry.type, np.float32) for entry in declared}
+        shapes = {entry.name: list(entry.shape) for entry in declared}
+        fixed = next((name for name, shape in shapes.items() if shape and isinstance(shape[0], int)), None)
+        if fixed is not None:
+            raise InputError(
+                f"{file}: input {fixed} has shape {shapes[fixed]}, for {shapes[fixed][0]} vehicles only; "
+                "export it with a free first dimension (dynamic_axes or dynamic_shapes)"
+            )
+        for size, places in _SIZES.items():
+            for name, axis in places:
+                shape = shapes.get(name, [])
+                if len(shape) > axis and isinstance(shape[axis], int):
+                    self.sizes[size] = shape[axis]
+
+    @cached_property
+    def loaded(self) -> Any:
+        """The inference session."""
+        import onnxruntime
+
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = 1
+        options.inter_op_num_threads = 1
+        options.log_severity_level = 3
+        try:
+            return onnxruntime.InferenceSession(self.file, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # its errors have no common class
+            raise InputError(f"{self.file}: no ONNX file: {' '.join(str(error).split())}") from None
+
+    def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
+        """Return trajectories; see `Predictor`."""
+        given: dict[str, NDArray[Any]] = {
+            key: np.ascontiguousarray(values, self._dtypes[key]) for key, values in arrays.items()
+        }
+        return np.asarray(self.loaded.run(None, given)[0], dtype=np.float64)
+
+
+class ScriptedFunction(FileFunction):
+    """The forward function of a TorchScript file on one thread; numbers are float32."""
+
+    def __init__(self, file: str) -> None:
+        """Load the file.
+
+        Raises:
+            InputError: it is no TorchScript file.
+        """
+        super().__init__(file)
+        arguments = self.loaded.forward.schema.arguments[1:]  # the first is the module itself
+        self.inputs = tuple(str(argument.name) for argument in arguments)
+
+    @cached_property
+    def loaded(self) -> Any:
+        """The module."""
+        import torch
+
+        torch.set_num_threads(1)  # the last digits of a sum depend on the number of threads
+        try:
+            jit: Any = torch.jit
+            return jit.load(self.file, map_location="cpu").eval()
+        except Exception as error:  # torch raises RuntimeError, ValueError and others for a foreign file
+            first = str(error).strip().splitlines()[:1] or ["no message"]
+            raise InputError(f"{self.file}: no TorchScript file: {first[0]}") from None
+
+    def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
+        """Return trajectories; see `Predictor`."""
+        import torch
+
+        tensors = {
+            name: torch.from_numpy(
+                np.ascontiguousarray(values, dtype=np.float32 if values.dtype.kind == "f" else values.dtype)
+            )
+            for name, values in arrays.items()
+        }
+        with torch.inference_mode():
+            made = self.loaded(**tensors)
+        if not isinstance(made, torch.Tensor):
+            raise ScexError(f"{Path(self.file).name} returned {type(made).__name__}, needs a tensor")
+        return np.asarray(made.numpy(), dtype=np.float64)
+
+
+# Class, required package and its extra.
+_KINDS: Mapping[str, tuple[type[FileFunction], str, str]] = {
+    "torchscript": (ScriptedFunction, "torch", "learned"),
+    "onnx": (OnnxFunction, "onnxruntime", "onnx"),
+}
+
+
+def _predictor(kind: str, file: str, **surroundings: Any) -> Predictor:
+    """Return the predictor in a file; given sizes of the surroundings win over those of the file.
 
     Raises:
-        MissingExtraError: what it needs is not installed.
-        InputError: the file is none, or asks for inputs that there are not.
+        MissingExtraError: the required package is not installed.
+        InputError: the file cannot be loaded, or asks for unknown inputs.
     """
-    package, extra = _PACKAGES[kind]
+    make, package, extra = _KINDS[kind]
     if importlib.util.find_spec(package) is None:
         raise MissingExtraError(f"{kind}: needs {package}; install it with pip install 'scex-sumo[{extra}]'")
     if not Path(file).is_file():
         raise InputError(f"{kind}: file={file}: no such file")
-    function: FileFunction
-    if kind == "onnx":
-        from scex_sumo.behaviors.plug_in.onnx_file import OnnxFunction
-
-        function = OnnxFunction(file)
-    else:
-        from scex_sumo.behaviors.plug_in.torchscript_file import ScriptedFunction
-
-        function = ScriptedFunction(file)
+    function = make(file)
     unknown = [name for name in function.inputs if name not in ARRAYS]
     if unknown or not function.inputs:
         asks = f"asks for an input {unknown[0]!r}" if unknown else "has no inputs"
         raise InputError(f"{file}: {asks}; there are: {', '.join(ARRAYS)}")
-    around = Surroundings(**(function.sizes | dict(surroundings)))
+    around = Surroundings(**(function.sizes | surroundings))
     return Predictor(function, inputs=function.inputs, surroundings=around)
 
 
-def _model(kind: str, summary: str) -> UserModel:
-    def make(file: str, **surroundings: Any) -> Predictor:
-        return _predictor(kind, file, surroundings)
-
-    parameters = {"file": inspect.Parameter.empty, **asdict(Surroundings())}
-    return UserModel(make=make, parameters=parameters, summary=summary)
+def _file_model(kind: str, summary: str) -> UserModel:
+    parameters = {"file": EMPTY, **asdict(Surroundings())}
+    return UserModel(make=partial(_predictor, kind), parameters=parameters, summary=summary)
 
 
 FILES: Mapping[str, UserModel] = {
-    "torchscript": _model(
+    "torchscript": _file_model(
         "torchscript", "A TorchScript file that predicts trajectories; its forward names its inputs."
     ),
-    "onnx": _model(
+    "onnx": _file_model(
         "onnx", "An ONNX file that predicts trajectories; the names of its inputs say what it is given."
     ),
     NAME: PROCESS,
 }
-"""Models from files by the name that they have on the command line; the file or command is a parameter."""
+"""Models from files by their name on the command line; the file or command is a parameter."""

@@ -1,6 +1,6 @@
-"""Inputs of predictors: each vehicle's last second, the others, the lanes, in the vehicle's frame.
+"""Predictor inputs: the last second of a vehicle and its neighbours, and the lanes, in the vehicle's frame.
 
-The frame of a vehicle: origin at its centre now, x ahead, y to the left; angles relative to its heading.
+The origin is the vehicle's present centre, x ahead, y to the left; angles are relative to its heading.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.parameters import check_positive
-from scex_sumo.derived import derived
-from scex_sumo.errors import UsageError
-from scex_sumo.geometry.frames import seen_from
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.base import check_positive
 from scex_sumo.geometry.polylines import along, length_of
+from scex_sumo.geometry.rectangles import seen_from
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, SceneHistory, States, Who
+from scex_sumo.scene import HISTORY_STEPS, SceneHistory, States, VehicleIndex
 
 ARRAYS: Final = (
     "history",
@@ -33,7 +33,7 @@ ARRAYS: Final = (
     "lane_limit",
     "lane_mask",
 )
-"""Inputs that are arrays with one row per vehicle; see `predictor_inputs`."""
+"""Inputs with one row per vehicle; see `predictor_inputs`."""
 
 KINDS: Final = ("car", "truck", "motorcycle", "bicycle", "pedestrian", "other")
 _WORDS = (
@@ -54,11 +54,14 @@ class Surroundings:
     """How much a predictor sees.
 
     Attributes:
-        neighbours: K, the nearest others.
-        radius: how far others and lanes are seen, m.
-        lanes: L, the nearest pieces of centrelines.
-        points: P per piece.
-        spacing: between the points of a piece, at most, m.
+        neighbours: K, number of nearest others.
+        radius: perception radius, m.
+        lanes: L, number of nearest centreline pieces.
+        spacing: largest distance between the points of a piece, m.
+
+    Example:
+        >>> scex.Surroundings(neighbours=4).radius
+        50.0
     """
 
     neighbours: int = 16
@@ -74,27 +77,28 @@ class Surroundings:
 
 
 def predictor_inputs(
-    history: SceneHistory, road: Road, who: Who, surroundings: Surroundings, names: Collection[str] = ARRAYS
+    history: SceneHistory,
+    road: Road,
+    who: VehicleIndex,
+    surroundings: Surroundings,
+    names: Collection[str] = ARRAYS,
 ) -> dict[str, NDArray[Any]]:
-    """Some of the input arrays `ARRAYS` of n vehicles, by name.
+    """Return the named input arrays of n vehicles.
 
     ``history`` (n, 11, 5): x and y (m), cos and sin of the heading, speed (m/s); oldest first, now last.
     ``size`` (n, 2): length and width, m. ``kind`` (n,): index into `KINDS`.
     ``neighbours`` (n, K, 11, 5), ``neighbour_size`` (n, K, 2), ``neighbour_kind`` (n, K): the same of
     vehicles, pedestrians and cyclists within the radius, nearest first.
-    ``lanes`` (n, L, P, 2): pieces of lane centrelines in driving direction whose middles are within the
-    radius, nearest first, m. ``lane_limit`` (n, L): speed limit of each, m/s.
-    ``neighbour_mask`` (n, K) and ``lane_mask`` (n, L): False where there are fewer; those rows are zero.
-
-    Args:
-        names: the inputs wanted; the others are not computed.
+    ``lanes`` (n, L, P, 2): centreline pieces in driving direction whose middles are within the radius,
+    nearest first, m. ``lane_limit`` (n, L): their speed limits, m/s.
+    ``neighbour_mask`` (n, K) and ``lane_mask`` (n, L): False for unused rows, which are zero.
     """
     scene = history.scene
-    own = history.states[who.child, who.vehicle]
-    now = own[:, -1]
+    past = history.states[who.child, who.vehicle]
+    now = past[:, -1]
     kinds = np.array([vehicle_kind(word) for word in scene.types], dtype=np.int64)
     made: dict[str, NDArray[Any]] = {
-        "history": seen_from(now, own),
+        "history": seen_from(now, past),
         "size": np.stack([scene.length, scene.width], axis=-1)[who.vehicle],
         "kind": kinds[who.vehicle],
     }
@@ -106,19 +110,19 @@ def predictor_inputs(
 
 
 def vehicle_kind(word: str) -> int:
-    """Index into `KINDS` of a recorded type, e.g. ``truck_bus``."""
+    """Return the index into `KINDS` of a recorded type, e.g. ``truck_bus``."""
     return next((kind for part, kind in _WORDS if part in word.lower()), KINDS.index("other"))
 
 
 def _others(
-    history: SceneHistory, who: Who, now: States, surroundings: Surroundings, kinds: IntArray
+    history: SceneHistory, who: VehicleIndex, now: States, surroundings: Surroundings, kinds: IntArray
 ) -> dict[str, NDArray[Any]]:
-    """The nearest others, obstacles included."""
+    """Return the inputs of the nearest vehicles and obstacles."""
     scene, states = history.scene, history.states
     size = np.stack([scene.length, scene.width], axis=-1)
     present = np.ones(states.shape[:2], dtype=np.bool_)
     if scene.obstacles is not None:
-        # Replayed, so what they did is what was recorded.
+        # Obstacles are replayed, so their past is the recorded one.
         steps = np.arange(history.step, history.step + HISTORY_STEPS + 1)
         steps = np.minimum(steps, scene.obstacles.states.shape[1] - 1)
         shape = (len(states.x), len(scene.obstacles.ids), HISTORY_STEPS + 1)
@@ -144,7 +148,7 @@ def _others(
 
 
 def _nearest(distance: FloatArray, count: int, radius: float) -> tuple[IntArray, BoolArray]:
-    """(n, count) columns of the smallest distances, ascending, and which of them are within the radius."""
+    """(n, count) columns of the smallest distances, ascending, and whether each is within the radius."""
     order = np.argsort(distance, axis=1, kind="stable")[:, :count]
     mask = np.take_along_axis(distance, order, axis=1) <= radius
     short = count - order.shape[1]
@@ -152,7 +156,7 @@ def _nearest(distance: FloatArray, count: int, radius: float) -> tuple[IntArray,
 
 
 def _lanes(road: Road, now: States, surroundings: Surroundings) -> dict[str, NDArray[Any]]:
-    """The nearest pieces of centrelines."""
+    """Return the inputs of the nearest centreline pieces."""
     pieces, limit = lane_pieces(road, surroundings.points, surroundings.spacing)
     middle = pieces[:, [surroundings.points // 2, (surroundings.points - 1) // 2]].mean(axis=1)
     distance = np.hypot(middle[:, 0] - now.x[:, None], middle[:, 1] - now.y[:, None])
@@ -169,17 +173,13 @@ def _lanes(road: Road, now: States, surroundings: Surroundings) -> dict[str, NDA
     }
 
 
-@derived
+@owner_cache
 def lane_pieces(road: Road, points: int, spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Centrelines of the vehicle lanes cut into equal pieces, kept with the road.
-
-    Args:
-        points: P per piece.
-        spacing: between them, at most, m.
+    """Cut the centrelines of the vehicle lanes into equal pieces; kept with the road.
 
     Returns:
-        (R, P, 2) in driving direction, each piece ending where the next of its lane begins, and (R,) the
-        speed limit of each, m/s.
+        (R, P, 2) points in driving direction, m; a piece ends where the next of its lane begins. And (R,)
+        speed limits, m/s.
     """
     pieces: list[FloatArray] = [np.empty((0, points, 2))]
     limits: list[FloatArray] = [np.empty(0)]

@@ -1,4 +1,4 @@
-"""Predictors as behaviour models: any function from history, neighbours, lanes or graph to trajectories."""
+"""Predictors as behaviour models: functions from history, neighbours, lanes or graph to trajectories."""
 
 from __future__ import annotations
 
@@ -9,33 +9,40 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.plug_in.inputs import ARRAYS, Surroundings, predictor_inputs
-from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, Who
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
 if TYPE_CHECKING:
     from scex_sumo.behaviors.scene_graph.graph import SceneGraph
 
 INPUTS: Final = (*ARRAYS, "graph", "node", "rng")
-"""What a function may name as its parameters: arrays, the scene graph and the vehicles' nodes, randomness."""
+"""Parameters that a function may have: arrays, the scene graph and the vehicles' nodes, randomness."""
 
 MOVING_M = 0.05  # per step: below 0.5 m/s the direction of the motion says little about the heading
 NEEDED = f"(n, H, 2), (n, H, 3) or (n, H, 4) with H of at least {PLAN_STEPS}"
 
 
 class Predictor:
-    """Makes a `Behavior` of a function that predicts trajectories in each vehicle's own frame.
+    """Adapter that makes a `Behavior` of a function that predicts trajectories in the vehicle's own frame.
 
-    The function is called with the inputs that its parameters name, see `INPUTS` and `predictor_inputs`, and
-    returns x, y and, where it knows them, heading and speed: (n, H >= 30, 2 to 4) in m, rad and m/s, one row
-    per step of 0.1 s from the next one on. Missing headings follow the motion, missing speeds too.
+    The function is called with the inputs that its parameters name, see `INPUTS` and `predictor_inputs`. It
+    returns (n, H >= 30, 2 to 4): x, y (m), and optionally heading (rad) and speed (m/s), one row per step of
+    0.1 s from the next one on. Missing headings and speeds follow the motion.
 
-    It is called child by child, with the n vehicles of that child, so that no child depends on which others
-    share its batch: matrix products differ in their last digits with the number of rows.
+    It is called once per child, with the n vehicles of that child. Matrix products differ in their last
+    digits with the number of rows, so a larger call would make a child depend on its batch.
+
+    Example:
+        >>> def straight(history):
+        ...     way = 0.1 * history[:, -1, 4:] * np.arange(1, 31)
+        ...     return np.stack([way, np.zeros_like(way)], axis=-1)
+        >>> scex.Predictor(straight).inputs
+        ('history',)
     """
 
     def __init__(
@@ -49,13 +56,12 @@ class Predictor:
         """Wrap a function.
 
         Args:
-            inputs: names of what it is called with; None takes its parameters.
-            batched: call it once with the vehicles of all children. For a function that promises the same
-                rows whatever other rows there are; it cannot ask for ``rng``.
-            surroundings: how much it sees.
+            inputs: names of its arguments; None takes its parameters.
+            batched: call it once with the vehicles of all children. The function must give the same rows
+                whatever other rows there are, and cannot ask for ``rng``.
 
         Raises:
-            UsageError: it asks for what there is not.
+            UsageError: it asks for unknown inputs.
         """
         self.function = function
         self.inputs = tuple(inputs) if inputs is not None else wanted_inputs(function)
@@ -68,11 +74,13 @@ class Predictor:
         if batched and "rng" in self.inputs:
             raise UsageError(f"predictor {name_of(function)}: rng belongs to one child; leave out batched")
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
         """Predict for all vehicles; see `Behavior.plan`.
 
         Raises:
-            ScexError: what the function returned are no trajectories.
+            ScexError: the function returned no trajectories.
         """
         arrays = predictor_inputs(
             history, road, who, self.surroundings, [name for name in self.inputs if name in ARRAYS]
@@ -94,10 +102,10 @@ class Predictor:
         whole = np.zeros((len(who), PLAN_STEPS, 4))
         if calls:
             whole[np.concatenate(calls)] = completed(np.concatenate(predicted))
-        return _in_the_map(whole, history, who)
+        return _map_plan(whole, history, who)
 
-    def _calls(self, who: Who) -> list[IntArray]:
-        """Rows of each call."""
+    def _calls(self, who: VehicleIndex) -> list[IntArray]:
+        """Return the rows of each call."""
         if self.batched or len(who) == 0:
             return [np.arange(len(who))] if len(who) else []
         order = np.argsort(who.child, kind="stable")
@@ -105,13 +113,10 @@ class Predictor:
 
 
 def trajectories(predicted: Any, count: int) -> FloatArray:
-    """What a function returned, as (n, 30, 2 to 4).
-
-    Args:
-        count: n.
+    """Check what a function returned for `count` vehicles, and cut it to (n, 30, 2 to 4).
 
     Raises:
-        ScexError: it is of another shape, or no array.
+        ScexError: it has another shape, or is no array.
     """
     try:
         values = np.asarray(predicted, dtype=np.float64)
@@ -124,19 +129,16 @@ def trajectories(predicted: Any, count: int) -> FloatArray:
 
 
 def completed(values: FloatArray) -> FloatArray:
-    """Trajectories with what is missing: (n, 30, 4) x, y, heading, speed in the vehicles' own frames.
+    """Add missing headings and speeds: (n, 30, 2 to 4) to (n, 30, 4) x, y, heading, speed.
 
-    A heading follows the motion, and stays below 0.5 m/s; a vehicle that moves back from where it heads is
+    A heading follows the motion, and stays below 0.5 m/s. A vehicle that moves against its heading is
     reversing. A speed is the way of the step over its time, negative when reversing.
-
-    Args:
-        values: (n, 30, 2 to 4).
     """
-    given = values.shape[2]
+    columns = values.shape[2]
     way = np.diff(values[..., :2], axis=1, prepend=0.0)
     length = np.hypot(way[..., 0], way[..., 1])
-    heading = values[..., 2] if given > 2 else _headings(way, length)
-    if given == 4:
+    heading = values[..., 2] if columns > 2 else _headings(way, length)
+    if columns == 4:
         speed = values[..., 3]
     else:
         ahead = np.cos(heading) * way[..., 0] + np.sin(heading) * way[..., 1]
@@ -145,7 +147,7 @@ def completed(values: FloatArray) -> FloatArray:
 
 
 def _headings(way: FloatArray, length: FloatArray) -> FloatArray:
-    """(n, H) headings that follow the steps (n, H, 2) of these lengths, from 0 on."""
+    """(n, H) headings that follow the steps (n, H, 2) of these lengths, starting at 0."""
     heading = np.zeros(length.shape)
     before = np.zeros(len(length))
     for step in range(length.shape[1]):
@@ -157,10 +159,10 @@ def _headings(way: FloatArray, length: FloatArray) -> FloatArray:
     return heading
 
 
-def _in_the_map(own: FloatArray, history: SceneHistory, who: Who) -> Plan:
-    """Trajectories (n, H, 4) in the vehicles' frames as a plan."""
+def _map_plan(local: FloatArray, history: SceneHistory, who: VehicleIndex) -> Plan:
+    """Transform trajectories (n, H, 4) from the vehicles' frames to the map."""
     now = history.now[who.child, who.vehicle].map(lambda values: values[:, None])
-    x, y, heading, speed = np.moveaxis(own, -1, 0)
+    x, y, heading, speed = np.moveaxis(local, -1, 0)
     cos, sin = np.cos(now.heading), np.sin(now.heading)
     return Plan(
         x=now.x + cos * x - sin * y,
@@ -171,14 +173,13 @@ def _in_the_map(own: FloatArray, history: SceneHistory, who: Who) -> Plan:
 
 
 def _graph(history: SceneHistory, road: Road) -> SceneGraph:
-    """The scene graph, whose modules few runs need."""
-    from scex_sumo.behaviors.scene_graph.graph import scene_graph
+    from scex_sumo.behaviors.scene_graph.graph import scene_graph  # few runs need it
 
     return scene_graph(history, road)
 
 
 def graph_of_child(graph: SceneGraph, child: int, vehicles: int) -> SceneGraph:
-    """The part of a batch's scene graph that belongs to one child; its nodes are the vehicles."""
+    """Return the scene graph of one child of a batch; its nodes are the vehicles."""
     nodes = slice(child * vehicles, (child + 1) * vehicles)
     edges = graph.edge_index[1] // vehicles == child
     return replace(
@@ -197,12 +198,12 @@ def graph_of_child(graph: SceneGraph, child: int, vehicles: int) -> SceneGraph:
 
 
 def name_of(function: Callable[..., Any]) -> str:
-    """What to call a function in a message."""
+    """Return a function's name for messages."""
     return str(getattr(function, "__name__", type(function).__name__))
 
 
 def wanted_inputs(function: Callable[..., Any]) -> tuple[str, ...]:
-    """Names of the inputs that a function's parameters ask for; parameters with a default ask for none."""
+    """Return a function's parameters that are inputs or have no default."""
     empty = inspect.Parameter.empty
     named = inspect.signature(function).parameters.values()
     return tuple(p.name for p in named if p.name in INPUTS or p.default is empty)

@@ -1,6 +1,6 @@
-"""Driving function in another process: a program in any language, asked by lines of JSON.
+"""External driving function: a program in any language that answers lines of JSON.
 
-It reads one line for each question on standard input and answers each with one line on standard output. The
+The program reads one line per question on standard input and answers with one line on standard output. The
 first line is the road; the program answers it with any JSON object when it is ready.
 """
 
@@ -16,32 +16,32 @@ from typing import Any
 
 import numpy as np
 
+from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.plug_in.user_model import EMPTY, UserModel
-from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, States
 
 NAME = "process"
-START_S = 30.0  # how long a program may take to get ready
-STARTS = 5  # of one program in one worker; whoever needs more is given up
+START_S = 30.0  # time for a program to get ready
+MAX_STARTS = 5  # of one program in one worker
 _PIPE = 1 << 16  # bytes that a pipe holds
-_LONGEST = 1 << 22  # bytes of an answer; a plan takes 3000
+_MAX_ANSWER = 1 << 22  # bytes; a plan takes 3000
 _KEYS = ("x", "y", "heading", "speed")
 
 
 class ProcessDriver:
-    """Asks a program for the plan of one vehicle at a time; what it does wrong is an error of the plan."""
+    """Single-vehicle model that asks a program; its mistakes are errors of the plan."""
 
     def __init__(self, command: str, deadline_s: float = 1.0) -> None:
-        """Nothing is started before the first question.
+        """Keep the command; the program starts at the first question.
 
         Args:
-            command: as on a shell's command line, without the shell.
-            deadline_s: an answer that takes longer is none, and ends the program.
+            command: as on a shell's command line; no shell is used.
+            deadline_s: a later answer counts as none, and ends the program.
 
         Raises:
-            UsageError: no command, or no time.
+            UsageError: the command is empty, or the deadline is not positive.
         """
         if not shlex.split(command):
             raise UsageError(f"{NAME}: needs a command, as in {NAME}:'python driver.py'")
@@ -52,7 +52,7 @@ class ProcessDriver:
         self._starts = 0
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without the running program: each worker starts its own."""
+        """Leave out the running program: each worker starts its own."""
         return {**self.__dict__, "_program": None, "_starts": 0}
 
     def plan_one(
@@ -61,11 +61,11 @@ class ProcessDriver:
         """Ask the program; see `SingleVehicleBehavior`.
 
         Raises:
-            ScexError: it cannot be started, has ended, is late, or answers with something else.
+            ScexError: the program cannot be started, has ended, is late, or gives no plan.
         """
         if self._program is None:
-            if self._starts >= STARTS:
-                raise ScexError(f"{self.command}: ended or was late {STARTS} times; given up")
+            if self._starts >= MAX_STARTS:
+                raise ScexError(f"{self.command}: ended or was late {MAX_STARTS} times; given up")
             self._starts += 1
             self._program = _Program(self.command, _setup(road))
         try:
@@ -78,7 +78,7 @@ class ProcessDriver:
 
 
 class _Program:
-    """A running program and the lines to and from it."""
+    """A running program and its pipes."""
 
     def __init__(self, command: str, setup: str) -> None:
         self._command = command
@@ -90,7 +90,7 @@ class _Program:
             raise ScexError(f"{command}: cannot be started: {error.strerror or error}") from None
         assert self._process.stdin is not None and self._process.stdout is not None
         self._in, self._out = self._process.stdin, self._process.stdout
-        os.set_blocking(self._in.fileno(), False)  # one that does not read must not stop the run
+        os.set_blocking(self._in.fileno(), False)  # a program that does not read must not stop the run
         self._ready, self._selector = selectors.DefaultSelector(), selectors.DefaultSelector()
         self._ready.register(self._in, selectors.EVENT_WRITE)
         self._selector.register(self._out, selectors.EVENT_READ)
@@ -120,8 +120,8 @@ class _Program:
             if not part:
                 raise ScexError(f"{self._command}: has ended{self._status()}")
             read += part
-            if len(read) > _LONGEST:
-                raise ScexError(f"{self._command}: answered no line within {_LONGEST} bytes")
+            if len(read) > _MAX_ANSWER:
+                raise ScexError(f"{self._command}: answered no line within {_MAX_ANSWER} bytes")
         answer, _, more = read.partition(b"\n")
         if more:
             raise ScexError(f"{self._command}: answered with more than one line: {more[:60]!r}")
@@ -146,19 +146,19 @@ class _Program:
         self._out.close()
 
     def __del__(self) -> None:
-        """Stop the program: a worker that is done leaves none behind."""
+        """Stop the program when the worker is done."""
         if hasattr(self, "_selector") and not self._out.closed:
             self.end()
 
 
 def _wait(selector: selectors.BaseSelector, until: float) -> bool:
-    """Wait for a pipe; False where the time is over, also for who keeps it busy."""
+    """Wait for a pipe; return False if the time is over, even if the pipe is ready."""
     left = until - time.monotonic()
     return left > 0 and bool(selector.select(left))
 
 
 def _setup(road: Road) -> str:
-    """The first line: what does not change."""
+    """Return the first line, which describes the road."""
     lanes = [
         {
             "id": lane.lane_id,
@@ -175,18 +175,18 @@ def _setup(road: Road) -> str:
 
 
 def _question(history: SceneHistory, child: int, vehicle: int) -> str:
-    """One vehicle's scene: itself first, then the others, each with its last second, oldest first."""
+    """Return one vehicle's scene: the vehicle and all others, each with its last second, oldest first."""
     scene, states = history.scene, history.states[child]
 
     def described(v: int) -> dict[str, Any]:
-        own = states[v]
+        past = states[v]
         return {
             "id": int(scene.track_ids[v]),
             "type": scene.types[v],
-            **{key: float(getattr(own, key)[-1]) for key in _KEYS},
+            **{key: float(getattr(past, key)[-1]) for key in _KEYS},
             "length": float(scene.length[v]),
             "width": float(scene.width[v]),
-            "past": {key: getattr(own, key)[:-1].tolist() for key in _KEYS},
+            "past": {key: getattr(past, key)[:-1].tolist() for key in _KEYS},
         }
 
     others = [described(v) for v in range(scene.vehicles) if v != vehicle]
@@ -195,7 +195,7 @@ def _question(history: SceneHistory, child: int, vehicle: int) -> str:
 
 
 def _states(command: str, answer: Any) -> States:
-    """The plan in an answer."""
+    """Return the plan in an answer."""
     try:
         rows = {key: np.array(answer[key], dtype=np.float64) for key in _KEYS}
     except (KeyError, TypeError, ValueError):
@@ -211,13 +211,12 @@ PROCESS = UserModel(
     parameters={"command": EMPTY, "deadline_s": 1.0},
     summary="A program of any language, asked by lines of JSON; process:COMMAND.",
 )
-"""The model on the command line."""
 
 
 def split_command(text: str) -> list[str] | None:
-    """Parts of ``process[:deadline_s=S]:COMMAND`` as parameters; None where it is another model's text.
+    """Split ``process[:deadline_s=S]:COMMAND`` into parameters; return None for other models.
 
-    The command is all that is left, with colons, commas and blanks.
+    The command keeps its colons, commas and blanks.
     """
     name, colon, rest = text.partition(":")
     if name.strip() != NAME or not colon:

@@ -1,4 +1,4 @@
-"""Single-vehicle models, which plan for one vehicle at a time, such as a driving function under test."""
+"""Single-vehicle models: they plan for one vehicle at a time, e.g. a driving function under test."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.driving.perception import narrow_road
-from scex_sumo.errors import ScexError
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, States, Who
+from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
 
 
 @runtime_checkable
 class SingleVehicleBehavior(Protocol):
-    """Plans for one vehicle of one child."""
+    """A model that plans for one vehicle of one child."""
 
     def plan_one(
         self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
@@ -25,10 +25,10 @@ class SingleVehicleBehavior(Protocol):
         """Plan at least 30 steps for one vehicle.
 
         Args:
-            history: states of the vehicle's own child alone, C = 1; its own are
-                ``history.states[child, vehicle]``, (11,), those of all vehicles ``history.states[child]``,
+            history: states of the vehicle's child alone, C = 1. Its own states are
+                ``history.states[child, vehicle]``, (11,); those of all vehicles ``history.states[child]``,
                 (V, 11).
-            road: the map, narrowed to the model's `radius` around the vehicle where it has one.
+            road: the map; if the model has a `radius`, narrowed to that around the vehicle.
             child: index into the history, 0; ``history.children[child]`` is the child's number.
             vehicle: index into the seed scene.
             rng: the child's generator.
@@ -39,25 +39,16 @@ class SingleVehicleBehavior(Protocol):
         ...
 
 
-def _of_child(history: SceneHistory, child: int) -> SceneHistory:
-    """What belongs to one child: a model can neither see the others nor pay for them."""
-    own = slice(child, child + 1)
-    return replace(
-        history,
-        states=history.states[own],
-        children=history.children[own],
-        route_draw=history.route_draw[own],
-    )
-
-
 class SingleVehicle:
-    """Makes a `Behavior` of a model that plans for one vehicle at a time."""
+    """Adapter that makes a `Behavior` of a single-vehicle model."""
 
     def __init__(self, model: SingleVehicleBehavior) -> None:
         self.model = model
         self.radius: float | None = getattr(model, "radius", None)
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
         """Ask the model for one vehicle after the other; see `Behavior.plan`.
 
         Raises:
@@ -65,12 +56,13 @@ class SingleVehicle:
         """
         now = history.now
         plans = []
-        alone = {c: _of_child(history, c) for c in np.unique(who.child).tolist()}
+        # The model sees one child, so that it neither depends on the others nor pays for them.
+        alone = {c: _child_history(history, c) for c in np.unique(who.child).tolist()}
         for c, v in zip(who.child.tolist(), who.vehicle.tolist(), strict=True):
-            seen = road
+            visible = road
             if self.radius is not None:
-                seen = narrow_road(road, float(now.x[c, v]), float(now.y[c, v]), self.radius)
-            plans.append(self._checked(self.model.plan_one(alone[c], seen, 0, v, rng[c])))
+                visible = narrow_road(road, float(now.x[c, v]), float(now.y[c, v]), self.radius)
+            plans.append(self._checked(self.model.plan_one(alone[c], visible, 0, v, rng[c])))
         if not plans:
             return Plan(**vars(States.empty((0, PLAN_STEPS))))
         steps = min(len(plan.x) for plan in plans)
@@ -84,3 +76,33 @@ class SingleVehicle:
                 f"needs four of at least ({PLAN_STEPS},)"
             )
         return plan
+
+
+def _child_history(history: SceneHistory, child: int) -> SceneHistory:
+    only = slice(child, child + 1)
+    return replace(
+        history,
+        states=history.states[only],
+        children=history.children[only],
+        route_draw=history.route_draw[only],
+    )
+
+
+def narrow_road(road: Road, x: float, y: float, radius: float) -> Road:
+    """Return the lanes, markings and areas of a map that have a point within a radius of (x, y), m."""
+
+    def near(points: FloatArray) -> bool:
+        return bool(len(points) and (np.hypot(points[:, 0] - x, points[:, 1] - y) <= radius).any())
+
+    lanes = {
+        i: lane
+        for i, lane in road.lanes.items()
+        if near(lane.centreline) or near(lane.left_bound) or near(lane.right_bound)
+    }
+    return replace(
+        road,
+        lanes=lanes,
+        regulations=tuple(r for r in road.regulations if any(i in lanes for i in r.lanes)),
+        markings=tuple(m for m in road.markings if near(m.points)),
+        areas=tuple(a for a in road.areas if near(a.outline)),
+    )

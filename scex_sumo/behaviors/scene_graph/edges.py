@@ -1,4 +1,4 @@
-"""Edges of the semantic scene graph: how the lanes relate two vehicles, for many pairs at once."""
+"""Edges of the semantic scene graph: lane relations of vehicle pairs, many at once."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray, least_of
+from scex_sumo.base.arrays import FloatArray, IntArray, least_of
 from scex_sumo.roads.relations import BESIDE_M, CONFLICT_M, LaneRelations
 from scex_sumo.scene import States
 
@@ -27,32 +27,24 @@ EDGE_COLUMNS = (
     "cos",  # of the source's heading in the target's frame
     "sin",
 )
-WAY_M = 100.0  # how far along the lanes a vehicle ahead or behind counts
+WAY_M = 100.0  # along the lanes, for vehicles ahead or behind
 SECOND_MATCH = 0.2  # a second lane counts from this probability on
 MATCHES = 2  # lanes per vehicle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Located:
-    """Where N vehicles are on the road: the most probable lane in row 0, the second in row 1.
+    """Lanes of N vehicles: the most probable one in row 0, the second in row 1."""
 
-    Attributes:
-        lane: (MATCHES, N) number in the road index; arbitrary where the probability is 0.
-        s: (MATCHES, N) arc length on it, m.
-        offset: (MATCHES, N) from its centreline, m, left positive.
-        heading_error: (MATCHES, N) vehicle minus lane, rad.
-        probability: (MATCHES, N) 0 where there is no such match.
-    """
-
-    lane: IntArray
-    s: FloatArray
-    offset: FloatArray
-    heading_error: FloatArray
-    probability: FloatArray
+    lane: IntArray  # (MATCHES, N) number in the road index; arbitrary where the probability is 0
+    s: FloatArray  # (MATCHES, N) arc length on it, m
+    offset: FloatArray  # (MATCHES, N) from its centreline, m, left positive
+    heading_error: FloatArray  # (MATCHES, N) vehicle minus lane, rad
+    probability: FloatArray  # (MATCHES, N) 0 without a match
 
     @classmethod
     def nowhere(cls, count: int) -> Located:
-        """Vehicles off the road, to be filled."""
+        """Return vehicles off the road, to be filled."""
         tables = {
             name: np.zeros((MATCHES, count)) for name in ("s", "offset", "heading_error", "probability")
         }
@@ -61,24 +53,17 @@ class Located:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Edges:
-    """Related pairs.
+    """Related pairs: the source influences the target."""
 
-    Attributes:
-        source: (E,) node that influences.
-        target: (E,) node that is influenced.
-        kind: (E,) index into `KINDS`.
-        features: (E, G) columns as in `EDGE_COLUMNS`.
-    """
-
-    source: IntArray
-    target: IntArray
-    kind: IntArray
-    features: FloatArray
+    source: IntArray  # (E,) node
+    target: IntArray  # (E,) node
+    kind: IntArray  # (E,) index into `KINDS`
+    features: FloatArray  # (E, G) columns as in `EDGE_COLUMNS`
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Relation:
-    """How M targets and sources on given lanes relate; `kind` is -1 where they do not."""
+    """Relation of M targets and sources on given lanes; `kind` is -1 without one."""
 
     kind: IntArray
     path_distance: FloatArray
@@ -94,17 +79,17 @@ def scene_edges(
     place: Located,
     relations: LaneRelations,
 ) -> Edges:
-    """Find which of M pairs the lanes relate, and how.
+    """Find the relations of M pairs of vehicles that are on the road.
 
     Args:
-        target: (M,) node; both of a pair are on the road.
+        target: (M,) node.
         source: (M,) node.
         now: (N,) present states.
         length: (N,) of the vehicles, m.
 
     Returns:
-        One edge per related pair, in their order. Of two lanes that a vehicle may be on, that counts which
-        makes the relation most probable.
+        One edge per related pair, in their order. If a vehicle may be on two lanes, the most probable
+        relation counts.
     """
     pair, on_target, on_source = _combinations(target, source, place)
     t, s = target[pair], source[pair]
@@ -119,7 +104,7 @@ def scene_edges(
         relations,
     )
     row = np.flatnonzero(relation.kind >= 0)
-    # By pair, the most probable first; of equals the stronger kind, then the first match.
+    # The most probable relation of each pair; of equals the first kind, then the first match.
     row = row[least_of(pair[row], -joint[row], relation.kind[row])]
     features = _features(relation, row, (on_target[row], t[row]), (on_source[row], s[row]), now, place)
     return Edges(source=s[row], target=t[row], kind=relation.kind[row], features=features)
@@ -133,13 +118,10 @@ def _features(
     now: States,
     place: Located,
 ) -> FloatArray:
-    """(E, G) columns as in `EDGE_COLUMNS` for some rows of the relations.
+    """(E, G) columns as in `EDGE_COLUMNS` for rows (E,) of the relations.
 
     Args:
-        row: (E,) which of them.
-        at_target: which match of each target, and the target itself: an index into the tables of `place`.
-        at_source: likewise.
-        now: (N,) present states.
+        at_target: match and node of each target: an index into the tables of `place`.
     """
     target, source = at_target[1], at_source[1]
     columns = (
@@ -161,7 +143,7 @@ def _features(
 
 
 def _combinations(target: IntArray, source: IntArray, place: Located) -> tuple[IntArray, IntArray, IntArray]:
-    """(pair, which match of its target, which of its source) for all lanes that both may be on."""
+    """Return pair, match of its target and match of its source, for all lanes of both."""
     second = place.probability[1] >= SECOND_MATCH
     of_target, of_source = np.flatnonzero(second[target]), np.flatnonzero(second[source])
     of_both = of_target[second[source[of_target]]]
@@ -179,7 +161,7 @@ def _relate(
     half_s: FloatArray,
     relations: LaneRelations,
 ) -> _Relation:
-    """Relate targets and sources on given lanes: along their way, else beside, else ahead of both."""
+    """Relate targets and sources on given lanes: ahead or behind, else lateral, else intersecting."""
     ahead, behind = _along(lane_t, lane_s, s_s - s_t, relations)
     kind = np.where(np.minimum(ahead, behind) <= WAY_M, np.where(ahead <= behind, AHEAD, BEHIND), -1)
     distance = np.where(kind == AHEAD, ahead, np.where(kind == BEHIND, -behind, 0.0))
@@ -194,7 +176,7 @@ def _relate(
     rest = np.flatnonzero(kind < 0)
     to_place = relations.meeting[lane_t[rest], lane_s[rest]]
     to_t, to_s = to_place[:, :, 0] - s_t[rest, None], to_place[:, :, 1] - s_s[rest, None]
-    # A vehicle that has not cleared the place with its rear is still before it.
+    # A vehicle whose rear has not cleared the place is still before it.
     before = (to_t >= -half_t[rest, None]) & (to_s >= -half_s[rest, None])
     before &= (to_t <= CONFLICT_M) & (to_s <= CONFLICT_M)
     some = np.flatnonzero(before.any(axis=1))
@@ -209,12 +191,10 @@ def _relate(
 def _along(
     lane_t: IntArray, lane_s: IntArray, lead: FloatArray, relations: LaneRelations
 ) -> tuple[FloatArray, FloatArray]:
-    """(M,) way from target to source, and from source to target, m; inf where there is none.
+    """(M,) way from target to source, and from source to target, m; inf without one.
 
     Args:
-        lane_t: (M,) lane of the target.
-        lane_s: (M,) lane of the source.
-        lead: (M,) arc length of the source on its lane, less that of the target on its own, m.
+        lead: (M,) arc length of the source on its lane minus that of the target on its lane, m.
     """
     ahead = relations.ahead[lane_t, lane_s] + lead
     behind = relations.ahead[lane_s, lane_t] - lead

@@ -1,6 +1,6 @@
-"""The semantic scene graph: vehicles as nodes, and an edge where the lanes relate two of them.
+"""Semantic scene graph: vehicles as nodes, and edges where lanes relate two vehicles.
 
-All children of a batch make one graph, without an edge between children. Units are SI, nothing is scaled.
+All children of a batch form one graph, without edges between children. Units are SI.
 """
 
 from __future__ import annotations
@@ -9,15 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.scene_graph.edges import EDGE_COLUMNS, KINDS, Edges, Located, scene_edges
-from scex_sumo.behaviors.scene_graph.nodes import HISTORY_COLUMNS, NODE_COLUMNS, node_features, node_history
-from scex_sumo.derived import derived
-from scex_sumo.errors import UsageError
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.geometry.rectangles import SEEN_COLUMNS, seen_from
 from scex_sumo.road import Road
-from scex_sumo.roads.index import RoadIndex, road_index
 from scex_sumo.roads.matching import Matches, match
-from scex_sumo.scene import SceneHistory, SeedScene, States
+from scex_sumo.roads.relations import RoadIndex, road_index
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States
 
 __all__ = ["EDGE_COLUMNS", "HISTORY_COLUMNS", "KINDS", "NODE_COLUMNS", "SceneGraph", "scene_graph"]
 
@@ -33,18 +34,23 @@ class SceneGraph:
         vehicle: (N,) index into the seed scene's vehicles.
         node: (N, F) features of the vehicles, columns as in `NODE_COLUMNS`.
         node_columns: names of the F columns.
-        history: (N, 11, 5) the last second in the node's own present frame, oldest first, columns as in
+        history: (N, 11, 5) the last second in the node's present frame, oldest first, columns as in
             `HISTORY_COLUMNS`.
         history_columns: names of the 5 columns.
-        edge_index: (2, E) source and target; the target is influenced by the source. Sorted by target, then
-            by source.
-        edge_kind: (E,) index into `KINDS`: the source is ahead of the target on its way (0), behind it (1),
-            on a lane beside (2), or the ways of both meet ahead of both (3).
+        edge_index: (2, E) source and target, sorted by target, then by source. The source influences the
+            target.
+        edge_kind: (E,) index into `KINDS`: the source is ahead of the target (0), behind it (1), on a lane
+            beside (2), or the ways of both meet ahead of both (3).
         edge: (E, G) features of the edges, columns as in `EDGE_COLUMNS`.
         edge_columns: names of the G columns.
-        on_road: (N,) False for a vehicle that no mapped lane fits; it has no edges.
-        lane_id: (N,) lane that the vehicle most probably is on; arbitrary where `on_road` is False.
-        arc: (N,) arc length of its foot point on that lane, m; 0 where `on_road` is False.
+        on_road: (N,) False for a vehicle without a fitting lane; it has no edges.
+        lane_id: (N,) most probable lane; arbitrary off the road.
+        arc: (N,) arc length of the foot point on that lane, m; 0 off the road.
+
+    Example:
+        >>> graph = scex.scene_graph(scene)
+        >>> graph.node.shape[0], graph.edge_index.shape[0]
+        (14, 2)
     """
 
     child: IntArray
@@ -65,17 +71,19 @@ class SceneGraph:
 def scene_graph(
     history: SceneHistory | SeedScene, road: Road | None = None, *, radius: float = RADIUS_M
 ) -> SceneGraph:
-    """Build the semantic scene graphs of all children at once.
-
-    The graph of a history is remembered as long as the history lives: models that share a batch share it.
+    """Build the semantic scene graphs of all children at once; kept with the history.
 
     Args:
-        history: the present of a batch of children; or a seed scene, whose graph has one child.
+        history: a batch of children; or a seed scene, which counts as one child.
         road: the map; None takes that of the seed scene.
-        radius: edges reach so far, m, centre to centre.
+        radius: largest length of an edge, centre to centre, m.
 
     Raises:
-        UsageError: there is no road, or the radius is no length.
+        UsageError: there is no road, or the radius is not positive.
+
+    Example:
+        >>> scex.scene_graph(scene).node_columns[:3]
+        ('length', 'width', 'is_car')
     """
     scene = history if isinstance(history, SeedScene) else history.scene
     road = scene.road if road is None else road
@@ -86,7 +94,7 @@ def scene_graph(
     return _build(history, road, radius)
 
 
-@derived
+@owner_cache
 def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneGraph:
     history = SceneHistory.of_scene(given) if isinstance(given, SeedScene) else given
     children, vehicles = history.now.shape
@@ -111,26 +119,26 @@ def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneG
     )
 
 
-def _locate(index: RoadIndex, found: Matches, count: int) -> Located:
-    """The two most probable lanes of each of N vehicles."""
+def _locate(index: RoadIndex, matches: Matches, count: int) -> Located:
+    """Return the two most probable lanes of each of N vehicles."""
     place = Located.nowhere(count)
-    rank = np.arange(len(found.vehicle)) - np.searchsorted(found.vehicle, found.vehicle)
+    rank = np.arange(len(matches.vehicle)) - np.searchsorted(matches.vehicle, matches.vehicle)
     for k in range(len(place.lane)):
         row = rank == k
-        vehicle = found.vehicle[row]
-        place.lane[k, vehicle] = np.searchsorted(index.lane_id, found.lane_id[row])
+        vehicle = matches.vehicle[row]
+        place.lane[k, vehicle] = np.searchsorted(index.lane_id, matches.lane_id[row])
         for table, values in (
-            (place.s, found.s),
-            (place.offset, found.offset),
-            (place.heading_error, found.heading_error),
-            (place.probability, found.probability),
+            (place.s, matches.s),
+            (place.offset, matches.offset),
+            (place.heading_error, matches.heading_error),
+            (place.probability, matches.probability),
         ):
             table[k, vehicle] = values[row]
     return place
 
 
 def _edges(history: SceneHistory, now: States, place: Located, index: RoadIndex, radius: float) -> Edges:
-    """Relate the pairs of one child that are near enough and on the road."""
+    """Relate the pairs within each child that are near enough and on the road."""
     children, vehicles = history.now.shape
     x, y = history.now.x, history.now.y
     near = (x[:, :, None] - x[:, None, :]) ** 2 + (y[:, :, None] - y[:, None, :]) ** 2 <= radius**2
@@ -142,3 +150,87 @@ def _edges(history: SceneHistory, now: States, place: Located, index: RoadIndex,
     source = target // vehicles * vehicles + flat % vehicles
     length = np.tile(history.scene.length, children)
     return scene_edges(target, source, now, length, place, index.relations)
+
+
+TYPES = ("car", "truck", "motorcycle", "other")
+NODE_COLUMNS = (
+    "length",  # m
+    "width",
+    *(f"is_{kind}" for kind in TYPES),
+    "speed",  # m/s
+    "yaw_rate",  # rad/s
+    "acceleration",  # m/s²
+    "match_probability",  # of the most probable lane; 0 off the road, and so the next three
+    "lane_offset",  # m, from the centreline, left positive
+    "lane_heading_error",  # rad, vehicle minus lane
+    "speed_limit",  # m/s, of the lane
+    "obstacle_ahead",  # 1 if a pedestrian or cyclist is in the corridor ahead, else 0, and so the next two
+    "obstacle_distance",  # m, from the front bumper to the obstacle's centre
+    "obstacle_offset",  # m, left positive
+)
+HISTORY_COLUMNS = SEEN_COLUMNS
+SLOPE_STEPS = 5  # 0.5 s
+CORRIDOR_M = 30.0  # ahead of the front bumper: where a car at 50 km/h stops comfortably
+CORRIDOR_HALF_WIDTH_M = 3.0  # to either side: the lane, and pedestrians at its edge
+_WORDS = {"motor": 2, "truck": 1, "bus": 1, "trailer": 1, "car": 0, "van": 0}
+
+
+def node_history(history: SceneHistory) -> FloatArray:
+    """(C * V, 11, 5) the last second in each vehicle's present frame, columns as in `HISTORY_COLUMNS`."""
+    seen = seen_from(history.now, history.states)
+    return seen.reshape(-1, *seen.shape[2:])
+
+
+def node_features(history: SceneHistory, place: Located, index: RoadIndex) -> FloatArray:
+    """(C * V, F) columns as in `NODE_COLUMNS`, with the lanes of the C * V vehicles."""
+    children, vehicles = history.now.shape
+    features = np.zeros((children, vehicles, len(NODE_COLUMNS)))
+    scene = history.scene
+    features[..., 0], features[..., 1] = scene.length, scene.width
+    kind = np.array([_type_of(name) for name in scene.types], dtype=np.int64)
+    features[..., 2:6] = kind[:, None] == np.arange(len(TYPES))
+    recent = slice(-SLOPE_STEPS - 1, None)
+    features[..., 6] = history.now.speed
+    features[..., 7] = slope(wrap(history.states.heading[..., recent] - history.now.heading[..., None]))
+    features[..., 8] = slope(history.states.speed[..., recent])
+    on_road = place.probability[0] > 0
+    flat = features.reshape(-1, len(NODE_COLUMNS))
+    flat[:, 9], flat[:, 10], flat[:, 11] = place.probability[0], place.offset[0], place.heading_error[0]
+    flat[on_road, 12] = index.speed_limit[place.lane[0, on_road]]
+    features[..., 13:] = _obstacle_ahead(history)
+    return flat
+
+
+def _type_of(name: str) -> int:
+    """Return the index into `TYPES` of a recorded type, e.g. ``truck_bus``."""
+    return next((number for word, number in _WORDS.items() if word in name.lower()), TYPES.index("other"))
+
+
+def slope(values: FloatArray) -> FloatArray:
+    """Change per second of evenly spaced values (..., K): the median slope of all pairs.
+
+    It is robust against one outlier in six values. Source: Theil 1950, Sen 1968.
+    """
+    first, second = np.triu_indices(values.shape[-1], 1)
+    slopes = (values[..., second] - values[..., first]) / ((second - first) * STEP_S)
+    median: FloatArray = np.median(slopes, axis=-1)
+    return median
+
+
+def _obstacle_ahead(history: SceneHistory) -> FloatArray:
+    """(C, V, 3) whether a pedestrian or cyclist is in the corridor ahead, and the nearest one's place."""
+    now, obstacles, present = history.now, history.obstacle_states, history.obstacle_present
+    nearest = np.zeros((*now.shape, 3))
+    if obstacles is None or present is None or not present.any():
+        return nearest
+    dx, dy = obstacles.x[present] - now.x[..., None], obstacles.y[present] - now.y[..., None]
+    cos, sin = np.cos(now.heading)[..., None], np.sin(now.heading)[..., None]
+    distance = cos * dx + sin * dy - history.scene.length[:, None] / 2
+    offset = cos * dy - sin * dx
+    inside = (distance >= 0) & (distance <= CORRIDOR_M) & (np.abs(offset) <= CORRIDOR_HALF_WIDTH_M)
+    child, vehicle = np.nonzero(inside.any(axis=-1))
+    which = np.where(inside, distance, np.inf)[child, vehicle].argmin(axis=-1)
+    nearest[child, vehicle, 0] = 1.0
+    nearest[child, vehicle, 1] = distance[child, vehicle, which]
+    nearest[child, vehicle, 2] = offset[child, vehicle, which]
+    return nearest

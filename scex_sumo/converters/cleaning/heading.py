@@ -4,27 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.converters.tracks.rows import TrackRows
 from scex_sumo.geometry.polylines import wrap
 
-STANDING_MPS = 0.5
-"""Slower than this a vehicle stands: trackers let standing vehicles drift by so much."""
-MOVING_MPS = 1.0
-"""Faster than this a recorded heading is one to hold while standing."""
-FORWARD_MPS = 3.0
-"""Faster than this a vehicle does not drive backwards or sideways."""
+STANDING_MPS = 0.5  # slower vehicles stand: trackers let standing vehicles drift this fast
+MOVING_MPS = 1.0  # faster than this a recorded heading can be held while standing
+FORWARD_MPS = 3.0  # faster than this a vehicle does not drive backwards or sideways
 JITTER_RAD = np.deg2rad(10.0)
 SIDEWAYS_RAD = np.deg2rad(45.0)
 
 
 def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[TrackRows, list[str]]:
-    """Headings along the motion, and held while a vehicle stands.
+    """Set headings along the motion, and hold them while a vehicle stands.
 
-    A heading more than 45° off the course of a vehicle faster than ``forward_mps`` becomes that course. Where
-    the heading turns by more than 10° while a vehicle stands, or is far off the one it stopped with, the
-    vehicle keeps the last heading it had while moving (before it first moves: the first one; if it never
-    moves: the one it has most of the time).
+    - A heading more than 45° off the course of a vehicle faster than ``forward_mps`` becomes that course.
+    - If the heading turns by more than 10° during a stop, or is far off the one before it, the vehicle keeps
+      the last heading of its motion: before the first motion the next one, without any the most frequent.
     """
     heading = rows.psi_rad.copy()
     course = np.arctan2(rows.vy, rows.vx)
@@ -43,18 +39,18 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
     found = []
     if turned.any():
         tracks = len(np.unique(rows.track[turned]))
-        found.append(f"headings of {tracks} standing tracks flip or jitter: held")
+        found.append(f"headings of {tracks} tracks flip or jitter while standing: held")
     if sideways.any():
         tracks = len(np.unique(rows.track[sideways]))
-        found.append(f"headings of {tracks} tracks against the motion: set")
+        found.append(f"headings of {tracks} tracks contradict the motion: replaced by its direction")
     return rows.with_columns(psi_rad=wrap(heading)), found
 
 
 def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(N,) heading of the last (else next) moving sample of the segment; else the segment's usual one.
+    """Return the headings (N,) of the last, else the next moving sample; without motion the most frequent.
 
-    Also (N,) how far off it a steady heading must be to be wrong: 45° off the one a vehicle stopped with,
-    135° (a flip) off the one it will start with, as it may turn while starting; without either it never is.
+    Also returns how far off (N,) a steady heading is wrong: 45° off the last one, 135° (a flip) off the next,
+    as a vehicle may turn while starting; inf without either.
     """
     moving = rows.speed >= MOVING_MPS
     piece = rows.piece
@@ -72,7 +68,7 @@ def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _usual(angles: FloatArray) -> float:
-    """The angle that most of the others are close to: a mean would lie between flipped ones."""
+    """Return the most frequent angle; a mean would lie between flipped ones."""
     bins = np.floor(np.mod(angles, 2.0 * np.pi) / (np.pi / 18.0)).astype(int) % 36
     counts = np.bincount(bins, minlength=36)
     near = counts + np.roll(counts, 1) + np.roll(counts, -1)

@@ -1,4 +1,4 @@
-"""Defects of recordings: found from the data, repaired where the repair is unambiguous, and counted."""
+"""Repair of recordings: defects are found in the data, counted, and repaired if that is unambiguous."""
 
 from __future__ import annotations
 
@@ -7,41 +7,44 @@ from dataclasses import replace
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.converters.cleaning.copies import drop_copies
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.errors import listed
+from scex_sumo.converters.cleaning.duplicates import drop_duplicates
 from scex_sumo.converters.cleaning.heading import FORWARD_MPS, STANDING_MPS, repair_headings
-from scex_sumo.converters.cleaning.plausible import drop_implausible
 from scex_sumo.converters.cleaning.smooth import derivative, position_noise, smooth
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 
 # A step this long is a jump, if it is also so much longer than the track's usual step there.
 JUMP_M, JUMP_EXCESS_M = 3.0, 1.5
-SHORTEST_PIECE = 5  # samples that a piece between jumps needs to be kept
-# A tracker still warms up where so many of a track's first five steps have exactly the same position though
-# the speed says that it moves, and the speed rises by more than this within its first second.
+MIN_PIECE = 5  # samples of a piece between jumps; shorter pieces are a tracker's first guesses
+# A tracker warms up if two of a track's first five steps have exactly the same position at a rising speed,
+# and the speed rises by more than this within the first second.
 FROZEN_STEPS, WARM_UP_RISE_MPS = 2, 0.5
-WARM_UP_S = 2.0  # what is dropped then
+WARM_UP_S = 2.0  # dropped then
 # Velocities contradict the motion if their integral is off by more than this factor, or points elsewhere.
 VELOCITY_RATIO, VELOCITY_COSINE = 1.2, 0.9
 JUDGED_PATH_M = 3.0  # displacements summed over a track's seconds must reach this to judge velocities
 NOISE_M = 0.02  # positions with more white noise than this per axis are smoothed
+MAX_LENGTH_M, MAX_WIDTH_M = 60.0, 8.0  # trams reach 54 m, abnormal loads 7 m of width
+MIN_SIZE_M = 0.1
+MAX_SPEED_MPS = 100.0  # 360 km/h; a track that is faster after all repairs is an error
 
 
 def repair_tracks(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
-    """Repair a recording (or one case of a file of cases).
+    """Repair a recording, or one case of a file of cases.
 
-    In this order: samples with the stamp of another, tracker warm-up, jumps, velocities and noise, headings,
-    tracks of implausible size or speed.
+    In this order: duplicate samples, tracker warm-up, jumps, velocities and noise, headings, tracks of
+    implausible size or speed.
 
     Returns:
-        The repaired table, and one phrase with counts for each kind of defect of the vehicles; one more
-        where the others have defects.
+        The repaired table, and a phrase with counts for each kind of defect of the vehicles; one more for the
+        defects of all others.
     """
     vehicles, findings = _repair(table.vehicles, table, FORWARD_MPS)
     # Pedestrians and cyclists face where they go.
     others, more = _repair(table.others, table, STANDING_MPS)
     if more:
-        both = "likewise repaired" if findings else "; ".join(more)
+        both = "repaired in the same way" if findings else "; ".join(more)
         findings.append(f"pedestrians and cyclists: {both}")
     return replace(table, vehicles=vehicles, others=others), tuple(findings)
 
@@ -51,12 +54,12 @@ def _repair(rows: TrackRows, table: TrackTable, forward_mps: float) -> tuple[Tra
     if not len(rows):
         return rows, findings
     steps: tuple[Callable[[TrackRows], tuple[TrackRows, list[str]]], ...] = (
-        drop_copies,
+        drop_duplicates,
         lambda rows: (rows, []) if table.has_cases else _drop_warm_up(rows),
         _cut_jumps,
         _renew_motion,
         lambda rows: repair_headings(rows, forward_mps),
-        drop_implausible,
+        _drop_implausible,
     )
     for step in steps:
         rows, found = step(rows)
@@ -67,21 +70,19 @@ def _repair(rows: TrackRows, table: TrackTable, forward_mps: float) -> tuple[Tra
 
 
 def _drop_warm_up(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Drop the start of tracks whose filter had not yet met the vehicle.
+    """Drop the start of tracks whose filter had not yet converged.
 
-    Such a filter starts from standstill: for some steps the position stays exactly the same while the speed
-    already rises, then both catch up at up to 10 m/s². Cases are cut out of longer tracks, so the start of a
-    track in a case says nothing about its tracker: they are left alone.
+    Such a filter starts from standstill: the position stays the same for some steps while the speed rises,
+    then both catch up at up to 10 m/s². Cases are exempt: they are cut out of longer tracks.
     """
-    start = np.append(True, np.diff(rows.segment) != 0)
-    piece = np.cumsum(start) - 1
-    since = np.arange(len(rows)) - np.flatnonzero(start)[piece]
-    still = (np.diff(rows.x) == 0.0) & (np.diff(rows.y) == 0.0) & ~start[1:] & (since[1:] <= 5)
+    start, piece = rows.pieces[0], rows.piece
+    since = np.arange(len(rows)) - start[piece]
+    still = (np.diff(rows.x) == 0.0) & (np.diff(rows.y) == 0.0) & (since[1:] > 0) & (since[1:] <= 5)
     faster = np.diff(rows.speed) > 0.0
     moving = (rows.speed[1:] + rows.speed[:-1]) / 2.0 > 0.15
     frozen = np.bincount(piece[1:][still & faster & moving], minlength=piece[-1] + 1) >= FROZEN_STEPS
     age_ms = rows.timestamp_ms - rows.timestamp_ms[start][piece]
-    soon = np.maximum.reduceat(np.where(age_ms <= 1000.0, rows.speed, 0.0), np.flatnonzero(start))
+    soon = np.maximum.reduceat(np.where(age_ms <= 1000.0, rows.speed, 0.0), start)
     frozen &= soon - rows.speed[start] > WARM_UP_RISE_MPS
     if not frozen.any():
         return rows, []
@@ -93,7 +94,7 @@ def _drop_warm_up(rows: TrackRows) -> tuple[TrackRows, list[str]]:
 
 
 def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Drop single samples far off; cut a track where it goes on elsewhere."""
+    """Drop single samples far off; cut a track that continues elsewhere."""
     jump = _jumps(rows)
     if not jump.any():
         return rows, []
@@ -111,11 +112,10 @@ def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
             drop[i + 1] = True
         else:
             cut[i + 1] = True
-    # What a cut leaves of fewer than five samples belongs to no motion: a tracker's first guesses.
     segment = rows.segment + np.cumsum(cut)
     size = np.bincount(segment[~drop], minlength=segment[-1] + 1)
     touched = np.isin(rows.segment, rows.segment[cut])
-    drop |= touched & (size[segment] < SHORTEST_PIECE)
+    drop |= touched & (size[segment] < MIN_PIECE)
     cut &= ~drop & np.append(False, ~drop[:-1])
     found = []
     if drop.any():
@@ -134,12 +134,12 @@ def _gap(rows: TrackRows) -> BoolArray:
 
 
 def _jumps(rows: TrackRows) -> BoolArray:
-    """(N - 1,) True where the step to the next row of the segment is a jump."""
+    """Return whether the step to the next row of the segment is a jump, (N - 1,)."""
     joined: BoolArray = np.diff(rows.segment) == 0
     if not joined.any():
         return joined
     length = np.hypot(np.diff(rows.x), np.diff(rows.y))
-    # No jump where another step nearby is about as long: spares highways the search below.
+    # No jump if another step nearby is about as long: this spares highways the search below.
     around = np.lib.stride_tricks.sliding_window_view(
         np.pad(np.where(joined, length, np.inf), 5, constant_values=np.inf), 11
     )
@@ -155,7 +155,7 @@ def _jumps(rows: TrackRows) -> BoolArray:
 
 
 def _renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Take velocities from the positions where both contradict; smooth positions that jitter."""
+    """Recompute velocities that contradict the positions; smooth positions that jitter."""
     if not (np.diff(rows.segment) == 0).any():
         return rows, []
     time_s = rows.timestamp_ms / 1000.0
@@ -169,7 +169,7 @@ def _renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
             f" ({_how_wrong(factor[wrong])}): recomputed from positions"
         )
     jitter = noise > NOISE_M
-    # Most tracks wrong: then also those that are too short or too slow to judge.
+    # With most tracks wrong, also those that are too short or too slow to judge.
     everything = jitter or 2 * wrong.sum() > judged.sum()
     if not everything and not wrong.any():
         return rows, found
@@ -197,7 +197,6 @@ def _renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
 
 
 def _accelerations(velocity: FloatArray, time_s: FloatArray, rows: TrackRows) -> str:
-    """1st and 99th percentile of the change of speed, m/s², in words."""
     joined = np.diff(rows.segment) == 0
     change = np.diff(np.hypot(*velocity.T))[joined] / np.diff(time_s)[joined]
     low, high = np.percentile(change, (1.0, 99.0))
@@ -210,8 +209,8 @@ def _contradictions(
     """Compare displacements over up to one second with the integral of the velocities.
 
     Returns:
-        (K,) tracks that move enough to be judged, (K,) those that contradict, and (K,) the factor by which
-        velocities are too small; 0 where they point elsewhere.
+        For each track (K,): whether it moves enough to be judged, whether its velocities are wrong, and the
+        factor by which they are too small; 0 if they point elsewhere.
     """
     reach = max(1, round(1.0 / max(float(np.median(np.diff(time_s)[np.diff(rows.segment) == 0])), 1e-3)))
     velocity = np.stack((rows.vx, rows.vy), axis=1)
@@ -237,7 +236,7 @@ def _contradictions(
 
 
 def _how_wrong(factor: FloatArray) -> str:
-    """Factors of the contradicting tracks in words; 0 stands for velocities that point elsewhere."""
+    """Return the factors of the wrong tracks in words; 0 stands for velocities that point elsewhere."""
     scaled = factor[factor > 0.0]
     words = []
     if len(scaled):
@@ -247,3 +246,24 @@ def _how_wrong(factor: FloatArray) -> str:
         count = "" if not len(scaled) else f"{len(factor) - len(scaled)} in the "
         words.append(f"{count}wrong direction")
     return ", ".join(words)
+
+
+def _drop_implausible(rows: TrackRows) -> tuple[TrackRows, list[str]]:
+    """Leave out tracks that no road user can have: of impossible size or speed."""
+    size: BoolArray = (np.maximum(rows.length / MAX_LENGTH_M, rows.width / MAX_WIDTH_M) > 1.0) | (
+        np.minimum(rows.length, rows.width) < MIN_SIZE_M
+    )
+    wrong_size = np.bincount(rows.track, size, rows.tracks) > 0
+    too_fast = (np.bincount(rows.track, rows.speed > MAX_SPEED_MPS, rows.tracks) > 0) & ~wrong_size
+    found = []
+    for wrong, what in (
+        (
+            wrong_size,
+            f"longer than {MAX_LENGTH_M:g} m, wider than {MAX_WIDTH_M:g} m or under {MIN_SIZE_M:g} m",
+        ),
+        (too_fast, f"faster than {MAX_SPEED_MPS:g} m/s"),
+    ):
+        if wrong.any():
+            labels = [rows.labels[k] for k in np.flatnonzero(wrong)]
+            found.append(f"tracks {what} left out: {listed(labels)}")
+    return (rows.take(~(wrong_size | too_fast)[rows.track]) if found else rows), found

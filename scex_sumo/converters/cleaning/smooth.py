@@ -7,33 +7,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.errors import TrackError
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import TrackError
 
+# Power spectral density of a road user's jerk, m²/s⁵. Measured on k733 (2020): with it the 1st and 99th
+# percentile of the acceleration are -4 and +3 m/s², before -19 and +19.
 JERK_DENSITY = 0.25
-"""Power spectral density of a road user's jerk, m²/s⁵: what a smoother may keep.
-
-Measured on k733 (2020): with it the 1st and 99th percentile of the acceleration are -4 and +3 m/s², before
--19 and +19.
-"""
-
-CLOSEST_S = 1e-6
-_HUBER = 2.5  # residuals beyond so many sigmas count linearly
+MIN_STEP_S = 1e-6
+_HUBER = 2.5  # residuals beyond this many sigmas count linearly
 
 
 def position_noise(points: FloatArray, time_s: FloatArray, segment: IntArray) -> float:
-    """Standard deviation of white noise in the positions of moving tracks, per axis.
+    """Estimate the standard deviation of white noise in the positions of moving tracks, per axis in m.
 
-    The variance of third differences is 20 times that of white noise, while smooth motion leaves almost
-    nothing in them; the largest 2 % are left out as jumps.
+    The variance of third differences is 20 times that of white noise, and smooth motion adds almost nothing;
+    the largest 2 % are left out as jumps. Returns 0 with too few samples.
 
     Args:
         points: (N, 2) m.
         time_s: (N,) s.
-        segment: (N,) rows of one number are one piece of a track, in order of time.
-
-    Returns:
-        m; 0 where there are too few samples.
+        segment: (N,) number of the piece of a track, rows in order of time.
     """
     if len(points) < 4:
         return 0.0
@@ -49,20 +42,17 @@ def position_noise(points: FloatArray, time_s: FloatArray, segment: IntArray) ->
 
 
 def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: float) -> FloatArray:
-    """Positions without noise: the estimate of a constant-acceleration Kalman (RTS) smoother.
+    """Smooth positions as a constant-acceleration Kalman (RTS) smoother does; returns (N, 2) m.
 
-    For white jerk and white position noise that estimate is the minimum of sum |z - p|² + lambda integral
-    |p'''|² dt with lambda = noise² / jerk density, a banded linear system for all tracks at once (Whittaker
-    1923). Samples far off are weighted down (Huber), three iterations.
+    For white jerk and white position noise its estimate minimises sum |z - p|² + lambda integral |p'''|² dt
+    with lambda = noise² / jerk density: a banded linear system for all tracks at once (Whittaker 1923).
+    Samples far off are weighted down (Huber) in three iterations.
 
     Args:
         points: (N, 2) m.
         time_s: (N,) s, rising within a segment.
-        segment: (N,) numbers of the pieces, each smoothed on its own; shorter than four rows: left as is.
+        segment: (N,) number of the piece; each is smoothed alone, those under four rows are left as they are.
         noise_m: standard deviation of the noise per axis, m.
-
-    Returns:
-        (N, 2) m.
 
     Raises:
         TrackError: samples are too close in time for double precision.
@@ -73,7 +63,7 @@ def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: f
         return points.copy()
     least = np.diff(time_s)[np.diff(segment) == 0].min(initial=np.inf)
     close = TrackError(f"samples of a track {least:.2g} s apart: too close to smooth; leave the copies out")
-    if least < CLOSEST_S:
+    if least < MIN_STEP_S:
         raise close
     bands = _penalty(time_s, segment) * noise_m**2 / JERK_DENSITY
     weight = np.ones(len(points))
@@ -91,7 +81,7 @@ def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: f
 
 
 def _penalty(time_s: FloatArray, segment: IntArray) -> NDArray[Any]:
-    """(4, N) lower bands of the matrix of the integral of the squared third derivative."""
+    """Return the (4, N) lower bands of the matrix of the integral of the squared third derivative."""
     size = len(time_s)
     windows = size - 3
     inside = segment[3:] == segment[:-3]
@@ -113,16 +103,7 @@ def _penalty(time_s: FloatArray, segment: IntArray) -> NDArray[Any]:
 
 
 def derivative(points: FloatArray, time_s: FloatArray, segment: IntArray) -> FloatArray:
-    """Velocities of second order from positions, one-sided at the ends of a segment.
-
-    Args:
-        points: (N, 2) m.
-        time_s: (N,) s, rising within a segment.
-        segment: (N,) numbers of the pieces.
-
-    Returns:
-        (N, 2) m/s; 0 for a segment of one row.
-    """
+    """Return velocities (N, 2) in m/s from positions, of second order; 0 for a segment of one row."""
     size = len(points)
     velocity = np.zeros((size, 2))
     if size < 2:

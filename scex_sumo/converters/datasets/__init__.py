@@ -1,4 +1,1 @@
-"""Datasets: recordings found in folders, read in every format, reported on.
-
-May import the other rooms of converters.
-"""
+"""Datasets: recordings found in folders, read, cleaned, reported on."""

@@ -1,4 +1,4 @@
-"""Recordings of traffic: found in a dataset's folders, read, cleaned, and cut into seed scenes."""
+"""Recordings of traffic with their map: loaded, cleaned, and cut into seed scenes."""
 
 from __future__ import annotations
 
@@ -7,18 +7,17 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
+from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.cleaning.align import evidence, on_lanes
-from scex_sumo.converters.cleaning.misfit import LEAST_ON_LANES, why_beside
-from scex_sumo.converters.datasets.find import Recording, find_recordings
+from scex_sumo.converters.cleaning.mismatch import MIN_SHARE_ON_LANES, explain_mismatch
+from scex_sumo.converters.datasets.find import find_recordings, find_tracks
+from scex_sumo.converters.datasets.moment import Moment, find_moments
 from scex_sumo.converters.datasets.reader import read_clean
-from scex_sumo.converters.datasets.seed import recorded_files
-from scex_sumo.converters.formats import map_name, unpacked_name
+from scex_sumo.converters.datasets.scene import CleanRecording, take_scene
 from scex_sumo.converters.lanelet.origin import recorded_origin
-from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.moments.moments import Moment, moments
-from scex_sumo.converters.moments.scene import Clean, take_scene
+from scex_sumo.converters.maps import LANELET2, read_map
+from scex_sumo.converters.registries import Recording, dataset_of, map_format, place_name
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.errors import TrackError
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 
@@ -27,7 +26,9 @@ __all__ = [
     "Recording",
     "find_recordings",
     "load_recording",
+    "recorded_scene",
     "recording_moments",
+    "recording_of",
     "seed_at",
 ]
 
@@ -37,11 +38,14 @@ class LoadedRecording:
     """A recording with its map, cleaned.
 
     Attributes:
-        recording: where it came from.
         road: the map; recordings of one site loaded one after the other share it.
-        table: the tracks, repaired, aligned to the map, at 10 Hz. Cases of INTERACTION v1.2 are only
-            aligned: each is repaired by itself when `seed_at` takes it.
+        table: the tracks, repaired, aligned to the map, at 10 Hz; cases of INTERACTION v1.2 are only aligned.
         findings: one phrase for each kind of defect that was repaired, with figures.
+
+    Example:
+        >>> (recording,) = scex.find_recordings([scex.example_path("roundabout")])
+        >>> scex.load_recording(recording).table.step_s
+        0.1
     """
 
     recording: Recording
@@ -53,17 +57,20 @@ class LoadedRecording:
 def load_recording(recording: Recording, origin: tuple[float, float] | None = None) -> LoadedRecording:
     """Read a recording and its map, repair it and align it to the map.
 
-    Args:
-        recording: where it is.
-        origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
+    ``origin`` is the latitude and longitude of the map's coordinates; None looks beside the tracks.
 
     Raises:
         MapError: the map is missing or cannot be read, or its origin is not known.
         TrackError: the tracks cannot be read, hold no vehicle, or do not lie on the map.
+
+    Example:
+        >>> loaded = scex.load_recording(scex.find_recordings([scex.example_path("roundabout")])[0])
+        >>> len(loaded.road.lanes) > 0
+        True
     """
     map_path, track_path = recording.map_path, recording.track_paths[0]
     stamp = map_path.stat().st_mtime_ns if map_path.exists() else 0
-    if origin is None and unpacked_name(map_path).endswith(".osm"):
+    if origin is None and map_format(map_path).read is LANELET2.read:
         origin = recorded_origin(map_path, tracks_path=track_path)
     road = _read_road(map_path, stamp, origin)
     clean = read_clean(recording.track_paths, road)
@@ -78,24 +85,25 @@ def seed_at(
     case: str | None = None,
     min_history: int = 0,
 ) -> SeedScene:
-    """The seed scene of one moment, the same as `scex_sumo.read_seed` gives for that file and time.
+    """Cut out the seed scene of one moment, the same as `scex_sumo.read_seed` gives for that file and time.
 
     Args:
-        loaded: the recording.
-        time_s: the moment in the recording's clock, s.
-        case: id of a case, of a file that holds cases; None takes the first one.
+        time_s: the moment in the recording's clock.
+        case: id of a case, if the file holds cases; None takes the first one.
         min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
-
-    Returns:
-        The seed scene, its ``road`` that of the recording.
 
     Raises:
         TrackError: no vehicle at that moment, or an unknown case.
+
+    Example:
+        >>> loaded = scex.load_recording(scex.find_recordings([scex.example_path("roundabout")])[0])
+        >>> scex.seed_at(loaded, 4.0).time_s
+        4.0
     """
     scene = take_scene(
-        Clean(table=loaded.table, findings=loaded.findings, repair=True),
+        CleanRecording(table=loaded.table, findings=loaded.findings, repair=True),
         name=loaded.recording.name,
-        location=map_name(loaded.recording.map_path),
+        location=place_name(loaded.recording.map_path),
         case=case,
         time_s=time_s,
         min_history=min_history,
@@ -104,22 +112,73 @@ def seed_at(
 
 
 def recording_moments(loaded: LoadedRecording, *, every_s: float) -> list[Moment]:
-    """All moments that can be seed scenes, in order of time; one per case in a file of cases.
+    """List all moments that can be seed scenes, at least ``every_s`` apart; one for each case.
+
+    Example:
+        >>> loaded = scex.load_recording(scex.find_recordings([scex.example_path("roundabout")])[0])
+        >>> len(scex.recording_moments(loaded, every_s=1.0))
+        19
+    """
+    return find_moments(loaded.table, every_s=every_s)
+
+
+def recorded_scene(
+    map_path: str | Path,
+    *,
+    tracks: str | Path | None = None,
+    case: str | float | None = None,
+    time_s: float | None = None,
+    min_history: int = 0,
+    repair: bool = True,
+    road: Road | None = None,
+    align: bool = True,
+) -> SeedScene:
+    """Read one moment of a recording.
+
+    Without ``case`` and ``time_s`` it is the earliest of the moments with most vehicles that move and are
+    recorded from 1 s before to 3 s after; the moment of a case (INTERACTION v1.2) is its frame 10.
 
     Args:
-        loaded: the recording.
-        every_s: least time between two moments, s.
+        map_path: the map; names the seed scene, and finds the tracks if none are given.
+        tracks: a track file, or a folder with consecutive chunks of one CommonRoad recording.
+        case: id of a case; ``1``, ``1.0`` and ``"1.0"`` are the same.
+        time_s: the moment in the recording's clock; the nearest frame, of the first case if none is given.
+        min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
+        repair: see `repair_tracks`.
+        road: the map as read; tracks beside its lanes are moved onto them.
+        align: False leaves the tracks where they are, see `align_tracks`.
+
+    Raises:
+        TrackError: no or unusable tracks, an unknown case, a moment outside the recording or without
+            vehicles.
     """
-    return moments(loaded.table, every_s=every_s)
+    recording = recording_of(Path(map_path), tracks)
+    return take_scene(
+        read_clean(recording.track_paths, road, repair=repair, align=align),
+        name=recording.name,
+        location=place_name(recording.map_path),
+        case=case,
+        time_s=time_s,
+        min_history=min_history,
+    )
+
+
+def recording_of(map_path: Path, tracks: str | Path | None) -> Recording:
+    """Name the recording of a map: the given tracks or folder of tracks, or what `find_tracks` finds."""
+    path = find_tracks(map_path) if tracks is None else Path(tracks)
+    dataset = dataset_of(path)
+    files = dataset.files(path)
+    name = dataset.name(map_path, files)
+    return Recording(name=name, site="", dataset="", map_path=map_path, track_paths=files)
 
 
 def beside_lanes(map_path: Path, tracks: Path | None, road: Road) -> str:
-    """Why no vehicle of a moment is on a mapped lane: the moment, the origin or the map, with the remedy."""
-    samples = evidence(read_clean(recorded_files(map_path, tracks), road).table.vehicles)
+    """Say why no vehicle of a moment is on a lane, with the remedy."""
+    samples = evidence(read_clean(recording_of(map_path, tracks).track_paths, road).table.vehicles)
     share = on_lanes(samples, road)
-    if len(samples.x) and share >= LEAST_ON_LANES:
+    if len(samples.x) and share >= MIN_SHARE_ON_LANES:
         return f"though {share:.0%} of the recording's driving is; choose another moment with --time S"
-    return why_beside(samples, road)
+    return explain_mismatch(samples, road)
 
 
 def _check(table: TrackTable, road: Road, map_path: Path) -> None:
@@ -128,14 +187,14 @@ def _check(table: TrackTable, road: Road, map_path: Path) -> None:
         raise TrackError(f"{table.path}: no motor vehicle among the tracks; leave it out")
     samples = evidence(table.vehicles)
     share = on_lanes(samples, road)
-    if share < LEAST_ON_LANES:
+    if share < MIN_SHARE_ON_LANES:
         raise TrackError(
             f"{table.path}: only {share:.0%} of where its vehicles drive is on lanes of {map_path}; "
-            f"{why_beside(samples, road)}"
+            f"{explain_mismatch(samples, road)}"
         )
 
 
 @lru_cache(maxsize=4)
 def _read_road(map_path: Path, _changed_ns: int, origin: tuple[float, float] | None) -> Road:
-    """The map; one object for all recordings of a site, so that what others keep by road is kept."""
+    """One object for all recordings of a site, so that everything remembered by road is shared."""
     return read_map(map_path, origin=origin, own_corner=False)

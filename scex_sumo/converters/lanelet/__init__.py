@@ -1,4 +1,4 @@
-"""Lanelet2 maps: read, repaired, turned into roads. Only here: lanelet2.
+"""Lanelet2 maps: read, repaired, turned into roads. No other package imports lanelet2.
 
 May import roads, geometry, road.
 """

@@ -1,7 +1,6 @@
-"""Lanelet2 map as it stands in its file: nodes, ways and relations, before Lanelet2 reads them.
+"""Lanelet2 map file: its nodes, ways and relations, before Lanelet2 reads them.
 
-Lanelet2 drops what it cannot use without a word, or crashes on it. What a map really says, and what is
-broken in it, is found here with the standard library alone.
+Lanelet2 silently drops what it cannot use, or crashes on it. This module finds what is broken in a map.
 """
 
 from __future__ import annotations
@@ -9,26 +8,32 @@ from __future__ import annotations
 import gzip
 import re
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import TypeVar
 from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr as quoted
 
-from scex_sumo.converters.formats import open_binary
-from scex_sumo.errors import MapError, listed
-from scex_sumo.files import quoted
+import numpy as np
+
+from scex_sumo.base.errors import MapError, listed
+from scex_sumo.converters.lanelet.projection import to_degrees
+from scex_sumo.converters.naming import open_binary
 
 Tags = Mapping[str, str]
-_ID = re.compile(r"-?[0-9]{1,18}")  # what fits Lanelet2's 64 bit ids
-HIGHEST_M = 10_000.0  # no road lies higher
-_EARTH = {"lat": 90.0, "lon": 180.0}
+_ID = re.compile(r"-?[0-9]{1,19}")
+MAX_ID = 2**63 - 1  # Lanelet2's ids have 64 bits
+MAX_HEIGHT_M = 10_000.0  # no road lies higher
+_EARTH = {"lat": 90.0, "lon": 180.0}  # limits
+_LOCAL = {"local_y": 9e6, "local_x": 1e6}  # within a square of 100 km, or UTM's
 _Element = TypeVar("_Element")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MapPoint:
-    """A point of the map: latitude and longitude in degrees, elevation in m."""
+    """Point of the map: latitude and longitude in degrees, elevation in m."""
 
     lat: float
     lon: float
@@ -37,7 +42,7 @@ class MapPoint:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Way:
-    """A polyline: ids of its nodes, in order, and its tags."""
+    """Polyline: ids of its nodes in order, and its tags."""
 
     nodes: tuple[int, ...]
     tags: Tags
@@ -45,7 +50,7 @@ class Way:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Member:
-    """One member of a relation: ``node``, ``way`` or ``relation``, its id and its role."""
+    """Member of a relation: its kind (``node``, ``way`` or ``relation``), id and role."""
 
     kind: str
     ref: int
@@ -54,26 +59,24 @@ class Member:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Relation:
-    """A lanelet, area or regulatory element: its members, in order, and its tags."""
+    """Lanelet, area or regulatory element: its members in order, and its tags."""
 
     members: tuple[Member, ...]
     tags: Tags
 
     def refs(self, role: str, kind: str) -> tuple[int, ...]:
-        """Ids of the members of a role and kind, in order."""
+        """Return the ids of the members with a role and kind, in order."""
         return tuple(m.ref for m in self.members if m.role == role and m.kind == kind)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapFile:
-    """The contents of one map file.
+    """Contents of one map file, elements by id.
 
     Attributes:
-        path: where it was read.
-        nodes: by id.
-        ways: by id.
-        relations: by id.
-        notes: what could not be read, one short sentence each; empty where Lanelet2 reads the file alike.
+        notes: one short sentence for each kind of defect; empty if Lanelet2 reads the file as it stands.
+        unread: ids of the lanelets that are in the file and not here.
+        local: whether the nodes have local coordinates in m, taken as projected from 0, 0.
     """
 
     path: Path
@@ -81,25 +84,25 @@ class MapFile:
     ways: dict[int, Way] = field(default_factory=dict)
     relations: dict[int, Relation] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
+    local: bool = False
 
     def of_type(self, kind: str) -> dict[int, Relation]:
-        """Relations whose ``type`` tag is ``kind``, by ascending id."""
-        found = {i: r for i, r in self.relations.items() if r.tags.get("type") == kind}
-        return dict(sorted(found.items()))
+        """Return the relations whose ``type`` tag is ``kind``, by ascending id."""
+        return {i: r for i, r in sorted(self.relations.items()) if r.tags.get("type") == kind}
 
 
 def list_ids(ids: Iterable[int | str]) -> str:
-    """Write ids for a message: the first few, then how many more there are."""
+    """Write ids for a message: the first five, then the number of the others."""
     return listed(sorted(set(ids), key=lambda i: (isinstance(i, str), i)))
 
 
 def parse_xml(path: Path, kind: str, ending: str) -> ElementTree.Element:
-    """Root of a map's XML, which may be packed.
+    """Parse a map's XML, packed or not, and return its root.
 
     Args:
-        path: the file.
-        kind: of map that is wanted, in words.
-        ending: of the names of such files.
+        kind: wanted kind of map, for the messages.
+        ending: usual ending of its file names, for the messages.
 
     Raises:
         MapError: the file is missing, is no file, or is not XML.
@@ -121,28 +124,26 @@ def parse_xml(path: Path, kind: str, ending: str) -> ElementTree.Element:
 
 @dataclass(kw_only=True, eq=False)
 class Findings:
-    """What was found in a map: ids of elements by sentence, which they follow in a note."""
+    """Defects of a map: ids of elements by the sentence that says what is wrong with them."""
 
-    found: dict[str, set[int | str]] = field(default_factory=dict)
+    ids_by_sentence: dict[str, set[int | str]] = field(default_factory=dict)
 
     def note(self, sentence: str, *ids: int | str) -> None:
-        """Remember what was found about some elements, if any."""
+        """Add elements to a sentence; without elements nothing is noted."""
         if ids:
-            self.found.setdefault(sentence, set()).update(ids)
+            self.ids_by_sentence.setdefault(sentence, set()).update(ids)
 
     def notes(self) -> tuple[str, ...]:
-        """One short sentence for each thing found, naming ids."""
-        return tuple(f"{sentence}: {list_ids(ids)}" for sentence, ids in self.found.items())
+        """Return one note for each sentence, naming ids."""
+        return tuple(f"{sentence}: {list_ids(ids)}" for sentence, ids in self.ids_by_sentence.items())
 
 
 def read_map_file(path: str | Path) -> MapFile:
-    """Read a map file's elements; what is marked as deleted is left out, as Lanelet2 does.
+    """Read the elements of an ``.osm`` or ``.osm.gz`` file, without those marked as deleted.
 
-    Of elements with one id the first is kept. Elements without an id or with coordinates that are no place
-    on Earth are left out; both is noted.
-
-    Args:
-        path: an ``.osm`` file, or one packed as ``.osm.gz``.
+    Of several elements with one id the first is kept. Elements without an id or without a place on Earth are
+    left out. Both are noted. If most nodes have ``local_x`` and ``local_y``, these are their places, as in
+    Autoware.
 
     Raises:
         MapError: the file is missing, is no file, is not XML, or is not an OSM file.
@@ -152,39 +153,59 @@ def read_map_file(path: str | Path) -> MapFile:
     ways: dict[int, Way] = {}
     relations: dict[int, Relation] = {}
     findings = Findings()
+    unread: list[str] = []
     root = parse_xml(path, "Lanelet2", ".osm")
     if root.tag != "osm":
         raise MapError(f"{path}: no Lanelet2 map: its root is <{root.tag}>, not <osm>; name an .osm file")
+    local = _is_local(root)
     for element in root:
         if element.get("action") == "delete":
             continue
         name = f"{element.tag} {element.get('id', '')[:24] or 'without an id'}"
         try:
             if element.tag == "node":
-                new = _put(nodes, _id(element, "id"), _node(element))
+                new = _put(nodes, _id(element, "id"), _node(element, local))
                 if _height_m(element) is None:
                     findings.note("heights not understood, taken for 0", name)
             elif element.tag == "way":
-                new = _put(ways, _id(element, "id"), Way(nodes=_way_nodes(element), tags=_tags(element)))
+                nodes_of_way = tuple(_id(nd, "ref") for nd in element.findall("nd"))
+                new = _put(ways, _id(element, "id"), Way(nodes=nodes_of_way, tags=_tags(element)))
             elif element.tag == "relation":
                 relation = Relation(members=_members(element), tags=_tags(element))
                 new = _put(relations, _id(element, "id"), relation)
             else:
                 continue
+            if not new:
+                findings.note("ids used twice, the first element kept", name)
         except ValueError:
             findings.note("left out, no usable id or coordinates", name)
-            continue
-        if not new:
-            findings.note("ids used twice, the first element kept", name)
+            new = False
+        if not new and element.tag == "relation" and _tags(element).get("type") == "lanelet":
+            unread.append(name.removeprefix("relation "))
+    if local and nodes:
+        places = to_degrees(np.array([(n.lon, n.lat) for n in nodes.values()]), (0.0, 0.0)).tolist()
+        nodes = {
+            i: MapPoint(lat=lat, lon=lon, ele=node.ele)
+            for (i, node), (lat, lon) in zip(nodes.items(), places, strict=True)
+        }
     if not nodes and any(element.get("x") for element in root.iter("node")):
         raise MapError(
             f"{path}: its nodes have x, y instead of lat, lon; name the .osm file it was made from"
         )
-    return MapFile(path=path, nodes=nodes, ways=ways, relations=relations, notes=findings.notes())
+    taken = ("coordinates are those of the tags local_x and local_y",) if local else ()
+    return MapFile(
+        path=path,
+        nodes=nodes,
+        ways=ways,
+        relations=relations,
+        notes=(*taken, *findings.notes()),
+        unread=tuple(unread),
+        local=local,
+    )
 
 
 def write_map_file(map_file: MapFile, path: Path) -> None:
-    """Write a map in a form that Lanelet2 reads as it stands here, ascending ids."""
+    """Write a map for Lanelet2, elements by ascending id."""
     lines = ["<?xml version='1.0' encoding='UTF-8'?>", "<osm version='0.6' generator='scex-sumo'>"]
     for i, node in sorted(map_file.nodes.items()):
         lines.append(f"<node id='{i}' lat='{node.lat!r}' lon='{node.lon!r}'>")
@@ -205,46 +226,57 @@ def _tag_lines(tags: Tags) -> list[str]:
 
 
 def _put(elements: dict[int, _Element], element_id: int, element: _Element) -> bool:
-    """Add an element unless its id is taken."""
+    """Add an element; returns False if its id is taken."""
     return elements.setdefault(element_id, element) is element
 
 
 def _id(element: ElementTree.Element, attribute: str) -> int:
     text = element.get(attribute, "").strip()
-    if not _ID.fullmatch(text) or int(text) == 0:  # Lanelet2 takes 0 for "no id yet"
+    number = int(text) if _ID.fullmatch(text) else 0
+    if not 0 < abs(number) <= MAX_ID:  # Lanelet2 takes 0 for "no id yet"
         raise ValueError(text)
-    return int(text)
+    return number
+
+
+def free_ids(used: Iterable[int]) -> Iterator[int]:
+    """Yield new ids: above the used ones, or from 1 on if those are near the limit of 64 bits."""
+    taken = set(map(abs, used))
+    highest = max(taken, default=0)
+    return (i for i in count(1 if highest > MAX_ID // 2 else highest + 1) if i not in taken)
 
 
 def _tags(element: ElementTree.Element) -> Tags:
     return {tag.get("k", ""): tag.get("v", "") for tag in element.findall("tag")}
 
 
-def _node(element: ElementTree.Element) -> MapPoint:
-    place = {key: float(element.get(key, "")) for key in _EARTH}
-    if not all(abs(place[key]) <= limit for key, limit in _EARTH.items()):  # nan fails too
-        raise ValueError("no place on Earth")
-    return MapPoint(**place, ele=_height_m(element) or 0.0)
+def _is_local(root: ElementTree.Element) -> bool:
+    """Return whether most nodes have local coordinates."""
+    nodes = root.findall("node")
+    return 2 * sum({"local_x", "local_y"} <= _tags(node).keys() for node in nodes) > len(nodes)
+
+
+def _node(element: ElementTree.Element, local: bool) -> MapPoint:
+    """Return a node at its latitude and longitude; in a local map at its y and x, in m."""
+    tags = _tags(element)
+    limits = _LOCAL if local else _EARTH
+    lat, lon = (float(tags.get(key, "") if local else element.get(key, "")) for key in limits)
+    if not all(abs(value) <= limit for value, limit in zip((lat, lon), limits.values(), strict=True)):
+        raise ValueError("no place")  # nan, too
+    return MapPoint(lat=lat, lon=lon, ele=_height_m(element) or 0.0)
 
 
 def _height_m(node: ElementTree.Element) -> float | None:
-    """Height of a node, 0 where none is given, None where it is none that a road has."""
+    """Return a node's height: 0 if none is given, None if no road has such a height."""
     word = next((tag.get("v", "") for tag in node.findall("tag") if tag.get("k") == "ele"), "0")
     try:
-        return height if abs(height := float(word)) < HIGHEST_M else None  # nan fails too
+        return height if abs(height := float(word)) < MAX_HEIGHT_M else None  # nan fails too
     except ValueError:
         return None
 
 
-def _way_nodes(element: ElementTree.Element) -> tuple[int, ...]:
-    return tuple(_id(nd, "ref") for nd in element.findall("nd"))
-
-
 def _members(element: ElementTree.Element) -> tuple[Member, ...]:
-    members = element.findall("member")
-    kinds = ("node", "way", "relation")
     return tuple(
         Member(kind=m.get("type", ""), ref=_id(m, "ref"), role=m.get("role", ""))
-        for m in members
-        if m.get("type") in kinds
+        for m in element.findall("member")
+        if m.get("type") in ("node", "way", "relation")
     )

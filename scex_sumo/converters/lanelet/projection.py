@@ -1,4 +1,4 @@
-"""UTM projection of places on Earth, as Lanelet2 does it: latitude and longitude to metres, and back."""
+"""UTM projection of latitude and longitude to metres and back, as Lanelet2 computes it."""
 
 from __future__ import annotations
 
@@ -6,17 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.road import Georeference
 
 
 def to_local(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
-    """Metres (N, 2) east and north of an origin, in the origin's zone.
-
-    Args:
-        degrees: (N, 2) latitude, longitude.
-        origin: latitude, longitude of the point that becomes (0, 0).
-    """
+    """Project (N, 2) latitudes and longitudes to metres east and north of an origin, in its zone."""
     from lanelet2.core import GPSPoint
 
     forward = _projector(origin).forward
@@ -25,11 +20,9 @@ def to_local(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
 
 
 def to_degrees(metres: FloatArray, origin: tuple[float, float], *, absolute: bool = False) -> FloatArray:
-    """Latitude and longitude (N, 2) of places in metres.
+    """Return (N, 2) latitudes and longitudes of places in metres east and north of an origin.
 
     Args:
-        metres: (N, 2) east and north of the origin.
-        origin: latitude, longitude.
         absolute: ``metres`` are UTM's easting and northing in the zone of the origin.
 
     Raises:
@@ -43,7 +36,7 @@ def to_degrees(metres: FloatArray, origin: tuple[float, float], *, absolute: boo
 
 
 def georeference(origin: tuple[float, float]) -> Georeference | None:
-    """The UTM projection that `to_local` uses; None for 0, 0, where maps are drawn that lie nowhere."""
+    """Return the UTM projection that `to_local` uses; None for origin 0, 0, which is no real place."""
     from lanelet2.core import GPSPoint
 
     if origin == (0.0, 0.0):
@@ -56,7 +49,7 @@ def georeference(origin: tuple[float, float]) -> Georeference | None:
 
 
 def utm_zone(lat: float, lon: float) -> int:
-    """UTM zone of a place; zones are 6 degrees wide but in the south-west of Norway and on Svalbard."""
+    """Return the UTM zone of a place: 6 degrees wide, except in south-west Norway and on Svalbard."""
     lon = (lon + 180.0) % 360.0 - 180.0
     if 56.0 <= lat < 64.0 and 3.0 <= lon < 12.0:
         return 32

@@ -1,4 +1,4 @@
-"""Repair of a map file before Lanelet2 sees it: what can be mended is, the rest is left out and named."""
+"""Repair of a map file before Lanelet2 reads it: defects are repaired, or left out and noted."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
-from scex_sumo.converters.lanelet.file import Findings, MapFile, MapPoint, Member, Relation, Way
-from scex_sumo.errors import MapError
+from scex_sumo.base.errors import MapError
+from scex_sumo.converters.lanelet.file import Findings, MapFile, MapPoint, Member, Relation, Way, free_ids
 
 Place: TypeAlias = tuple[float, float]  # latitude and longitude, degrees
 METRES_PER_DEGREE = 111_195.0  # of latitude, on the sphere of 6371 km
@@ -18,20 +18,20 @@ SIDES = ("left", "right")
 
 
 def repair(map_file: MapFile) -> tuple[MapFile, bool]:
-    """Mend or leave out what Lanelet2 would drop silently, misread or crash on.
+    """Repair or leave out what Lanelet2 would silently drop, misread or crash on.
 
-    Stray nodes (over 50 km from the map's middle) and references to nothing are dropped; ways that end at one
-    place end in one node; bounds in several pieces are joined; lanelets without two bounds are left out.
+    - Nodes over 50 km from the map's middle and references to missing elements are dropped.
+    - Ways that end at one place end in one node.
+    - Bounds in several pieces are joined; lanelets without two bounds are left out.
 
     Returns:
-        The map, its notes naming what was done, and whether it differs from its file.
+        The map with its notes, and whether it differs from its file.
     """
     done = Findings()
-    nodes = map_file.nodes
-    stray = _stray_nodes(map_file)
+    centre = middle(map_file)
+    stray = {i for i, n in map_file.nodes.items() if distance_m((n.lat, n.lon), centre) > STRAY_M}
     done.note("nodes over 50 km away from the map, left out", *stray)
-    nodes = {i: node for i, node in nodes.items() if i not in stray}
-    map_file = replace(map_file, nodes=nodes)
+    map_file = replace(map_file, nodes={i: n for i, n in map_file.nodes.items() if i not in stray})
     map_file = replace(map_file, ways=_joined_ends(map_file, _ways(map_file, done), done))
     lanelets, joined = _lanelets(map_file, done)
     others = {i: r for i, r in map_file.relations.items() if r.tags.get("type") != "lanelet"}
@@ -42,30 +42,21 @@ def repair(map_file: MapFile) -> tuple[MapFile, bool]:
 
 
 def distance_m(a: Place, b: Place) -> float:
-    """Distance of two places (latitude, longitude in degrees), m; good enough to tell near from far."""
+    """Return the rough distance of two places, m; enough to tell near from far."""
     east = (a[1] - b[1]) * math.cos(math.radians((a[0] + b[0]) / 2))
     return math.hypot(a[0] - b[0], east) * METRES_PER_DEGREE
 
 
 def middle(map_file: MapFile) -> Place:
-    """Median latitude and longitude of the map's nodes, degrees.
-
-    Raises:
-        MapError: it has no nodes.
-    """
+    """Return the median latitude and longitude of the map's nodes; raises `MapError` without any."""
     if not map_file.nodes:
         raise MapError(f"{map_file.path}: no usable nodes, so no map; name a Lanelet2 .osm file")
     nodes = map_file.nodes.values()
     return statistics.median(n.lat for n in nodes), statistics.median(n.lon for n in nodes)
 
 
-def _stray_nodes(map_file: MapFile) -> set[int]:
-    centre = middle(map_file)
-    return {i for i, n in map_file.nodes.items() if distance_m((n.lat, n.lon), centre) > STRAY_M}
-
-
 def _ways(map_file: MapFile, done: Findings) -> dict[int, Way]:
-    """Ways with only nodes that exist; a way without any is left out. Borders are lines, never areas."""
+    """Return the ways without missing nodes; ways without any node are left out. Bounds are never areas."""
     known = map_file.nodes.keys()
     borders = {
         m.ref
@@ -89,9 +80,9 @@ def _ways(map_file: MapFile, done: Findings) -> dict[int, Way]:
 
 
 def _joined_ends(map_file: MapFile, ways: Mapping[int, Way], done: Findings) -> dict[int, Way]:
-    """The ways, of whose ends no two at one place are two nodes, and without steps of no length.
+    """Return the ways with one node for all ends at one place, and without steps of zero length.
 
-    Lanelet2 links lanelets by the nodes that they share, and finds no middle of a bound that stands still.
+    Lanelet2 links lanelets by shared nodes, and computes no centreline along a step of zero length.
     """
     ends = {node: map_file.nodes[node] for way in ways.values() for node in (way.nodes[0], way.nodes[-1])}
     first: dict[MapPoint, int] = {}
@@ -112,11 +103,11 @@ def _joined_ends(map_file: MapFile, ways: Mapping[int, Way], done: Findings) -> 
 
 
 def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], dict[int, Way]]:
-    """Lanelets with two usable bounds, and the ways that were joined from pieces for them."""
+    """Return the lanelets with two usable bounds, and the new ways joined from pieces for them."""
     lanelets: dict[int, Relation] = {}
     joined: dict[int, Way] = {}
     drawn: set[tuple[int, int, str]] = set()
-    next_id = max([0, *map(abs, (*map_file.ways, *map_file.relations, *map_file.nodes))]) + 1
+    new_ids = free_ids((*map_file.ways, *map_file.relations, *map_file.nodes))
     for i, lanelet in map_file.of_type("lanelet").items():
         bounds = []
         for side in SIDES:
@@ -129,8 +120,9 @@ def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], d
                 break
             if len(pieces) > 1:
                 done.note("lanelets with bounds in several pieces, joined", i)
-                joined[next_id] = Way(nodes=nodes, tags=map_file.ways[pieces[0]].tags)
-                pieces, next_id = [next_id], next_id + 1
+                way = Way(nodes=nodes, tags=map_file.ways[pieces[0]].tags)
+                pieces = [next(new_ids)]
+                joined[pieces[0]] = way
             bounds.append(Member(kind="way", ref=pieces[0], role=side))
         if len(bounds) < 2:
             continue
@@ -146,7 +138,7 @@ def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], d
 
 
 def _other_members(i: int, lanelet: Relation, map_file: MapFile, done: Findings) -> list[Member]:
-    """Members of a lanelet besides its bounds; a centreline counts only where there is just one to be had."""
+    """Return a lanelet's members besides its bounds; a centreline is kept only if it is the only one."""
     rest = [m for m in lanelet.members if m.role not in SIDES]
     centres = [m for m in rest if m.role == "centerline"]
     if not centres:
@@ -165,12 +157,11 @@ def _other_members(i: int, lanelet: Relation, map_file: MapFile, done: Findings)
 
 
 def _is_line(nodes: tuple[int, ...], map_file: MapFile) -> bool:
-    """Whether the nodes mark at least two places."""
     return len({(map_file.nodes[n].lat, map_file.nodes[n].lon) for n in nodes}) > 1
 
 
 def chain(parts: list[tuple[int, ...]]) -> tuple[int, ...] | None:
-    """Join node sequences, in any order and direction, end to end into one; None where they do not chain."""
+    """Join node sequences of any order and direction end to end; returns None if they do not chain."""
     rest = [part for part in parts if part]
     if not rest:
         return None
@@ -191,7 +182,7 @@ def chain(parts: list[tuple[int, ...]]) -> tuple[int, ...] | None:
 
 
 def _members(map_file: MapFile, done: Findings) -> dict[int, Relation]:
-    """Relations with only members that exist, areas only with all their bounds."""
+    """Return the relations without missing members; areas with missing bounds are left out."""
     known = {
         "node": map_file.nodes.keys(),
         "way": map_file.ways.keys(),

@@ -1,14 +1,14 @@
-"""Tags of a lanelet and its regulatory elements: who may use it, how fast."""
+"""Tags of a lanelet: its kind and its speed limit."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.lanelet.file import MapFile, Relation
-from scex_sumo.errors import UsageError
 
 MPH = 0.44704  # m/s, by definition (1609.344 m in 3600 s)
 KMH = 1 / 3.6
@@ -42,42 +42,33 @@ _BUS = {"bus_lane", "busway", "bus"}
 _BY_KIND = {"pedestrian": 5.0, "bicycle": 20.0}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Country:
-    """Speed limits for cars where no sign stands, km/h; usual ones where they differ from state to state.
-
-    Attributes:
-        name: in English.
-        urban: in towns.
-        rural: outside of them.
-        motorway: on motorways; the advised speed where there is no limit.
-        living_street: where children play.
-    """
+class Country(NamedTuple):
+    """Speed limits of a country for cars without a sign, km/h; the usual ones if states differ."""
 
     name: str
     urban: float
     rural: float
-    motorway: float
+    motorway: float  # the advised speed where there is no limit
     living_street: float = 20.0
 
 
 _MPH = 1.609344  # km/h
 GERMANY = "de"
 COUNTRIES = {
-    GERMANY: Country(name="Germany", urban=50, rural=100, motorway=130, living_street=7),
-    "at": Country(name="Austria", urban=50, rural=100, motorway=130),
-    "be": Country(name="Belgium", urban=50, rural=90, motorway=120),
-    "bg": Country(name="Bulgaria", urban=50, rural=90, motorway=140),
-    "ch": Country(name="Switzerland", urban=50, rural=80, motorway=120),
-    "cn": Country(name="China", urban=50, rural=70, motorway=120),
-    "cz": Country(name="Czechia", urban=50, rural=90, motorway=130),
-    "es": Country(name="Spain", urban=50, rural=90, motorway=120),
-    "fr": Country(name="France", urban=50, rural=80, motorway=130),
-    "gb": Country(name="Great Britain", urban=30 * _MPH, rural=60 * _MPH, motorway=70 * _MPH),
-    "it": Country(name="Italy", urban=50, rural=90, motorway=130),
-    "nl": Country(name="the Netherlands", urban=50, rural=80, motorway=100, living_street=15),
-    "pl": Country(name="Poland", urban=50, rural=90, motorway=140),
-    "us": Country(name="the United States", urban=25 * _MPH, rural=55 * _MPH, motorway=65 * _MPH),
+    GERMANY: Country("Germany", 50, 100, 130, 7),
+    "at": Country("Austria", 50, 100, 130),
+    "be": Country("Belgium", 50, 90, 120),
+    "bg": Country("Bulgaria", 50, 90, 140),
+    "ch": Country("Switzerland", 50, 80, 120),
+    "cn": Country("China", 50, 70, 120),
+    "cz": Country("Czechia", 50, 90, 130),
+    "es": Country("Spain", 50, 90, 120),
+    "fr": Country("France", 50, 80, 130),
+    "gb": Country("Great Britain", 30 * _MPH, 60 * _MPH, 70 * _MPH),
+    "it": Country("Italy", 50, 90, 130),
+    "nl": Country("the Netherlands", 50, 80, 100, 15),
+    "pl": Country("Poland", 50, 90, 140),
+    "us": Country("the United States", 25 * _MPH, 55 * _MPH, 65 * _MPH),
 }
 _SPEED_KEYS = (
     "speed_limit",
@@ -90,10 +81,10 @@ _SIGN_KEYS = ("sign_type", "subtype", *_SPEED_KEYS)
 
 
 def speed_mps(text: str) -> float | None:
-    """Speed in m/s of a limit as maps write it, or None where it is no speed.
+    """Parse a speed limit as maps write it and return m/s, or None if it is no speed.
 
-    A number without a unit is in km/h; ``30 km/h``, ``50kmh``, ``15mph``, ``13.9 m/s``, ``DE:urban``,
-    ``none`` (taken as 130 km/h) and the German sign ``de274-60`` are understood. Zero is no limit.
+    Understood are numbers in km/h, ``30 km/h``, ``50kmh``, ``15mph``, ``13.9 m/s``, ``DE:urban``, ``none``
+    (130 km/h) and the German sign ``de274-60``. Zero is no limit.
     """
     word = text.strip().lower()
     sign = _LIMIT_SIGN.fullmatch(word)
@@ -109,22 +100,22 @@ def speed_mps(text: str) -> float | None:
 
 
 def lane_speed_mps(lanelet: Relation, map_file: MapFile) -> float | None:
-    """Speed limit that the map gives for a lanelet, m/s, or None where it gives none.
+    """Return the speed limit that the map gives for a lanelet, m/s, or None.
 
-    ``speed_limit`` regulatory elements come before the lanelet's own tags, as in Lanelet2; of several the
-    first that is understood counts.
+    ``speed_limit`` regulatory elements come before the lanelet's own tags, as in Lanelet2. The first limit
+    that is understood counts.
     """
     speeds = (speed_mps(text) for text in _limits(lanelet, map_file))
     return next((speed for speed in speeds if speed is not None), None)
 
 
 def says_limit(lanelet: Relation, map_file: MapFile) -> bool:
-    """Whether the map gives a speed limit for a lanelet, understood or not."""
+    """Return whether the map gives a speed limit for a lanelet, understood or not."""
     return any(True for _ in _limits(lanelet, map_file))
 
 
 def _limits(lanelet: Relation, map_file: MapFile) -> Iterator[str]:
-    """Everything that may be a limit, as written: elements, their signs, the lanelet's tags."""
+    """Yield possible limits as written: of the elements, their signs, the lanelet's tags."""
     for ref in lanelet.refs("regulatory_element", "relation"):
         element = map_file.relations.get(ref)
         if element is None or element.tags.get("subtype") != "speed_limit":
@@ -136,13 +127,7 @@ def _limits(lanelet: Relation, map_file: MapFile) -> Iterator[str]:
 
 
 def default_speed_mps(tags: Mapping[str, str], kind: str, country: str = GERMANY) -> float:
-    """A country's speed limit where the map gives none, m/s.
-
-    Args:
-        tags: the lanelet's tags.
-        kind: the lane's kind; pedestrians are taken to walk at 5 km/h, cyclists to ride at 20 km/h.
-        country: one of `COUNTRIES`.
-    """
+    """Return a country's default speed limit for a lanelet, m/s: 5 km/h on foot, 20 km/h on a bicycle."""
     rules = COUNTRIES[country]
     by_subtype = dict.fromkeys(("highway", "emergency_lane"), rules.motorway)
     by_subtype["play_street"] = rules.living_street
@@ -151,30 +136,21 @@ def default_speed_mps(tags: Mapping[str, str], kind: str, country: str = GERMANY
 
 
 def parse_country(text: str) -> str:
-    """Read ``--country``: a code such as ``us``, in any case.
-
-    Raises:
-        UsageError: its limits are not known.
-    """
+    """Parse ``--country``, a code such as ``us`` in any case; raises `UsageError` if it is unknown."""
     if text.lower() not in COUNTRIES:
         raise UsageError(f"--country: unknown country {text!r}; known: {', '.join(COUNTRIES)}")
     return text.lower()
 
 
 def map_country(map_file: MapFile) -> str:
-    """The country that most lanelets' ``region`` tags name, e.g. ``us``, ``us_ca``; Germany if none does."""
+    """Return the country that most lanelets' ``region`` tags name, e.g. ``us_ca``; Germany if none does."""
     regions = (r.tags.get("region", "").lower()[:2] for r in map_file.of_type("lanelet").values())
     known = Counter(region for region in regions if region in COUNTRIES)
     return known.most_common(1)[0][0] if known else GERMANY
 
 
 def lane_kind(tags: Mapping[str, str], *, vehicle: bool) -> str:
-    """Kind of a lane: ``vehicle``, ``bus``, ``bicycle``, ``pedestrian`` or ``other``.
-
-    Args:
-        tags: the lanelet's tags.
-        vehicle: whether the traffic rules let cars pass.
-    """
+    """Return a lane's kind: vehicle (cars may pass), bus, bicycle, pedestrian or other."""
     if vehicle:
         return "vehicle"
     subtype = tags.get("subtype", "")

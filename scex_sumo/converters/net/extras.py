@@ -1,28 +1,23 @@
-"""Extras for sumo-gui that a SUMO net cannot hold: markings, stop lines, crosswalks and areas as polygons."""
+"""Drawing for sumo-gui: markings, stop lines, crosswalks and areas, as polygons of an additional file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from xml.sax.saxutils import quoteattr as quoted
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.elements import shape_text
-from scex_sumo.files import quoted
 from scex_sumo.geometry.polylines import cut, length_of
 from scex_sumo.road import Marking, Road
 
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """How a line or an area is drawn.
-
-    Attributes:
-        color: SUMO colour.
-        layer: drawing order; roads are at 0.
-        width: of a line, m.
-        dash: length of dashes and of the gaps between them, m; 0 draws a line without gaps.
+    """How a line or an area is drawn; ``layer`` as in SUMO (roads at 0), ``width`` and ``dash`` in m (0 is
+    solid).
     """
 
     color: str
@@ -64,7 +59,7 @@ DASH_M = 3.0
 
 
 def extras_text(road: Road) -> str:
-    """The additional file for sumo-gui; ids are ``area.N``, ``marking.N``, ``stop_line.N``."""
+    """Return the text of the additional file; ids are ``area.N``, ``marking.N``, ``stop_line.N``."""
     head = ['<?xml version="1.0" encoding="UTF-8"?>', "", "<additional>"]
     return "\n".join([*head, *_areas(road), *_markings(road), *_stop_lines(road), "</additional>", ""])
 
@@ -88,7 +83,7 @@ def _markings(road: Road) -> Iterator[str]:
 
 
 def _stop_lines(road: Road) -> Iterator[str]:
-    """Stop lines that rules refer to, unless the map draws them anyway."""
+    """Stop lines of rules, unless the map draws them as markings."""
     drawn = [marking.points for marking in road.markings if marking.kind == "stop_line"]
     number = 0
     for rule in road.regulations:
@@ -100,7 +95,6 @@ def _stop_lines(road: Road) -> Iterator[str]:
 
 
 def _strokes(marking: Marking, style: Style) -> Iterator[FloatArray]:
-    """The marking itself, or its dashes."""
     dash = style.dash or (DASH_M if "dashed" in marking.subtype else 0.0)
     total = length_of(marking.points)
     if dash == 0.0 or total <= dash:

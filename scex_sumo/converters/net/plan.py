@@ -1,40 +1,34 @@
-"""Planning of the SUMO net: the names and shapes of edges, connections and nodes for cut rows of lanes."""
+"""Plan of the SUMO net: names, shapes and outlines of edges, connections and nodes for cut rows of lanes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
+import shapely
+from shapely import MultiPoint, Polygon, unary_union
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.elements import Connection, Edge, NetLane, NetLayout, Node
-from scex_sumo.converters.net.outlines import border, lane_area, union_outline
-from scex_sumo.converters.net.pieces.borders import ENTRY
-from scex_sumo.converters.net.pieces.rings import ring_lanes
-from scex_sumo.converters.net.pieces.rows import Piece
-from scex_sumo.converters.net.pieces.rules import (
+from scex_sumo.converters.net.lanelets import BEYOND, JOINT_M, LaneletPart
+from scex_sumo.converters.net.map_borders import ENTRY
+from scex_sumo.converters.net.right_of_way import (
     Link,
     approach,
     clashing_pieces,
-    links_by_node,
+    ring_lanes,
     set_foes,
     set_right_of_way,
 )
-from scex_sumo.converters.net.pieces.topology import Cut, Path, Topology
-from scex_sumo.converters.sumo.lanelets import BEYOND, JOINT_M, LaneletPart
-from scex_sumo.geometry.polylines import bend, cut, heading, join, length_of, width_along
-from scex_sumo.road import Regulation
+from scex_sumo.converters.net.rows import Piece
+from scex_sumo.converters.net.topology import Cut, Path, Topology
+from scex_sumo.geometry.polylines import along, bend, cut, heading, join, length_of, project, width_along
+from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
 
 
 def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Conflict]) -> NetLayout:
-    """Names and shapes for a topology, and who gives way to whom.
-
-    Args:
-        topology: the cut rows of lanes.
-        rules: of the map.
-        found: conflicts of the lanes.
-    """
+    """Name and shape everything of a topology, and decide the right of way."""
     plan = _Plan(topology)
     edges = tuple(plan.edges())
     incoming: dict[str, list[str]] = {}
@@ -59,11 +53,8 @@ def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Co
 
 
 class _Plan:
-    """Names and shapes of the pieces of a topology."""
-
     def __init__(self, topology: Topology) -> None:
         self._topology = topology
-        self._lanes = topology.lanes
         self._ring = ring_lanes(topology.lanes)
         self._widths: dict[Piece, float] = {}
         self._shapes: dict[Piece, FloatArray] = {}
@@ -83,7 +74,7 @@ class _Plan:
                 yield Edge(name=name, start=start, end=end, lanes=lanes)
 
     def roads(self) -> Iterator[tuple[str, int, float]]:
-        """Lanes of edges, the lanelet under each, and where it begins there, m."""
+        """(lane of an edge, lanelet under it, arc length in m where the lane begins on the lanelet)."""
         for r, row in enumerate(self._topology.rows):
             for k in self._roads(r):
                 for at, lanelet in enumerate(row.lanes):
@@ -96,7 +87,7 @@ class _Plan:
         clashes = clashing_pieces(self._topology, found)
         named = {rule.element_id: {*rule.lanes, *rule.yielding, *rule.priority} for rule in rules}
         result = {}
-        for cut_, paths in links_by_node(self._topology).items():
+        for cut_, paths in self._topology.paths_by_node().items():
             node = self._node_name(cut_)
             order = {name: k for k, name in enumerate(incoming[node])}
             shapes = {path: self._inner_shape(path) for path in paths}
@@ -111,21 +102,17 @@ class _Plan:
         return result
 
     def outline(self, node: str, connections: Sequence[Connection], edges: Sequence[Edge]) -> FloatArray:
-        """Union of the lanelets within a node; where there are none, the border between its edges."""
+        """(P, 2) union of the lanelets within a node, or the border between its edges if there are none."""
         inside = {piece for c in connections for piece in c.link.path.inside}
-        areas = []
-        for piece in sorted(inside):
-            row = self._topology.rows[piece[0]]
-            areas.append(lane_area(self._lanes[row.lanes[piece[2]]], row.span(piece[1], piece[2])))
-        union = union_outline(areas)
-        return union if len(union) else border(node, edges)
+        areas = [_lane_area(self._topology.lane(p), self._topology.span(p)) for p in sorted(inside)]
+        union = _union_outline(areas)
+        return union if len(union) else _border(node, edges)
 
     def _node_name(self, node: Cut) -> str:
         row, k = node
         return f"j{min(self._topology.rows[row].lanes)}" + (f"#{k}" if k else "")
 
     def _roads(self, row: int) -> list[int]:
-        """Pieces of a row that are road."""
         return [k for k, inside in enumerate(self._topology.rows[row].inside) if not inside]
 
     def _edge_name(self, row: int, piece: int) -> str:
@@ -137,8 +124,7 @@ class _Plan:
         return f"{self._edge_name(*piece[:2])}_{piece[2]}"
 
     def _road_lane(self, name: str, piece: Piece, shape: FloatArray, nominal: float) -> NetLane:
-        row = self._topology.rows[piece[0]]
-        lane = self._lanes[row.lanes[piece[2]]]
+        row, lane = self._topology.rows[piece[0]], self._topology.lane(piece)
         left = row.lanes[piece[2] + 1] if piece[2] + 1 < len(row.lanes) else None
         right = row.lanes[piece[2] - 1] if piece[2] else None
         return NetLane(
@@ -156,8 +142,8 @@ class _Plan:
 
     def _trims(self, piece: Piece) -> tuple[float, float]:
         """Arc lengths between which a road piece is an edge; connections take the rest."""
-        row, lane = self._topology.rows[piece[0]], self._lanes[self._topology.lane_id(piece)]
-        start, end = row.span(piece[1], piece[2])
+        row, lane = self._topology.rows[piece[0]], self._topology.lane(piece)
+        start, end = self._topology.span(piece)
         joint = min(JOINT_M, (end - start) / 4)
         known = self._topology.where
         first = not row.inside[piece[1] - 1] if piece[1] else any(i in known for i in lane.predecessors)
@@ -169,15 +155,15 @@ class _Plan:
 
     def _road_shape(self, piece: Piece) -> FloatArray:
         if piece not in self._shapes:
-            line = self._lanes[self._topology.lane_id(piece)].centreline
+            line = self._topology.lane(piece).centreline
             self._shapes[piece] = cut(line, *self._trims(piece))
         return self._shapes[piece]
 
     def _inner_parts(self, path: Path) -> Iterator[tuple[Piece, float, float]]:
-        """The end of the road before, the junction pieces, the beginning of the road after: arc lengths."""
+        """Arc lengths of a connection on each of its pieces."""
         last = len(path.pieces) - 1
         for k, piece in enumerate(path.pieces):
-            start, end = self._topology.rows[piece[0]].span(piece[1], piece[2])
+            start, end = self._topology.span(piece)
             if k == 0:
                 start = self._trims(piece)[1]
             if k == last:
@@ -186,64 +172,54 @@ class _Plan:
                 yield piece, start, end
 
     def _inner_shape(self, path: Path) -> FloatArray:
-        known = self._topology
-        return join(
-            [
-                cut(self._lanes[known.lane_id(piece)].centreline, start, end)
-                for piece, start, end in self._inner_parts(path)
-            ]
-        )
+        parts = self._inner_parts(path)
+        return join([cut(self._topology.lane(piece).centreline, *span) for piece, *span in parts])
 
     def _lanelet_parts(self, parts: Iterable[tuple[Piece, float, float]]) -> Iterator[LaneletPart]:
-        """Parts of lanes, with what a reader of the net cannot see: the width and limit of the whole lane."""
+        """Stretches of lanelets, with width and limit of the whole lanelet, which the net does not hold."""
         for piece, start, end in parts:
-            lane = self._lanes[self._topology.lane_id(piece)]
+            lane = self._topology.lane(piece)
             lanelet = BEYOND if lane.subtype == ENTRY else lane.lane_id
             yield LaneletPart(lanelet, start, end, lane.width_m, lane.speed_limit_mps)
 
     def _width(self, pieces: Sequence[Piece]) -> float:
-        """Mean distance of the bounds along pieces, weighted by length, m."""
         widths = [self._piece_width(piece) for piece in pieces]
-        spans = [self._topology.rows[row].span(k, at) for row, k, at in pieces]
-        sizes = [max(end - start, 1e-3) for start, end in spans]
+        sizes = [max(end - start, 1e-3) for start, end in map(self._topology.span, pieces)]
         return max(float(np.average(widths, weights=sizes)), 0.5)
 
     def _piece_width(self, piece: Piece) -> float:
-        """Mean distance of the bounds along a piece, m; many ways through a junction share one."""
+        """Mean distance of the bounds along a piece, m."""
         if piece not in self._widths:
-            row = self._topology.rows[piece[0]]
-            lane = self._lanes[row.lanes[piece[2]]]
-            line = cut(lane.centreline, *row.span(piece[1], piece[2]))
+            lane = self._topology.lane(piece)
+            line = cut(lane.centreline, *self._topology.span(piece))
             self._widths[piece] = width_along(lane.left_bound, lane.right_bound, line)
         return self._widths[piece]
 
     def _link(self, path: Path, shape: FloatArray) -> Link:
-        start = self._road_shape(path.start)
-        turned = bend(shape)
         return Link(
             path=path,
-            entry=heading(start, end=True),
-            bend=turned,
+            entry=heading(self._road_shape(path.start), end=True),
+            bend=bend(shape),
             on=approach(self._topology, path),
-            on_ring=self._topology.lane_id(path.start) in self._ring,
+            on_ring=self._topology.lane(path.start).lane_id in self._ring,
         )
 
     def _connection(self, node: str, index: int, link: Link, shape: FloatArray) -> Connection:
         path = link.path
         over = path.inside or (path.start, path.end)
-        ids = [self._topology.lane_id(piece) for piece in over]
-        first = self._lanes[self._topology.lane_id(path.start)]
+        lanes = [self._topology.lane(piece) for piece in over]
+        first = self._topology.lane(path.start)
         internal = NetLane(
             name=f":{node}_{index}_0",
             shape=shape,
             length=length_of(shape),
             width=self._width(over),
-            speed=min(self._lanes[i].speed_limit_mps for i in (ids if path.inside else ids[1:])),
-            lanelets=tuple(dict.fromkeys(ids)),
-            allow="" if self._lanes[ids[0]].kind == "vehicle" else self._lanes[ids[0]].kind,
+            speed=min(lane.speed_limit_mps for lane in (lanes if path.inside else lanes[1:])),
+            lanelets=tuple(dict.fromkeys(lane.lane_id for lane in lanes)),
+            allow="" if lanes[0].kind == "vehicle" else lanes[0].kind,
             parts=tuple(self._lanelet_parts(self._inner_parts(path))),
         )
-        driven = [self._topology.lane_id(piece) for piece in path.pieces]
+        driven = [self._topology.lane(piece).lane_id for piece in path.pieces]
         return Connection(
             link=link,
             internal=internal,
@@ -259,11 +235,49 @@ class _Plan:
         )
 
     def _starts(self, path: Path, over: Sequence[Piece]) -> tuple[tuple[int, float], ...]:
-        """Lanelets under a connection, and the arc lengths at which it begins on them, m."""
         starts = {}
         for piece in over:
-            start, end = self._topology.rows[piece[0]].span(piece[1], piece[2])
+            start, end = self._topology.span(piece)
             joint = not path.inside and piece == path.start
             # A joint covers the very end of the lanelet before and the very start of the one after.
-            starts[self._topology.lane_id(piece)] = end if joint else start - 1e-6
+            starts[self._topology.lane(piece).lane_id] = end if joint else start - 1e-6
         return tuple(starts.items())
+
+
+def _lane_area(lane: Lane, span: tuple[float, float]) -> Polygon:
+    """Return the surface of a stretch of a lane; ``span`` is in m on its centreline."""
+    ends = along(lane.centreline, np.array(span))
+    sides = [_between(bound, ends) for bound in (lane.left_bound, lane.right_bound)]
+    return Polygon(np.vstack([sides[0], sides[1][::-1]])).buffer(0)
+
+
+def _union_outline(areas: Sequence[Polygon]) -> FloatArray:
+    """(P, 2) union of areas, or the convex hull if they do not touch; empty if they are lines."""
+    union = unary_union(shapely.buffer(areas, 0.01, quad_segs=16))
+    hull = union if union.geom_type == "Polygon" else union.convex_hull
+    if hull.geom_type != "Polygon":
+        return np.empty((0, 2))
+    return np.asarray(hull.simplify(0.05).exterior.coords)[:-1]
+
+
+def _border(node: str, edges: Iterable[Edge]) -> FloatArray:
+    """(P, 2) hull of the lane ends at a node without an inside."""
+    points: list[FloatArray] = []
+    for edge in edges:
+        for lane in edge.lanes:
+            for name, end in ((edge.start, False), (edge.end, True)):
+                if name == node:
+                    angle = heading(lane.shape, end=end)
+                    across = np.array([-np.sin(angle), np.cos(angle)]) * lane.width / 2
+                    tip = lane.shape[-1 if end else 0]
+                    points += [tip + across, tip - across]
+    hull = MultiPoint(np.array(points)).convex_hull
+    coords = hull.exterior.coords[:-1] if hull.geom_type == "Polygon" else hull.coords
+    return np.asarray(coords)
+
+
+def _between(bound: FloatArray, ends: FloatArray) -> FloatArray:
+    start, end = project(ends, bound)[0]
+    return (
+        cut(bound, start, end) if end - start > 1e-3 else np.vstack([along(bound, start), along(bound, end)])
+    )

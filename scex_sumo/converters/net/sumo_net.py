@@ -1,47 +1,236 @@
-"""SUMO net of a road: the files that a conversion leaves, and which SUMO lanes a lanelet became."""
+"""SUMO net of a road: the files of a conversion, and the lane table from lanelets to SUMO lanes and back."""
 
 from __future__ import annotations
 
+import csv
+import heapq
+import io
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from typing import TypeAlias
+from xml.etree.ElementTree import Element
 
-from scex_sumo.converters.net.lane_table import LaneTable
-from scex_sumo.errors import MapError
-from scex_sumo.road import Loss
+from scex_sumo.base.errors import InputError, MapError
+from scex_sumo.converters.net.allowed import refuse_outputs
+from scex_sumo.converters.net.reader import net_root
+from scex_sumo.road import MapLoss
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SumoNet:
-    """A converted net.
+    """A converted net: NET.net.xml, drawing for sumo-gui, lane table; what could not be converted, and what
+    is lost.
 
-    Attributes:
-        path: NET.net.xml.
-        extras: NET.add.xml with markings, stop lines, crosswalks and areas for sumo-gui, or None.
-        lanes: which SUMO lanes a lanelet became.
-        notes: what could not be carried over, one short sentence each, naming ids.
-        losses: what of the map is not in the net: the road's losses, and what no net could hold.
+    Example:
+        >>> net = scex.convert(scene.road, Path("roundabout.net.xml"))
+        >>> net.path.name, len(net.losses)
+        ('roundabout.net.xml', 0)
     """
 
     path: Path
     extras: Path | None
     lanes: LaneTable
     notes: tuple[str, ...] = ()
-    losses: tuple[Loss, ...] = ()
+    losses: tuple[MapLoss, ...] = ()
 
 
 def open_net(net_path: Path) -> SumoNet:
-    """A net that `convert` wrote, with what lies beside it.
+    """Open a net that `convert` wrote, with the files beside it.
 
     Raises:
-        MapError: the net or its lane table is not there.
+        MapError: the net or its lane table is missing, or it holds more than roads by now.
     """
     table, extras = net_file(net_path, ".lanes.csv"), net_file(net_path, ".add.xml")
     for file in (net_path, table):
         if not file.is_file():
             raise MapError(f"{file}: no such file; convert the map again")
+    for file in (net_path, extras):
+        if file.is_file():
+            refuse_outputs(file)
     return SumoNet(path=net_path, extras=extras if extras.is_file() else None, lanes=LaneTable.read(table))
 
 
 def net_file(net_path: Path, suffix: str) -> Path:
-    """The file that belongs to NET.net.xml with another ending: NET + suffix."""
+    """Return the path beside NET.net.xml with another ending: NET + suffix."""
     return net_path.with_name(net_path.name.removesuffix(".xml").removesuffix(".net") + suffix)
+
+
+_Row: TypeAlias = tuple[int, str]  # lanelet, SUMO lane
+
+HEADER = ["lanelet_id", "lane_id"]
+
+
+class LaneTable:
+    """Lane table: lanelets to SUMO lanes and back, internal lanes included, in driving order.
+
+    A lanelet may span several SUMO lanes, and an internal lane several lanelets.
+
+    Attributes:
+        rows: (lanelet id, SUMO lane), in driving order for each lanelet and for each SUMO lane.
+        ends: edges before and after each internal SUMO lane.
+    """
+
+    def __init__(
+        self, rows: Iterable[tuple[int, str]], ends: dict[str, tuple[str, str]] | None = None
+    ) -> None:
+        self.rows = tuple(rows)
+        self.ends = dict(ends or {})
+        self._of: dict[int, list[str]] = {}
+        self._on: dict[str, list[int]] = {}
+        for lanelet, sumo_lane in self.rows:
+            self._of.setdefault(lanelet, []).append(sumo_lane)
+            self._on.setdefault(sumo_lane, []).append(lanelet)
+        if self.ends:
+            self._of = {lanelet: self._in_order(lanes) for lanelet, lanes in self._of.items()}
+
+    def _in_order(self, lanes: list[str]) -> list[str]:
+        """Sort SUMO lanes by what leads to what; the rows do not define this on a ring."""
+        edges = {name.rsplit("_", 1)[0]: name for name in lanes}
+        waiting: dict[str, set[str]] = {name: set() for name in lanes}
+        for name in lanes:
+            before, after = self.ends.get(name, ("", ""))
+            if before in edges:
+                waiting[name].add(edges[before])
+            if after in edges:
+                waiting[edges[after]].add(name)
+        ordered: list[str] = []
+        while waiting:
+            first = next((name for name, others in waiting.items() if not others), next(iter(waiting)))
+            del waiting[first]
+            ordered.append(first)
+            for others in waiting.values():
+                others.discard(first)
+        return ordered
+
+    def sumo_lanes(self, lanelet_id: int) -> tuple[str, ...]:
+        """Return the SUMO lanes of a lanelet, in driving order; empty if the net does not hold it."""
+        return tuple(self._of.get(lanelet_id, ()))
+
+    def lanelets(self, sumo_lane: str) -> tuple[int, ...]:
+        """Return the lanelets under a SUMO lane, in driving order; empty for an unknown one."""
+        return tuple(self._on.get(sumo_lane, ()))
+
+    def edges(self, lanelet_ids: Sequence[int]) -> list[str]:
+        """Return the SUMO route (non-internal edges) for a sequence of lanelets.
+
+        If the sequence begins (ends) inside a junction, the edge before (after) it is added.
+        """
+        route: list[str] = []
+        last: list[str] = []
+        for lanelet in lanelet_ids:
+            edges = [s.rsplit("_", 1)[0] for s in self.sumo_lanes(lanelet) if not s.startswith(":")]
+            if edges != last:  # the same edges again: a lane change
+                route += edges
+            last = edges or last
+        for first in (True, False):
+            beyond = self._beyond(lanelet_ids, route, first=first)
+            if beyond is not None:
+                route.insert(0 if first else len(route), beyond)
+        return route
+
+    def _beyond(self, lanelet_ids: Sequence[int], route: list[str], *, first: bool) -> str | None:
+        """Edge before (after) a sequence whose first (last) SUMO lane is internal."""
+        if not lanelet_ids:
+            return None
+        lanes = self.sumo_lanes(lanelet_ids[0 if first else -1])
+        candidates = [s for s in lanes if s in self.ends and lanes and s.startswith(":")]
+        outer = [s for s in (lanes[:1] if first else lanes[-1:]) if s.startswith(":")]
+        if not outer:
+            return None
+        for sumo_lane in candidates if first else reversed(candidates):
+            before, after = self.ends[sumo_lane]
+            beyond, joined = (before, after) if first else (after, before)
+            if not route or joined == route[0 if first else -1]:
+                return beyond
+        return None
+
+    def write(self, path: Path) -> None:
+        """Write as CSV with the header ``lanelet_id,lane_id``."""
+        buffer = io.StringIO()
+        writer = csv.writer(buffer, lineterminator="\n")
+        writer.writerow(HEADER)
+        writer.writerows(self.rows)
+        path.write_text(buffer.getvalue(), encoding="utf-8")
+
+    @classmethod
+    def read(cls, path: Path) -> LaneTable:
+        """Read NET.lanes.csv, and the edges around junctions from NET.net.xml beside it, if it is there."""
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.reader(file)
+            if next(reader, None) != HEADER:
+                raise InputError(f"{path}: not a lane table; its first line must be {','.join(HEADER)}")
+            rows = [(int(lanelet), sumo_lane) for lanelet, sumo_lane in reader]
+        net = path.with_name(path.name.removesuffix(".lanes.csv") + ".net.xml")
+        return cls(rows, read_ends(net_root(net)) if net.is_file() else None)
+
+
+def read_ends(root: Element) -> dict[str, tuple[str, str]]:
+    """Return the edges before and after each internal SUMO lane of a net."""
+    ends, within = {}, []
+    for connection in root.iter("connection"):
+        via = connection.get("via")
+        before, after = connection.get("from", ""), connection.get("to", "")
+        if via and not before.startswith(":"):
+            ends[via] = (before, after)
+        elif via:
+            within.append((f"{before}_{connection.get('fromLane', '0')}", via))
+    # Where a vehicle waits within a junction, netconvert cuts its internal lane in two.
+    ends.update({second: ends[first] for first, second in within if first in ends})
+    return ends
+
+
+def lane_table(
+    places: Iterable[tuple[str, list[tuple[int, float]]]],
+    ends: dict[str, tuple[str, str]],
+    known: Container[int],
+) -> LaneTable:
+    """Build the lane table, with rows in driving order along lanelets and along internal lanes.
+
+    Args:
+        places: each SUMO lane, with (lanelet, arc length in m where the lane begins on it), in driving order.
+        known: lanelets of the map; others are left out.
+    """
+    along: dict[int, list[tuple[float, str]]] = {}
+    within: dict[_Row, set[_Row]] = {}
+    for sumo_lane, stretches in places:
+        keys = [(lanelet, sumo_lane) for lanelet, _ in stretches if lanelet in known]
+        for k, key in enumerate(keys):
+            within.setdefault(key, set()).update(keys[:k])
+        for lanelet, start in stretches:
+            if lanelet in known:
+                along.setdefault(lanelet, []).append((start, sumo_lane))
+    before: dict[_Row, set[_Row]] = {key: set() for key in within}
+    for lanelet, stations in along.items():
+        rows = [(lanelet, sumo_lane) for _, sumo_lane in sorted(stations)]
+        for earlier, later in pairwise(rows):
+            before[later].add(earlier)
+    return LaneTable(_sorted(within, before), ends)
+
+
+def _sorted(within: dict[_Row, set[_Row]], before: dict[_Row, set[_Row]]) -> list[_Row]:
+    """Sort topologically, smallest row first; on rings only the order within SUMO lanes holds."""
+    waiting = {key: within[key] | before[key] for key in within}
+    following: dict[_Row, list[_Row]] = {}
+    for key, others in waiting.items():
+        for other in others:
+            following.setdefault(other, []).append(key)
+    ready = [key for key, others in waiting.items() if not others]
+    heapq.heapify(ready)
+    result: list[_Row] = []
+    while waiting:
+        if ready:
+            key = heapq.heappop(ready)
+        else:
+            key = min(row for row in waiting if waiting.keys().isdisjoint(within[row]))
+        if key not in waiting:
+            continue
+        del waiting[key]
+        result.append(key)
+        for later in following.get(key, ()):
+            if later in waiting:
+                waiting[later].discard(key)
+                if not waiting[later]:
+                    heapq.heappush(ready, later)
+    return result

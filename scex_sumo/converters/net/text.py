@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.elements import (
     DECIMALS,
     EXACT,
@@ -18,18 +18,12 @@ from scex_sumo.converters.net.elements import (
     Node,
     shape_text,
 )
-from scex_sumo.converters.net.lights import Programme
-from scex_sumo.converters.net.pieces.rules import bits, direction
-from scex_sumo.converters.net.stretches import stretches
-from scex_sumo.converters.net.walking.text import (
-    crossing_edges,
-    junctions_on_foot,
-    sidewalk_edges,
-    ways_on_foot,
-)
-from scex_sumo.converters.net.walking.walks import NO_WALKS, Walks
-from scex_sumo.converters.sumo.lanelets import KEY, parts_text
+from scex_sumo.converters.net.lanelets import KEY, parts_text
+from scex_sumo.converters.net.right_of_way import bits, direction
+from scex_sumo.converters.net.traffic_lights import Programme
+from scex_sumo.converters.net.walks import NO_WALKS, SPEED_MPS, Walks
 from scex_sumo.road import Georeference
+from scex_sumo.roads.conflicts import CLEARANCE_M, SampledLine, lines_cross, opposed
 
 # Internal lane, or edge of a crossing: its traffic light and link index there.
 Lights: TypeAlias = Mapping[str, tuple[str, int]]
@@ -46,7 +40,7 @@ def net_text(
     place: Georeference | None = None,
     walks: Walks = NO_WALKS,
 ) -> str:
-    """The whole file; its place on Earth lets SUMO's tools show it on a map."""
+    """Return the whole file; with ``place`` SUMO's tools can show the net on a map of the world."""
     lights = {c.internal.name: (p.name, k) for p in programmes for k, c in enumerate(p.connections)}
     lights |= {n: (p.name, len(p.connections) + k) for p in programmes for k, n in enumerate(p.crossings)}
     root = ROOT.replace(" limit", ' walkingareas="true" limit') if walks.areas else ROOT
@@ -66,15 +60,15 @@ def _body(
     nodes = sorted(layout.nodes, key=lambda node: node.name)
     told: dict[str, list[str]] = {}
     for node in nodes:
-        for one, other, span in stretches(node):
+        for one, other, span in _conflict_stretches(node):
             told.setdefault(one.internal.name, []).append(_conflict(other, span))
     for node in nodes:
         for connection in node.connections:
             yield from _internal(connection.internal)
-    yield from crossing_edges(walks)
+    yield from _crossing_edges(walks)
     for edge in layout.edges:
         yield from _edge(edge)
-    yield from sidewalk_edges(walks)
+    yield from _sidewalk_edges(walks)
     for programme in programmes:
         name = f'id="{programme.name}" type="static" programID="{programme.programme}"'
         yield f'    <tlLogic {name} offset="0">'
@@ -83,18 +77,18 @@ def _body(
         yield "    </tlLogic>"
     for node in nodes:
         yield from _junction(node, lights, walks)
-    yield from junctions_on_foot(walks)
+    yield from _pedestrian_junctions(walks)
     for node in nodes:
         for connection in node.connections:
             yield from _connection(connection, lights, told.get(connection.internal.name, ()))
     for node in nodes:
         for connection in node.connections:
             yield _exit(connection)
-    yield from ways_on_foot(walks, lights)
+    yield from _pedestrian_connections(walks, lights)
 
 
 def _location(corners: FloatArray, place: Georeference | None) -> str:
-    """Where the net lies: coordinates less the offset are the projection's."""
+    """Format the net's location: coordinates less the offset are those of the projection."""
     boundary = ",".join(f"{v:.2f}" for v in corners)
     if place is None:
         offset, original, projection = "0.00,0.00", boundary, "!"
@@ -214,3 +208,112 @@ def _exit(c: Connection) -> str:
         f'    <connection from="{c.internal.name.rsplit("_", 1)[0]}" to="{c.to_edge}" fromLane="0"'
         f' toLane="{c.to_lane}" dir="{direction(c.link.bend)}" state="M"/>'
     )
+
+
+def _crossing_edges(walks: Walks) -> Iterator[str]:
+    for crossing in walks.crossings:
+        edges = " ".join(crossing.edges)
+        yield f'    <edge id="{crossing.name}" function="crossing" crossingEdges="{edges}">'
+        yield _walking_lane(crossing.lane)
+        yield "    </edge>"
+    for name, outline in walks.areas.items():
+        yield f'    <edge id="{name}" function="walkingarea">'
+        yield (
+            f'        <lane id="{name}_0" index="0" allow="pedestrian" speed="{SPEED_MPS}" length="1.00"'
+            f' width="2.00" shape="{shape_text(outline)}"/>'
+        )
+        yield "    </edge>"
+
+
+def _sidewalk_edges(walks: Walks) -> Iterator[str]:
+    for walk in walks.sidewalks:
+        start, end = walk.nodes
+        yield f'    <edge id="{walk.name}" from="{start}" to="{end}" priority="-1" spreadType="center">'
+        yield _walking_lane(walk.lane)
+        yield "    </edge>"
+
+
+def _pedestrian_junctions(walks: Walks) -> Iterator[str]:
+    """Junctions that only people use."""
+    for name, outline in walks.nodes.items():
+        x, y = outline.mean(axis=0)
+        yield (
+            f'    <junction id="{name}" type="dead_end" x="{x:.{DECIMALS}f}" y="{y:.{DECIMALS}f}"'
+            f' incLanes="{" ".join(walks.incoming(name))}" intLanes="" shape="{shape_text(outline)}"/>'
+        )
+
+
+def _pedestrian_connections(walks: Walks, lights: Mapping[str, tuple[str, int]]) -> Iterator[str]:
+    for crossing in walks.crossings:
+        light = ""
+        if crossing.name in lights:
+            name, index = lights[crossing.name]
+            light = f' tl="{name}" linkIndex="{index}"'
+        yield _way(crossing.start, crossing.name, light, state="M" if crossing.marked else "m")
+        yield _way(crossing.name, crossing.end)
+    for walk in walks.sidewalks:
+        start, end = walk.areas
+        if start:
+            yield _way(start, walk.name)
+        if end:
+            yield _way(walk.name, end)
+
+
+def _walking_lane(lane: NetLane) -> str:
+    return (
+        f'        <lane id="{lane.name}" index="0" allow="{lane.allow}" speed="{lane.speed}"'
+        f' length="{max(lane.length, 0.1):.{DECIMALS}f}" width="{lane.width:.2f}"'
+        f' shape="{shape_text(lane.shape)}"/>'
+    )
+
+
+def _way(start: str, end: str, light: str = "", state: str = "M") -> str:
+    return (
+        f'    <connection from="{start}" to="{end}" fromLane="0" toLane="0"{light} dir="s" state="{state}"/>'
+    )
+
+
+# SUMO takes a stretch for real only if it begins or ends strictly within the lane.
+INSET_M = 0.5
+
+_Span: TypeAlias = tuple[float, float]  # m along an internal lane
+
+
+def _conflict_stretches(node: Node) -> Iterator[tuple[Connection, Connection, _Span]]:
+    """Yield pairs of foes whose conflict SUMO cannot find, with its stretch on the first connection, m.
+
+    SUMO looks for the point where two internal lanes cross. Lanes that only pass close by, or that merge
+    without a common target, have none. One point is not enough for lanes that run against each other.
+    """
+    links = node.connections
+    sampled = {i: SampledLine.of(c.internal.shape) for i, c in enumerate(links) if c.link.foes}
+    spans: dict[tuple[int, int], _Span] = {}
+    for i in sampled:
+        for j in sorted(links[i].link.foes):
+            if i < j:
+                both = _unseen(links[i], links[j], sampled[i], sampled[j])
+                spans |= zip(((i, j), (j, i)), both, strict=True) if both else ()
+            if (i, j) in spans:
+                yield links[i], links[j], spans[i, j]
+
+
+def _unseen(a: Connection, b: Connection, on_a: SampledLine, on_b: SampledLine) -> tuple[_Span, _Span] | None:
+    if (a.to_edge, a.to_lane) == (b.to_edge, b.to_lane):
+        return None  # SUMO knows how to merge
+    span = _close(a.internal, b.internal, on_a, on_b)
+    other = _close(b.internal, a.internal, on_b, on_a) if span is not None else None
+    if span is None or other is None:
+        return None
+    crossing = lines_cross(a.internal.shape, b.internal.shape)
+    told = not crossing or opposed(a.internal.shape, b.internal.shape, span, other)
+    return (span, other) if told else None
+
+
+def _close(lane: NetLane, other: NetLane, sampled: SampledLine, beside: SampledLine) -> _Span | None:
+    clearance = min(CLEARANCE_M, 0.45 * (lane.width + other.width))
+    near = np.flatnonzero(sampled.near(beside, clearance))
+    if not len(near):
+        return None
+    inset = min(INSET_M, lane.length / 4)
+    start, end = max(float(sampled.s[near[0]]), inset), min(float(sampled.s[near[-1]]), lane.length - inset)
+    return (start, end) if end > start else None

@@ -1,4 +1,1 @@
-"""Track files in INTERACTION format: found, read, checked.
-
-May import converters.formats and files.
-"""
+"""Track files in INTERACTION format, and tracks as arrays."""

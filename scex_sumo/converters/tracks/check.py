@@ -1,4 +1,4 @@
-"""Errors of a track file: what is wrong with it, in one line."""
+"""Checks of a track file, with errors of one line."""
 
 from __future__ import annotations
 
@@ -11,45 +11,43 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.converters.formats import open_binary, open_text
+from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.naming import open_binary, open_text, other_content
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.errors import TrackError
 
 BASE_COLUMNS = ("track_id", "timestamp_ms", "agent_type", "x", "y", "vx", "vy")
 SHAPE_COLUMNS = ("psi_rad", "length", "width")
-WALKERS = ("pedestrian_tracks", "Ped_smoothed_tracks")
-"""How the names of files begin whose tracks need neither heading nor size."""
 HEADINGS = ("yaw_rad", "heading_rad")
-"""Other names of ``psi_rad``, the first one's first: SinD has both, ``heading_rad`` is the course there."""
+"""Other names of ``psi_rad``, by preference: SinD has both, and its ``heading_rad`` is the course."""
 MISSING = ("", "NA", "N/A", "#N/A", "NULL", "null", "None", "NaN", "nan", "n/a")
-"""Words for a value that is not there."""
+"""Words for a missing value."""
 
-LARGEST = {"timestamp_ms": 1e16, "x": 1e8, "y": 1e8, "vx": 1e4, "vy": 1e4, "psi_rad": 1e4}
-"""Largest magnitude that a value can have at all; sizes have 1e4."""
+MAX_VALUES = {"timestamp_ms": 1e16, "x": 1e8, "y": 1e8, "vx": 1e4, "vy": 1e4, "psi_rad": 1e4}
+"""Largest magnitude of a value; 1e4 for sizes."""
 
-LONGEST_H = 24.0
-"""Of a recording: a longer one has a stamp of another clock, and costs memory by its length."""
+MAX_HOURS = 24.0
+"""A longer recording has a stamp of another clock, and its length costs memory."""
 
 _NEEDED = f"INTERACTION tracks need {', '.join((*BASE_COLUMNS, *SHAPE_COLUMNS))}"
 
 
 def check_values(table: TrackTable) -> None:
-    """Raise a `TrackError` for tracks that have values beyond what they can be, or span days."""
+    """Raise a `TrackError` for tracks with impossible values or a span of days."""
     for rows in (table.vehicles, table.others):
-        for name, largest in LARGEST.items():
+        for name, largest in MAX_VALUES.items():
             wrong = ~(np.abs(getattr(rows, name)) <= largest)
             if wrong.any():
                 row = int(np.argmax(wrong))
                 said = f"{getattr(rows, name)[row]:g}, beyond {largest:g}"
                 raise TrackError(f"{table.path}: {name} of track {rows.labels[rows.track[row]]} is {said}")
-        if len(rows) and float(np.ptp(rows.timestamp_ms)) > 3.6e6 * LONGEST_H:
+        if len(rows) and float(np.ptp(rows.timestamp_ms)) > 3.6e6 * MAX_HOURS:
             ends = [rows.labels[rows.track[find(rows.timestamp_ms)]] for find in (np.argmin, np.argmax)]
             said = f"{np.ptp(rows.timestamp_ms) / 3.6e6:.3g} hours from track {ends[0]} to {ends[1]}"
-            raise TrackError(f"{table.path}: {said}, at most {LONGEST_H:g} are read; repair the stamps")
+            raise TrackError(f"{table.path}: {said}, at most {MAX_HOURS:g} are read; repair the stamps")
 
 
-def check_header(path: Path) -> list[str]:
-    """Column names of a track file.
+def check_header(path: Path, *, shapes: bool = True) -> list[str]:
+    """Column names of a track file; ``shapes``: whether headings and sizes are needed.
 
     Raises:
         TrackError: file missing, empty, not CSV, separated by something else, or without a needed column.
@@ -65,6 +63,8 @@ def check_header(path: Path) -> list[str]:
         raise TrackError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
     except OSError as error:
         raise TrackError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
+    if kind := other_content(path):
+        raise TrackError(f"{path}: {kind}, not CSV; {_NEEDED}")
     if b"\r" in first.rstrip(b"\r\n"):
         raise TrackError(f"{path}: its lines end with CR alone; save it with LF or CRLF")
     if not first.strip():
@@ -76,10 +76,10 @@ def check_header(path: Path) -> list[str]:
     if line.startswith("<") or "\0" in line:
         kind = "XML, perhaps the map" if line.startswith("<") else "binary data"
         raise TrackError(f"{path}: not CSV ({kind}); {_NEEDED}")
-    return _check_names(path, line)
+    return _check_names(path, line, (*BASE_COLUMNS, *(SHAPE_COLUMNS if shapes else ())))
 
 
-def _check_names(path: Path, line: str) -> list[str]:
+def _check_names(path: Path, line: str, needed: Sequence[str]) -> list[str]:
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if line.count(mark) > line.count(","):
             raise TrackError(f"{path}: columns are separated by {name}; save it with commas")
@@ -92,18 +92,17 @@ def _check_names(path: Path, line: str) -> list[str]:
     twice = [name for name in known if header.count(name) > 1]
     if twice:
         raise TrackError(f"{path}: column {', '.join(twice)} is there twice; keep one")
-    shapes = () if path.name.startswith(WALKERS) else SHAPE_COLUMNS
-    missing = [name for name in (*BASE_COLUMNS, *shapes) if name not in header]
+    missing = [name for name in needed if name not in header]
     if missing:
-        found = ", ".join(header[:14]) + (", ..." if len(header) > 14 else "")
-        if len(found) > 160:
-            found = found[:157] + "..."
-        raise TrackError(f"{path}: no column {', '.join(missing)} (found: {found}); {_NEEDED}")
+        shown = ", ".join(header[:14]) + (", ..." if len(header) > 14 else "")
+        if len(shown) > 160:
+            shown = shown[:157] + "..."
+        raise TrackError(f"{path}: no column {', '.join(missing)} (found: {shown}); {_NEEDED}")
     return header
 
 
 def explain_parse_error(path: Path, header: Sequence[str], numbers: Sequence[str], reason: str) -> TrackError:
-    """The first row with too few or too many values, or a value that is no number."""
+    """Error about the first row with too few or too many values, or a value that is not a number."""
     for line, row in _lines(path):
         if len(row) != len(header):
             got = f"{len(row)} values" if len(row) != 1 else "1 value"
@@ -118,7 +117,7 @@ def explain_parse_error(path: Path, header: Sequence[str], numbers: Sequence[str
 
 
 def explain_bad_values(path: Path, header: Sequence[str], index: int, motor: Collection[str]) -> TrackError:
-    """What is missing or impossible in the data row of an index (0 is the first after the header)."""
+    """Error about the missing or impossible value of a data row; index 0 is the first after the header."""
     for count, (line, row) in enumerate(_lines(path)):
         if count < index:
             continue
@@ -139,7 +138,7 @@ def explain_bad_values(path: Path, header: Sequence[str], index: int, motor: Col
 
 
 def _wrong(name: str, value: str) -> str:
-    """What is wrong with a number, and the remedy; empty where nothing is."""
+    """What is wrong with a number, and the remedy; empty if nothing is."""
     if value in MISSING:
         got = repr(value) if value else "missing"
         return f"{got}; repair or drop the row"
@@ -147,19 +146,18 @@ def _wrong(name: str, value: str) -> str:
         return f"{_short(value)}; repair or drop the row"
     if name in ("length", "width") and float(value) <= 0.0:
         return f"{value} m, must be positive"
-    largest = LARGEST.get(name, 1e4)
+    largest = MAX_VALUES.get(name, 1e4)
     return (
         f"{_short(value)}, beyond {largest:g}; repair or drop the row" if abs(float(value)) > largest else ""
     )
 
 
 def _short(value: str) -> str:
-    """A value as it stands, shortened."""
     return repr(value if len(value) <= 24 else f"{value[:24]}...")
 
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Data rows with their line numbers, blank lines left out as the fast reader does."""
+    """Data rows with their line numbers, without blank lines, as the fast reader has them."""
     with open_text(path, errors="replace") as file:
         reader = csv.reader(file)
         try:
@@ -167,7 +165,7 @@ def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
             for row in reader:
                 if row:
                     yield reader.line_num, row
-        except csv.Error:  # a value longer than 128 KiB: the fast reader's reason has to do
+        except csv.Error:  # a value longer than 128 KiB: the fast reader's reason is the message then
             return
 
 

@@ -1,4 +1,4 @@
-"""Columns of a track file: read, checked, and rows without a value left out."""
+"""Columns of a track file: read and checked; rows without a value are left out."""
 
 from __future__ import annotations
 
@@ -10,34 +10,36 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.converters.formats import open_binary
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.naming import open_binary
 from scex_sumo.converters.tracks.check import (
     BASE_COLUMNS,
-    LARGEST,
+    MAX_VALUES,
     MISSING,
     SHAPE_COLUMNS,
     check_header,
     explain_bad_values,
     explain_parse_error,
 )
-from scex_sumo.converters.tracks.kinds import MOTOR_TYPES
-from scex_sumo.errors import TrackError
+from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 
-MOST_MISSING = 0.1
-"""A larger share of rows without a value is no oversight but another format."""
-LARGEST_FRAME = 1e12
-DRIVEN_MPS, ALIGNED = 3.0, 0.9
-"""Who drives so fast points where it goes: the cosine between is no less."""
-SLOWEST_S, FASTEST_S = 0.5, 0.001
-"""Time between two samples of a track: neither more nor less can be milliseconds of a recording."""
+MAX_MISSING = 0.1
+"""A larger share of rows without a value means another format, and is an error."""
+MAX_FRAME = 1e12
+DRIVEN_MPS, MIN_ALIGNED = 3.0, 0.9
+"""From this speed on the cosine between heading and motion is at least 0.9."""
+MIN_STEP_S, MAX_STEP_S = 0.001, 0.5
+"""Limits of the time between two samples of a track; they decide between milliseconds and seconds."""
 
 
-def read_columns(path: Path) -> tuple[dict[str, Any], list[str]]:
-    """Columns of one file; ``case_id``, ``track_id`` and ``agent_type`` as (codes, names).
+def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], list[str]]:
+    """Read the columns of one file; ``case_id``, ``track_id`` and ``agent_type`` as (codes, names).
+
+    ``shapes``: whether headings and sizes are needed.
 
     Returns:
-        The columns, and a phrase where rows were left out or stamps are in seconds.
+        The columns, and a phrase each about rows left out, stamps in seconds and headings in degrees.
 
     Raises:
         TrackError: no CSV, a column missing, too many values missing, or one impossible; or no rows.
@@ -46,17 +48,17 @@ def read_columns(path: Path) -> tuple[dict[str, Any], list[str]]:
     import pyarrow.compute as pc
     from pyarrow import csv
 
-    header = check_header(path)
+    header = check_header(path, shapes=shapes)
     numbers = [name for name in (*BASE_COLUMNS, *SHAPE_COLUMNS, "frame_id") if name in header]
     words = [name for name in ("case_id", "track_id", "agent_type") if name in header]
     numbers = [name for name in numbers if name not in words]
     types = {name: pa.float64() for name in numbers} | dict.fromkeys(words, pa.string())
-    columns_twice = _told_apart(header)
+    column_names = _distinct(header)
     try:
         with open_binary(path) as file:
             arrow = csv.read_csv(
                 file,
-                read_options=csv.ReadOptions(column_names=columns_twice, skip_rows=1),
+                read_options=csv.ReadOptions(column_names=column_names, skip_rows=1),
                 convert_options=csv.ConvertOptions(
                     include_columns=[*numbers, *words], column_types=types, null_values=list(MISSING)
                 ),
@@ -78,13 +80,13 @@ def read_columns(path: Path) -> tuple[dict[str, Any], list[str]]:
     return columns, [*notes, *_in_milliseconds(path, columns), *_in_radians(columns)]
 
 
-def _told_apart(header: list[str]) -> list[str]:
-    """The names of the columns; of columns that nobody needs and that share a name each has its own."""
+def _distinct(header: list[str]) -> list[str]:
+    """Names of the columns; a number is added to repeated names of columns that are not needed."""
     return [name if header.index(name) == k else f"{name} {k}" for k, name in enumerate(header)]
 
 
 def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """The columns without rows that lack a value."""
+    """Columns without the rows that lack a value, and a phrase about them."""
     codes, names = columns["agent_type"]
     motor = np.array([name in MOTOR_TYPES for name in names], bool)[codes]
     wrong, missing = np.zeros((2, len(codes)), bool)
@@ -92,7 +94,7 @@ def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[di
     for name in ("timestamp_ms", "x", "y", "vx", "vy", *SHAPE_COLUMNS):
         values: FloatArray = columns.setdefault(name, np.full(len(codes), np.nan))
         needed = motor if name in SHAPE_COLUMNS else np.ones(len(codes), bool)
-        wrong |= needed & (np.abs(values) > LARGEST.get(name, 1e4))
+        wrong |= needed & (np.abs(values) > MAX_VALUES.get(name, 1e4))
         if name in ("length", "width"):
             wrong |= motor & (values <= 0.0)
         empty: BoolArray = needed & np.isnan(values)
@@ -103,12 +105,12 @@ def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[di
         for word in MISSING:
             if name in columns and word in columns[name][1]:
                 wrong |= columns[name][0] == columns[name][1].index(word)
-    if missing.mean() > MOST_MISSING:
+    if missing.mean() > MAX_MISSING:
         wrong |= missing
     if wrong.any():
         raise explain_bad_values(path, header, int(np.argmax(wrong)), MOTOR_TYPES)
     # A comparison with nan is False, too.
-    if "frame_id" not in columns or not (np.abs(columns["frame_id"]) <= LARGEST_FRAME).all():
+    if "frame_id" not in columns or not (np.abs(columns["frame_id"]) <= MAX_FRAME).all():
         columns["frame_id"] = np.rint(columns["timestamp_ms"] / 100.0)
     if not missing.any():
         return columns, []
@@ -122,10 +124,10 @@ def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[di
 
 
 def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:
-    """Make stamps in seconds milliseconds, in place; a phrase where they were.
+    """Convert stamps in seconds to milliseconds, in place; returns a phrase if it does.
 
     Raises:
-        TrackError: the samples are neither seconds nor milliseconds apart as those of a recording are.
+        TrackError: the time between samples is out of range in both units.
     """
     track = columns["track_id"][0]
     if "case_id" in columns:
@@ -134,27 +136,27 @@ def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:
     steps = np.diff(columns["timestamp_ms"][order])[np.diff(track[order]) == 0]
     steps = steps[steps > 0.0]
     usual = float(np.median(steps)) if len(steps) else 100.0
-    if 1000.0 * FASTEST_S <= usual <= 1000.0 * SLOWEST_S + 1.5:
+    if 1000.0 * MIN_STEP_S <= usual <= 1000.0 * MAX_STEP_S + 1.5:
         return []
-    if FASTEST_S <= usual <= SLOWEST_S + 0.0015:
+    if MIN_STEP_S <= usual <= MAX_STEP_S + 0.0015:
         columns["timestamp_ms"] = np.round(1000.0 * columns["timestamp_ms"], 6)
         columns["frame_id"] = np.rint(columns["timestamp_ms"] / 100.0)
         return ["timestamp_ms is in seconds: taken for such"]
     raise TrackError(
-        f"{path}: samples of a track are {usual / 1000.0:g} s apart by timestamp_ms, {FASTEST_S:g} to "
-        f"{SLOWEST_S:g} s expected; give the stamps in milliseconds"
+        f"{path}: samples of a track are {usual / 1000.0:g} s apart by timestamp_ms, {MIN_STEP_S:g} to "
+        f"{MAX_STEP_S:g} s expected; give the stamps in milliseconds"
     )
 
 
 def _in_radians(columns: dict[str, Any]) -> list[str]:
-    """Make headings in degrees radians, in place; a phrase where they were, as the driving shows."""
+    """Convert headings in degrees, by their fit to the motion, in place; returns a phrase if it does."""
     heading, (vx, vy) = columns["psi_rad"], (columns["vx"], columns["vy"])
     driven = (np.hypot(vx, vy) > DRIVEN_MPS) & np.isfinite(heading)
     if not driven.any() or np.abs(heading[driven]).max() < 2.0 * math.pi:
         return []
     course = np.arctan2(vy[driven], vx[driven])
     fits = [float(np.median(np.cos(scale * heading[driven] - course))) for scale in (1.0, math.pi / 180.0)]
-    if fits[1] < ALIGNED or fits[0] > fits[1]:
+    if fits[1] < MIN_ALIGNED or fits[0] > fits[1]:
         return []
     columns["psi_rad"] = np.radians(heading)
     return ["psi_rad is in degrees: taken for such"]

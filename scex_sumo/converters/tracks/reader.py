@@ -1,4 +1,4 @@
-"""Reading CSV files of tracks: INTERACTION v1.0 and v1.2, TAF-BW."""
+"""Reader of track files in INTERACTION format."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.tracks.check import WALKERS
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import TrackError, listed
 from scex_sumo.converters.tracks.columns import read_columns
-from scex_sumo.converters.tracks.kinds import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
+from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
 from scex_sumo.converters.tracks.rows import (
     FLOAT_COLUMNS,
     ROW_COLUMNS,
@@ -20,28 +20,27 @@ from scex_sumo.converters.tracks.rows import (
     number_of,
     segments_of,
 )
-from scex_sumo.errors import TrackError, listed
 
-_BESIDE = (("vehicle_tracks", WALKERS[0]), ("Veh_smoothed_tracks", WALKERS[1]))
+WALKERS = ("vehicle_tracks", "pedestrian_tracks")
+"""Beginnings of the names of a file of vehicles and the one of pedestrians and cyclists beside it."""
 
 
-def read_tracks(path: str | Path) -> TrackTable:
-    """Read a recording in INTERACTION format; nothing is repaired.
+def read_tracks(path: str | Path, *, walkers: tuple[str, str] = WALKERS) -> TrackTable:
+    """Read a recording in INTERACTION format, plain or packed; nothing is repaired.
 
-    Rows may come in any order, unknown columns are ignored, single rows without a value left out. Pedestrians
-    and cyclists of INTERACTION v1.0 are read from ``pedestrian_tracks_*.csv`` beside
-    ``vehicle_tracks_*.csv``, those of SinD from its ``Ped_smoothed_tracks.csv`` likewise.
+    Rows may have any order. Unknown columns and single rows without a value are left out. ``walkers``: part
+    of the file's name, and that of the file beside it with pedestrians and cyclists, which need no heading or
+    size.
 
     Raises:
         TrackError: file missing or no CSV, column missing, value missing or not a number, no rows.
     """
     path = Path(path)
     files = [path]
-    for driven, walked in _BESIDE:
-        beside = path.parent / path.name.replace(driven, walked)
-        if beside != path and beside.is_file():
-            files.append(beside)
-    read = [read_columns(file) for file in files]
+    beside = path.parent / path.name.replace(*walkers)
+    if beside != path and beside.is_file():
+        files.append(beside)
+    read = [read_columns(file, shapes=not file.name.startswith(walkers[1])) for file in files]
     columns, cases, labels, types = _merge([part for part, _ in read])
     of_track = _majority_type(columns["track"], columns["agent_type"], len(labels))
     of_track, unknown = with_unknown_vehicles(
@@ -70,10 +69,10 @@ def read_tracks(path: str | Path) -> TrackTable:
 def _number(
     path: Path, columns: dict[str, Any], labels: list[str], types: list[str], motor: BoolArray
 ) -> list[str]:
-    """Give vehicles labels that are different numbers, in place; a phrase where some get new ones.
+    """Give vehicles labels that are distinct numbers, in place; returns a phrase if some are new.
 
     Raises:
-        TrackError: a vehicle's id is no integer, or beyond 64 bits.
+        TrackError: a vehicle's id is not an integer, or beyond 64 bits.
     """
     numbered = [int(k) for k in np.flatnonzero(motor)]
     for k in numbered:
@@ -88,7 +87,7 @@ def _number(
     used: set[tuple[int, int]] = set()
     free = max((number_of(labels[k]) for k in numbered), default=0)
     renamed = []
-    # Those written the shortest way keep their number.
+    # The shortest spelling keeps its number.
     for k in sorted(numbered, key=lambda i: (len(labels[i]), labels[i])):
         case = int(columns["case"][first[k]])
         if (case, number_of(labels[k])) in used:
@@ -118,7 +117,7 @@ def _sort_key(label: str) -> tuple[bool, float, str]:
 
 
 def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list[str], list[str]]:
-    """One set of columns of several files; a track is a pair of case and id, apart for each file."""
+    """Columns of several files joined; a track is a case, an id and a file."""
     cases: dict[str, int] = {}
     types: dict[str, int] = {}
     labels: list[str] = []
@@ -139,13 +138,13 @@ def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list
 
 
 def _renumbered(column: tuple[IntArray, list[str]], known: dict[str, int]) -> IntArray:
-    """(N,) numbers of the values; new names are added to the known ones."""
+    """(N,) numbers of the values; new names are added to ``known``."""
     codes, names = column
     return np.array([known.setdefault(name, len(known)) for name in names], np.int64)[codes]
 
 
 def _majority_type(track: IntArray, kind: IntArray, tracks: int) -> IntArray:
-    """(K,) most frequent type of each track: trackers change their mind now and then."""
+    """(K,) most frequent type of each track, because trackers change it now and then."""
     kinds = int(kind.max()) + 1
     counts = np.bincount(track * kinds + kind, minlength=tracks * kinds).reshape(tracks, kinds)
     return np.asarray(np.argmax(counts, axis=1), np.int64)
@@ -159,7 +158,7 @@ def _rows(
     types: list[str],
     type_of_track: IntArray,
 ) -> TrackRows:
-    """Sorted rows of vehicles or of others; the order of the file leaves no trace."""
+    """Sorted rows of vehicles or of others; the order in the file does not matter."""
     case = np.array(_ranks(cases), np.int64)[columns["case"][keep]]
     track = columns["track"][keep]
     stamps = columns["timestamp_ms"][keep]
@@ -191,7 +190,7 @@ def _ranks(labels: list[str]) -> list[int]:
 
 
 def _fill_shapes(flat: dict[str, FloatArray], track: IntArray, kinds: list[str]) -> None:
-    """Sizes and headings that the format leaves out for pedestrians and cyclists, in place."""
+    """Fill in sizes and headings that the format leaves out for pedestrians and cyclists."""
     sizes = np.array([obstacle_size(kind) for kind in kinds]).reshape(-1, 2)[track]
     for name, default in (("length", sizes[:, 0]), ("width", sizes[:, 1])):
         flat[name] = np.where(flat[name] > 0.0, flat[name], default)

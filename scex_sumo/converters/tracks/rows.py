@@ -1,8 +1,9 @@
-"""Rows of recorded tracks: their samples as flat arrays."""
+"""Recorded tracks as flat arrays of samples."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import STEP_S
 
 MAX_GAP_S = 0.5
-"""A track with a longer hole is two segments: nothing is interpolated or smoothed across it."""
+"""A longer gap splits a track into two segments: nothing is interpolated or smoothed across it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,18 +26,15 @@ class TrackRows:
     Attributes:
         case: (N,) index into ``TrackTable.cases``.
         track: (N,) number of the row's track, 0 to K - 1, never decreasing.
-        segment: (N,) as ``track``, but a new number also after a gap of more than 0.5 s or a jump.
+        segment: (N,) as ``track``, with a new number after a gap of more than 0.5 s or a jump.
         labels: (K,) track ids as recorded.
         types: (K,) lower case.
         frame_id: (N,) as recorded.
-        timestamp_ms: (N,) ms.
-        x: (N,) centre, m.
-        y: (N,) centre, m.
-        vx: (N,) m/s.
-        vy: (N,) m/s.
-        psi_rad: (N,) heading, rad; the course of the motion where the recording has none.
-        length: (N,) m.
-        width: (N,) m.
+        timestamp_ms: (N,)
+        x: (N,) centre, m; likewise y.
+        vx: (N,) m/s; likewise vy.
+        psi_rad: (N,) heading; the course of the motion if the recording has none.
+        length: (N,) m; likewise width.
     """
 
     case: IntArray
@@ -69,12 +67,12 @@ class TrackRows:
 
     @cached_property
     def track_id(self) -> IntArray:
-        """(N,) track ids as numbers (of vehicles; others may have names such as P1)."""
+        """(N,) track ids as numbers, of vehicles only: others may have names such as P1."""
         return np.array([number_of(label) for label in self.labels], np.int64)[self.track]
 
     @cached_property
     def stamps_ms(self) -> FloatArray:
-        """(M,) the different stamps, rising, ms."""
+        """(M,) distinct stamps, rising, ms."""
         return np.unique(self.timestamp_ms)
 
     @cached_property
@@ -92,7 +90,7 @@ class TrackRows:
         return np.repeat(np.arange(len(begin)), end - begin + 1)
 
     def take(self, keep: BoolArray) -> TrackRows:
-        """The rows where ``keep`` (N,) is True; tracks without rows are left out."""
+        """Rows where ``keep`` (N,) is True; tracks without rows are left out."""
         used, track = np.unique(self.track[keep], return_inverse=True)
         columns = {name: getattr(self, name)[keep] for name in ROW_COLUMNS}
         return TrackRows(
@@ -103,7 +101,7 @@ class TrackRows:
         )
 
     def of_case(self, index: int) -> TrackRows:
-        """The rows of one case; tracks of others are left out."""
+        """Rows and tracks of one case."""
         begin, end = np.searchsorted(self.case, (index, index + 1))
         columns = {name: getattr(self, name)[begin:end] for name in ROW_COLUMNS}
         track = self.track[begin:end]
@@ -114,7 +112,7 @@ class TrackRows:
         )
 
     def turned(self, angle: float) -> TrackRows:
-        """A copy with headings and velocities turned counter-clockwise by an angle, rad; places stay."""
+        """A copy with headings and velocities turned counter-clockwise by an angle, rad; positions stay."""
         c, s = math.cos(angle), math.sin(angle)
         return self.with_columns(
             psi_rad=wrap(self.psi_rad + angle), vx=c * self.vx - s * self.vy, vy=s * self.vx + c * self.vy
@@ -134,14 +132,16 @@ class TrackTable:
     """A recording, or a file of cases.
 
     Attributes:
-        path: the file read.
-        cases: ids of the cases as written, e.g. ``1.0``, in numerical order; one empty string where the
-            file has no ``case_id`` column (one file per recording).
-        vehicles: tracks of motor vehicles.
-        others: tracks of everything else.
-        step_s: usual time between samples, s.
+        cases: ids of the cases as written, e.g. ``1.0``, in numerical order; one empty string for a
+            recording.
+        others: tracks of all other road users.
+        recorded_step_s: usual time between samples as recorded, if the table was resampled.
         notes: what the reader decided or left out, one phrase each.
-        recorded_step_s: the same as it was recorded, where the table has been resampled; else None.
+
+    Example:
+        >>> loaded = scex.load_recording(scex.find_recordings([scex.example_path("roundabout")])[0])
+        >>> loaded.table.has_cases
+        False
     """
 
     path: Path
@@ -154,24 +154,64 @@ class TrackTable:
 
     @property
     def rate(self) -> str:
-        """A phrase where it was recorded at another rate than 10 Hz; else empty."""
+        """A phrase about a recorded rate other than 10 Hz; else empty."""
         step_s = self.recorded_step_s or self.step_s
         return f"recorded at {1 / step_s:.3g} Hz: interpolated to 10 Hz" if other_rate(step_s) else ""
 
     @property
     def has_cases(self) -> bool:
-        """Whether the file holds cases (v1.2) and not one recording (v1.0)."""
+        """Whether the file holds cases (INTERACTION v1.2) and not one recording."""
         return self.cases != ("",)
 
     def case(self, index: int) -> TrackTable:
-        """The rows of one case only; ``cases`` stays, so that numbers keep their meaning."""
+        """Rows of one case only; ``cases`` stays, so that indices keep their meaning."""
         if not self.has_cases:
             return self
         return replace(self, vehicles=self.vehicles.of_case(index), others=self.others.of_case(index))
 
 
+def track_rows(
+    track: IntArray,
+    labels: Sequence[str],
+    types: Sequence[str],
+    *,
+    frame_id: IntArray | None = None,
+    **columns: FloatArray,
+) -> TrackRows:
+    """Build the rows of one recording from samples sorted by track and time.
+
+    Args:
+        track: (N,) index into labels and types, never decreasing; tracks without samples are left out.
+        labels: ids of the tracks; of vehicles whole numbers.
+        types: lower case, e.g. ``car``, ``truck``, ``pedestrian``.
+        frame_id: (N,); None counts steps of 0.1 s.
+        columns: (N,) each of `FLOAT_COLUMNS`, all of them.
+
+    Example:
+        >>> zeros = np.zeros(2)
+        >>> rows = scex.track_rows(
+        ...     np.array([0, 0]), ["7"], ["car"], timestamp_ms=np.array([0.0, 100.0]),
+        ...     x=zeros, y=zeros, vx=zeros, vy=zeros,
+        ...     psi_rad=zeros, length=zeros + 4.5, width=zeros + 1.8,
+        ... )
+        >>> rows.labels
+        ('7',)
+    """
+    used, number = np.unique(track, return_inverse=True)
+    number, stamps = number.astype(np.int64), columns["timestamp_ms"]
+    return TrackRows(
+        case=np.zeros(len(number), np.int64),
+        track=number,
+        segment=segments_of(number, stamps),
+        labels=tuple(str(labels[k]) for k in used),
+        types=tuple(str(types[k]) for k in used),
+        frame_id=np.rint(stamps / (1000.0 * STEP_S)).astype(np.int64) if frame_id is None else frame_id,
+        **columns,
+    )
+
+
 def number_of(label: str) -> int:
-    """Number of a vehicle by its label, which is text: ``4.0`` is 4, and nothing goes through floats."""
+    """Number of a vehicle by its label, not through a float: ``4.0`` is 4."""
     return int(label.partition(".")[0])
 
 
@@ -181,7 +221,7 @@ def other_rate(step_s: float) -> bool:
 
 
 def segments_of(track: IntArray, timestamp_ms: FloatArray) -> IntArray:
-    """(N,) numbers that change with the track and after a gap of more than 0.5 s."""
+    """(N,) segment numbers: a new one for each track and after a gap of more than 0.5 s."""
     new = np.ones(len(track), bool)
     # 1.5 ms: stamps are rounded to milliseconds
     new[1:] = (np.diff(track) != 0) | (np.diff(timestamp_ms) > 1000.0 * MAX_GAP_S + 1.5)

@@ -1,4 +1,4 @@
-"""OpenDRIVE file: a road written as ASAM OpenDRIVE 1.7, from its own borders."""
+"""OpenDRIVE file: a road written as ASAM OpenDRIVE 1.7 from the borders of its lanes and its rules."""
 
 from __future__ import annotations
 
@@ -6,31 +6,33 @@ from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import shapely
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.version import __version__
 from scex_sumo.converters.lanelet.projection import to_local, utm_zone
 from scex_sumo.exporters.opendrive.network import Piece, RoadLink, connections, road_network
 from scex_sumo.exporters.opendrive.reference import Curve
 from scex_sumo.exporters.opendrive.ribbons import Section
-from scex_sumo.exporters.opendrive.signals import Signal, place_signals
-from scex_sumo.road import Lane, Road
-from scex_sumo.version import __version__
+from scex_sumo.road import Lane, Regulation, Road
 
 LANE_CODE = "scex_sumo_lane"  # user data of a lane: its id in the map
 _TYPES = {"vehicle": "driving", "bus": "bus", "bicycle": "biking", "pedestrian": "sidewalk"}
 _MARK_M = 0.12
+_STEP_M = 0.5  # between the places of a lane that are tried for a signal
+_LIGHT = ("1000001", "OpenDRIVE")
+_YIELD, _STOP, _PRIORITY = ("205", "DE"), ("206", "DE"), ("306", "DE")
 
 
 def opendrive_text(road: Road) -> str:
-    """A road as OpenDRIVE; its coordinates, in metres, stay what they are.
+    """Return a road as OpenDRIVE in its own coordinates, m.
 
-    Each lane of the file names the map's lane in its user data. Where the map's place on Earth is known, the
-    header says it.
+    The user data of each lane name the map's lane. The header has the map's place on Earth if it is known.
     """
     pieces = road_network(road.lanes)
     root = ET.Element("OpenDRIVE")
     root.append(_header(road))
-    signals = place_signals(road, pieces)
+    signals = _placed_signals(road, pieces)
     for piece in pieces:
         root.append(_road(piece, road.lanes, signals.get(piece.number, ())))
     root.extend(_junctions(pieces))
@@ -56,7 +58,7 @@ def _header(road: Road) -> ET.Element:
 
 
 def projection_text(origin: tuple[float, float]) -> str:
-    """PROJ's description of coordinates that count from an origin in its UTM zone."""
+    """Return PROJ's description of coordinates relative to an origin in its UTM zone."""
     meridian = 6.0 * utm_zone(*origin) - 183.0
     x, y = to_local(np.array([origin]), (0.0, meridian))[0]
     return (
@@ -65,11 +67,11 @@ def projection_text(origin: tuple[float, float]) -> str:
     )
 
 
-def _road(piece: Piece, lanes: Mapping[int, Lane], signals: Sequence[Signal]) -> ET.Element:
-    own = [i for section in piece.ribbon.sections for i in section.group]
+def _road(piece: Piece, lanes: Mapping[int, Lane], signals: Sequence[ET.Element]) -> ET.Element:
+    members = [i for section in piece.ribbon.sections for i in section.group]
     road = ET.Element(
         "road",
-        name=" ".join(map(str, dict.fromkeys(own))),
+        name=" ".join(map(str, dict.fromkeys(members))),
         length=_exact(piece.ribbon.length),
         id=str(piece.number),
         junction=str(-1 if piece.junction is None else piece.junction),
@@ -81,19 +83,19 @@ def _road(piece: Piece, lanes: Mapping[int, Lane], signals: Sequence[Signal]) ->
             ET.SubElement(link, tag, elementType="junction", elementId=str(other.junction))
         elif other is not None:
             ET.SubElement(link, tag, elementType="road", elementId=str(other.road), contactPoint=contact)
-    fastest = max(lanes[i].speed_limit_mps for i in own)
-    kind = "rural" if lanes[own[0]].location == "nonurban" else "town"
+    fastest = max(lanes[i].speed_limit_mps for i in members)
+    kind = "rural" if lanes[members[0]].location == "nonurban" else "town"
     ET.SubElement(ET.SubElement(road, "type", s="0", type=kind), "speed", max=_m(fastest), unit="m/s")
     _plan_view(ET.SubElement(road, "planView"), piece.ribbon.curve)
     ET.SubElement(ET.SubElement(road, "elevationProfile"), "elevation", s="0", a="0", b="0", c="0", d="0")
     _lanes(ET.SubElement(road, "lanes"), piece, lanes)
     if signals:
-        _signals(ET.SubElement(road, "signals"), signals)
+        ET.SubElement(road, "signals").extend(signals)
     return road
 
 
 def _plan_view(view: ET.Element, curve: Curve) -> None:
-    """Cubic pieces, each in the frame of its beginning; the parameter is the arc length."""
+    """Add cubic pieces, each in the frame of its first point; the parameter is the arc length."""
     headings = np.arctan2(curve.tangents[:, 1], curve.tangents[:, 0])
     for k, size in enumerate(np.diff(curve.s)):
         c, s = curve.tangents[k]
@@ -147,11 +149,11 @@ def _lane(section: Section, n: int, lane: Lane, before: Sequence[int], after: Se
 
 
 def _linked(link: RoadLink | None, lane: int) -> list[int]:
-    return [] if link is None else [other for own, other in link.lanes if own == lane]
+    return [] if link is None else [other for this, other in link.lanes if this == lane]
 
 
 def _lines(parent: ET.Element, tag: str, s: FloatArray, values: FloatArray, at: str) -> None:
-    """Straight lines between stations; one that goes on as the line before needs no entry."""
+    """Add straight lines between stations; a line that continues the one before needs no entry."""
     slope = np.diff(values) / np.diff(s)
     written: tuple[float, float, float] | None = None
     for start, value, rise in zip(s[:-1], values[:-1], slope, strict=True):
@@ -177,35 +179,13 @@ def _mark(lane: ET.Element, *, crossed: bool) -> None:
     )
 
 
-def _signals(parent: ET.Element, signals: Sequence[Signal]) -> None:
-    for signal in signals:
-        element = ET.SubElement(
-            parent,
-            "signal",
-            s=_exact(signal.s),
-            t=_exact(signal.t),
-            id=str(signal.number),
-            name=signal.name,
-            dynamic="yes" if signal.dynamic else "no",
-            orientation="+",
-            zOffset="2.5",
-            country=signal.country,
-            type=signal.type,
-            subtype="-1",
-            height="0.7",
-            width="0.7",
-        )
-        ET.SubElement(element, "validity", fromLane=str(signal.lane), toLane=str(signal.lane))
-
-
 def _junctions(pieces: Sequence[Piece]) -> list[ET.Element]:
-    found: dict[int, ET.Element] = {}
+    junctions: dict[int, ET.Element] = {}
     for number, incoming, connecting in connections(pieces):
-        junction = found.get(number)
-        if junction is None:
-            junction = found[number] = ET.Element(
-                "junction", name=f"junction {number}", id=str(number), type="default"
-            )
+        if number not in junctions:
+            name = f"junction {number}"
+            junctions[number] = ET.Element("junction", name=name, id=str(number), type="default")
+        junction = junctions[number]
         connection = ET.SubElement(
             junction,
             "connection",
@@ -215,9 +195,9 @@ def _junctions(pieces: Sequence[Piece]) -> list[ET.Element]:
             contactPoint="start",
         )
         assert connecting.before is not None
-        for own, other in connecting.before.lanes:
-            ET.SubElement(connection, "laneLink", {"from": str(other), "to": str(own)})
-    return list(found.values())
+        for lane, other in connecting.before.lanes:
+            ET.SubElement(connection, "laneLink", {"from": str(other), "to": str(lane)})
+    return list(junctions.values())
 
 
 def _m(value: float) -> str:
@@ -226,3 +206,64 @@ def _m(value: float) -> str:
 
 def _exact(value: float) -> str:
     return f"{value:.10g}"
+
+
+def _placed_signals(road: Road, pieces: Sequence[Piece]) -> dict[int, list[ET.Element]]:
+    """Return lights and signs by the number of their road, one of each kind for a lane."""
+    signals: dict[int, list[ET.Element]] = {}
+    seen: set[tuple[int, tuple[str, str]]] = set()
+    for rule in road.regulations:
+        for i, kind in _wanted(rule):
+            if i not in road.lanes or (i, kind) in seen:
+                continue
+            seen.add((i, kind))
+            piece, section, s = _where(pieces, road.lanes[i], rule)
+            n = section.group.index(i)
+            signal = ET.Element(
+                "signal",
+                s=_exact(s),
+                t=_exact(float(np.interp(s, section.s, section.offsets[:, n + 1]))),
+                id=str(len(seen)),
+                name=f"{rule.kind} {rule.element_id}",
+                dynamic="yes" if kind is _LIGHT else "no",
+                orientation="+",
+                zOffset="2.5",
+                country=kind[1],
+                type=kind[0],
+                subtype="-1",
+                height="0.7",
+                width="0.7",
+            )
+            ET.SubElement(signal, "validity", fromLane=str(-n - 1), toLane=str(-n - 1))
+            signals.setdefault(piece.number, []).append(signal)
+    return signals
+
+
+def _wanted(rule: Regulation) -> list[tuple[int, tuple[str, str]]]:
+    if rule.kind == "traffic_light":
+        return [(i, _LIGHT) for i in rule.lanes]
+    if rule.kind in ("stop", "all_way_stop"):
+        return [(i, _STOP) for i in rule.yielding or rule.lanes]
+    return [(i, _YIELD) for i in rule.yielding] + [(i, _PRIORITY) for i in rule.priority]
+
+
+def _where(pieces: Sequence[Piece], lane: Lane, rule: Regulation) -> tuple[Piece, Section, float]:
+    """Return road, section and arc length of the stop line, else of the end of the lane."""
+    line = shapely.LineString(lane.centreline)
+    place = lane.centreline[-1]
+    for points in rule.stop_lines:
+        if len(points) > 1 and shapely.LineString(points).intersects(line):
+            crossing = shapely.LineString(points).intersection(line).representative_point()
+            place = np.array([crossing.x, crossing.y])
+            break
+    options = [(p, x) for p in pieces for x in p.ribbon.sections if lane.lane_id in x.group]
+    near = [_nearest(piece, section, place) for piece, section in options]
+    best = int(np.argmin([gap for _, gap in near]))
+    return *options[best], near[best][0]
+
+
+def _nearest(piece: Piece, section: Section, place: FloatArray) -> tuple[float, float]:
+    """Return the arc length on a section nearest to a place, and the distance, m."""
+    s = np.linspace(section.s[0], section.s[-1], max(2, round(np.ptp(section.s) / _STEP_M)))
+    gap = np.hypot(*(piece.ribbon.curve.at(s)[0] - place).T)
+    return float(s[gap.argmin()]), float(gap.min())

@@ -1,30 +1,28 @@
-"""Lane groups: lanes side by side that share their borders, and where groups begin and end together."""
+"""Lane groups: lanes side by side with shared borders, and the cuts where groups begin and end."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import distances
 from scex_sumo.road import Lane
 
-SHARED_M = 0.02  # borders of neighbours that are farther apart make two roads
+_SHARED_M = 0.02  # neighbours with borders farther apart become two roads
 
 Group: TypeAlias = tuple[int, ...]  # lane ids, leftmost first
-Chain: TypeAlias = tuple[Group, ...]  # groups behind one another, lane by lane
+Chain: TypeAlias = tuple[Group, ...]  # groups that follow one another, lane by lane
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cut:
-    """Where chains end and others begin.
+    """Place where chains end and others begin.
 
     Attributes:
-        ends: chains that end here.
-        starts: chains that begin here.
         links: lanes (from, to) that follow one another here.
     """
 
@@ -34,14 +32,14 @@ class Cut:
 
     @property
     def plain(self) -> bool:
-        """Whether one chain follows another, no lane forks and none merge."""
+        """Tell whether one chain follows another without forking or merging lanes."""
         before, after = ([link[k] for link in self.links] for k in (0, 1))
         single = len(set(before)) == len(before) and len(set(after)) == len(after)
         return len(self.ends) == len(self.starts) == 1 and single
 
 
 def lane_groups(lanes: Mapping[int, Lane]) -> list[Group]:
-    """Lanes side by side, by their smallest lane id."""
+    """Return groups of lanes side by side, ordered by their smallest lane id."""
     left_of: dict[int, int] = {}
     for i, lane in lanes.items():
         j = lane.adjacent_left if lane.adjacent_left is not None else lane.left
@@ -62,19 +60,18 @@ def lane_groups(lanes: Mapping[int, Lane]) -> list[Group]:
 
 
 def borders(lanes: Mapping[int, Lane], group: Group) -> list[FloatArray]:
-    """The left border of the leftmost lane, then the right border of each; polylines in m."""
+    """Return the left border of the leftmost lane, then the right border of each lane, m."""
     return [lanes[group[0]].left_bound, *(lanes[i].right_bound for i in group)]
 
 
 def chains_and_cuts(
     lanes: Mapping[int, Lane], groups: Sequence[Group], *, apart: Collection[Group] = ()
 ) -> tuple[list[Chain], list[Cut]]:
-    """Groups that follow one another lane by lane, joined; and the cuts between what remains.
+    """Return chains of groups that follow one another lane by lane, and the cuts between chains.
 
     Args:
         lanes: of the road, by id.
-        groups: all of them.
-        apart: groups that are joined with none.
+        apart: groups that stay chains of their own.
     """
     group_of = {i: group for group in groups for i in group}
     following: dict[Group, Group] = {}
@@ -95,13 +92,13 @@ def chains_and_cuts(
 
 
 def _same_line(a: FloatArray, b: FloatArray) -> bool:
-    if a.shape == b.shape and np.allclose(a, b, rtol=0, atol=SHARED_M):
+    if a.shape == b.shape and np.allclose(a, b, rtol=0, atol=_SHARED_M):
         return True
-    return bool(max(distances(a, b).max(), distances(b, a).max()) < SHARED_M)
+    return bool(max(distances(a, b).max(), distances(b, a).max()) < _SHARED_M)
 
 
 def _joined(groups: Sequence[Group], following: dict[Group, Group]) -> Iterator[Chain]:
-    """Each group in exactly one chain; a ring is opened at its first group."""
+    """Yield chains with each group in exactly one; a ring is opened at its first group."""
     preceded, seen = set(following.values()), set[Group]()
     for group in [*(g for g in groups if g not in preceded), *groups]:
         if group in seen:
@@ -117,7 +114,7 @@ def _joined(groups: Sequence[Group], following: dict[Group, Group]) -> Iterator[
 def _meetings(
     lanes: Mapping[int, Lane], group_of: Mapping[int, Group]
 ) -> list[tuple[list[Group], list[Group], tuple[tuple[int, int], ...]]]:
-    """Groups that end together, those that begin there, and the lanes that follow one another."""
+    """Return groups that end together, those that begin there, and the lanes that follow one another."""
     links = [(i, j) for i in group_of for j in lanes[i].successors if j in group_of]
     parent: dict[tuple[Group, bool], tuple[Group, bool]] = {}
 
@@ -128,9 +125,14 @@ def _meetings(
 
     for i, j in links:
         parent[root((group_of[i], True))] = root((group_of[j], False))
-    found: dict[tuple[Group, bool], tuple[dict[Group, None], dict[Group, None], list[tuple[int, int]]]] = {}
+    places: dict[tuple[Group, bool], list[tuple[int, int]]] = {}
     for i, j in links:
-        ends, starts, own = found.setdefault(root((group_of[i], True)), ({}, {}, []))
-        ends[group_of[i]] = starts[group_of[j]] = None
-        own.append((i, j))
-    return [(list(ends), list(starts), tuple(own)) for ends, starts, own in found.values()]
+        places.setdefault(root((group_of[i], True)), []).append((i, j))
+    return [
+        (_distinct(group_of[i] for i, _ in here), _distinct(group_of[j] for _, j in here), tuple(here))
+        for here in places.values()
+    ]
+
+
+def _distinct(groups: Iterable[Group]) -> list[Group]:
+    return list(dict.fromkeys(groups))

@@ -1,7 +1,7 @@
-"""Road network of OpenDRIVE: which chains, or parts of them, are roads, and which of these junctions connect.
+"""Road network of OpenDRIVE: roads from chains or parts of them, and the connecting roads of junctions.
 
-Where lanes fork, what follows connects; where they merge, what leads there does. A chain that does one of
-both is cut in two, so that a connecting road always lies between roads that are none.
+Where lanes fork, the following road connects; where they merge, the road before does. Such a chain is cut, so
+that a connecting road always lies between two roads that are not part of a junction.
 """
 
 from __future__ import annotations
@@ -17,20 +17,18 @@ from scex_sumo.exporters.opendrive.groups import (
     chains_and_cuts,
     lane_groups,
 )
-from scex_sumo.exporters.opendrive.ribbons import LARGEST_M, Ribbon, RoadEnd, fitting_groups, ribbon_of
+from scex_sumo.exporters.opendrive.ribbons import MAX_ERROR_M, Ribbon, RoadEnd, fitting_groups, ribbon_of
 from scex_sumo.road import Lane
 
-HEAD_M = 20.0  # longest connecting road that is only part of a chain
+_MAX_HEAD_M = 20.0  # longest connecting road that is only a part of a chain
 
 
 @dataclass(frozen=True, kw_only=True)
 class RoadLink:
-    """What a road leads to, or comes from.
+    """Predecessor or successor of a road: the number of a road or of a junction.
 
     Attributes:
-        road: its number, or None where it is a junction.
-        junction: its number, or None where it is a road.
-        lanes: lanes (own, other) that are linked, by number in OpenDRIVE; none for a junction.
+        lanes: linked lanes (own, other), by number in OpenDRIVE; none for a junction.
     """
 
     road: int | None = None
@@ -40,15 +38,7 @@ class RoadLink:
 
 @dataclass(kw_only=True, eq=False)
 class Piece:
-    """One road of OpenDRIVE.
-
-    Attributes:
-        number: its id.
-        ribbon: its shape.
-        before: what it comes from, or None.
-        after: what it leads to, or None.
-        junction: the junction that it is part of, or None.
-    """
+    """One road of OpenDRIVE: its id, shape, predecessor, successor, and its junction if it connects."""
 
     number: int
     ribbon: Ribbon
@@ -59,7 +49,7 @@ class Piece:
 
 @dataclass(kw_only=True, eq=False)
 class _Parts:
-    """The roads of a chain: for each end that it follows a connecting head, the rest, a connecting tail."""
+    """Roads of a chain: a connecting head for each chain before it, the rest, a connecting tail."""
 
     heads: dict[Chain, Piece] = field(default_factory=dict)
     rest: Piece | None = None
@@ -67,17 +57,16 @@ class _Parts:
 
     @property
     def last(self) -> Piece:
-        """The road at the end."""
-        piece = self.tail or self.rest or next(iter(self.heads.values()))
-        return piece
+        """Return the road at the end."""
+        return self.tail or self.rest or next(iter(self.heads.values()))
 
 
 def road_network(lanes: Mapping[int, Lane]) -> list[Piece]:
-    """The roads of all lanes, linked."""
+    """Return the linked roads of all lanes."""
     groups = [part for group in lane_groups(lanes) for part in fitting_groups(lanes, group)]
     chains, cuts = chains_and_cuts(lanes, groups)
     ribbons = {chain: ribbon_of(lanes, chain) for chain in chains}
-    broken = [chain for chain in chains if len(chain) > 1 and ribbons[chain].error > LARGEST_M]
+    broken = [chain for chain in chains if len(chain) > 1 and ribbons[chain].error > MAX_ERROR_M]
     if broken:
         ribbons |= {(group,): ribbon_of(lanes, (group,)) for chain in broken for group in chain}
         chains, cuts = chains_and_cuts(lanes, groups, apart={g for chain in broken for g in chain})
@@ -87,7 +76,7 @@ def road_network(lanes: Mapping[int, Lane]) -> list[Piece]:
 def _on_common_edges(
     lanes: Mapping[int, Lane], cuts: Sequence[Cut], ribbons: Mapping[Chain, Ribbon]
 ) -> dict[Chain, Ribbon]:
-    """Ribbons of the chains that end or begin at a road with several lanes: where that does, across it."""
+    """Return new ribbons of chains at a road with several lanes, which end or begin on the line across it."""
     edges: dict[Chain, list[RoadEnd | None]] = {}
     for cut in cuts:
         sides = [(chain, True) for chain in cut.ends] + [(chain, False) for chain in cut.starts]
@@ -98,8 +87,8 @@ def _on_common_edges(
         for chain, end in sides:
             if edge.fits(borders(lanes, _edge_group(chain, end)), end=end):
                 edges.setdefault(chain, [None, None])[end] = edge
-    found = {chain: ribbon_of(lanes, chain, (ends[0], ends[1])) for chain, ends in edges.items()}
-    return {chain: ribbon for chain, ribbon in found.items() if ribbon.error < LARGEST_M}
+    moved = {chain: ribbon_of(lanes, chain, (ends[0], ends[1])) for chain, ends in edges.items()}
+    return {chain: ribbon for chain, ribbon in moved.items() if ribbon.error < MAX_ERROR_M}
 
 
 def _edge_group(chain: Chain, end: bool) -> Group:
@@ -107,8 +96,6 @@ def _edge_group(chain: Chain, end: bool) -> Group:
 
 
 class _Network:
-    """Roads made of chains, cut by cut."""
-
     def __init__(self, chains: Sequence[Chain], cuts: Sequence[Cut], ribbons: Mapping[Chain, Ribbon]) -> None:
         self.pieces: list[Piece] = []
         self._ribbons = ribbons
@@ -130,7 +117,7 @@ class _Network:
         entry, exit_, ribbon = self._entry.get(chain), self._exit.get(chain), self._ribbons[chain]
         forks = entry is not None and not entry.plain and _forks(entry)
         merges = exit_ is not None and not exit_.plain and not _forks(exit_)
-        head = min(HEAD_M / max(ribbon.length, 1e-9), 0.5 if not merges else 1 / 3)
+        head = min(_MAX_HEAD_M / max(ribbon.length, 1e-9), 0.5 if not merges else 1 / 3)
         parts = _Parts()
         if forks and merges and entry is not None and len(entry.ends) == 1:
             parts.heads[entry.ends[0]] = self._piece(ribbon)
@@ -157,7 +144,7 @@ class _Network:
         _join(before, after, _lane_pairs(cut, cut.ends[0], cut.starts[0]))
 
     def _link_junction(self, cut: Cut, junction: int) -> None:
-        """Link both ends of a cut; roads that connect are part of its junction."""
+        """Link both sides of a cut; connecting roads become part of its junction."""
         for start in cut.starts:
             for end in cut.ends:
                 pairs = _lane_pairs(cut, end, start)
@@ -179,7 +166,7 @@ class _Network:
                     after.before = RoadLink(junction=junction)
 
     def _connect(self, piece: Piece, junction: int) -> None:
-        """Make a road part of a junction; one that is part of two makes them one."""
+        """Make a road part of a junction; a road in two junctions joins them."""
         if piece.junction is not None:
             self._joined[self._root(junction)] = self._root(piece.junction)
         piece.junction = junction
@@ -190,7 +177,6 @@ class _Network:
         return junction
 
     def _link_inside(self, chain: Chain, parts: _Parts, numbers: Mapping[int, int]) -> None:
-        """Link the roads of one chain."""
         if parts.rest is None:
             return
         pairs = tuple((-k - 1, -k - 1) for k in range(len(chain[0])))
@@ -214,7 +200,7 @@ class _Network:
 
 
 def _forks(cut: Cut) -> bool:
-    """Whether what begins at a cut connects; otherwise what ends there does."""
+    """Tell whether the roads after a cut connect; else those before it do."""
     return len(cut.ends) == 1 or len(cut.starts) > 1
 
 
@@ -224,7 +210,7 @@ def _lane_pairs(cut: Cut, end: Chain, start: Chain) -> tuple[tuple[int, int], ..
 
 
 def _lane_numbers(group: Group) -> dict[int, int]:
-    """Lanes are numbered from the left, on the right of the centre lane."""
+    """Return OpenDRIVE's lane numbers: negative, right of the centre lane, from the left."""
     return {lane: -k - 1 for k, lane in enumerate(group)}
 
 
@@ -234,7 +220,7 @@ def _join(before: Piece, after: Piece, pairs: tuple[tuple[int, int], ...]) -> No
 
 
 def connections(pieces: Sequence[Piece]) -> Iterator[tuple[int, Piece, Piece]]:
-    """Each junction with a road that leads into it and one that connects from there."""
+    """Yield each junction with an incoming and a connecting road."""
     by_number = {piece.number: piece for piece in pieces}
     for piece in pieces:
         if piece.junction is not None and piece.before is not None and piece.before.road is not None:

@@ -1,6 +1,6 @@
-"""Reference line: a smooth curve in the middle of a chain of lane groups, as cubic pieces.
+"""Reference line: a smooth curve of cubic pieces in the middle of a chain of lane groups.
 
-It starts and ends at right angles to the edges of the lanes, so that what follows begins where it ends.
+It starts and ends at right angles to the edges of the lanes, so that the next road begins where it ends.
 """
 
 from __future__ import annotations
@@ -11,19 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import along, arc_lengths, length_of
 
-PIECE_M = 5.0  # longest piece
-PIECE_RAD = 0.1  # most that a piece turns
-LEAST_PIECES = 3  # of each group, so that a road can be cut in two or three
-NARROW_M = 0.5  # edges narrower than this have no direction to speak of
-SKEWED_RAD = math.radians(75)  # edges more skewed than this are not followed
+_MAX_PIECE_M, _MAX_PIECE_RAD = 5.0, 0.1  # length and turn of a piece
+_MIN_PIECES = 3  # of each group, so that a road can be cut into two or three
+_MIN_EDGE_M = 0.5  # narrower edges have no reliable direction
+_MAX_SKEW_RAD = math.radians(75)  # more skewed edges are ignored
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curve:
-    """Cubic pieces between K knots; the parameter of a piece runs with its length.
+    """Cubic pieces between K knots, parametrized by arc length.
 
     Attributes:
         s: (K,) arc lengths of the knots, m.
@@ -36,7 +35,7 @@ class Curve:
     tangents: FloatArray
 
     def at(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points (N, 2) and unit tangents (N, 2) at arc lengths."""
+        """Return points (N, 2) and unit tangents (N, 2) at arc lengths."""
         k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         size = np.diff(self.s)[k][:, None]
         u = (s - self.s[k])[:, None] / size
@@ -52,7 +51,7 @@ class Curve:
         return place, np.asarray(slope / np.hypot(slope[:, 0], slope[:, 1])[:, None])
 
     def part(self, first: int, last: int) -> Curve:
-        """The curve between two knots, its arc length counted from the first."""
+        """Return the curve between two knots."""
         chosen = slice(first, last + 1)
         return Curve(
             s=self.s[chosen] - self.s[first], points=self.points[chosen], tangents=self.tangents[chosen]
@@ -60,36 +59,32 @@ class Curve:
 
 
 def edge_direction(lines: Sequence[FloatArray], *, end: bool) -> FloatArray:
-    """(2,) unit vector across an edge of a group, turned into driving direction.
+    """Return the (2,) unit vector in driving direction at right angles to the first or last edge of a group.
 
     Args:
         lines: borders, leftmost first.
-        end: the last edge instead of the first.
     """
     at = -1 if end else 0
     ahead = np.sum([_end_direction(line, end=end) for line in (lines[0], lines[-1])], axis=0)
     ahead = ahead / max(float(np.hypot(*ahead)), 1e-9)
     across = lines[0][at] - lines[-1][at]
     width = float(np.hypot(*across))
-    if width < NARROW_M:
+    if width < _MIN_EDGE_M:
         return np.asarray(ahead)
     straight = np.array([across[1], -across[0]]) / width
-    return straight if float(straight @ ahead) > math.cos(SKEWED_RAD) else ahead
+    return straight if float(straight @ ahead) > math.cos(_MAX_SKEW_RAD) else ahead
 
 
 def curve_through(
     groups: Sequence[Sequence[FloatArray]], directions: Sequence[FloatArray | None], *, spacing_m: float
 ) -> tuple[Curve, list[int]]:
-    """The curve in the middle of groups that follow one another.
+    """Return the curve in the middle of groups that follow one another, and the last knot of each group.
 
     Args:
         groups: borders of each group, leftmost first.
         directions: (2,) unit vectors at the beginning of the first group and at the end of each; None
             leaves one to the curve.
-        spacing_m: the curve goes through the middle every so many metres.
-
-    Returns:
-        The curve, and the numbers of the knots where each group ends.
+        spacing_m: between points of the middle that the curve passes.
     """
     s, points, tangents, last = [np.zeros(1)], [], [], []
     shifts = _shifts(groups, directions)
@@ -114,29 +109,29 @@ def _end_direction(line: FloatArray, *, end: bool, reach_m: float = 2.0) -> Floa
 
 
 def _shifts(groups: Sequence[Sequence[FloatArray]], directions: Sequence[FloatArray | None]) -> FloatArray:
-    """(G + 1, 2) how far from the middle of each edge the curve crosses it.
+    """Return (G + 1, 2) shifts from the middle of each edge to the point where the curve crosses it.
 
-    Lanes may be shorter than wide, and the middles of their edges not ahead of one another: a curve through
-    these would turn back and forth. It is let go where it need not turn, as little off the middle as can be.
+    Lanes may be shorter than wide, and a curve through the middles of their edges would turn back and forth.
+    The shifts minimize turning and the distance from the middle.
     """
     shifts = np.zeros((len(groups) + 1, 2))
-    known = [d for d in directions if d is not None]
-    if len(known) < len(directions):
+    given = [d for d in directions if d is not None]
+    if len(given) < len(directions):
         return shifts
-    across = np.array([(-d[1], d[0]) for d in known])
+    across = np.array([(-d[1], d[0]) for d in given])
     rows, wanted = [], []
     for k, lines in enumerate(groups):
         first = (lines[0][0] + lines[-1][0]) / 2
         last = (lines[0][-1] + lines[-1][-1]) / 2
         normal = across[k] + across[k + 1]
         weight = 1 / (np.hypot(*normal) * max(float(np.hypot(*(last - first))), 1e-3))
-        row = np.zeros(len(known))
+        row = np.zeros(len(given))
         row[k], row[k + 1] = -weight * (across[k] @ normal), weight * (across[k + 1] @ normal)
         rows.append(row)
         wanted.append(-weight * float((last - first) @ normal))
-    # The wish to stay in the middle is the weakest: 1 m off it is as bad as a turn of 0.02.
-    system = np.vstack([*rows, 0.02 * np.eye(len(known))])
-    target = np.concatenate([wanted, np.zeros(len(known))])
+    # A shift of 1 m costs as much as a turn of 0.02.
+    system = np.vstack([*rows, 0.02 * np.eye(len(given))])
+    target = np.concatenate([wanted, np.zeros(len(given))])
     return np.asarray(np.linalg.lstsq(system, target, rcond=None)[0][:, None] * across)
 
 
@@ -146,7 +141,6 @@ def _group_pieces(
     shifts: FloatArray,
     spacing_m: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Arc lengths, points and tangents of the knots of one group."""
     from scipy.interpolate import CubicSpline
 
     left, right = lines[0], lines[-1]
@@ -164,8 +158,8 @@ def _group_pieces(
     slope = spline(u, 1)
     heading = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
     turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(heading)))])
-    effort = turned / PIECE_RAD + arc_lengths(spline(u)) / PIECE_M
-    pieces = max(LEAST_PIECES, math.ceil(effort[-1]))
+    effort = turned / _MAX_PIECE_RAD + arc_lengths(spline(u)) / _MAX_PIECE_M
+    pieces = max(_MIN_PIECES, math.ceil(effort[-1]))
     at = np.interp(np.linspace(0.0, effort[-1], pieces + 1), effort, u)
     points, slope = spline(at), spline(at, 1)
     tangents = slope / np.hypot(slope[:, 0], slope[:, 1])[:, None]
@@ -173,7 +167,7 @@ def _group_pieces(
 
 
 def _sizes(points: FloatArray, tangents: FloatArray) -> FloatArray:
-    """(K - 1,) lengths of pieces whose parameter runs with their length."""
+    """Return (K - 1,) arc lengths of pieces that are parametrized by arc length."""
     size = np.hypot(*np.diff(points, axis=0).T)
     nodes, weights = np.polynomial.legendre.leggauss(8)
     u = ((nodes + 1) / 2)[None, :, None]

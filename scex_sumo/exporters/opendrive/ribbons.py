@@ -1,4 +1,4 @@
-"""Ribbon: a chain of lane groups as a reference line and the offsets of all borders from it."""
+"""Ribbon: the reference line of a chain of lane groups, and the offsets of all borders from it."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ from itertools import pairwise
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.exporters.opendrive.groups import Chain, Group, borders
 from scex_sumo.exporters.opendrive.reference import Curve, curve_through, edge_direction
 from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.road import Lane
 
-STATION_M = 0.25
-OFFSET_M = 0.004  # how far straight lines between stations may leave the border
-BEYOND_M = 5.0  # borders are thought longer by this at their ends
-GOOD_M = 0.03
-LARGEST_M = 0.12
-_STRAIGHT = math.cos(math.radians(15.0))
-_NOTHING_M = 1e-6
-_SAME_M = 0.06  # lines made longer at a kink end this near to the one that they meet
-_WAYS = ((3.0, True), (1.5, True), (6.0, True), (12.0, True), (3.0, False), (8.0, False))
+MAX_ERROR_M = 0.12
+_GOOD_ERROR_M = 0.03
+_STATION_M = 0.25
+_MAX_OFFSET_M = 0.004  # between a border and the straight lines between stations
+_EXTENSION_M = 5.0  # of borders at both ends
+_MIN_COSINE = math.cos(math.radians(15.0))
+_ZERO_M = 1e-6
+_SAME_M = 0.06  # a border extended to a kink snaps to the nearest border within this
+_TRIALS = ((3.0, True), (1.5, True), (6.0, True), (12.0, True), (3.0, False), (8.0, False))
+"""Spacing of the reference line in m, and whether it ends at right angles to the edges."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,9 +32,8 @@ class Section:
     """One group within a ribbon.
 
     Attributes:
-        group: its lanes, leftmost first.
         s: (N,) stations from the beginning to the end of the section, m along the ribbon.
-        offsets: (N, lanes + 1) of the borders from the reference line, positive to the left, falling, m.
+        offsets: (N, lanes + 1) of the borders from the reference line, leftmost first, positive left, m.
     """
 
     group: Group
@@ -46,9 +46,9 @@ class RoadEnd:
     """Line across a road at which its lanes end and others begin.
 
     Attributes:
-        point: (2,) on it, m.
-        direction: (2,) unit vector in driving direction, at right angles to it.
-        tips: (N, 2) where the road's own borders meet it, m.
+        point: (2,) on the line, m.
+        direction: (2,) unit vector in driving direction, at right angles to the line.
+        tips: (N, 2) ends of the road's borders on the line, m.
     """
 
     point: FloatArray
@@ -56,33 +56,31 @@ class RoadEnd:
     tips: FloatArray
 
     def fits(self, lines: Sequence[FloatArray], *, end: bool) -> bool:
-        """Whether borders end (begin) so near to it that they may do so on it."""
+        """Tell whether borders end (begin) so near to the line that they can be moved onto it."""
         tips = np.array([line[-1 if end else 0] for line in lines]) - self.point
-        straight = float(edge_direction(lines, end=end) @ self.direction)
-        return bool(np.abs(tips @ self.direction).max() < LARGEST_M and straight > _STRAIGHT)
+        cosine = float(edge_direction(lines, end=end) @ self.direction)
+        return bool(np.abs(tips @ self.direction).max() < MAX_ERROR_M and cosine > _MIN_COSINE)
 
-    def met_by(self, line: FloatArray, *, end: bool) -> FloatArray:
-        """A border made longer or shorter so that it ends (begins) on this line."""
+    def moved_onto(self, line: FloatArray, *, end: bool) -> FloatArray:
+        """Return a border that is extended or cut so that it ends (begins) on this line."""
         line, onward = (line, self.direction) if end else (line[::-1], -self.direction)
         ahead = (line - self.point) @ onward
-        inside = int(np.flatnonzero(ahead < -_NOTHING_M)[-1]) if (ahead < -_NOTHING_M).any() else 0
-        first = min(inside, len(line) - 2)  # the last piece goes on straight
+        inside = int(np.flatnonzero(ahead < -_ZERO_M)[-1]) if (ahead < -_ZERO_M).any() else 0
+        first = min(inside, len(line) - 2)  # the last piece is extended straight
         step = line[first + 1] - line[first]
         rise = float(step @ onward)
         tip = line[inside] - step * (ahead[inside] / rise) if rise > 0 else line[-1]
         away = np.hypot(*(self.tips - tip).T)
         tip = self.tips[away.argmin()] if away.min() < _SAME_M else tip
-        met = np.vstack([line[: inside + 1], tip[None]])
-        return met if end else met[::-1]
+        moved = np.vstack([line[: inside + 1], tip[None]])
+        return moved if end else moved[::-1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ribbon:
-    """A road without its surroundings.
+    """Shape of a road: its reference line, and its sections in driving order.
 
     Attributes:
-        curve: the reference line.
-        sections: groups in driving order.
         error: largest distance between the lanes' borders and the ribbon's, m.
     """
 
@@ -92,18 +90,18 @@ class Ribbon:
 
     @property
     def length(self) -> float:
-        """Length of the reference line, m."""
+        """Return the length of the reference line, m."""
         return float(self.curve.s[-1])
 
     def edge(self, *, end: bool) -> RoadEnd:
-        """The line across its end (beginning)."""
+        """Return the line across its end (beginning)."""
         at = -1 if end else 0
         section, place, tangent = self.sections[at], self.curve.points[at], self.curve.tangents[at]
         across = np.array([-tangent[1], tangent[0]])
         return RoadEnd(point=place, direction=tangent, tips=place + section.offsets[at][:, None] * across)
 
     def split(self, *shares: float) -> list[Ribbon]:
-        """The ribbon cut at the knots nearest to shares of its length, ascending."""
+        """Cut the ribbon at the knots nearest to ascending shares of its length."""
         knots = [0]
         for k, share in enumerate(shares):
             nearest = int(np.argmin(np.abs(self.curve.s - share * self.length)))
@@ -125,13 +123,13 @@ class Ribbon:
 
 
 def fitting_groups(lanes: Mapping[int, Lane], group: Group) -> list[Group]:
-    """A group, or its parts where its lanes do not begin or end on one line across and make no road."""
-    if len(group) == 1 or ribbon_of(lanes, (group,)).error < LARGEST_M:
+    """Return a group, or its parts if its lanes begin or end too unevenly for one road."""
+    if len(group) == 1 or ribbon_of(lanes, (group,)).error < MAX_ERROR_M:
         return [group]
     parts = [group[:1]]
     for lane in group[1:]:
         wider = (*parts[-1], lane)
-        if ribbon_of(lanes, (wider,)).error < LARGEST_M:
+        if ribbon_of(lanes, (wider,)).error < MAX_ERROR_M:
             parts[-1] = wider
         else:
             parts.append((lane,))
@@ -141,71 +139,64 @@ def fitting_groups(lanes: Mapping[int, Lane], group: Group) -> list[Group]:
 def ribbon_of(
     lanes: Mapping[int, Lane], chain: Chain, ends: tuple[RoadEnd | None, RoadEnd | None] = (None, None)
 ) -> Ribbon:
-    """The ribbon of a chain: of several reference lines the first that is good, or else the best.
+    """Return the ribbon of a chain with the first good of several reference lines, else with the best.
 
     Args:
         lanes: of the road, by id.
-        chain: groups that follow one another.
-        ends: lines across at which it shall begin and end, where others do, too.
+        ends: lines across, shared with other roads, on which it begins and ends.
     """
     lines = [borders(lanes, group) for group in chain]
     directions = _directions(lines)
     for edge, at in zip(ends, (0, -1), strict=True):
         if edge is not None:
-            lines[at] = [edge.met_by(line, end=at < 0) for line in lines[at]]
+            lines[at] = [edge.moved_onto(line, end=at < 0) for line in lines[at]]
             directions[at] = edge.direction
     free = tuple(
         direction if edge is not None else None
         for edge, direction in zip(ends, directions[:: len(directions) - 1], strict=True)
     )
     best: Ribbon | None = None
-    for spacing_m, square in _WAYS:
+    for spacing_m, square in _TRIALS:
         chosen = directions if square else [free[0], *directions[1:-1], free[1]]
         curve, last = curve_through(lines, chosen, spacing_m=spacing_m)
         sections = tuple(_sections(chain, lines, curve, last))
         error = _error(curve, sections, lines)
         if best is None or error < best.error:
             best = Ribbon(curve=curve, sections=sections, error=error)
-        if best.error < GOOD_M:
+        if best.error < _GOOD_ERROR_M:
             break
     assert best is not None
     return best
 
 
 def border_points(curve: Curve, s: FloatArray, offset: FloatArray) -> FloatArray:
-    """(N, 2) points beside a curve.
-
-    Args:
-        curve: the reference line.
-        s: (N,) m.
-        offset: (N,) m, positive to the left.
-    """
+    """Return (N, 2) points beside a curve at (N,) arc lengths and offsets, positive to the left, m."""
     place, tangent = curve.at(s)
     return np.asarray(place + offset[:, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1))
 
 
 def _directions(lines: Sequence[Sequence[FloatArray]]) -> list[FloatArray]:
-    """Driving direction at the first edge and at the end of each group; where groups meet, that of both."""
-    found = [edge_direction(lines[0], end=False)]
+    """Return the driving direction at the first edge and at the end of each group, averaged in between."""
+    directions = [edge_direction(lines[0], end=False)]
     for before, after in pairwise(lines):
         both = edge_direction(before, end=True) + edge_direction(after, end=False)
-        found.append(both / np.hypot(*both))
-    return [*found, edge_direction(lines[-1], end=True)]
+        directions.append(both / np.hypot(*both))
+    return [*directions, edge_direction(lines[-1], end=True)]
 
 
 def _sections(
     chain: Chain, lines: Sequence[Sequence[FloatArray]], curve: Curve, last: Sequence[int]
 ) -> list[Section]:
     result, first = [], 0
-    for group, own, end in zip(chain, lines, last, strict=True):
+    for group, edges, end in zip(chain, lines, last, strict=True):
         stations = [
-            np.linspace(a, b, max(2, math.ceil((b - a) / STATION_M)), endpoint=False)
+            np.linspace(a, b, max(2, math.ceil((b - a) / _STATION_M)), endpoint=False)
             for a, b in zip(curve.s[first:end], curve.s[first + 1 : end + 1], strict=True)
         ]
         s = np.concatenate([*stations, curve.s[end : end + 1]])
         place, tangent = curve.at(s)
-        offsets = np.stack([_offsets(place, tangent, line) for line in own], axis=1)
-        offsets = np.minimum.accumulate(offsets, axis=1)  # no lane is narrower than nothing
+        offsets = np.stack([_offsets(place, tangent, line) for line in edges], axis=1)
+        offsets = np.minimum.accumulate(offsets, axis=1)  # no lane has a negative width
         keep = _thinned(s, offsets)
         result.append(Section(group=group, s=s[keep], offsets=offsets[keep]))
         first = end
@@ -213,30 +204,25 @@ def _sections(
 
 
 def _offsets(place: FloatArray, tangent: FloatArray, line: FloatArray) -> FloatArray:
-    """(N,) where the normals of a curve meet a border; of several places the nearest."""
-    line = _longer(line)
+    """Return (N,) offsets at which the normals of a curve cross a border; of several the nearest."""
+    first, last = line[0] - line[1], line[-1] - line[-2]
+    first, last = (_EXTENSION_M * v / max(float(np.hypot(*v)), 1e-9) for v in (first, last))
+    line = np.vstack([line[0] + first, line, line[-1] + last])
     to = line[None] - place[:, None]
     ahead = to[..., 0] * tangent[:, None, 0] + to[..., 1] * tangent[:, None, 1]
     aside = to[..., 1] * tangent[:, None, 0] - to[..., 0] * tangent[:, None, 1]
     a, b = ahead[:, :-1], ahead[:, 1:]
     crossed = (a <= 0) & (b > 0)
     share = np.where(crossed, -a / np.where(crossed, b - a, 1.0), 0.0)
-    found = np.where(crossed, aside[:, :-1] + share * np.diff(aside, axis=1), np.inf)
-    best = np.abs(found).argmin(axis=1)
+    crossings = np.where(crossed, aside[:, :-1] + share * np.diff(aside, axis=1), np.inf)
+    best = np.abs(crossings).argmin(axis=1)
     rows = np.arange(len(place))
     nearest = aside[rows, np.abs(ahead).argmin(axis=1)]
-    return np.asarray(np.where(crossed.any(axis=1), found[rows, best], nearest))
-
-
-def _longer(line: FloatArray) -> FloatArray:
-    """A polyline made longer at both ends."""
-    first, last = line[0] - line[1], line[-1] - line[-2]
-    first, last = (BEYOND_M * v / max(float(np.hypot(*v)), 1e-9) for v in (first, last))
-    return np.vstack([line[0] + first, line, line[-1] + last])
+    return np.asarray(np.where(crossed.any(axis=1), crossings[rows, best], nearest))
 
 
 def _thinned(s: FloatArray, offsets: FloatArray) -> list[int]:
-    """Stations between which straight lines are good enough for all borders."""
+    """Return the stations between which straight lines fit all borders."""
     keep, stack = {0, len(s) - 1}, [(0, len(s) - 1)]
     while stack:
         a, b = stack.pop()
@@ -246,20 +232,20 @@ def _thinned(s: FloatArray, offsets: FloatArray) -> list[int]:
         straight = (1 - share) * offsets[a] + share * offsets[b]
         off = np.abs(offsets[a + 1 : b] - straight).max(axis=1)
         worst = int(off.argmax())
-        if off[worst] > OFFSET_M:
+        if off[worst] > _MAX_OFFSET_M:
             keep.add(a + 1 + worst)
             stack += [(a, a + 1 + worst), (a + 1 + worst, b)]
     return sorted(keep)
 
 
 def _error(curve: Curve, sections: Sequence[Section], lines: Sequence[Sequence[FloatArray]]) -> float:
-    """Largest distance between borders and what a ribbon makes of them, either way, m."""
+    """Return the largest distance between borders and those of a ribbon, in both directions, m."""
     worst = 0.0
-    for section, own in zip(sections, lines, strict=True):
-        s = np.linspace(section.s[0], section.s[-1], max(9, math.ceil(np.ptp(section.s) / STATION_M)))
+    for section, edges in zip(sections, lines, strict=True):
+        s = np.linspace(section.s[0], section.s[-1], max(9, math.ceil(np.ptp(section.s) / _STATION_M)))
         s = np.unique(np.concatenate([s, section.s]))
-        for k, line in enumerate(own):
+        for k, line in enumerate(edges):
             made = border_points(curve, s, np.interp(s, section.s, section.offsets[:, k]))
-            there = samples(line, 2 * STATION_M)[1]
+            there = samples(line, 2 * _STATION_M)[1]
             worst = max(worst, float(distances(made, line).max()), float(distances(there, made).max()))
     return worst

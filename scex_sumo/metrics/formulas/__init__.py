@@ -1,4 +1,4 @@
-"""Formulas of the metrics between vehicles that follow each other or whose paths cross, one module each.
+"""Formulas of the metrics.
 
-May import the tracks of `base`, pairs, geometry and all below; no registry, no aggregation.
+May import metrics.base, pairs, geometry and all below; no registry, no aggregation.
 """

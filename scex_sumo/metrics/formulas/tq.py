@@ -1,40 +1,39 @@
-"""Inverse universal traffic quality (TQ): how far from smooth flow a scene is, how close its vehicles are."""
+"""Inverse universal traffic quality (TQ): deviation of a scene from smooth flow, weighted by closeness."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray
-from scex_sumo.metrics.pairs.gap import least_gap
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.metrics.formulas.distance import least_gap
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 DISTANCE_SCALE_M = 5.0
-SMALLEST_MEAN_SPEED = 1e-5
+MIN_MEAN_SPEED = 1e-5
 WINDOW_S = 2.0
 REFERENCE_ACCELERATION = 1.5
 REFERENCE_SPEED = 13.89
 
 
 def _variation(speed: FloatArray, member: BoolArray) -> FloatArray:
-    """Population standard deviation over mean of the members' speeds, along the first axis.
+    """Compute standard deviation over mean of the members' speeds, along the first axis.
 
-    Returns:
-        0 without members or where the mean is below 1e-5 m/s.
+    0 without members or if the mean is below 1e-5 m/s.
     """
     count = member.sum(axis=0)
     mean = np.where(member, speed, 0.0).sum(axis=0) / np.maximum(count, 1)
     # Deviations from the mean, not a difference of squares: equal speeds must give exactly 0.
     deviation = np.where(member, speed - mean, 0.0)
     variance = (deviation * deviation).sum(axis=0) / np.maximum(count, 1)
-    flows = mean >= SMALLEST_MEAN_SPEED
+    flows = mean >= MIN_MEAN_SPEED
     variation: FloatArray = np.divide(np.sqrt(variance), mean, out=np.zeros_like(mean), where=flows)
     return variation
 
 
-def individual(scenes: Scenes) -> FloatArray:
-    """(V, C, T) mean acceleration and mean speed of the last 2 s, relative to their reference values.
+def _individual(scenes: Scenes) -> FloatArray:
+    """Compute (V, C, T) mean acceleration and mean speed of the last 2 s, over their reference values.
 
-    The window holds the samples from t - 2 s to t, 21 of them at 0.1 s, or what there is of a track.
+    The window holds the samples from t - 2 s to t (21 at 0.1 s), fewer at the start of a track.
     """
     tracks = scenes.tracks
     present = np.ones(tracks.states.shape, dtype=bool) if tracks.present is None else tracks.present
@@ -52,10 +51,7 @@ def individual(scenes: Scenes) -> FloatArray:
 
 
 def tq(scenes: Scenes) -> Samples:
-    """TQ of all vehicles, dimensionless; undefined in scenes of fewer than two vehicles.
-
-    Returns:
-        (V, C, T). Larger is more critical.
+    """Compute the TQ of all vehicles; undefined in scenes of fewer than two vehicles.
 
     Source: Schütt et al. 2023, Zipfl et al. 2022.
     """
@@ -74,5 +70,5 @@ def tq(scenes: Scenes) -> Samples:
     gaps = least_gap(scenes)
     nearest = np.where(gaps.defined, gaps.value, np.inf).min(axis=0, initial=np.inf)
     closeness = np.exp(-nearest / DISTANCE_SCALE_M)
-    value = closeness * np.sqrt(macro**2 + micro**2 + nano**2 + individual(scenes) ** 2)
+    value = closeness * np.sqrt(macro**2 + micro**2 + nano**2 + _individual(scenes) ** 2)
     return Samples(value=value, defined=present & (count >= 2), row=np.arange(vehicles), other=None)

@@ -1,15 +1,15 @@
-"""Worst time to collision: both vehicles may accelerate in any direction (WTTC).
+"""Worst time to collision (WTTC): both vehicles may accelerate in any direction.
 
-Each vehicle can be anywhere on a disc around its centre that moves on at the present velocity and grows by
-half the largest acceleration times t²; the vehicle itself is the disc through its corners. WTTC is the first
-time at which two discs touch.
+A vehicle can reach any point of a disc. The disc moves at the present velocity and grows by half the largest
+acceleration times t²; at first it passes through the vehicle's corners. WTTC is the first time at which two
+discs touch.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 MAX_ITERATIONS = 100  # a double root converges by one bit per iteration; anything else within about ten
@@ -26,20 +26,10 @@ def worst_time_to_collision(
     radius: FloatArray,
     acceleration: FloatArray,
 ) -> FloatArray:
-    """Smallest t >= 0 with ||dp + dv t|| = radius + acceleration t² / 2; 0 on overlap.
+    """Compute the smallest t >= 0 with ||dp + dv t|| = radius + acceleration t² / 2, (N,) s; 0 on overlap.
 
-    Args:
-        dx: (N,) second centre minus first, m.
-        dy: (N,) m.
-        dvx: (N,) second velocity minus first, m/s.
-        dvy: (N,) m/s.
-        radius: (N,) sum of the radii of both vehicles, m.
-        acceleration: (N,) sum of the largest accelerations of both, m/s².
-
-    Returns:
-        (N,) s; inf only where the acceleration is 0 and the vehicles never touch.
-
-    Source: Wachenfeld et al. 2016.
+    Radius and acceleration are sums of both vehicles; m, m/s, m/s². inf only where the acceleration is 0 and
+    the vehicles never touch. Source: Wachenfeld et al. 2016.
     """
     time = np.empty(dx.shape)
     for start in range(0, len(dx), CHUNK):
@@ -52,7 +42,7 @@ def worst_time_to_collision(
 
 
 def _first_contact(gap: FloatArray, *terms: FloatArray) -> FloatArray:
-    """First root for discs that are apart, 0 for others; arguments as `_first_root`, any acceleration."""
+    """Return the first root for discs that are apart, 0 for others; the acceleration may be 0."""
     time = np.zeros(gap.shape)
     apart = gap > 0
     moving = apart & (terms[-1] == 0)
@@ -68,7 +58,7 @@ def _first_contact(gap: FloatArray, *terms: FloatArray) -> FloatArray:
 def _without_acceleration(
     gap: FloatArray, centres: FloatArray, radius: FloatArray, v2: FloatArray, pv: FloatArray
 ) -> FloatArray:
-    """First contact of two discs in straight motion."""
+    """Return the first contact of two discs in straight motion."""
     c = gap * (centres + radius)
     discriminant = pv * pv - v2 * c
     meets = (pv < 0) & (discriminant >= 0)
@@ -85,13 +75,12 @@ def _first_root(
     pv: FloatArray,
     acceleration: FloatArray,
 ) -> FloatArray:
-    """First root of q(t) = (R + A t²/2)² - ||dp + dv t||² for discs that are apart, A > 0.
+    """Return the first root of q(t) = (R + A t²/2)² - ||dp + dv t||² for discs that are apart, A > 0.
 
-    q starts negative and has no cubic term: it is concave up to an inflection and convex after it. The
-    triangle inequality gives bounds: no root before the head-on time, one before the time for vehicles that
-    flee. On the concave part Newton's iteration from the left is monotone and cannot step over the first
-    root; if it finds none there, exactly one root follows on the convex part, and Newton from the right is
-    monotone.
+    q starts negative and has no cubic term: it is concave up to an inflection, then convex. The root lies
+    between the times of heading on and of fleeing. On the concave part Newton's iteration from the left is
+    monotone and cannot step over the first root. If there is none, exactly one root follows on the convex
+    part, and Newton's iteration from the right is monotone.
     """
     a4, a2 = 0.25 * acceleration * acceleration, acceleration * radius - v2
     a1, a0 = -2 * pv, -gap * (centres + radius)
@@ -101,14 +90,14 @@ def _first_root(
     high = reach / acceleration
     inflection = np.sqrt(np.maximum(-a2, 0) / (6 * a4))
     concave = np.flatnonzero(time < inflection)
-    found = np.zeros(time.shape, dtype=bool)
+    has_root = np.zeros(time.shape, dtype=bool)
     if concave.size:
         root, is_root = _newton_concave(*(a[concave] for a in (a4, a2, a1, a0, time, inflection)))
         time[concave] = root
-        found[concave] = is_root
-    if not found.any():
+        has_root[concave] = is_root
+    if not has_root.any():
         return _newton_convex(a4, a2, a1, a0, time, high)
-    rest = np.flatnonzero(~found)
+    rest = np.flatnonzero(~has_root)
     time[rest] = _newton_convex(*(a[rest] for a in (a4, a2, a1, a0, time, high)))
     return time
 
@@ -116,9 +105,9 @@ def _first_root(
 def _newton_concave(
     a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, time: FloatArray, inflection: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """First root before the inflection and whether there is one; the inflection where there is none."""
+    """Return the first root before the inflection, or the inflection, and whether there is a root."""
     time = time.copy()
-    found = np.zeros(time.shape, dtype=bool)
+    has_root = np.zeros(time.shape, dtype=bool)
     active = np.arange(time.size)
     for _ in range(MAX_ITERATIONS):
         t, b4, b2, b1 = time[active], a4[active], a2[active], a1[active]
@@ -132,18 +121,18 @@ def _newton_concave(
         # From the left every exact step goes forward; one that does not is rounding, at the root.
         done = ~none & ((q >= 0) | (after - t <= TOLERANCE * t))
         time[active] = np.where(none, inflection[active], np.where(done & ~rising, t, after))
-        found[active[done]] = True
+        has_root[active[done]] = True
         active = active[~(none | done)]
         if active.size == 0:
             break
-    found[active] = True  # a double root, to the precision that it has
-    return time, found
+    has_root[active] = True  # a double root, to the precision that it has
+    return time, has_root
 
 
 def _newton_convex(
     a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """The only root between ``low``, where q is negative and from where it is convex, and ``high``."""
+    """Return the only root between ``low``, from where q is convex, and ``high``."""
     # One step from the left lands on the right of the root, mostly much closer than the bound.
     q, slope = _polynomial(a4, a2, a1, a0, low)
     rising = slope > 0
@@ -172,7 +161,7 @@ def _newton_convex(
 def _polynomial(
     a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, t: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """q(t) = a4 t⁴ + a2 t² + a1 t + a0 and its slope."""
+    """Compute q(t) = a4 t⁴ + a2 t² + a1 t + a0 and its slope."""
     square = t * t
     high = a4 * square
     value = ((high + a2) * t + a1) * t + a0
@@ -181,19 +170,14 @@ def _polynomial(
 
 
 def wttc(scenes: Scenes) -> Samples:
-    """WTTC of all pairs, s.
-
-    Returns:
-        (P, C, T) of unordered pairs. Smaller is more critical.
-    """
+    """Compute the WTTC of all pairs, s."""
     return scenes.unordered(scenes.of_pairs(_times))
 
 
 def _times(scenes: Scenes) -> FloatArray:
-    """(P, C, T) s."""
     first, second = scenes.pairs
     radius = np.hypot(scenes.length / 2, scenes.width / 2)
-    limit = np.atleast_2d(scenes.parameters.accelerations(scenes.tracks.types, scenes.vehicles)).T[:, :, None]
+    limit = scenes.max_acceleration
     vx, vy = scenes.speed * scenes.cos, scenes.speed * scenes.sin
     shape = scenes.dx.shape
     time = worst_time_to_collision(

@@ -1,4 +1,4 @@
-"""Pairs of a scene that metrics look at: by heading, on planned paths, at crossings.
+"""Pairs of vehicles that metrics evaluate: all, followers and leaders, on crossing paths.
 
 May import geometry, scene and metrics.base.
 """

@@ -1,13 +1,13 @@
-"""Planned paths at every step, and where they cross."""
+"""Planned paths ahead of each vehicle at every step, and their crossings."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.geometry.crossings import (
     Polylines,
     boxes_meet,
@@ -17,43 +17,31 @@ from scex_sumo.geometry.crossings import (
     segment_crossings,
 )
 from scex_sumo.metrics.base import PlannedPaths
-from scex_sumo.metrics.pairs.scenes import Scenes
+from scex_sumo.metrics.pairs.scenes import PairRows, Scenes
 
+BLOCK_ROWS = 1 << 23  # bound of the crossing points of a block of pairs at all steps
 SAME_POINT_M = 1e-9  # crossing points closer than this along the own path are one point
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Crossings:
-    """Crossing points ahead of X ordered pairs at their steps, several per pair allowed.
+class Crossings(PairRows):
+    """Crossing points ahead of ordered pairs at their steps, in any order, several per pair.
 
     Attributes:
-        where: (X,) flat index into (2P, C, T).
-        own: (X,) arc length from the row's own vehicle to the crossing point, m.
-        other: (X,) arc length from the other vehicle, m.
-        sine: (X,) of the angle between the paths, above 0.
+        own: (N,) arc length from the row's own vehicle to the point, m; ``other`` from the other vehicle.
+        sine: (N,) of the angle between the paths, above 0.
     """
 
-    where: IntArray
     own: FloatArray
     other: FloatArray
     sine: FloatArray
 
-    def take(self, index: IntArray) -> Crossings:
-        """Some of them."""
-        return Crossings(
-            where=self.where[index], own=self.own[index], other=self.other[index], sine=self.sine[index]
-        )
-
 
 def bridged(x: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Coordinates with their gaps closed.
-
-    Args:
-        x: (N, H) m, NaN in gaps.
+    """Fill gaps (NaN) in (N, H) coordinates: inner ones by straight lines, outer ones by the nearest value.
 
     Returns:
-        (N, H) with inner gaps filled by straight lines and outer ones by the nearest value, and (N,) whether
-        there was any value.
+        (N, H) coordinates and (N,) whether there was any value.
     """
     known = np.isfinite(x)
     if known.all():
@@ -71,21 +59,18 @@ def bridged(x: FloatArray) -> tuple[FloatArray, BoolArray]:
 
 
 class PathsAhead:
-    """The planned path of every vehicle at every step: a first segment to the plan's next column, then the
-    plan.
+    """Planned path of every vehicle at every step: a first segment to the plan's next column, then the plan.
 
     Attributes:
-        lines: the plans as polylines, child by child, replan by replan, vehicle by vehicle.
+        lines: the plans as polylines, ordered by child, replan, vehicle.
         line: (V, C, T) index of the current plan among ``lines``.
         column: (T,) the plan's next column.
         has_path: (V, C, T) whether there is a path ahead.
-        ahead: (V, C, T) the same, of vehicles that move now if only those are asked for.
+        ahead: (V, C, T) the same; with ``moving_only`` only of moving vehicles.
         dx: (V, C, T) first segment, m.
-        dy: (V, C, T) m.
-        first_length: (V, C, T) of the first segment, m.
         first_boxes: (4, 2, V, C, T) octagons around the first segments.
         length: (V, C, T) of the whole path ahead, m.
-        offset: (V, C, T) what to add to the plan's own arc length to get the one from the vehicle, m.
+        offset: (V, C, T) arc length from the vehicle less the plan's own, m.
     """
 
     def __init__(self, scenes: Scenes, planned: PlannedPaths, *, moving_only: bool = True) -> None:
@@ -111,26 +96,50 @@ class PathsAhead:
         self.first_boxes = segment_boxes(scenes.x, scenes.y, scenes.x + self.dx, scenes.y + self.dy)
 
     @cached_property
-    def crossings(self) -> Crossings:
-        """All crossing points ahead of all ordered pairs."""
-        found = [self._between_plans(), *self._with_first_segments()]
-        where, own, other, sine = (
-            np.concatenate([getattr(part, name) for part in found])
-            for name in ("where", "own", "other", "sine")
-        )
-        half = len(self.scenes.pairs[0]) * int(np.prod(self.scenes.shape))
-        opposite = np.where(where < half, where + half, where - half)
-        return Crossings(
-            where=np.concatenate([where, opposite]),
-            own=np.concatenate([own, other]),
-            other=np.concatenate([other, own]),
-            sine=np.concatenate([sine, sine]),
-        )
+    def next_crossings(self) -> Crossings:
+        """The crossing point that comes first on each ordered pair's own path."""
+        return self.first_crossings()
 
-    def _between_plans(self) -> Crossings:
-        """Crossings of the plans themselves: found once per plan, dealt out to its steps."""
+    def first_crossings(self, *, min_sine: float = 0.0) -> Crossings:
+        """Find the crossing point that comes first on each ordered pair's own path, at large enough angles.
+
+        Vehicles on one lane weave across each other's tracks all the time. Blocks of pairs limit the memory.
+        """
+        children, replans, _, columns = self.planned.x.shape
+        (first, second), count = self.scenes.pairs, self.scenes.count
+        rows_per_pair = max(children * columns * max(self.scenes.shape[1], replans), 1)
+        size = max(BLOCK_ROWS // rows_per_pair, 1)
+        parts = []
+        for start in range(0, len(first), size):
+            one, two = first[start : start + size], second[start : start + size]
+            crossings = self._crossings(one, two)
+            if min_sine > 0:
+                crossings = crossings.take(np.flatnonzero(crossings.sine >= min_sine))
+            part = _first_on_own_path(crossings, 2 * len(one) * count)
+            pair, scene = np.divmod(part.where, count)
+            pair += start + np.where(pair < len(one), 0, len(first) - len(one))
+            parts.append(replace(part, where=pair * count + scene))
+        joined = Crossings.join(parts)
+        return joined.take(np.argsort(joined.where))
+
+    def _crossings(self, first: IntArray, second: IntArray) -> Crossings:
+        """Find all crossing points ahead of some pairs in both orders."""
+        one_order = Crossings.join(
+            [self._between_plans(first, second), *self._with_first_segments(first, second)]
+        )
+        half = len(first) * self.scenes.count
+        where = one_order.where
+        reverse = Crossings(
+            where=np.where(where < half, where + half, where - half),
+            own=one_order.other,
+            other=one_order.own,
+            sine=one_order.sine,
+        )
+        return Crossings.join([one_order, reverse])
+
+    def _between_plans(self, first: IntArray, second: IntArray) -> Crossings:
+        """Find crossings between plans: once per plan, repeated for its steps."""
         children, steps = self.scenes.shape
-        first, second = self.scenes.pairs
         replans, lines = self.planned.x.shape[1], self.lines
         path = np.arange(children * replans)[:, None] * self.scenes.vehicles
         one, two = (path + first).reshape(-1), (path + second).reshape(-1)
@@ -142,23 +151,25 @@ class PathsAhead:
         plan, pair = np.divmod(which, max(len(first), 1))
         child, replan = np.divmod(plan, replans)
         until = np.minimum(segment_1, segment_2)
-        dealt = [(self.planned.index[t] == replan) & (until >= self.column[t]) for t in range(steps)]
-        step, hit = np.nonzero(np.array(dealt).reshape(steps, which.size))
+        ahead = [(self.planned.index[t] == replan) & (until >= self.column[t]) for t in range(steps)]
+        step, hit = np.nonzero(np.array(ahead).reshape(steps, which.size))
         at_1, at_2 = (first[pair[hit]], child[hit], step), (second[pair[hit]], child[hit], step)
         both = self.ahead[at_1] & self.ahead[at_2]
-        found = Crossings(
+        crossings = Crossings(
             where=(pair[hit] * children + child[hit]) * steps + step,
             own=arc_1[hit] + self.offset[at_1],
             other=arc_2[hit] + self.offset[at_2],
             sine=hits.sine[hit],
         )
-        return found.take(np.flatnonzero(both))
+        return crossings.take(np.flatnonzero(both))
 
-    def _with_first_segments(self) -> tuple[Crossings, Crossings]:
-        """Crossings of a vehicle's first segment with the other's first segment and plan."""
+    def _with_first_segments(self, first: IntArray, second: IntArray) -> tuple[Crossings, Crossings]:
+        """Find crossings of a vehicle's first segment with the other's first segment and plan."""
         scenes, lines = self.scenes, self.lines
-        where = meeting_pairs(scenes, self.first_boxes, self.boxes_ahead, self.ahead, self.ahead)
-        row, theirs = scenes.flat_of(where)
+        ordered = np.concatenate([first, second]), np.concatenate([second, first])
+        where = meeting_pairs(ordered, self.first_boxes, self.boxes_ahead, self.ahead)
+        pair, scene = np.divmod(where, scenes.count)
+        row, theirs = (side[pair] * scenes.count + scene for side in ordered)
         x, y, dx, dy = (a.reshape(-1) for a in (scenes.x, scenes.y, self.dx, self.dy))
         mine = x[row], y[row], dx[row], dy[row]
         first_length, offset = self.first_length.reshape(-1), self.offset.reshape(-1)
@@ -179,9 +190,8 @@ class PathsAhead:
             other=offset[theirs[at]] + lines.arc_at(line[at], segment, hits.second),
             sine=hits.sine,
         )
-        return between_firsts, with_plan.take(
-            np.flatnonzero(segment >= self.column[where[at] % scenes.shape[1]])
-        )
+        still_ahead = np.flatnonzero(segment >= self.column[where[at] % scenes.shape[1]])
+        return between_firsts, with_plan.take(still_ahead)
 
     @cached_property
     def boxes_ahead(self) -> FloatArray:
@@ -207,28 +217,26 @@ class PathsAhead:
 
 
 def meeting_pairs(
-    scenes: Scenes, own: FloatArray, others: FloatArray, present: BoolArray, others_present: BoolArray
+    pairs: tuple[IntArray, IntArray], own: FloatArray, others: FloatArray, present: BoolArray
 ) -> IntArray:
-    """Ordered pairs whose octagons meet, the first one's own and the other's.
+    """Find ordered pairs whose octagons meet, as ascending flat indices into (N, C, T).
 
     Args:
-        scenes: the batch.
-        own: (4, 2, V, C, T) octagons.
-        others: (4, 2, V, C, T) octagons of the same vehicles as the second of a pair.
-        present: (V, C, T) where there is an own octagon.
-        others_present: (V, C, T) the same of the others.
-
-    Returns:
-        Flat indices into (2P, C, T), ascending.
+        pairs: (N,) first and (N,) second vehicle.
+        own: (4, 2, V, C, T) octagons of vehicles as first of a pair.
+        others: (4, 2, V, C, T) octagons as second of a pair.
+        present: (V, C, T) where both octagons exist.
     """
-    children, steps = scenes.shape
-    own, others = (_absent_nowhere(b, p) for b, p in ((own, present), (others, others_present)))
-    # First whether they meet over all steps together, then at each.
+    row, other = pairs
+    _, children, steps = present.shape
+    if not present.all():  # octagons of absent vehicles meet nothing
+        own, others = own.copy(), others.copy()
+        own[0, 0][~present] = others[0, 0][~present] = np.inf
+    # First whether they meet over all steps together, then at each step.
     whole = [
         np.stack([b[:, 0].min(axis=-1, initial=np.inf), b[:, 1].max(axis=-1, initial=-np.inf)], axis=1)
         for b in (own, others)
     ]
-    row, other = scenes.ordered_pairs
     near = np.flatnonzero(boxes_meet(whole[0][:, :, row], whole[1][:, :, other]))
     pair, child = np.divmod(near, max(children, 1))
     one, two = row[pair] * children + child, other[pair] * children + child
@@ -237,29 +245,16 @@ def meeting_pairs(
         for low, high, first, second in ((own, others, one, two), (others, own, two, one)):
             meet &= low[axis, 0].reshape(-1, steps)[first] <= high[axis, 1].reshape(-1, steps)[second]
     entry, step = np.nonzero(meet)
-    return near[entry] * steps + step
+    where: IntArray = near[entry] * steps + step
+    return where
 
 
-def _absent_nowhere(boxes: FloatArray, present: BoolArray) -> FloatArray:
-    """Octagons that meet nothing where they are absent."""
-    if present.all():
-        return boxes
-    boxes = boxes.copy()
-    boxes[0, 0][~present] = np.inf
-    return boxes
-
-
-def first_on_own_path(crossings: Crossings, size: int) -> Crossings:
-    """Of each ordered pair's crossing points the one that comes first on the row's own vehicle's path.
-
-    Args:
-        crossings: all crossing points.
-        size: number of ordered pairs times scenes.
-    """
+def _first_on_own_path(crossings: Crossings, size: int) -> Crossings:
+    """Select each ordered pair's crossing point that comes first on its own vehicle's path."""
     nearest = np.full(size, np.inf)
     np.minimum.at(nearest, crossings.where, crossings.own)
     same = crossings.take(np.flatnonzero(crossings.own <= nearest[crossings.where] + SAME_POINT_M))
-    # Where the other's path comes by the same point twice, its first arrival counts.
+    # If the other's path passes the same point twice, its first arrival counts.
     earliest = np.full(size, np.inf)
     np.minimum.at(earliest, same.where, same.other)
     first = np.flatnonzero(same.other == earliest[same.where])
@@ -271,7 +266,7 @@ def first_on_own_path(crossings: Crossings, size: int) -> Crossings:
 
 
 def paths_ahead(scenes: Scenes) -> PathsAhead:
-    """The planned paths of scenes, for metrics that look at where they lead; made once for all of them."""
+    """Return the planned paths of scenes, computed once for all metrics."""
     return scenes.once(_paths_ahead)
 
 

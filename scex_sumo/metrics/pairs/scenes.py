@@ -1,39 +1,96 @@
-"""A batch of scenes laid out for evaluation: vehicles and pairs first, scenes last.
+"""Batch of scenes laid out for evaluation, and the values that metrics return for it.
 
-With the scenes as the contiguous last axes, differences of pairs and extrema over pairs run at memory speed.
+Vehicles and pairs are the first axis; the contiguous axes, children and steps, are long and fast.
 """
 
 from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks, backward_acceleration
-from scex_sumo.metrics.pairs.entries import E, Following, Known, dealt
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.metrics.base import MetricParameters, PlannedPaths, Rows, SceneTracks, backward_acceleration
 
 T = TypeVar("T")
+E = TypeVar("E", bound="PairRows")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PairRows(Rows):
+    """Rows of ordered pairs at steps.
+
+    Attributes:
+        where: (N,) flat indices into (2P, C, T), ascending.
+    """
+
+    where: IntArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Entries(PairRows):
+    """Nanoscopic values of ordered pairs where they are defined, in the metric's unit; inf is a value."""
+
+    value: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Following(PairRows):
+    """Car-following pairs (follower, leader) of a batch of scenes; m, m/s, m/s²."""
+
+    gap: FloatArray
+    follower_speed: FloatArray
+    leader_speed: FloatArray
+    leader_acceleration: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """Nanoscopic values with a mask; values where ``defined`` is False mean nothing.
+
+    Attributes:
+        value: (K, C, T) in the metric's unit; inf is a value.
+        defined: (K, C, T).
+        row: (K,) vehicle of the value (the follower of a car-following pair).
+        other: (K,) the second vehicle; None for metrics of single vehicles.
+        symmetric: each unordered pair appears once and stands for both orders.
+    """
+
+    value: FloatArray
+    defined: BoolArray
+    row: IntArray
+    other: IntArray | None
+    symmetric: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preset:
+    """Rules that the metrics' definitions leave open.
+
+    Attributes:
+        name: as written on the command line.
+        conflict_area: crossings are areas as wide as the vehicles, not points.
+    """
+
+    name: str
+    leaders: Callable[[Scenes], Following]
+    conflict_area: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scenes:
-    """A batch of scenes; every array starts with the vehicle (V, C, T) or the pair (P, C, T).
+    """Batch of scenes; every array starts with the vehicle (V, C, T) or the pair (P, C, T).
 
-    Pairs are unordered, ``first`` < ``second``; arrays of ordered pairs (2P) list (first, second) for all
-    pairs, then (second, first).
+    Pairs are unordered. Arrays of ordered pairs (2P) list (first, second) of all pairs, then (second, first).
 
     Attributes:
-        tracks: the batch as given, history included.
-        planned: current plans, for metrics that need them; None where there are none.
-        parameters: constants of the metrics.
-        preset: who follows whom, and what a crossing is.
+        planned: current plans; None if there are none.
         chosen: (P,) first and (P,) second vehicle of the pairs; None for all pairs.
-        shared: what is made once for all children in which two tracks are the same; None for nothing.
+        shared: values computed once for equal tracks of several children.
     """
 
     tracks: SceneTracks
@@ -41,7 +98,7 @@ class Scenes:
     parameters: MetricParameters
     preset: Preset
     chosen: tuple[IntArray, IntArray] | None = None
-    shared: Shared | None = None
+    shared: TrackPairs | None = None
     _derived: dict[Callable[[Scenes], Any] | str, Any] = field(default_factory=dict, repr=False)
 
     def _evaluated(self, array: FloatArray) -> FloatArray:
@@ -60,6 +117,11 @@ class Scenes:
     def shape(self) -> tuple[int, int]:
         """(C, T) of the evaluated steps."""
         return self.tracks.states.shape[0], self.tracks.steps
+
+    @property
+    def count(self) -> int:
+        """Number of scenes, C times T; 1 for none, so that flat indices can be divided by it."""
+        return max(self.shape[0] * self.shape[1], 1)
 
     @cached_property
     def x(self) -> FloatArray:
@@ -119,6 +181,12 @@ class Scenes:
         return np.atleast_2d(self.tracks.width).T[:, :, None]
 
     @cached_property
+    def max_acceleration(self) -> FloatArray:
+        """(V, C or 1, 1) largest acceleration by type, m/s²."""
+        limit = self.parameters.accelerations(self.tracks.types, self.vehicles)
+        return np.atleast_2d(limit).T[:, :, None]
+
+    @cached_property
     def pairs(self) -> tuple[IntArray, IntArray]:
         """(P,) first and (P,) second vehicle of every unordered pair."""
         if self.chosen is not None:
@@ -155,11 +223,11 @@ class Scenes:
 
     @property
     def following(self) -> Following:
-        """The car-following pairs, by the preset's rule."""
+        """The car-following pairs by the preset's rule."""
         return self.once(self.preset.leaders)
 
     def under(self, preset: Preset) -> Scenes:
-        """The same scenes by another preset; what was derived from them is shared."""
+        """Return the same scenes with another preset; both share their derived values."""
         if preset is self.preset:
             return self
         if preset.name not in self._derived:
@@ -170,62 +238,77 @@ class Scenes:
         return made
 
     def once(self, make: Callable[[Scenes], T]) -> T:
-        """What ``make`` derives from these scenes, made at most once for all metrics."""
+        """Return ``make(self)``, computed at most once for all metrics."""
         if make not in self._derived:
             self._derived[make] = make(self)
         made: T = self._derived[make]
         return made
 
     def release(self) -> None:
-        """Forget what was derived and knows these scenes: else the memory is free only when cycles are."""
+        """Drop derived values that refer to these scenes; reference cycles would keep the memory."""
         self._derived.clear()
 
     def of_pairs(self, make: Callable[[Scenes], FloatArray]) -> FloatArray:
-        """(P, C, T) values that the two tracks of a pair alone decide on, made once for each two tracks."""
+        """Return (P, C, T) values that depend on a pair's two tracks only, once per pair of tracks."""
         if self.shared is None:
             return make(self)
         table = self.shared.scenes.under(self.preset).once(make)
         return np.take(table.reshape(len(table), -1), self.shared.row, axis=0)
 
     def of_ordered_pairs(self, make: Callable[[Scenes], E]) -> E:
-        """Entries of ordered pairs that their two tracks alone decide on, made once for each two tracks."""
+        """Return rows that depend on an ordered pair's two tracks only, once per pair of tracks."""
         if self.shared is None:
             return self.once(make)
-        found = self.shared.scenes.under(self.preset).once(make)
-        return dealt(found, self.shared.bounds(make, found.where), self.shared.row, self.shape[1])
+        return self.shared.per_child(make, self.shared.scenes.under(self.preset).once(make))
 
     def at_pairs(self, values: PairValues, pair: IntArray, scene: IntArray) -> FloatArray:
-        """(N,) values, likewise, of (N,) pairs in scenes given by (N,) flat index into (C, T)."""
+        """Return (N,) values that depend on a pair's two tracks only.
+
+        Args:
+            pair: (N,) number of the unordered pair.
+            scene: (N,) flat index into (C, T).
+        """
         if self.shared is None:
             return values(self, pair, scene)
         child, step = np.divmod(scene, max(self.shape[1], 1))
-        return self.shared.looked_up(values, self.shared.row[pair, child], step)
+        return self.shared.at(values, self.shared.row[pair, child], step)
+
+    def of_all_pairs(self, values: PairValues) -> Samples:
+        """Return samples of all pairs, from a function of pairs and scenes."""
+        table = self.at_pairs(values, *np.divmod(np.arange(self.distance.size), self.count))
+        return self.unordered(table.reshape(self.distance.shape))
+
+    def of_some_pairs(self, values: PairValues, wanted: BoolArray) -> Samples:
+        """Return samples of the (P, C, T) wanted pairs, from a function of pairs and scenes."""
+        table = np.zeros(wanted.shape)
+        at = np.flatnonzero(wanted)
+        table.reshape(-1)[at] = self.at_pairs(values, *np.divmod(at, self.count))
+        return replace(self.unordered(table), defined=wanted)
 
     def flat_of(self, where: IntArray) -> tuple[IntArray, IntArray]:
-        """Flat indices into (V, C, T) of both vehicles of entries at flat indices into (2P, C, T)."""
-        count = max(int(np.prod(self.shape)), 1)
-        pair, scene = np.divmod(where, count)
+        """Convert flat indices into (2P, C, T) to those of both vehicles into (V, C, T)."""
+        pair, scene = np.divmod(where, self.count)
         row, other = self.ordered_pairs
-        return row[pair] * count + scene, other[pair] * count + scene
+        return row[pair] * self.count + scene, other[pair] * self.count + scene
 
     def size_of(self, size: FloatArray, vehicle: IntArray, scene: IntArray) -> FloatArray:
-        """(N,) of (V, C or 1, 1) sizes those of vehicles in scenes given by flat index into (C, T)."""
+        """Pick (N,) sizes from (V, C or 1, 1) by vehicle and flat index into (C, T)."""
         of_vehicle: FloatArray = size[vehicle, scene // self.shape[1] if size.shape[1] > 1 else 0, 0]
         return of_vehicle
 
     def unordered(self, value: FloatArray) -> Samples:
-        """Samples of a symmetric metric defined for all present pairs, from its (P, C, T) values."""
+        """Return samples of a symmetric metric defined for all present pairs, from (P, C, T) values."""
         first, second = self.pairs
         return Samples(value=value, defined=self.both_present, row=first, other=second, symmetric=True)
 
     def scattered(self, where: IntArray, value: FloatArray) -> Samples:
-        """Samples of an ordered metric from its values at flat indices of (2P, C, T)."""
+        """Return samples of an ordered metric, from values at flat indices into (2P, C, T)."""
         row, other = self.ordered_pairs
-        full = np.zeros((len(row), *self.shape))
-        defined = np.zeros(full.shape, dtype=bool)
-        full.reshape(-1)[where] = value
+        table = np.zeros((len(row), *self.shape))
+        defined = np.zeros(table.shape, dtype=bool)
+        table.reshape(-1)[where] = value
         defined.reshape(-1)[where] = True
-        return Samples(value=full, defined=defined, row=row, other=other)
+        return Samples(value=table, defined=defined, row=row, other=other)
 
 
 PairValues: TypeAlias = Callable[[Scenes, IntArray, IntArray], FloatArray]
@@ -236,62 +319,45 @@ def _distance(scenes: Scenes) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Shared:
-    """Pairs of tracks of several children, each that differs once.
+class TrackPairs:
+    """Different pairs of tracks of several children; values of a pair are computed once.
 
     Attributes:
-        scenes: one child with all tracks that differ and all pairs of them that are together in a child.
-        row: (P, C) number of each pair of a batch of children among those.
+        scenes: one child with all different tracks, and the pairs of them that occur in a child.
+        row: (P, C) number of each pair of vehicles of a batch of children among those pairs.
     """
 
     scenes: Scenes
     row: IntArray
     _bounds: dict[Any, IntArray] = field(default_factory=dict, repr=False)
-    _known: dict[Any, Known] = field(default_factory=dict, repr=False)
+    _values: dict[Any, tuple[FloatArray, BoolArray]] = field(default_factory=dict, repr=False)
 
-    def bounds(self, make: Any, where: IntArray) -> IntArray:
-        """(2P + 1,) at which of ascending flat indices the entries of each ordered pair begin."""
-        if make not in self._bounds:
-            count = 2 * len(self.scenes.pairs[0])
-            self._bounds[make] = np.searchsorted(where, np.arange(count + 1) * self.scenes.shape[1])
-        return self._bounds[make]
+    def per_child(self, make: Any, rows: E) -> E:
+        """Repeat rows of pairs of tracks, made by ``make``, for all children that contain the pair."""
+        steps = self.scenes.shape[1]
+        pairs = len(self.scenes.pairs[0])
+        if make not in self._bounds:  # where the rows of each ordered pair begin
+            self._bounds[make] = np.searchsorted(rows.where, np.arange(2 * pairs + 1) * steps)
+        bounds = self._bounds[make]
+        ordered = np.concatenate([self.row, self.row + pairs]).reshape(-1)
+        begin = bounds[ordered]
+        count = bounds[ordered + 1] - begin
+        some = np.flatnonzero(count)
+        begin, count = begin[some], count[some]
+        entry = np.arange(count.sum()) + np.repeat(begin - np.cumsum(count) + count, count)
+        arrays = {f.name: getattr(rows, f.name)[entry] for f in fields(rows)}
+        arrays["where"] = np.repeat(some * steps, count) + arrays["where"] % max(steps, 1)
+        return replace(rows, **arrays)
 
-    def looked_up(self, values: PairValues, pair: IntArray, step: IntArray) -> FloatArray:
-        """(N,) values of pairs at steps, each computed when it is asked for first."""
-        pairs, steps = len(self.scenes.pairs[0]), self.scenes.shape[1]
-        known = self._known.setdefault(values, Known(pairs * steps))
-        return known.at(pair * steps + step, lambda at: values(self.scenes, *np.divmod(at, max(steps, 1))))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Samples:
-    """Nanoscopic values: a value and a mask; values where ``defined`` is False mean nothing.
-
-    Attributes:
-        value: (K, C, T) in the metric's unit; inf is a value.
-        defined: (K, C, T).
-        row: (K,) the vehicle whose value it is (the follower of a car-following pair).
-        other: (K,) the second vehicle; None for metrics of single vehicles.
-        symmetric: each unordered pair appears once and stands for both orders.
-    """
-
-    value: FloatArray
-    defined: BoolArray
-    row: IntArray
-    other: IntArray | None
-    symmetric: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class Preset:
-    """What the metrics' definitions leave open.
-
-    Attributes:
-        name: as written on the command line.
-        leaders: which pairs follow, and their gap.
-        conflict_area: crossings are areas as wide as the vehicles, not points.
-    """
-
-    name: str
-    leaders: Callable[[Scenes], Following]
-    conflict_area: bool
+    def at(self, values: PairValues, pair: IntArray, step: IntArray) -> FloatArray:
+        """Return (N,) values of pairs of tracks at steps; each is computed on first use."""
+        size, steps = len(self.scenes.pairs[0]) * self.scenes.shape[1], max(self.scenes.shape[1], 1)
+        table, computed = self._values.setdefault(values, (np.empty(size), np.zeros(size, dtype=bool)))
+        index = pair * self.scenes.shape[1] + step
+        new = np.zeros(size, dtype=bool)
+        new[index] = True
+        missing = np.flatnonzero(new & ~computed)
+        table[missing] = values(self.scenes, *np.divmod(missing, steps))
+        computed[missing] = True
+        picked: FloatArray = table[index]
+        return picked

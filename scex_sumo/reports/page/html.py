@@ -1,9 +1,21 @@
-"""HTML of a page's fixed parts, from nested elements; all text is escaped."""
+"""HTML of a page: escaped elements, and the shell that puts scripts, styles and packed data into one file."""
 
 from __future__ import annotations
 
+import base64
+import hashlib
+from collections.abc import Mapping, Sequence
 from html import escape
+from importlib.resources import files
+from string import Template
+from typing import Any
 
+from numpy.typing import NDArray
+
+from scex_sumo.reports.page.packing import pack
+
+BASE = ("data.js", "dom.js", "table.js")
+"""Scripts of every page in their order; a page adds its own."""
 _EMPTY = {"input", "br"}
 
 
@@ -14,12 +26,11 @@ class Html(str):
 
 
 def element(kind: str, *children: str, **attributes: str | int | bool) -> Html:
-    """An element, e.g. ``element("div.card", element("h2", "Notes"), id="notes")``.
+    """Return an element, e.g. ``element("div.card", element("h2", "Notes"), id="notes")``.
 
     Args:
-        kind: tag with class names after dots.
-        children: texts and elements.
-        attributes: by name, ``_`` for ``-``; True stands without a value, False not at all.
+        children: texts, which are escaped, and elements.
+        attributes: by name, ``_`` for ``-``; True writes the name alone, False nothing.
     """
     tag, *classes = kind.split(".")
     given = {"class": " ".join(classes) or False, **attributes}
@@ -28,10 +39,46 @@ def element(kind: str, *children: str, **attributes: str | int | bool) -> Html:
         for name, value in given.items()
         if value is not False
     )
-    inside = "".join(child if isinstance(child, Html) else escape(child) for child in children)
-    return Html(f"<{tag}{text}>" if tag in _EMPTY else f"<{tag}{text}>{inside}</{tag}>")
+    return Html(f"<{tag}{text}>" if tag in _EMPTY else f"<{tag}{text}>{joined(*children)}</{tag}>")
 
 
 def joined(*parts: str) -> Html:
-    """Elements one after the other."""
+    """Return elements and escaped texts one after the other."""
     return Html("".join(part if isinstance(part, Html) else escape(part) for part in parts))
+
+
+def page_html(
+    title: str,
+    body: str,
+    scripts: Sequence[str],
+    info: Mapping[str, Any],
+    arrays: Mapping[str, NDArray[Any]],
+) -> str:
+    """Return a page that makes no request.
+
+    Args:
+        info: names and single numbers for the scripts.
+    """
+    style = asset("page.css")
+    script = '"use strict";\n(() => {\n' + "\n".join(asset(name) for name in scripts) + "\n})();"
+    return Template(asset("page.html")).substitute(
+        title=escape(title),
+        policy=(
+            "default-src 'none'; base-uri 'none'; form-action 'none'; img-src blob: data:; media-src blob:; "
+            f"script-src {_hash(script)}; style-src {_hash(style)}"
+        ),
+        style=style,
+        body=body,
+        data=pack(info, arrays),
+        script=script,
+    )
+
+
+def asset(name: str) -> str:
+    """Return the text of a file in ``assets``."""
+    return files("scex_sumo.reports.page").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    """Return the name of an allowed script or style in a content security policy."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

@@ -5,36 +5,23 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from scex_sumo.files import write_atomic
-from scex_sumo.reports.page.run.body import run_body
-from scex_sumo.reports.page.run.contents import report_contents
-from scex_sumo.reports.page.run.under_test import TABLE, under_test_card, under_test_rows
-from scex_sumo.reports.page.shell import BASE, page_html
+from scex_sumo.base.files import write_atomic
+from scex_sumo.reports.page.body import run_body
+from scex_sumo.reports.page.contents import report_contents
+from scex_sumo.reports.page.html import BASE, page_html
+from scex_sumo.reports.page.under_test import TABLE, under_test_card, under_test_rows
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 
 REPORT = "report.html"
-SCRIPTS = (
-    *BASE,
-    "state.js",
-    "chart.js",
-    "pairs.js",
-    "map.js",
-    "player.js",
-    "models.js",
-    "report.js",
-)
+SCRIPTS = (*BASE, "state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js", "report.js")
 
 
 def write_report(run: Run, scene: SeedScene | None = None) -> Path:
-    """Write the report of a run into its folder.
+    """Write the report of a finished run into its folder and return its path.
 
     Args:
-        run: a finished run.
-        scene: its seed scene, where it is at hand; else it is read from the folder.
-
-    Returns:
-        The file.
+        scene: its seed scene; None reads it from the folder.
     """
     path = run.folder / REPORT
     write_atomic(path, report_html(run, scene).encode())
@@ -42,12 +29,12 @@ def write_report(run: Run, scene: SeedScene | None = None) -> Path:
 
 
 def report_html(run: Run, scene: SeedScene | None = None) -> str:
-    """The report of a run as HTML."""
+    """Return the report of a run as HTML."""
     return filled_report(run, *report_contents(run, scene))
 
 
 def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str:
-    """The same from what `report_contents` has said."""
+    """Return the report as HTML from what `report_contents` has returned."""
     tested = under_test_rows(run)
     tables = {} if tested is None else {TABLE: tested}
     body = run_body(info, under_test_card(run))

@@ -1,4 +1,4 @@
-"""Page of a study: headings, sentences, charts and tables that sort, in the shell of the reports."""
+"""Page of a study: headings, sentences, charts and sortable tables in the shell of the reports."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from scex_sumo.files import write_atomic
-from scex_sumo.reports.page.html import Html, element, joined
-from scex_sumo.reports.page.shell import BASE, page_html
-from scex_sumo.version import __version__
+from scex_sumo.base.files import write_atomic
+from scex_sumo.base.version import __version__
+from scex_sumo.reports.page.html import BASE, Html, element, joined, page_html
 
 Table = Mapping[str, Any]
 """``columns`` and ``rows`` of a table, as ``assets/table.js`` shows them."""
@@ -20,17 +19,11 @@ NO_SCRIPT = element(
 
 
 def write_study(path: Path, title: str, about: str, *cards: Html, tables: Mapping[str, Table]) -> Path:
-    """Write a page.
+    """Write a page and return its path.
 
     Args:
-        path: HTML file.
-        title: of the page.
-        about: a line below the title.
-        cards: what is on it, see `card`.
-        tables: by the id of the element that they are shown in, see `place`.
-
-    Returns:
-        The file.
+        cards: parts of the page, see `card`.
+        tables: by their ids, see `table_place`.
     """
     header = element("header", element("div", element("h1", title), element("p", about)))
     footer = element("footer.soft", f"scex-sumo {__version__}")
@@ -40,27 +33,27 @@ def write_study(path: Path, title: str, about: str, *cards: Html, tables: Mappin
 
 
 def card(title: str, *parts: str) -> Html:
-    """A part of a page under a heading; sentences become paragraphs."""
+    """Return a part of a page under a heading; plain sentences become paragraphs."""
     inside = [part if isinstance(part, Html) else element("p.soft", part) for part in parts]
     return element("section.card", element("h2", title), *inside)
 
 
 def table_place(name: str) -> Html:
-    """Where a table is shown."""
+    """Return the place of a table."""
     return element("div.scroll", id=name)
 
 
 def plots(*figures: Html) -> Html:
-    """Charts side by side."""
+    """Return charts side by side."""
     return element("div.plots", *figures)
 
 
 def table(heads: Sequence[tuple[str, str, str]], rows: Sequence[Sequence[Any]]) -> Table:
-    """A table that sorts.
+    """Return a sortable table.
 
     Args:
         heads: title, format as in ``assets/table.js`` (text, real, percent, seconds, metres, words), hint.
-        rows: cells; None where there is nothing.
+        rows: cells; None leaves one empty.
     """
     columns = [_column(*head, [row[i] for row in rows]) for i, head in enumerate(heads)]
     return {"columns": columns, "rows": [{"cells": list(row)} for row in rows]}

@@ -1,4 +1,1 @@
-"""Samples for training: scene graphs, targets, copies, and the cache that keeps them.
-
-May import behaviors, converters and all below.
-"""
+"""Training data: samples made from recordings, and batches of them as tensors."""

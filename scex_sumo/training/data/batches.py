@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scex_sumo.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.networks.graph import PathBatch, SceneBatch
 
@@ -18,17 +18,12 @@ class Batch:
     """Some graphs, their pairs of vehicle and path, and the targets.
 
     Attributes:
-        scene: N nodes.
-        path: n pairs.
         right: (n,) whether the path is the one taken.
-        share: (n,) weight of a pair in losses on trajectories: 1 divided by the vehicle's right paths, times
-            the weight of its site; 0 where the path is not right.
+        share: (n,) weight in losses on trajectories: the site's weight over the vehicle's number of right
+            paths; 0 where the path is not right.
         site: (n,) number of the site.
-        pose: (n, 3) of the vehicle in the map's coordinates: x, y, heading.
-        s: (n, H) m.
-        d: (n, H) m.
-        start: (n, 4) see `TrainingSamples`.
-        xy: (n, H, 2) m.
+        pose: (n, 3) x, y, heading of the vehicle in the map's coordinates.
+        s: (n, H) m; ``d``, ``start`` and ``xy`` as of `TrainingSamples`, too.
     """
 
     scene: SceneBatch
@@ -44,7 +39,7 @@ class Batch:
 
 
 class Batches:
-    """Draws batches from samples.
+    """Samples as tensors, from which batches are taken.
 
     Args:
         site_weight: (S,) weight of each site's graphs in the loss.
@@ -73,7 +68,7 @@ class Batches:
         return torch.as_tensor(np.asarray(values, dtype=np.float32), device=self.device)
 
     def take(self, graphs: IntArray) -> Batch:
-        """Some graphs by number, as one batch."""
+        """Return some graphs by number, as one batch."""
         samples = self.samples
         nodes, edges, pairs = samples.nodes[graphs], samples.edges[graphs], samples.pairs[graphs]
         node = self._index(self.node_start[graphs], nodes)
@@ -94,12 +89,12 @@ class Batches:
         )
 
     def _index(self, start: IntArray, count: IntArray) -> Tensor:
-        """Rows of several pieces, one after the other."""
+        """Row numbers of several pieces, one after the other."""
         index = np.arange(int(count.sum())) + np.repeat(start - _starts(count), count)
         return torch.as_tensor(index, device=self.device)
 
     def groups(self, order: IntArray, nodes: int) -> list[IntArray]:
-        """An order of graphs cut into batches of about so many nodes."""
+        """Cut an order of graphs into batches of about so many nodes."""
         total = np.cumsum(self.samples.nodes[order])
         cuts = np.flatnonzero(np.diff((total - 1) // nodes)) + 1
         return [part for part in np.split(order, cuts) if len(part)]

@@ -1,19 +1,20 @@
-"""Samples of many recordings, made once and kept in a cache."""
+"""Training and validation samples of many recordings, made once and kept in a cache."""
 
 from __future__ import annotations
 
 import hashlib
-import os
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.cache import code_key
+from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo.base.files import replacing
+from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.datasets.recordings import (
     LoadedRecording,
     Recording,
@@ -21,18 +22,15 @@ from scex_sumo.converters.datasets.recordings import (
     recording_moments,
     seed_at,
 )
-from scex_sumo.converters.moments.moments import Moment
-from scex_sumo.errors import MapError, TrackError
+from scex_sumo.converters.datasets.split import Part, Split, split_moments
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SeedScene, States
+from scex_sumo.training.data.obstacles import add_obstacles
 from scex_sumo.training.data.perturb import Perturbation, measured, perturbed
-from scex_sumo.training.data.samples import TrainingSamples, learnable, scene_samples
-from scex_sumo.training.data.sources import sources_digest
-from scex_sumo.training.data.split import Part, Split, split_moments
-from scex_sumo.training.data.standing import put_in_the_way
+from scex_sumo.training.data.samples import TrainingSamples, learnable, load_samples, scene_samples
 
-MOST_MOMENTS = 800  # of a short recording moments lie nearer together, at least so far apart:
-CLOSEST_S = 0.2
+MAX_MOMENTS = 800  # moments of a short recording are denser, up to so many, at least so far apart:
+MIN_APART_S = 0.2
 SAME_MAP_M = 1.0
 
 
@@ -41,13 +39,11 @@ class SampleOptions:
     """How samples are made from recordings.
 
     Attributes:
-        every_s: between two moments of a long recording; a short one is looked at more often, up to
-            `MOST_MOMENTS` moments or every 0.2 s.
+        every_s: between two moments of a long recording; shorter in a short one, see `MAX_MOMENTS`.
         copies: perturbed copies of each training scene.
         stops: further copies with standing vehicles in the way.
         perturbation: how far vehicles are put off in them.
         split: which time is for what.
-        seed: of the perturbations.
     """
 
     every_s: float = 0.5
@@ -63,12 +59,11 @@ class Dataset:
     """Samples for training and validation.
 
     Attributes:
-        sites: (S) names of the sites; `Samples.site` counts them.
+        sites: (S) names; `TrainingSamples.site` counts them.
         kinds: (S) the dataset that each site belongs to.
         roads: (S) their maps.
-        train: with perturbed copies.
         validation: without.
-        digest: of all that the samples depend on.
+        digest: of the recordings and options.
     """
 
     sites: tuple[str, ...]
@@ -89,12 +84,11 @@ def make_dataset(
     """Make the samples of recordings, or take them from the cache.
 
     Args:
-        recordings: of any datasets.
         cache: folder; None keeps nothing.
         tick: called with the number of recordings done, and of all.
 
     Raises:
-        TrackError: nothing to learn from.
+        TrackError: no vehicle can be learned from.
     """
     sites = tuple(sorted({recording.site for recording in recordings}))
     kinds: dict[str, str] = {}
@@ -110,8 +104,9 @@ def make_dataset(
         kinds[recording.site] = recording.dataset
         shift = map_shift(roads.setdefault(recording.site, loaded.road), loaded.road)
         for part, found in parts.items():
-            file = None if cache is None else cache / f"{recording.name}-{part}-{key[:16]}.npz"
-            samples = _read(file) if file is not None and file.exists() else None
+            whole = hashlib.sha256(code_key() + key.encode()).hexdigest()
+            file = None if cache is None else cache / f"{recording.name}-{part}-{whole[:16]}.npz"
+            samples = None if file is None else load_samples(file)
             if samples is None:
                 samples = _make(loaded, options, part)
                 if file is not None:
@@ -135,7 +130,7 @@ def make_dataset(
 
 
 def map_shift(road: Road, other: Road) -> FloatArray:
-    """(2,) m from a place on a map to the same place on another of the site: NGSIM's have zeros of their own.
+    """(2,) m from a place on a map to the same place on another of the site: NGSIM's have different origins.
 
     Raises:
         MapError: they are different maps.
@@ -152,11 +147,10 @@ def map_shift(road: Road, other: Road) -> FloatArray:
 def part_scenes(
     loaded: LoadedRecording, part: Part, *, split: Split, every_s: float, most: int | None = None
 ) -> list[SeedScene]:
-    """Seed scenes of one part of a recording that have a vehicle to learn from.
+    """Return the seed scenes of one part of a recording that have a vehicle to learn from.
 
     Args:
-        every_s: between two moments.
-        most: short recordings are looked at more often, up to so many moments in all, or every 0.2 s.
+        most: in a short recording, moments are denser, up to so many in all, or every 0.2 s.
 
     Raises:
         TrackError: a track is not finite.
@@ -164,7 +158,7 @@ def part_scenes(
     every = recording_moments(loaded, every_s=STEP_S)
     step_s = every_s
     if every and most is not None and not every[0].case:
-        step_s = max(CLOSEST_S, min(every_s, (every[-1].time_s - every[0].time_s) / most))
+        step_s = max(MIN_APART_S, min(every_s, (every[-1].time_s - every[0].time_s) / most))
     last, scenes = -np.inf, []
     for moment in _moments_of(every, part, split, loaded.recording.name):
         if not moment.case and moment.time_s - last < step_s - 1e-6:
@@ -199,18 +193,18 @@ def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
 
 
 def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> TrainingSamples | None:
-    """Samples of one part, perturbed copies of training scenes included; None where there are none."""
+    """Make samples of one part; training scenes get perturbed copies. None where there are none."""
     rng = np.random.default_rng([options.seed, zlib.crc32(loaded.recording.name.encode())])
     copies = options.copies if part == "train" else 0
     road, found = loaded.road, []
-    for scene in part_scenes(loaded, part, split=options.split, every_s=options.every_s, most=MOST_MOMENTS):
+    for scene in part_scenes(loaded, part, split=options.split, every_s=options.every_s, most=MAX_MOMENTS):
         put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(copies)]
         seen = [measured(states, options.perturbation, rng) for states in put_off]
         whole = States.stack([scene.history, *put_off], 0)
         samples = scene_samples(scene, road, whole, seen=States.stack([scene.history, *seen], 0))
         found += [samples] if samples is not None else []
         for _ in range(options.stops if part == "train" else 0):
-            stop = put_in_the_way(scene, road, learnable(scene), rng)
+            stop = add_obstacles(scene, road, learnable(scene), rng)
             if stop is None:
                 break
             seen_now = measured(stop[0].history, options.perturbation, rng)
@@ -222,27 +216,14 @@ def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> Traini
 
 
 def _key(recording: Recording, options: SampleOptions) -> str:
-    """Digest of a recording's files, of the options and of the code that makes samples."""
+    """Digest of a recording's files and of the options."""
     digest = hashlib.sha256(repr(sorted(asdict(options).items())).encode())
     for path in (recording.map_path, *recording.track_paths):
         digest.update(path.read_bytes())
-    digest.update(sources_digest(__name__).encode())
     return digest.hexdigest()
-
-
-def _read(file: Path) -> TrainingSamples | None:
-    """Samples from the cache; None where the part has none, or the file is broken (then made anew)."""
-    try:
-        with np.load(file) as data:
-            columns: dict[str, Any] = {name: data[name] for name in data.files}
-            return TrainingSamples(**columns) if columns else None
-    except (OSError, ValueError, TypeError, BadZipFile):
-        return None
 
 
 def _write(file: Path, samples: TrainingSamples | None) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
-    temporary = file.with_name(f".{os.getpid()}-{file.name}")  # trainings share the cache
-    with temporary.open("wb") as stream:
+    with replacing(file) as temporary, temporary.open("wb") as stream:
         np.savez(stream, **({} if samples is None else vars(samples)))
-    temporary.replace(file)

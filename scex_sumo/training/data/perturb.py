@@ -1,4 +1,4 @@
-"""Copies of a scene in which vehicles are a little off the place and direction they were recorded with."""
+"""Perturbed copies of a scene: vehicles moved sideways and turned, and tracked with noise."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import STEP_S, States
 
@@ -17,13 +17,11 @@ CALM_MPS = 3.0  # below, errors shrink with the speed: who stands is seen to sta
 
 @dataclass(frozen=True, kw_only=True)
 class Perturbation:
-    """How far vehicles are put off, uniformly up to both sides.
+    """Size of the perturbations, uniform up to both sides.
 
     Attributes:
-        lateral_m: sideways.
-        heading_rad: turned.
-        share: of the vehicles of a copy that are put off; the others stay.
-        speed_mps: standard deviation of the error of half of the speeds as `measured` gives them.
+        share: of the vehicles of a copy that are moved.
+        speed_mps: standard deviation of the errors of `measured`, for half of the vehicles.
     """
 
     lateral_m: float = 0.7
@@ -33,14 +31,7 @@ class Perturbation:
 
 
 def perturbed(history: States, perturbation: Perturbation, rng: np.random.Generator) -> States:
-    """Put vehicles off, each with its whole past, so that the past agrees with the present.
-
-    Args:
-        history: (V, T), the last column is the present.
-
-    Returns:
-        (V, T); speeds stay.
-    """
+    """Move vehicles (V, T) sideways and turn them, with their whole past; speeds stay."""
     count = history.shape[0]
     off = rng.random(count) < perturbation.share
     lateral = off * rng.uniform(-perturbation.lateral_m, perturbation.lateral_m, count)
@@ -49,12 +40,9 @@ def perturbed(history: States, perturbation: Perturbation, rng: np.random.Genera
 
 
 def measured(history: States, perturbation: Perturbation, rng: np.random.Generator) -> States:
-    """States as a worse tracker sees them: off along the way, by an error that changes smoothly.
+    """States (V, T) as a worse tracker sees them: off along the way, by an error that changes smoothly.
 
-    Half of the vehicles are seen as they are; with the others the error is of their own size.
-
-    Args:
-        history: (V, T).
+    Half of the vehicles are seen as they are; each of the others has an error of its own size.
     """
     count, steps = history.shape
     reach = 4  # steps, almost three times `ALIKE_S`
@@ -78,10 +66,9 @@ def measured(history: States, perturbation: Perturbation, rng: np.random.Generat
 
 
 def moved(history: States, lateral: FloatArray, turn: FloatArray) -> States:
-    """Shift tracks to the left of their present heading and turn them about their present place.
+    """Shift tracks (V, T) to the left of their present heading and turn them about their present place.
 
     Args:
-        history: (V, T), the last column is the present.
         lateral: (V,) m.
         turn: (V,) rad.
     """

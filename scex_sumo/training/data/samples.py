@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import sample_paths
-from scex_sumo.behaviors.learned.seen.inputs import path_inputs
+from scex_sumo.behaviors.learned.path_inputs import path_inputs
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, Who
-from scex_sumo.training.data.standing import standing_gap, stopping_way
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.training.data.obstacles import standing_gap, stopping_way
 from scex_sumo.training.data.targets import along_paths, fading, right_paths, smooth_return
 
 CATCH_UP_S = 4.0  # within which a driver who is ahead or behind gets to where the recorded one was
-MOST_AHEAD_M = 8.0  # further off along the path, what the recorded driver did says nothing any more
-MOST_ASIDE_M = 2.0
-MOST_SLOPE = 0.3
+MAX_AHEAD_M = 8.0  # further off along the path, what the recorded driver did says nothing any more
+MAX_ASIDE_M = 2.0
+MAX_SLOPE = 0.3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,12 +35,9 @@ class TrainingSamples:
     """G scene graphs one after the other; N nodes, E edges, P pairs of a vehicle and a candidate path.
 
     Attributes:
-        site: (G,) number of the site that a graph belongs to.
-        nodes: (G,) how many nodes each graph has.
-        edges: (G,) edges.
-        pairs: (G,) pairs.
-        node: (N, F) features, as in `SceneGraph`.
-        history: (N, 11, 5) likewise.
+        site: (G,) number of the graph's site.
+        nodes: (G,) number of nodes of each graph; so ``edges`` and ``pairs``.
+        node: (N, F) features, as in `SceneGraph`; so ``history`` (N, 11, 5).
         pose: (N, 3) x and y of the vehicle's centre in the map's coordinates, and its heading.
         edge_index: (2, E) source and target within the graph.
         edge: (E, K) features.
@@ -45,8 +46,8 @@ class TrainingSamples:
         right: (P,) True for the path that the vehicle took.
         s: (P, H) m, target: way along the path; 0 where the path is not right.
         d: (P, H) m, target: offset from the path.
-        start: (P, 4) speed in m/s, offset in m and heading error in rad at the beginning; the offset that a
-            vehicle was put off by, m.
+        start: (P, 4) speed in m/s, offset in m, heading error in rad, and the offset of the perturbation in
+            m.
         xy: (P, H, 2) the target in the vehicle's own coordinates, m.
     """
 
@@ -71,18 +72,28 @@ class TrainingSamples:
         return len(self.nodes)
 
     def at(self, site: int, shift: FloatArray) -> TrainingSamples:
-        """The same samples as of a site, whose map lies elsewhere: a `shift` (2,) off, m."""
+        """Return the samples as of a site whose map lies ``shift`` (2,) m elsewhere."""
         pose = self.pose - np.append(shift, 0.0)
         return replace(self, site=np.full(len(self), site), pose=pose)
 
     @classmethod
     def concatenate(cls, parts: Sequence[TrainingSamples]) -> TrainingSamples:
-        """All graphs of several sets of samples; the sets must be of one kind."""
+        """Join the graphs of several sets of samples."""
         joined = {}
         for f in fields(cls):
             axis = 1 if f.name == "edge_index" else 0
             joined[f.name] = np.concatenate([getattr(part, f.name) for part in parts], axis=axis)
         return cls(**joined)
+
+
+def load_samples(file: Path) -> TrainingSamples | None:
+    """Read samples that were written with `numpy.savez`; None for an empty, missing or damaged file."""
+    try:
+        with file.open("rb") as stream, np.load(stream) as data:
+            columns: dict[str, Any] = {name: data[name] for name in data.files}
+            return TrainingSamples(**columns) if columns else None
+    except (OSError, EOFError, KeyError, ValueError, TypeError, BadZipFile, zlib.error):
+        return None
 
 
 def scene_samples(
@@ -95,20 +106,17 @@ def scene_samples(
     site: int = 0,
     step: int = 0,
 ) -> TrainingSamples | None:
-    """Samples of a scene, one graph for each child.
+    """Make samples of a scene, one graph for each of C children.
 
-    What vehicles should do is what the recorded ones did from the same time on; a vehicle that is not where
-    the recorded one was comes back smoothly. All vehicles are nodes; those with a whole recorded past
-    second and 3 s of recorded future are learned from.
+    The target is what the recorded vehicles did from the same time on; a vehicle elsewhere comes back
+    smoothly. All vehicles are nodes; those with a whole recorded past second and 3 s of recorded future are
+    learned from.
 
     Args:
-        scene: the seed scene, with its future.
         states: (C, V, 11) what the vehicles did, oldest first.
-        seen: (C, V, 11) what the drivers see of it; None is the same.
-        blocked: vehicles that have been given a standing vehicle on their way, the only ones to be learned
-            from: they stop behind it, see `standing`.
-        site: number of the site.
-        step: steps since the seed scene.
+        seen: (C, V, 11) what the drivers see of it; by default the same.
+        blocked: vehicles with an obstacle on their way, the only ones to be learned from: they stop behind
+            it.
 
     Returns:
         C graphs, or None where no vehicle can be learned from.
@@ -122,7 +130,7 @@ def scene_samples(
     row, owner, right = right_paths(paths, usable, recorded[usable], future[usable], valid[usable])
     child = np.repeat(np.arange(children), len(row))
     vehicle = np.tile(usable[owner], children)
-    who = Who(child=child, vehicle=vehicle)
+    who = VehicleIndex(child=child, vehicle=vehicle)
     rows, takes = np.tile(row, children), np.tile(right, children)
     drawn = np.zeros((children, scene.vehicles))
     seen = states if seen is None else seen
@@ -159,7 +167,7 @@ def scene_samples(
 
 
 def learnable(scene: SeedScene, step: int = 0) -> IntArray:
-    """Vehicles with a whole recorded past second and 3 s of recorded future from a step on."""
+    """Return vehicles with a whole recorded past second and 3 s of recorded future from a step on."""
     if scene.future_valid is None or scene.future_valid.shape[1] < step + PLAN_STEPS:
         return np.zeros(0, dtype=np.int64)
     whole = scene.future_valid[:, : step + PLAN_STEPS].all(axis=1)
@@ -167,7 +175,7 @@ def learnable(scene: SeedScene, step: int = 0) -> IntArray:
 
 
 def recorded_from(scene: SeedScene, step: int) -> tuple[States, States, BoolArray]:
-    """(V,) recorded states after some steps, (V, F) what came after, (V, F) whether that was recorded."""
+    """(V,) recorded states after some steps, (V, F) states after these, (V, F) whether recorded."""
     assert scene.future is not None and scene.future_valid is not None
     now = scene.now if step == 0 else scene.future[:, step - 1]
     return now, scene.future[:, step:], scene.future_valid[:, step:]
@@ -185,20 +193,20 @@ class _Goals:
 def _goals(
     paths: SeedPaths,
     row: IntArray,
-    who: Who,
+    who: VehicleIndex,
     history: SceneHistory,
     actual: States,
     recorded: States,
     future: States,
     gap: FloatArray | None,
 ) -> _Goals:
-    """What each vehicle should do along each of its paths, from where it is in its child.
+    """Targets of each vehicle along each of its paths, from where it is in its child.
 
     Args:
         actual: (P,) where it is; `history` has where it is seen.
         recorded: (P,) where the recorded one was.
-        future: (P, H) what that did.
-        gap: (P,) m to a standing vehicle that it shall stop behind, or None.
+        future: (P, H) what the recorded one did.
+        gap: (P,) m to a standing vehicle behind which it shall stop, or None.
     """
     present = history.now[who.child, who.vehicle]
     way = BEHIND_M + history.step * STEP_S * history.scene.now.speed[who.vehicle]
@@ -207,11 +215,11 @@ def _goals(
     heading = sample_paths(paths, row, s_now)[4]
     s_here, d_here, _, _ = along_paths(paths, row, actual, actual[:, None], start_way=way)
     aside, ahead = d_here - d_then, s_here - s_then
-    lean = np.tan(np.clip(wrap(actual.heading - recorded.heading), -MOST_SLOPE, MOST_SLOPE))
+    lean = np.tan(np.clip(wrap(actual.heading - recorded.heading), -MAX_SLOPE, MAX_SLOPE))
     if gap is None:
         catching = _catch_up(ahead, actual.speed - recorded.speed, future.x.shape[1])
         travelled = np.maximum.accumulate(np.maximum(s_true + catching - s_now[:, None], 0.0), axis=1)
-        near = np.abs(ahead) <= MOST_AHEAD_M
+        near = np.abs(ahead) <= MAX_AHEAD_M
     else:
         s_true = np.maximum.accumulate(np.maximum(s_true, s_then[:, None]), axis=1)
         travelled = np.minimum(s_true - s_then[:, None], stopping_way(present.speed, gap, PLAN_STEPS))
@@ -227,12 +235,12 @@ def _goals(
         d=d,
         start=np.stack([present.speed, d_now, wrap(present.heading - heading), aside], -1),
         xy=np.stack([own_cos * dx + own_sin * dy, own_cos * dy - own_sin * dx], -1),
-        near=near & (np.abs(aside) <= MOST_ASIDE_M),
+        near=near & (np.abs(aside) <= MAX_ASIDE_M),
     )
 
 
 def _catch_up(ahead: FloatArray, faster: FloatArray, steps: int) -> FloatArray:
-    """(n, H) how far ahead of the recorded one a driver still is, who is ahead and faster now, m."""
+    """(n, H) m that a driver stays ahead of the recorded one, which is ``ahead`` and ``faster`` now."""
     keep, lean = fading(STEP_S * np.arange(1.0, steps + 1) / CATCH_UP_S)
     still: FloatArray = ahead[:, None] * keep + faster[:, None] * CATCH_UP_S * lean
     return still

@@ -1,10 +1,10 @@
-"""Targets: what a vehicle should have done, its recorded future, along its path and in its own frame."""
+"""Targets: a vehicle's recorded future along its path and in its own frame."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.scene import States
@@ -17,14 +17,13 @@ RETURN_M = 12.0  # and the shortest way for it: who stands does not move sideway
 def along_paths(
     paths: SeedPaths, row: IntArray, start: States, future: States, *, start_way: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Places in the coordinates of paths.
+    """Arc length and offset of states in the coordinates of paths.
 
     Args:
         row: (n,) path of each vehicle.
         start: (n,) present states.
         future: (n, F).
-        start_way: (n,) how far the vehicles have come on the tables, roughly, m; the table's begin, where
-            None is given.
+        start_way: (n,) rough arc length at present, m; by default the table's beginning.
 
     Returns:
         (n,) arc length now, (n,) offset now, (n, F) arc length, (n, F) offset.
@@ -42,12 +41,12 @@ def along_paths(
 def right_paths(
     paths: SeedPaths, vehicle: IntArray, now: States, future: States, valid: BoolArray
 ) -> tuple[IntArray, IntArray, BoolArray]:
-    """Which candidate paths the vehicles really took.
+    """Find the candidate paths that vehicles really took.
 
     Args:
         vehicle: (k,) vehicles with a recorded future.
         now: (k,) their present states.
-        future: (k, F), as long as it was recorded, for what comes after the plan tells forks apart.
+        future: (k, F), as long as recorded: what comes after the plan decides between forks.
         valid: (k, F).
 
     Returns:
@@ -68,19 +67,16 @@ def right_paths(
 
 
 def smooth_return(displaced: FloatArray, slope: FloatArray, speed: FloatArray, way: FloatArray) -> FloatArray:
-    """How far from where the recorded one drove a displaced vehicle is on its way back.
+    """(n, H) m that a displaced vehicle is still off the recorded one on its way back.
 
-    A quintic in the distance travelled: it begins at the displacement with the slope, and ends after the
-    way of `RETURN_S`, at least `RETURN_M`, at zero, without slope and curvature there.
+    A quintic in the distance travelled, from the displacement and its slope to zero with zero slope and
+    curvature. It ends after the way of `RETURN_S`, at least `RETURN_M`.
 
     Args:
         displaced: (n,) m, left positive.
-        slope: (n,) sideways over ahead: the tangent of the heading error.
+        slope: (n,) tangent of the heading error.
         speed: (n,) m/s, now.
         way: (n, H) m travelled.
-
-    Returns:
-        (n, H) m.
     """
     length = np.maximum(RETURN_M, RETURN_S * speed)[:, None]
     keep, lean = fading(np.clip(way / length, 0.0, 1.0))

@@ -1,4 +1,4 @@
-"""The networks of the learned drivers in training: graph branch, heads, and what they predict."""
+"""Networks of the learned drivers in training: graph branch, head, and the Graph Predictor."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from scex_sumo.behaviors.learned.networks.architecture import (
+from scex_sumo.behaviors.learned.architecture import (
     HISTORY_NUMBERS,
     KNOTS,
     OFFSET,
@@ -19,14 +19,13 @@ from scex_sumo.behaviors.learned.networks.architecture import (
     WIDEST_OFFSET_M,
     Architecture,
 )
-from scex_sumo.behaviors.learned.networks.head import interpolation
+from scex_sumo.behaviors.learned.networks import interpolation
 from scex_sumo.scene import STEP_S
-from scex_sumo.training.networks.attention import EdgeAttentionModule
-from scex_sumo.training.networks.layers import ScalerModule, mlp
+from scex_sumo.training.networks.layers import EdgeAttentionModule, ScalerModule, mlp
 
 
 class SceneBatch(NamedTuple):
-    """Scene graphs of a batch as tensors, see `SceneGraph`: N nodes, E edges.
+    """Scene graphs of a batch as tensors, see `SceneGraph`.
 
     Attributes:
         node: (N, F).
@@ -54,15 +53,7 @@ class PathBatch(NamedTuple):
 
 
 class ModeTensors(NamedTuple):
-    """What may happen in the next 3 s along each path, in M modes; mode 0 is the expected one.
-
-    Attributes:
-        logits: (n, M) of the modes.
-        acceleration: (n, M, H) m/s², between -9 and 5.
-        offset: (n, M, H) wanted distance left of the path, m; None without that head.
-        path_logit: (n,) of the path among the candidates of its vehicle.
-        free: (n, M, H, 2) x ahead and y to the left of the present pose, m; None without that head.
-    """
+    """Modes of n pairs as tensors, see `scex_sumo.behaviors.learned.networks.head.Modes`."""
 
     logits: Tensor
     acceleration: Tensor
@@ -72,7 +63,7 @@ class ModeTensors(NamedTuple):
 
 
 class SceneModule(nn.Module):
-    """Vehicles as vectors: each one's history and properties, then attention along the scene graph."""
+    """Vectors of vehicles: history and properties of each, then attention along the scene graph."""
 
     def __init__(self, sizes: Architecture) -> None:
         super().__init__()
@@ -88,7 +79,7 @@ class SceneModule(nn.Module):
         self.norm = nn.ModuleList(nn.LayerNorm(sizes.hidden) for _ in range(layers + 1))
 
     def forward(self, scene: SceneBatch, wanted: Tensor) -> Tensor:
-        """(n, hidden) of (n,) wanted nodes; what does not reach them through the layers is left out."""
+        """(n, hidden) of (n,) wanted nodes; nodes that do not reach them through the layers are left out."""
         needed = torch.zeros(len(scene.node), dtype=torch.bool, device=wanted.device)
         needed[wanted] = True
         reach = [needed]
@@ -111,12 +102,12 @@ class SceneModule(nn.Module):
 
 
 def _numbers(some: Tensor) -> Tensor:
-    """(N,) number of each node among some, which are given as (N,) whether it is one."""
+    """(N,) number of each node among those for which (N,) ``some`` is true."""
     return torch.cumsum(some, 0) - 1
 
 
 class PlanHeadModule(nn.Module):
-    """From one vector per pair to modes: knots every 0.5 s, linear between."""
+    """Modes from one vector per pair: knots every 0.5 s, linear between."""
 
     between: Tensor
 

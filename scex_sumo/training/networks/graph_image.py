@@ -1,14 +1,16 @@
-"""The network of the Graph Image Predictor in training: graph branch, image branch and their fusion."""
+"""Network of the Graph Image Predictor in training, and the networks by name."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import grid_sample
 
-from scex_sumo.behaviors.learned.networks.architecture import (
+from scex_sumo.behaviors.learned.architecture import (
     AHEAD_M,
     ASIDE_M,
     CONVOLUTIONS,
@@ -18,9 +20,17 @@ from scex_sumo.behaviors.learned.networks.architecture import (
     STRIDE,
     Architecture,
 )
-from scex_sumo.behaviors.learned.seen.inputs import LEADER_COLUMNS
-from scex_sumo.behaviors.learned.seen.raster import CHANNELS, PIXEL_M
-from scex_sumo.training.networks.graph import ModeTensors, PathBatch, PlanHeadModule, SceneBatch, SceneModule
+from scex_sumo.behaviors.learned.path_inputs import LEADER_COLUMNS
+from scex_sumo.behaviors.learned.raster import CHANNELS, PIXEL_M
+from scex_sumo.behaviors.learned.weights import save_weights
+from scex_sumo.training.networks.graph import (
+    GraphPredictorNet,
+    ModeTensors,
+    PathBatch,
+    PlanHeadModule,
+    SceneBatch,
+    SceneModule,
+)
 from scex_sumo.training.networks.layers import ScalerModule, mlp
 
 
@@ -37,13 +47,11 @@ class MapTensors(NamedTuple):
 
 
 class ImageBatch(NamedTuple):
-    """Places on maps from which vehicles see the road; K places.
+    """K places from which vehicles see the road.
 
     Attributes:
-        maps: the maps that occur.
         site: (K,) index into ``maps``.
-        pose: (K, 3) x, y, heading of the vehicles in the map's coordinates, m and rad; keep them float64,
-            since maps may lie far from the origin.
+        pose: (K, 3) x, y, heading in the map's coordinates; float64, since maps may lie far from the origin.
         place: (n,) row of ``pose`` for each pair of a vehicle and a path.
     """
 
@@ -54,7 +62,7 @@ class ImageBatch(NamedTuple):
 
 
 class ImageModule(nn.Module):
-    """The road around a vehicle as a vector: one run of convolutions per map, then samples per vehicle."""
+    """Vectors of the road around vehicles: convolutions of each map once, then samples per vehicle."""
 
     ahead: Tensor
     aside: Tensor
@@ -113,7 +121,7 @@ class ImageModule(nn.Module):
 class GraphImagePredictorNet(nn.Module):
     """Plans from the scene graph and the road seen from above, weighed by the user: [w·g ; (1-w)·m].
 
-    g knows the scene graph, the path ahead and who is on it; m knows the road seen from above, the path ahead
+    g knows the scene graph, the path ahead and its vehicles; m knows the road seen from above, the path ahead
     and the own motion, but no other vehicle.
     """
 
@@ -143,3 +151,15 @@ class GraphImagePredictorNet(nn.Module):
         w = attention[:, None]
         modes: ModeTensors = self.head(torch.cat([w * g, (1 - w) * m], 1), path.features)
         return modes
+
+
+Net: TypeAlias = GraphPredictorNet | GraphImagePredictorNet
+NETWORKS: Mapping[str, type[GraphPredictorNet] | type[GraphImagePredictorNet]] = {
+    net.kind: net for net in (GraphPredictorNet, GraphImagePredictorNet)
+}
+
+
+def save_net(path: str | Path, net: Net, meta: Mapping[str, Any]) -> None:
+    """Write a network's weights; see `save_weights`."""
+    state = {name: values.detach().cpu().numpy() for name, values in net.state_dict().items()}
+    save_weights(path, net.kind, net.sizes, state, meta)

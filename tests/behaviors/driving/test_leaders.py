@@ -1,15 +1,15 @@
-"""Who is a leader, and how far ahead."""
+"""Leaders of a driver, and how far ahead they are."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
+from scex_sumo.behaviors.driving.leaders import Leaders, everyone, find_leaders
 from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.road import Road
-from scex_sumo.scene import Obstacles, States, Who
+from scex_sumo.scene import Obstacles, States, VehicleIndex
 from tests.behaviors import roads
 
 OWN = (100.0, 0.0, 0.0, 10.0)  # 4.5 m long, 1.8 m wide, on the lane's centreline
@@ -26,7 +26,7 @@ def leaders(
 ) -> Leaders:
     scene = roads.scene_of(own, *others, obstacles=obstacles)
     history = roads.present(scene)
-    who = Who(child=np.array([0]), vehicle=np.array([0]))
+    who = VehicleIndex(child=np.array([0]), vehicle=np.array([0]))
     paths = seed_paths(scene, roads.straight() if where is None else where)
     row = paths.choose(0, who.vehicle, np.zeros(1))
     s, _, _ = foot_points(paths, row, np.array([own[0]]), np.array([own[1]]), np.array([BEHIND_M]))
@@ -113,7 +113,10 @@ def test_distance_is_measured_along_a_curved_path() -> None:
 def test_a_vehicle_on_another_branch_of_a_fork_leads_only_who_goes_there() -> None:
     other = (65.0, 50.0, np.pi / 2, 5.0)  # up the left branch
     scene = roads.scene_of((40.0, 0.0, 0.0, 8.0), other)
-    history, who = roads.present(scene), Who(child=np.zeros(3, dtype=int), vehicle=np.zeros(3, dtype=int))
+    history, who = (
+        roads.present(scene),
+        VehicleIndex(child=np.zeros(3, dtype=int), vehicle=np.zeros(3, dtype=int)),
+    )
     paths = seed_paths(scene, roads.fork())
     row = np.array([0, 1, 2])
     s, _, _ = foot_points(paths, row, np.full(3, 40.0), np.zeros(3), np.full(3, BEHIND_M))
@@ -171,3 +174,23 @@ def test_in_a_roundabout_the_leader_is_where_it_is_this_lap(ahead: float) -> Non
     found = leaders(other, own=(0.0, 0.0, 0.0, 8.0), where=ring)
     # Smoothing draws the ring in by sigma²/(2R) = 0.09 m of 12 m: by less than one part in a hundred.
     assert found.gap[0] == pytest.approx(ahead - 4.5, abs=0.01 * ahead + 0.05)
+
+
+def test_obstacles_are_further_columns_seen_while_present() -> None:
+    shape = (2, 11)
+    walkers = Obstacles(
+        ids=("P1", "P2"),
+        types=("pedestrian/bicycle",) * 2,
+        length=np.array([0.5, 0.6]),
+        width=np.array([0.5, 0.6]),
+        states=States(
+            x=np.full(shape, 12.0), y=np.full(shape, 1.0), heading=np.zeros(shape), speed=np.zeros(shape)
+        ),
+        present=np.array([[True] * 11, [False] * 11]),
+    )
+    scene = roads.scene_of((10.0, 0.0, 0.0, 8.0), obstacles=walkers)
+    all_of_them = everyone(roads.present(scene))
+    assert all_of_them.states.x[0, 1] == 12.0 and all_of_them.states.y[0, 1] == 1.0
+    assert all_of_them.present.tolist() == [[True, True, False]]
+    assert all_of_them.obstacle.tolist() == [False, True, True]
+    assert all_of_them.length.tolist() == [4.5, 0.5, 0.6]

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE
-from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity, ConstantVelocityProfile
+from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile
+from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene, States
@@ -162,3 +166,32 @@ def test_the_rear_axle_of_a_truck_keeps_to_its_share_of_the_length() -> None:
     # Its centre swings out: R_centre = √(R² + (0.3·12)²).
     assert np.hypot(x, y - 20.0)[late] == pytest.approx(20.0, abs=0.15)
     assert np.hypot(track.x, track.y - 20.0)[late] == pytest.approx(np.hypot(20.0, 3.6), abs=0.15)
+
+
+MODELS = ("constant_velocity", "standard_driver", "risky_driver", "calibrated_driver", "likely_driver")
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_on_a_sumo_net_every_model_slows_down_for_a_tight_curve_and_comes_back_to_its_speed(
+    name: str,
+) -> None:
+    turn = roads.arc(6.0, np.pi / 2, (60.0, 0.0), step=0.5)
+    leg = np.column_stack([np.full(200, turn[-1, 0]), turn[-1, 1] + np.arange(1.0, 201.0)])
+    line = np.concatenate([np.column_stack([np.arange(0.0, 60.0), np.zeros(60)]), turn, leg])
+    road = roads.road(roads.lane(1, line))
+    scene = roads.scene_of((10.0, 0.0, 0.0, 13.0))
+    net = replace(road, net=Path("town.net.xml"), sumo_lanes=True)
+    driven = roads.closed_loop(build(parse_models(name)[0]), net, scene, steps=120, replan=5)
+    turned = np.diff(np.unwrap(driven.heading[0, 0])) / 0.1
+    assert np.abs(turned).max() > 0.5  # it went through the curve
+    assert np.abs(turned * driven.speed[0, 0, 1:]).max() < 5.5
+    change = np.diff(driven.speed[0, 0]) / 0.1
+    assert -6.1 < change.min() < -1.0 and 0.5 < change.max() < 4.1
+
+
+@pytest.mark.parametrize("name", ["constant_velocity", "standard_driver", "risky_driver"])
+def test_on_other_maps_the_papers_models_do_not_slow_down_for_curves(name: str) -> None:
+    road = roads.road(roads.lane(1, roads.arc(12.0, np.pi, step=0.5)))
+    scene = roads.scene_of((0.0, 0.0, 0.0, 10.0))
+    driven = roads.closed_loop(build(parse_models(name)[0]), road, scene, steps=20, replan=5)
+    assert driven.speed.min() >= 10.0 - 1e-9

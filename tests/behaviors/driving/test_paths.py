@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import FloatArray
-from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, planned_lanes, seed_paths
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.driving.paths import (
+    BEHIND_M,
+    DS_M,
+    SeedPaths,
+    chosen_paths,
+    planned_lanes,
+    seed_paths,
+)
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
-from scex_sumo.errors import UsageError
 from scex_sumo.geometry.polylines import arc_lengths, nearest
 from tests.behaviors import roads
 
@@ -183,3 +192,15 @@ def test_a_place_that_a_path_passes_twice_belongs_to_the_expected_lap() -> None:
     lap = 2 * np.pi * (12.0 - 0.09)
     assert s - BEHIND_M == pytest.approx([12.0, 12.0 + lap], abs=0.3)
     assert heading[1] - heading[0] == pytest.approx(2 * np.pi, abs=0.02)
+
+
+def test_all_paths_of_a_long_child_take_memory_in_proportion_to_its_steps() -> None:
+    scene, where = roads.scene_of((10.0, 0.0, 0.0, 8.0)), roads.straight()
+    history = roads.present(scene)
+    tables = {}
+    for step in range(0, 6000, 5):
+        paths, _ = chosen_paths(replace(history, step=step), where, roads.every(history), "straight")
+        assert paths.samples * DS_M - BEHIND_M > 8.0 * (0.1 * step + 3.0)  # a plan ends on its table
+        tables[id(paths)] = paths.samples
+    assert len(tables) <= 8
+    assert sum(tables.values()) < 2.2 * max(tables.values()) < 2.2 * 2 * 15 * (600 + 8) / DS_M

@@ -8,20 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.guard.corridors import GuardProfile, planned_paths
 from scex_sumo.behaviors.guard.guarded import Guarded, safe_speed
-from scex_sumo.behaviors.guard.profile import GuardProfile
-from scex_sumo.behaviors.guard.ways import planned_paths
-from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity, ConstantVelocityProfile
+from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile
 from scex_sumo.behaviors.plug_in.fallback import Fallible
 from scex_sumo.behaviors.registry import ModelSpec, behavior, build, parse_models
-from scex_sumo.errors import UsageError
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
-from scex_sumo.scene import Obstacles, Plan, SceneHistory, SeedScene, States, Who
+from scex_sumo.scene import Obstacles, Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
 
 PROFILE = GuardProfile()
@@ -104,7 +103,7 @@ def test_a_car_in_the_next_lane_and_one_behind_hold_nobody_back() -> None:
     vehicles = [(60.0, 0.0, 0.0, 12.0), (63.0, 3.0, 0.0, 11.0), (80.0, 3.0, 0.0, 4.0), (50.0, 0.0, 0.0, 11.0)]
     scene = roads.scene_of(*vehicles)
     history = roads.present(scene)
-    first = Who(child=np.array([0]), vehicle=np.array([0]))
+    first = VehicleIndex(child=np.array([0]), vehicle=np.array([0]))
     made, raw = roads.plan(GUARDED, two, history, first), roads.plan(STEADY, two, history, first)
     assert all(np.array_equal(getattr(made, k), getattr(raw, k)) for k in ("x", "y", "heading", "speed"))
 
@@ -141,7 +140,7 @@ def test_one_who_stands_at_a_crossing_waits_until_the_other_has_passed() -> None
         """Goes off at 2 m/s², whoever comes."""
 
         def plan(
-            self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]
+            self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
         ) -> Plan:
             raw = STEADY.plan(history, road, who, rng)
             now = history.now[who.child, who.vehicle]
@@ -167,7 +166,7 @@ def test_boxes_that_touch_in_the_seed_scene_are_left_alone_where_the_guard_is_to
     # 0.2 m behind a car of the same speed, as a trailer that was recorded as a vehicle.
     scene = roads.scene_of((60.0, 0.0, 0.0, 12.0), (60.0 + LENGTH + 0.2, 0.0, 0.0, 12.0))
     history, road = roads.present(scene), roads.straight()
-    first = Who(child=np.array([0]), vehicle=np.array([0]))
+    first = VehicleIndex(child=np.array([0]), vehicle=np.array([0]))
     held = roads.plan(GUARDED, road, history, first)
     left = roads.plan(Guarded(GUARDED.model, GuardProfile(touching=0.3)), road, history, first)
     assert held.speed[0, 9] < 11.0
@@ -263,7 +262,7 @@ def test_a_long_body_swings_out_of_a_bend_by_half_its_length_times_its_angle_and
         speed=np.full((1, 30), 3.0),
     )
     scene = roads.scene_of((0.0, 0.0, -0.2, 3.0), length=10.0)
-    who = Who(child=np.array([0]), vehicle=np.array([0]))
+    who = VehicleIndex(child=np.array([0]), vehicle=np.array([0]))
     left, right = planned_paths(raw, roads.present(scene), who, PROFILE).swing[:, 0]
     assert right[2:-2] == pytest.approx(5 * np.sin(0.2) + 25 / 30, abs=0.1)
     assert left[2:-2] == pytest.approx(5 * np.sin(0.2) - 25 / 30, abs=0.2)
@@ -316,7 +315,7 @@ def test_who_stands_in_for_a_model_that_fails_is_guarded_too() -> None:
         """Never has a plan."""
 
         def plan(
-            self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]
+            self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
         ) -> Plan:
             raise ValueError("no idea")
 

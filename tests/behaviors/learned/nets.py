@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.behaviors.learned.networks.architecture import Architecture, shapes
-from scex_sumo.behaviors.learned.networks.layers import exact
-from scex_sumo.behaviors.learned.networks.nets import KINDS, Net
-from scex_sumo.behaviors.learned.seen.inputs import path_inputs
+from scex_sumo.behaviors.learned.architecture import Architecture, shapes
+from scex_sumo.behaviors.learned.layers import exact
+from scex_sumo.behaviors.learned.networks import KINDS, Net
+from scex_sumo.behaviors.learned.path_inputs import path_inputs
 from scex_sumo.behaviors.learned.weights import save_weights
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.road import Road

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.learned.decoding import EDGE_MARGIN_M, plan_along, plan_freely, way_of
-from scex_sumo.behaviors.learned.seen.surface import CELL_M
+from scex_sumo.behaviors.learned.surface import CELL_M
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road

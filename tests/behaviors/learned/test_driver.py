@@ -11,17 +11,16 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from scex_sumo.base.errors import InputError
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.learned.driver import _algebra, choice_of, loaded
+from scex_sumo.behaviors.learned.image_encoder import ImageEncoder
 from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
-from scex_sumo.behaviors.learned.networks.head import Modes
-from scex_sumo.behaviors.learned.networks.image import ImageEncoder
-from scex_sumo.behaviors.learned.networks.nets import GraphNet
-from scex_sumo.behaviors.learned.seen.surface import surface_of
-from scex_sumo.behaviors.models.path_follower import follow_path
+from scex_sumo.behaviors.learned.networks import GraphNet, Modes
+from scex_sumo.behaviors.learned.surface import surface_of
+from scex_sumo.behaviors.models.idm import follow_path
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.errors import InputError
-from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, Who
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
 from tests.behaviors.learned import nets
 
@@ -69,7 +68,7 @@ def test_who_stands_starts_behind_one_that_moves_or_after_three_seconds(tmp_path
 
     def starts(scene: SeedScene, step: int = 0) -> bool:
         history = replace(roads.present(scene), step=step)
-        plan = model.plan(history, ROAD, Who(child=np.zeros(1, int), vehicle=np.zeros(1, int)), [])
+        plan = model.plan(history, ROAD, VehicleIndex(child=np.zeros(1, int), vehicle=np.zeros(1, int)), [])
         return bool((plan.speed > 0).any())
 
     with pytest.MonkeyPatch.context() as patch:
@@ -140,7 +139,7 @@ def test_who_else_is_asked_for_does_not_matter(tmp_path: Path, name: str) -> Non
     history = apart(5)
     whole, everyone = roads.plan(model, ROAD, history), roads.every(history)
     some = np.arange(2, len(everyone), 3)
-    who = Who(child=everyone.child[some], vehicle=everyone.vehicle[some])
+    who = VehicleIndex(child=everyone.child[some], vehicle=everyone.vehicle[some])
     assert same(whole, roads.plan(model, ROAD, history, who), some)
 
 
@@ -155,7 +154,7 @@ def test_vehicles_off_the_map_are_left_to_the_path_following_driver_and_counted(
     assert made.fallback.tolist() == [False, True, False] * 2
     assert made.reasons[1] == "was not on a mapped lane in the seed scene"
     assert made.reasons[0] == ""
-    alone = follow_path(history, ROAD, Who(child=np.arange(2), vehicle=np.ones(2, dtype=int)))
+    alone = follow_path(history, ROAD, VehicleIndex(child=np.arange(2), vehicle=np.ones(2, dtype=int)))
     assert same(made, alone, np.array([1, 4]))
 
 
@@ -169,7 +168,7 @@ def test_a_scene_off_the_map_altogether_still_drives(tmp_path: Path, name: str) 
 
 
 def test_nobody_to_plan_for_is_an_empty_plan(tmp_path: Path) -> None:
-    nobody = Who(child=np.zeros(0, dtype=int), vehicle=np.zeros(0, dtype=int))
+    nobody = VehicleIndex(child=np.zeros(0, dtype=int), vehicle=np.zeros(0, dtype=int))
     made = roads.plan(driver(tmp_path, "graph_predictor"), ROAD, roads.present(SCENE), nobody)
     assert made.x.shape == (0, 30)
 
@@ -215,7 +214,7 @@ def test_the_likeliest_path_is_the_networks_own_and_the_same_in_all_children(
     assert (row.reshape(4, -1) == row[: SCENE.vehicles]).all()
     now = roads.present(SCENE)
     vehicle = np.repeat(np.arange(SCENE.vehicles), paths.count)
-    pairs = Who(child=np.zeros_like(vehicle), vehicle=vehicle)
+    pairs = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
     _, modes = model.driver.predict(now, ROAD, pairs, paths, np.arange(len(vehicle)))
     for v in range(SCENE.vehicles):
         mine = np.flatnonzero(vehicle == v)
@@ -269,7 +268,7 @@ def test_the_shipped_drivers_stop_behind_a_standing_vehicle_and_need_no_guard_fo
     scene = roads.scene_of((50.0, 0.0, 0.0, speed), (50.0 + gap + 4.5, 0.0, 0.0, 0.0))
     model = build(parse_models(f"{name}{guard}")[0])
     history = roads.present(scene)
-    first = Who(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    first = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     for step in range(0, 60, 5):
         made = roads.plan(model, roads.straight(), history, first)
         driven = States(**{key: getattr(made, key)[None, :, :5] for key in STATES})

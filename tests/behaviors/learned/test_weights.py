@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 import safetensors.numpy
 
-from scex_sumo.behaviors.learned.networks.layers import exact
+from scex_sumo.base.errors import InputError
+from scex_sumo.behaviors.learned.layers import exact
 from scex_sumo.behaviors.learned.profiles import SHIPPED
 from scex_sumo.behaviors.learned.weights import ABOUT, load_weights, save_weights, sha256_of
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.errors import InputError
 from tests.behaviors import roads
 from tests.behaviors.learned import nets
 
@@ -107,7 +107,7 @@ def test_weights_of_another_architecture_are_refused(file: Path) -> None:
     for change in ({"hidden": 32}, {"layers": 3}, {"depth": 3}, {"hidden": "wide"}):
         altered(file, architecture={**numbers, **change})
         assert "weights of another architecture" in refused("graph_predictor", file)
-    for wrong in (7, None, [1], "hidden", [["hidden"]]):
+    for wrong in (7, None, [1], "hidden", [["hidden"]], "", []):
         altered(file, architecture=wrong)
         assert "weights of another architecture" in refused("graph_predictor", file)
 
@@ -115,6 +115,13 @@ def test_weights_of_another_architecture_are_refused(file: Path) -> None:
 def test_a_width_of_zero_is_refused_before_a_network_is_built(file: Path) -> None:
     altered(file, architecture={**about(file)["architecture"], "hidden": 0})
     assert "hidden is 0, 1 to 1024 expected" in refused("graph_predictor", file)
+
+
+def test_a_spread_of_zero_is_refused_before_anything_is_divided_by_it(file: Path) -> None:
+    state = safetensors.numpy.load_file(file)
+    state["path_scale.spread"][0] = 0.0
+    altered(file, state=state)
+    assert "has inputs whose spread is not positive" in refused("graph_predictor", file)
 
 
 def test_weights_for_other_inputs_are_refused(file: Path) -> None:
@@ -125,7 +132,7 @@ def test_weights_for_other_inputs_are_refused(file: Path) -> None:
     assert "weights for no path inputs of version" in refused("graph_predictor", file)
 
 
-@pytest.mark.parametrize(("value", "words"), [(float("nan"), "not finite"), (1e9, "the most that is exact")])
+@pytest.mark.parametrize(("value", "words"), [(float("nan"), "not finite"), (1e9, "too large for exact")])
 def test_weights_that_are_not_finite_or_huge_are_refused(file: Path, value: float, words: str) -> None:
     state = safetensors.numpy.load_file(file)
     state["head.knots.weight"][0, 0] = value

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.models.idm import IdmDriver, desired_speed, idm_acceleration
-from scex_sumo.behaviors.models.idm_profile import IdmProfile
-from scex_sumo.behaviors.profiles import DEFAULTS
-from scex_sumo.errors import UsageError
+from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile, desired_speed, idm_acceleration
+from scex_sumo.behaviors.registry import DEFAULTS
 from scex_sumo.scene import Obstacles, States
 from tests.behaviors import roads
 

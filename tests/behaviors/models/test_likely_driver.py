@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.paths import seed_paths
-from scex_sumo.behaviors.models.idm import idm_acceleration
-from scex_sumo.behaviors.models.idm_profile import CALIBRATED, IdmParameters
-from scex_sumo.behaviors.models.likely_driver import Drivers, LikelyDriver, LikelyProfile, headway_kept
-from scex_sumo.behaviors.models.likely_seen import (
-    HASTE_MPS2,
-    asked_acceleration,
+from scex_sumo.behaviors.models.idm import CALIBRATED, IdmParameters, idm_acceleration
+from scex_sumo.behaviors.models.likely_driver import Drivers, LikelyDriver, LikelyProfile, effective_headway
+from scex_sumo.behaviors.models.likely_observations import (
+    EXTRA_BRAKING_MPS2,
+    demanded_acceleration,
+    last_second,
+    observations_of,
     path_edges,
     room_beside,
-    seen_of,
-    shown_by,
     side_shown,
 )
 from scex_sumo.behaviors.models.population import (
@@ -30,7 +30,6 @@ from scex_sumo.behaviors.models.population import (
     way_across,
 )
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.errors import UsageError
 from scex_sumo.statistics.normal import normal_quantiles
 from tests.behaviors import roads
 
@@ -99,7 +98,7 @@ def test_one_who_drives_close_to_its_leader_does_not_brake_for_it() -> None:
     # Bumper to bumper at 0.5 m and 15 m/s: a trailer that was recorded as a vehicle.
     where = roads.straight()
     scene = roads.scene_of((100.0, 0.0, 0.0, 15.0), (105.0, 0.0, 0.0, 15.0))
-    assert seen_of(scene, seed_paths(scene, where)).slack.max() == pytest.approx(1.5, abs=0.1)
+    assert observations_of(scene, seed_paths(scene, where)).slack.max() == pytest.approx(1.5, abs=0.1)
     driver = build(parse_models("likely_driver:guard=true:spread=0")[0])
     made = roads.plan(driver, where, roads.present(scene, 1, np.full((1, 2), 0.5)))
     assert made.speed[0, 9] > 13.5
@@ -117,7 +116,7 @@ def test_who_shows_that_it_brakes_gets_less_far() -> None:
     speed = scene.history.speed.copy()
     speed[0] = 10.0 + np.linspace(2.0, 0.0, 11)
     braking = replace(scene, history=replace(scene.history, speed=speed))
-    assert shown_by(braking).acceleration[0] == pytest.approx(-2.0, abs=0.05)
+    assert last_second(braking).acceleration[0] == pytest.approx(-2.0, abs=0.05)
     steady = roads.plan(DRIVER, where, roads.present(scene, 50, DRAW[:, None])).x[:, 29]
     slower = roads.plan(DRIVER, where, roads.present(braking, 50, DRAW[:, None])).x[:, 29]
     assert slower.mean() < steady.mean() - 3.0
@@ -128,7 +127,7 @@ def test_accelerations_that_scatter_are_believed_less() -> None:
     speed = scene.history.speed.copy()
     speed[0] = 10.0 + np.linspace(-2.0, 0.0, 11) + 0.3 * (-1.0) ** np.arange(11)
     noisy = replace(scene, history=replace(scene.history, speed=speed))
-    assert abs(shown_by(noisy).acceleration[0]) < 0.3
+    assert abs(last_second(noisy).acceleration[0]) < 0.3
 
 
 def test_own_accelerations_are_linear_between_their_times() -> None:
@@ -181,14 +180,14 @@ def test_a_new_leader_is_followed_at_no_more_than_the_headway_that_it_leaves() -
     drivers = Drivers(
         headway=some,
         braking=some,
-        own=np.zeros((2, 3)),
+        additional=np.zeros((2, 3)),
         aside=np.zeros((2, 31)),
         crawl=some,
         leader=np.array([1, 1]),
         slack=np.zeros(2),
         habit=np.zeros(2),
     )
-    assert headway_kept(np.array([10.0, 10.0]), leaders, drivers) == pytest.approx([1.5, 0.45])
+    assert effective_headway(np.array([10.0, 10.0]), leaders, drivers) == pytest.approx([1.5, 0.45])
 
 
 def test_nobody_brakes_much_harder_for_a_leader_than_it_takes() -> None:
@@ -196,11 +195,11 @@ def test_nobody_brakes_much_harder_for_a_leader_than_it_takes() -> None:
     speed, gap = np.full(4, 14.0), np.array([5.0, 9.0, 200.0, 3.0])
     leader, far = np.array([14.0, 10.0, 10.0, 2.0]), np.full(4, np.inf)
     profile = IdmParameters.of(CALIBRATED, time_headway=np.full(4, 0.5), comfort_deceleration=np.full(4, 1.2))
-    asked = asked_acceleration(profile, speed, np.full(4, 20.0), gap, leader, far)
+    asked = demanded_acceleration(profile, speed, np.full(4, 20.0), gap, leader, far)
     formula = idm_acceleration(profile, speed, far, gap, leader)
     needed = -((speed - leader) ** 2) / (2 * (gap - CALIBRATED.minimum_gap))
     harder = needed - asked
-    assert (harder[:2] > 0).all() and (harder[[0, 1, 3]] <= HASTE_MPS2).all()
+    assert (harder[:2] > 0).all() and (harder[[0, 1, 3]] <= EXTRA_BRAKING_MPS2).all()
     assert (asked[:2] > formula[:2]).all()
     assert asked[2] > 0
 
@@ -208,7 +207,7 @@ def test_nobody_brakes_much_harder_for_a_leader_than_it_takes() -> None:
 def test_before_a_curve_drivers_brake_gently_whatever_they_do_for_a_leader() -> None:
     one = np.ones(1)
     profile = IdmParameters.of(CALIBRATED, time_headway=one, comfort_deceleration=6 * one)
-    asked = asked_acceleration(profile, 15 * one, 20 * one, np.inf * one, 0 * one, 5 * one)
+    asked = demanded_acceleration(profile, 15 * one, 20 * one, np.inf * one, 0 * one, 5 * one)
     assert asked == pytest.approx(-CALIBRATED.comfort_deceleration)
 
 
@@ -232,3 +231,12 @@ def test_spread_is_not_negative_and_the_path_a_known_one() -> None:
 
 def test_likely_stands_for_guarded_drawn_drivers() -> None:
     assert [str(spec) for spec in parse_models("likely")] == ["likely_driver:guard=true"]
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_the_largest_spread_overflows_nothing() -> None:
+    driver = build(parse_models("likely_driver:spread=100")[0])
+    history = roads.present(roads.scene_of((10.0, 0.0, 0.0, 8.0), (30.0, 0.0, 0.0, 0.1)), 50)
+    draw = np.random.default_rng(0).random(history.route_draw.shape)
+    made = roads.plan(driver, roads.straight(), replace(history, route_draw=draw))
+    assert np.isfinite(made.x).all() and np.isfinite(made.speed).all()

@@ -7,11 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE
-from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity, ConstantVelocityProfile
-from scex_sumo.behaviors.models.emergency_brake import EmergencyBrake, EmergencyBrakeProfile
-from scex_sumo.behaviors.models.replay import Replay, ReplayProfile
-from scex_sumo.errors import UsageError
+from scex_sumo.behaviors.models.simple import (
+    ConstantVelocity,
+    ConstantVelocityProfile,
+    EmergencyBrake,
+    EmergencyBrakeProfile,
+    Replay,
+    ReplayProfile,
+)
 from scex_sumo.scene import SeedScene, States
 from tests.behaviors import roads
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.errors import UsageError
 from tests.behaviors import roads
 
 

@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.models.idm import IdmDriver
-from scex_sumo.behaviors.models.path_follower import follow_path
+from scex_sumo.base.errors import ScexError
+from scex_sumo.behaviors.models.idm import IdmDriver, follow_path
 from scex_sumo.behaviors.plug_in.fallback import Fallible
 from scex_sumo.behaviors.plug_in.single import SingleVehicle
-from scex_sumo.behaviors.profiles import DEFAULTS
-from scex_sumo.errors import ScexError
+from scex_sumo.behaviors.registry import DEFAULTS
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, States, Who
+from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
 from tests.behaviors import roads
 
 TWO = roads.scene_of((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0))
@@ -25,10 +24,12 @@ ROAD = roads.straight()
 class Forward:
     """Straight on at the present speed; `change` spoils the plan of all vehicles in one call."""
 
-    def __init__(self, change: Callable[[Plan, Who], Plan] | None = None) -> None:
+    def __init__(self, change: Callable[[Plan, VehicleIndex], Plan] | None = None) -> None:
         self.change = change
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
         now = history.now[who.child, who.vehicle]
         x, y, heading, speed = (
             np.repeat(a[:, None], 40, axis=1) for a in (now.x, now.y, now.heading, now.speed)
@@ -53,7 +54,7 @@ def test_a_usable_plan_stands_as_it_is() -> None:
 
 
 def test_only_the_vehicle_without_a_finite_plan_falls_back() -> None:
-    def spoil(made: Plan, who: Who) -> Plan:
+    def spoil(made: Plan, who: VehicleIndex) -> Plan:
         made.speed[1, 7] = np.nan
         return made
 
@@ -65,7 +66,7 @@ def test_only_the_vehicle_without_a_finite_plan_falls_back() -> None:
 
 
 def test_what_is_not_finite_after_three_seconds_does_not_matter() -> None:
-    def spoil(made: Plan, who: Who) -> Plan:
+    def spoil(made: Plan, who: VehicleIndex) -> Plan:
         made.x[:, 30:] = np.nan
         return made
 
@@ -78,7 +79,7 @@ def test_what_is_not_finite_after_three_seconds_does_not_matter() -> None:
     [(0, "plan starts 6.0 m from where the vehicle's motion leads"), (10, "plan jumps at step 11 to 6.0 m")],
 )
 def test_a_plan_that_jumps_falls_back(step: int, words: str) -> None:
-    def spoil(made: Plan, who: Who) -> Plan:
+    def spoil(made: Plan, who: VehicleIndex) -> Plan:
         made.y[1, step:] += 6.0
         return made
 
@@ -88,7 +89,7 @@ def test_a_plan_that_jumps_falls_back(step: int, words: str) -> None:
 
 
 def test_the_hardest_stop_that_a_vehicle_can_make_is_no_jump() -> None:
-    def stop(made: Plan, who: Who) -> Plan:
+    def stop(made: Plan, who: VehicleIndex) -> Plan:
         made.x[:] = made.x[:, :1]  # from 5 m/s to 0 within one step
         return replace(made, speed=np.zeros_like(made.x))
 
@@ -108,7 +109,7 @@ def test_what_is_no_plan_is_said() -> None:
 
 
 def fails_for(child: int, vehicle: int) -> Forward:
-    def spoil(made: Plan, who: Who) -> Plan:
+    def spoil(made: Plan, who: VehicleIndex) -> Plan:
         if ((who.child == child) & (who.vehicle == vehicle)).any():
             raise KeyError("no\nroad")
         return made
@@ -127,7 +128,9 @@ def test_one_vehicle_that_makes_a_model_raise_falls_back_alone() -> None:
 class Drawing:
     """Draws one number per vehicle, then fails for child 1's second vehicle."""
 
-    def plan(self, history: SceneHistory, road: Road, who: Who, rng: Sequence[np.random.Generator]) -> Plan:
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
         draws = np.array([rng[c].random() for c in who.child])
         if ((who.child == 1) & (who.vehicle == 1)).any():
             raise ValueError("no")
@@ -136,7 +139,7 @@ class Drawing:
 
 
 def test_a_model_that_ends_the_program_does_not() -> None:
-    def leave(made: Plan, who: Who) -> Plan:
+    def leave(made: Plan, who: VehicleIndex) -> Plan:
         raise SystemExit(3)
 
     made, path = asked(Forward(leave))
@@ -171,7 +174,7 @@ def test_a_driving_function_that_fails_for_one_vehicle_is_asked_once_for_each() 
 
 
 def test_a_models_own_fallback_is_counted_and_kept() -> None:
-    def own(made: Plan, who: Who) -> Plan:
+    def own(made: Plan, who: VehicleIndex) -> Plan:
         return replace(made, fallback=np.array([True, False]), reasons=("no lane", ""))
 
     made, _ = asked(Forward(own))

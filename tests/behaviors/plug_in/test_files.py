@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import InputError, MissingExtraError, UsageError
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.errors import InputError, MissingExtraError, UsageError
 from scex_sumo.scene import Plan
 from tests.behaviors import roads
-from tests.behaviors.plug_in.onnx_file import write_onnx
+from tests.behaviors.plug_in.onnx_export import write_onnx
 
 SCENE = roads.scene_of((10.0, 0.0, np.pi / 2, 4.0), (60.0, 0.0, np.pi, 8.0))
 

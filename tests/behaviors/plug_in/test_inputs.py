@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.plug_in.inputs import (
     ARRAYS,
     Surroundings,
@@ -14,7 +15,6 @@ from scex_sumo.behaviors.plug_in.inputs import (
     predictor_inputs,
     vehicle_kind,
 )
-from scex_sumo.errors import UsageError
 from scex_sumo.scene import Obstacles, States
 from tests.behaviors import roads
 

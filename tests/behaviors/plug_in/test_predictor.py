@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.plug_in.predictor import (
     Predictor,
     completed,
@@ -14,10 +15,8 @@ from scex_sumo.behaviors.plug_in.predictor import (
     trajectories,
 )
 from scex_sumo.behaviors.plug_in.user_model import is_predictor, predictor_model
-from scex_sumo.behaviors.predictors import predictor
-from scex_sumo.behaviors.registry import build, known_models, parse_models
+from scex_sumo.behaviors.registry import build, known_models, parse_models, predictor
 from scex_sumo.behaviors.scene_graph.graph import SceneGraph, scene_graph
-from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.geometry.polylines import wrap
 from tests.behaviors import roads
 

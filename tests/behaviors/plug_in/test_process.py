@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.plug_in.process import ProcessDriver, split_command
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.errors import ScexError, UsageError
 from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.cleaning.align import OWN_TRACKS, Evidence, align_tracks, evidence, on_lanes
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.geometry.polylines import wrap

@@ -134,7 +134,7 @@ def test_first_guesses_before_a_jump_are_dropped(tmp_path: Path) -> None:
 def test_copies_of_a_sample_are_dropped(tmp_path: Path) -> None:
     rows = straight(1)
     table, said = _repaired(tmp_path, [*rows, rows[7], rows[7]])
-    assert said == "2 samples with the time stamp of another dropped"
+    assert said == "2 duplicate samples dropped (same track, same time stamp)"
     assert len(table.vehicles) == 41
 
 
@@ -142,14 +142,14 @@ def test_of_two_frames_with_one_stamp_the_one_that_fits_is_kept(tmp_path: Path) 
     rows = straight(1)
     stray = rows[20] | {"frame_id": 19.0, "x": rows[20]["x"] - 1.0}
     table, said = _repaired(tmp_path, [stray, *rows])
-    assert said == "1 samples with the time stamp of another dropped"
+    assert said == "1 duplicate samples dropped (same track, same time stamp)"
     assert table.vehicles.x[20] == rows[20]["x"]
 
 
 def test_a_ghost_far_from_its_track_is_dropped(tmp_path: Path) -> None:
     rows = straight(1) + straight(1, [12], y=30.0)
     table, said = _repaired(tmp_path, rows)
-    assert said == "1 samples with the time stamp of another dropped"
+    assert said == "1 duplicate samples dropped (same track, same time stamp)"
     assert (table.vehicles.y == 0.0).all()
 
 
@@ -157,26 +157,26 @@ def test_of_two_frames_for_every_stamp_the_first_is_kept(tmp_path: Path) -> None
     rows = straight(1)
     late = [row | {"frame_id": row["frame_id"] + 0.5, "x": row["x"] + 0.5} for row in rows]
     table, said = _repaired(tmp_path, rows + late)
-    assert said == "41 samples with the time stamp of another dropped"
+    assert said == "41 duplicate samples dropped (same track, same time stamp)"
     np.testing.assert_array_equal(table.vehicles.x, [row["x"] for row in rows])
 
 
 def test_while_two_road_users_share_an_id_it_is_left_out(tmp_path: Path) -> None:
     table, said = _repaired(tmp_path, straight(1) + straight(1, [12, 13], y=3.5) + straight(2, y=8.0))
-    assert said == "one track id of two road users for a while, 2 stamps left out: 1"
+    assert said == "2 time stamps left out where two road users share one track id: 1"
     assert len(table.vehicles) == 41 + 39
     assert set(table.vehicles.y.tolist()) == {0.0, 8.0}
 
 
 def test_a_longer_while_leaves_two_pieces(tmp_path: Path) -> None:
     table, said = _repaired(tmp_path, straight(1) + straight(1, range(12, 20), y=3.5))
-    assert said == "one track id of two road users for a while, 8 stamps left out: 1"
+    assert said == "8 time stamps left out where two road users share one track id: 1"
     np.testing.assert_array_equal(table.vehicles.segment, [0] * 12 + [1] * 21)
 
 
 def test_an_id_always_shared_is_left_out(tmp_path: Path) -> None:
     table, said = _repaired(tmp_path, straight(1) + straight(1, y=3.5) + straight(2, y=8.0))
-    assert said == "one track id of two road users for a while, 41 stamps left out: 1"
+    assert said == "41 time stamps left out where two road users share one track id: 1"
     assert table.vehicles.labels == ("2",)
 
 
@@ -210,7 +210,7 @@ def _stop(psi_standing: list[float]) -> list[Row]:
 @pytest.mark.parametrize("standing", [[0.0, np.pi, 0.0, np.pi], [0.3, -0.3, 0.2, 0.0], [np.pi] * 4])
 def test_a_vehicle_that_stands_keeps_the_heading_it_had(tmp_path: Path, standing: list[float]) -> None:
     table, said = _repaired(tmp_path, _stop(standing))
-    assert said == "headings of 1 standing tracks flip or jitter: held"
+    assert said == "headings of 1 tracks flip or jitter while standing: held"
     np.testing.assert_allclose(table.vehicles.psi_rad, 0.0, atol=1e-6)
 
 
@@ -232,7 +232,7 @@ def test_a_fast_vehicle_faces_where_it_goes(tmp_path: Path) -> None:
     rows = straight(1)
     rows[0]["psi_rad"] = 1.0
     table, said = _repaired(tmp_path, rows)
-    assert said == "headings of 1 tracks against the motion: set"
+    assert said == "headings of 1 tracks contradict the motion: replaced by its direction"
     assert table.vehicles.psi_rad[0] == 0.0
 
 
@@ -267,7 +267,7 @@ def test_a_vehicle_that_sets_off_is_no_warm_up(tmp_path: Path) -> None:
 def test_pedestrians_are_repaired_like_vehicles_and_said_shortly(tmp_path: Path) -> None:
     rows = straight(1, vx=5.0) + straight(2, kind="bike", y=4.0, speed=5.0, vx=2.5)
     table, said = _repaired(tmp_path, rows)
-    assert said.endswith("; pedestrians and cyclists: likewise repaired")
+    assert said.endswith("; pedestrians and cyclists: repaired in the same way")
     np.testing.assert_allclose(table.others.vx, 5.0, atol=1e-6)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scex_sumo.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.cleaning.smooth import JERK_DENSITY, derivative, position_noise, smooth
-from scex_sumo.errors import TrackError
 
 UNEVEN = np.cumsum(np.random.default_rng(1).uniform(0.05, 0.2, 40))
 

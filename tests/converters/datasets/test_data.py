@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.converters.datasets.test_recordings import same
 
-from scex_sumo.converters.commonroad.tracks import read_commonroad_tracks
 from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.datasets.recordings import (
     LoadedRecording,
@@ -18,9 +18,9 @@ from scex_sumo.converters.datasets.recordings import (
     recording_moments,
     seed_at,
 )
-from scex_sumo.converters.datasets.report import track_quality
+from scex_sumo.formats.commonroad.tracks import read_commonroad_tracks
 from scex_sumo.scenarios.seeds import read_seed
-from tests.converters.datasets.test_recordings import same
+from scex_sumo.studies.dataset_report import track_quality
 
 
 def load(root: Path) -> LoadedRecording:

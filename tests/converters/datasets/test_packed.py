@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import scex_sumo as scex
-from scex_sumo.converters.tracks.find import find_tracks
-from scex_sumo.errors import MapError
+from scex_sumo.base.errors import MapError
+from scex_sumo.converters.datasets.find import find_tracks
 
 DATA = Path(scex.__file__).parent / "scenarios/data"
 

@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from scex_sumo.base.errors import MapError, ScexError, TrackError
 from scex_sumo.converters.datasets.recordings import (
     find_recordings,
     load_recording,
     recording_moments,
     seed_at,
 )
-from scex_sumo.converters.datasets.report import dataset_report, track_quality
-from scex_sumo.errors import MapError, ScexError, TrackError
 from scex_sumo.road import Road
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
-from tests.converters.commonroad.commonroad_maps import Vehicle, write_scenario
-from tests.converters.commonroad.commonroad_maps import straight as road_of
+from scex_sumo.studies.dataset_report import dataset_report, track_quality
 from tests.converters.maps import straight as lanelet
 from tests.converters.maps import write_map
 from tests.converters.track_files import CASE_COLUMNS, in_case, straight, write_rows
+from tests.formats.commonroad.commonroad_maps import Vehicle, write_scenario
+from tests.formats.commonroad.commonroad_maps import straight as road_of
 
 STEP_S = 0.2
 
@@ -89,15 +89,6 @@ def test_the_folders_of_interaction_are_found_as_published(tmp_path: Path) -> No
     assert {r.site for r in found} == {"town"}
     assert {r.dataset for r in found} == {"interaction"}
     assert {r.map_path for r in found} == {tmp_path / "maps" / "town.osm"}
-
-
-def test_recordings_of_sind_are_found_by_their_folders_with_the_only_map_above(tmp_path: Path) -> None:
-    town(tmp_path / "city")
-    for name in ("8_2_1", "8_3_1"):
-        write_rows(tmp_path / "city" / name / "Veh_smoothed_tracks.csv", straight(1, range(61)))
-    found = find_recordings([tmp_path])
-    assert [r.name for r in found] == ["town_8_2_1", "town_8_3_1"]
-    assert {r.map_path for r in found} == {tmp_path / "city/maps/town.osm"}
 
 
 def test_meta_data_with_an_origin_make_it_taf_bw(tmp_path: Path) -> None:

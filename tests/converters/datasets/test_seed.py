@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.datasets.seed import recorded_scene
-from scex_sumo.converters.moments.moments import moments
+from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.datasets.moment import find_moments
+from scex_sumo.converters.datasets.recordings import recorded_scene
 from scex_sumo.converters.tracks.reader import read_tracks
-from scex_sumo.errors import TrackError
 from scex_sumo.scene import SeedScene
 from tests.converters.track_files import CASE_COLUMNS, Row, in_case, moving, straight, write_rows
 
@@ -73,11 +73,11 @@ def test_of_a_recording_the_busiest_complete_moment_is_taken(tmp_path: Path) -> 
 
 def test_moments_count_the_vehicles_that_are_complete(tmp_path: Path) -> None:
     rows = straight(1, range(0, 51)) + straight(2, range(0, 51), y=4.0, speed=0.0)
-    found = moments(read_tracks(write_rows(tmp_path / "t.csv", rows)))
+    found = find_moments(read_tracks(write_rows(tmp_path / "t.csv", rows)))
     assert len(found) == 51
     assert all(moment.vehicles == 2 for moment in found)
     assert [moment.time_s for moment in found if moment.complete] == pytest.approx(np.arange(10, 21) / 10)
-    sparse = moments(read_tracks(tmp_path / "t.csv"), every_s=1.0)
+    sparse = find_moments(read_tracks(tmp_path / "t.csv"), every_s=1.0)
     assert [moment.time_s for moment in sparse] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
 
 

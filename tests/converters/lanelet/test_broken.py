@@ -9,20 +9,22 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.errors import MapError
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.road import Road
-from tests.converters.maps import Lanelet, Line, draw_map, rule, straight
+from tests.converters.maps import ROAD, Lanelet, Line, draw_map, rule, straight
 
 READ = """
 import sys
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.errors import ScexError
+from scex_sumo.base.errors import ScexError
 for path in sys.argv[1:]:
     print(path, flush=True)
     try:
@@ -161,6 +163,30 @@ def test_of_elements_with_one_id_the_first_counts(tmp_path: Path) -> None:
     assert one_note(road) == "ids used twice, the first element kept: node 100000, relation 2"
 
 
+@pytest.mark.parametrize("highest", [2**63 - 1, -(2**63 - 1), 10**18])
+def test_ids_of_19_digits_are_read(highest: int, tmp_path: Path) -> None:
+    two_way = straight(2, 50, 90, tags={**ROAD, "one_way": "no"})
+    text = draw_map([straight(1, 0, 50), two_way])  # ids up to 300 000
+    shift = highest - (300_000 if highest > 0 else -1)
+    text = re.sub(r"(id|ref)='(\d+)'", lambda match: f"{match[1]}='{int(match[2]) + shift}'", text)
+    road = read_road(written(tmp_path, text))
+    assert list(road.lanes)[:2] == [1 + shift, 2 + shift]
+    assert road.lanes[1 + shift].successors == (2 + shift,)
+    other_way = road.lanes[list(road.lanes)[2]]
+    assert other_way.reverse_of == 2 + shift
+    assert abs(other_way.lane_id) < 2**63
+    assert (road.notes, road.losses) == ((), ())
+
+
+def test_lanelets_that_cannot_be_read_are_a_loss_with_its_share(tmp_path: Path) -> None:
+    text = two_lanes().replace("relation id='1'", "relation id='one'")
+    (loss,) = read_road(written(tmp_path, text)).losses
+    assert str(loss) == "1 of 2 lanelets (50%) left out, broken: one"
+    assert loss.note == f"warning: {loss}"
+    few = replace(loss, of=100)  # 1 %
+    assert few.note == str(few) == "1 lanelets left out, broken: one"
+
+
 def test_crossing_bounds_are_said(tmp_path: Path) -> None:
     crossed = Lanelet(1, left=[(0, 3), (25, 3), (50, -3)], right=[(0, 0), (25, 0), (50, 3)])
     looped = Lanelet(2, left=[(0, 13), (30, 13), (20, 16), (20, 12), (50, 13)], right=[(0, 9), (50, 9)])
@@ -267,7 +293,28 @@ def test_a_lanelet_drawn_twice_counts_once(tmp_path: Path) -> None:
     road = read_road(written(tmp_path, text.replace("</osm>", f"{again}</osm>")))
     assert list(road.lanes) == [1, 2]
     assert one_note(road) == "lanelets left out, drawn twice between the same bounds: 7"
-    assert [str(loss) for loss in road.losses] == ["1 lanelets left out, broken: 7"]
+    assert [str(loss) for loss in road.losses] == ["1 of 3 lanelets (33%) left out, broken: 7"]
+
+
+def test_a_lanelet_without_length_is_left_out_and_its_neighbours_meet(tmp_path: Path) -> None:
+    text = draw_map([straight(1, 0, 50), straight(2, 50, 50.005), straight(3, 50.005, 100)])
+    road = read_road(written(tmp_path, text))
+    assert list(road.lanes) == [1, 3]
+    assert road.lanes[1].successors == (3,)
+    assert road.notes[0] == "lanelets left out, no length between their bounds: 2"
+    assert [loss.elements for loss in convert(road, tmp_path / "broken.net.xml").losses] == [(2,)]
+
+
+@pytest.mark.parametrize(("tags", "named"), [({}, "3"), ({"subtype": "road"}, None)])
+def test_narrow_car_lanes_without_subtype_are_named(
+    tags: dict[str, str], named: str | None, tmp_path: Path
+) -> None:
+    car = {"participant:vehicle": "yes", "one_way": "yes", **tags}
+    wide, narrow = straight(1, 0, 50, tags=car), straight(3, 0, 50, y=20, width=1.6, tags=car)
+    road = read_road(written(tmp_path, draw_map([wide, narrow])))
+    assert set(road.vehicle_lanes) == {1, 3}
+    said = f"lanelets without subtype, under 2.2 m wide, taken for car lanes: {named}"
+    assert road.notes == ((said,) if named else ())
 
 
 @pytest.mark.parametrize("height", ["nan", "1e9", "12,5", "inf"])

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.converters.lanelet.origin import find_origin, parse_origin
+from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.errors import MapError, UsageError
-from tests.converters.maps import straight, write_map
+from tests.converters.maps import draw_map, straight, write_map
 
 KARLSRUHE = (49.01, 8.43)
 
@@ -114,3 +117,43 @@ def test_the_real_maps_origins(data: Path) -> None:
     tracks = data / "taf_bw/recorded_trackfiles/k729_2022-03-16/vehicle_tracks_000.csv"
     found = find_origin(data / "taf_bw/maps/k729_2022-03-16.osm", tracks_path=tracks)
     assert found == (49.01160993928274, 8.43856470258739)
+
+
+def with_local(text: str, east: float, north: float, *, degrees: str | None = None, every: int = 1) -> str:
+    """A drawn map with local coordinates as in Autoware, shifted; ``degrees`` replaces lat and lon."""
+    number = itertools.count()
+
+    def tagged(match: re.Match[str]) -> str:
+        [[x, y]] = to_local(np.array([[float(match[2]), float(match[3])]]), (0.0, 0.0))
+        lat, lon = (match[2], match[3]) if degrees is None else (degrees, degrees)
+        tags = f"<tag k='local_x' v='{x + east}'/><tag k='local_y' v='{y + north}'/>"
+        marked = next(number) % every == 0
+        return f"<node id='{match[1]}' lat='{lat}' lon='{lon}'>{tags if marked else ''}</node>"
+
+    return re.sub(r"<node id='(\d+)' lat='([^']*)' lon='([^']*)'></node>", tagged, text)
+
+
+@pytest.mark.parametrize("degrees", ["", "35.2", "nan", "1e9"])
+@pytest.mark.parametrize("corner", [(0.0, 0.0), (89571.0, 42301.0), (412_000.0, 5_430_000.0)])
+def test_local_coordinates_count_where_the_nodes_have_them(
+    degrees: str, corner: tuple[float, float], tmp_path: Path
+) -> None:
+    path = tmp_path / "autoware.osm"
+    path.write_text(with_local(draw_map([straight(1, 0, 50), straight(2, 50, 90)]), *corner, degrees=degrees))
+    for origin in (None, (49.0, 8.4)):
+        road = read_road(path, origin=origin)
+        expected = np.add(corner, [(0, 1.75), (50, 1.75)])
+        np.testing.assert_allclose(road.lanes[1].centreline[[0, -1]], expected, atol=1e-5)
+        assert road.lanes[1].successors == (2,)
+        assert (road.origin, road.georeference) == ((0.0, 0.0), None)
+        unused = ("origin 49,8.4 not used: the map's coordinates are local",) if origin else ()
+        assert road.notes == ("coordinates are those of the tags local_x and local_y", *unused)
+    assert find_origin(path) == (0.0, 0.0)
+
+
+def test_few_nodes_with_local_coordinates_do_not_make_a_map_local(tmp_path: Path) -> None:
+    path = tmp_path / "mixed.osm"
+    path.write_text(with_local(draw_map([straight(1, 0, 50), straight(2, 50, 90)]), 7.0, 7.0, every=3))
+    road = read_road(path)
+    np.testing.assert_allclose(road.lanes[1].centreline[0], (0, 1.75), atol=1e-6)
+    assert road.notes == ()

@@ -19,7 +19,7 @@ READ = """
 import sys
 import numpy as np
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.errors import ScexError
+from scex_sumo.base.errors import ScexError
 
 def check(road):
     lanes = road.lanes

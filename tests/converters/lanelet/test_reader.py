@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.errors import MapError
 from scex_sumo.road import Road
 from tests.converters.maps import (
     CURB,

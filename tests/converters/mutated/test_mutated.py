@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.fidelity.report import FidelityReport, check_net, drive_net
 from scex_sumo.converters.net.convert import convert
+from scex_sumo.judge.report import FidelityReport, check_net, drive_net
 from scex_sumo.road import Lane, Road
-from scex_sumo.scenarios.traffic.demand import Network
+from scex_sumo.scenarios.demand import Network
 from tests.converters.mutated.cut_roads import cut_road
 from tests.converters.mutated.mutations import example, lit, read, renamed, torn, without
 from tests.converters.sumo_roads import NetFile, lane, road
@@ -80,7 +80,9 @@ def test_lanelets_of_unknown_location_are_roads(tmp_path: Path) -> None:
 
 def test_unknown_lanelets_beside_the_road_are_a_loss_that_the_judge_counts(tmp_path: Path) -> None:
     a_road = read(renamed(example(CROSSING), [30040], subtype="moving_walkway"), tmp_path)
-    assert [str(loss) for loss in a_road.losses] == ["1 lanelets not driven, subtype moving_walkway: 30040"]
+    assert [str(loss) for loss in a_road.losses] == [
+        "1 of 41 lanelets (2%) not driven, subtype moving_walkway: 30040"
+    ]
     report = check_net(convert(a_road, tmp_path / "lost.net.xml").path, a_road)
     assert report["lanes_percent"] == pytest.approx(100 * 40 / 41)
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.fidelity.net import read_net
-from scex_sumo.converters.fidelity.report import check_net
-from scex_sumo.converters.fidelity.routes import border_routes
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
+from scex_sumo.converters.net.reader import read_net
+from scex_sumo.judge.driving import border_routes
+from scex_sumo.judge.report import check_net
 from tests.converters.mutated.mutations import EXAMPLES
 from tests.converters.mutated.windows import WAYS, judge
 from tests.converters.sumo_roads import NetFile, lane, road

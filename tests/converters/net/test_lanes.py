@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from scex_sumo.base.errors import InputError
 from scex_sumo.converters.net.convert import LaneTable, convert
-from scex_sumo.errors import InputError
 from tests.converters.sumo_roads import lane, road
 
 

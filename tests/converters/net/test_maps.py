@@ -11,9 +11,9 @@ import pytest
 import sumolib
 from shapely import LineString, Point
 
-from scex_sumo.converters.fidelity.report import check_net, drive_net
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import SumoNet, convert
+from scex_sumo.judge.report import check_net, drive_net
 from scex_sumo.road import Road
 from tests.converters.sumo_roads import NetFile, load
 

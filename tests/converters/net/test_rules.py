@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.fidelity.report import drive_net
+from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.errors import MapError
+from scex_sumo.judge.report import drive_net
 from scex_sumo.road import Lane, Regulation, Road
 from tests.converters.sumo_roads import NetFile, arc, lane, load, road
 
@@ -50,15 +50,22 @@ def test_who_comes_from_the_right_goes_first(tmp_path: Path) -> None:
     assert {(east, north), (north, east)} <= net.foes
 
 
-@pytest.mark.parametrize("named", ["lanes across", "approaches"])
+@pytest.mark.parametrize("named", ["lanes across", "approaches", "both sides of one rule"])
 def test_a_right_of_way_element_decides_whichever_lanes_it_names(tmp_path: Path, named: str) -> None:
     lanes = [
         lane(1, [(-80, 0), (-20, 0)], to=(3,)),
         lane(2, [(0, -80), (0, -20)], to=(4,)),
         lane(3, [(-20, 0), (20, 0)]),
         lane(4, [(0, -20), (0, 20)]),
+        lane(5, [(15, 40), (15, -40)]),
     ]
-    yielding, priority = ((4,), (3,)) if named == "lanes across" else ((2,), (1,))
+    # In one rule for a whole junction the lane with priority may yield to a third one.
+    sides = {
+        "lanes across": ((4,), (3,)),
+        "approaches": ((2,), (1,)),
+        "both sides of one rule": ((3, 4), (3, 5)),
+    }
+    yielding, priority = sides[named]
     rule = Regulation(
         element_id=9, kind="right_of_way", lanes=yielding + priority, yielding=yielding, priority=priority
     )

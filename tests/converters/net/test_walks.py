@@ -9,10 +9,12 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from scex_sumo.converters.fidelity.report import check_net, drive_net
 from scex_sumo.converters.net.convert import convert
+from scex_sumo.converters.net.reader import read_net
+from scex_sumo.judge.report import check_net, drive_net
 from scex_sumo.road import Lane, Regulation, Road
 from tests.converters.sumo_roads import SUMO, NetFile, lane, load, road
 
@@ -149,3 +151,19 @@ def test_a_road_without_footways_has_no_word_about_people(tmp_path: Path) -> Non
     text = convert(street(), tmp_path / "net.net.xml").path.read_text()
     assert "walking" not in text
     assert "pedestrian" not in text
+
+
+def test_a_crosswalk_beside_a_ring_is_moved_off_the_way_of_the_ring_s_cars(tmp_path: Path) -> None:
+    """A ring of 20 m radius, an entry, and a crosswalk over the entry whose edge lies on the ring."""
+    turns = np.radians(np.linspace(180, 275, 60)), np.radians(np.linspace(275, 360, 60))
+    before, after = ([(20 * np.cos(t), 20 * np.sin(t)) for t in part] for part in turns)
+    entry = lane(2, [(-7, -60), (-7, -30), (-5, -25), after[0]], to=(3,))
+    zebra = footway((7, [(-9, -21), (7, -21)]), "crosswalk")
+    net = convert(road([lane(1, before, to=(3,)), entry, lane(3, after), zebra]), tmp_path / "net.net.xml")
+    lanes = read_net(net.path).lanes
+    (crossing,) = [x for x in lanes.values() if x.function == "crossing"]
+    ring = [lanes[name] for i in (1, 3) for name in net.lanes.sumo_lanes(i) if not name.startswith(":")]
+    room = min(crossing.line.distance(x.line) for x in ring) - crossing.width_m / 2
+    assert room >= 1.2  # half a car and some room; as drawn, the ring's middle lies on the crosswalk
+    assert crossing.width_m >= 2 * 0.64  # two of SUMO's stripes: people pass one another
+    assert load(net.path) == ""

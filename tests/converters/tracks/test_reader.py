@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.tracks.reader import read_tracks
-from scex_sumo.errors import TrackError
 from tests.converters.track_files import CASE_COLUMNS, COLUMNS, in_case, straight, write_rows
 
 
@@ -283,17 +283,6 @@ def test_the_names_of_columns_may_be_in_any_case(tmp_path: Path) -> None:
     head = text.splitlines()[0]
     path.write_text(text.replace(head, head.upper().replace(",", " , "), 1))
     assert read_tracks(path).vehicles.labels == ("7",)
-
-
-def test_sind_has_a_yaw_a_course_and_walkers_beside(tmp_path: Path) -> None:
-    rows = [row | {"yaw_rad": 0.1, "heading_rad": 0.2} for row in straight(7, step_ms=1000.0 / 29.97)]
-    columns = [*(name for name in COLUMNS if name != "psi_rad"), "yaw_rad", "heading_rad"]
-    path = write_rows(tmp_path / "Veh_smoothed_tracks.csv", rows, columns)
-    walk = straight("P1", speed=1.0, kind="pedestrian", y=5.0)
-    write_rows(tmp_path / "Ped_smoothed_tracks.csv", walk, COLUMNS[:8])
-    table = read_tracks(path)
-    assert set(table.vehicles.psi_rad.tolist()) == {0.1}
-    assert table.others.labels == ("P1",)
 
 
 def test_headings_in_degrees_are_told_by_the_driving(tmp_path: Path) -> None:

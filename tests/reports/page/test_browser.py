@@ -34,7 +34,7 @@ def test_the_verdict_comes_first_and_says_what_the_tables_say(page: Any, run: Ru
     verdict = text(page, "#verdict")
     assert "P(collision)" in verdict
     collided = len(run.table("collisions.parquet")["child"].unique())
-    assert f"{collided} of {run.children} child scenarios" in verdict
+    assert f"{collided} of {run.children} futures" in verdict
     share = run.p_critical("wttc").value
     assert f"{100 * share:.0f} %" in verdict
     assert page.locator("#verdict li").count() == 3

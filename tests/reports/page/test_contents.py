@@ -13,13 +13,14 @@ import pyarrow.compute as pc
 import pytest
 
 from scex_sumo.evaluation.encounters import in_words
-from scex_sumo.reports.page.packing import second_sums, unpack
+from scex_sumo.reports.page.contents import report_contents
+from scex_sumo.reports.page.packing import second_sums
 from scex_sumo.reports.page.report import report_html, write_report
-from scex_sumo.reports.page.road_lines import road_paths
-from scex_sumo.reports.page.run.contents import report_contents
+from scex_sumo.reports.page.scene import road_paths
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.statistics.intervals import wilson_of
 from scex_sumo.views.road_lines import SURFACE, road_lines
+from tests.reports.page.packed import unpack
 
 DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')
 
@@ -75,7 +76,8 @@ def test_the_road_around_the_vehicles_is_there(run: Run) -> None:
 
 def test_a_line_of_the_road_begins_at_a_point_and_goes_on_in_steps(tmp_path: Path) -> None:
     net = tmp_path / "map.net.xml"
-    net.write_text('<lane id="a_0" width="3.20" shape="10.00,-5.00 12.00,-5.00 12.00,-4.00"/>')
+    lane = '<lane id="a_0" index="0" speed="9" length="3" shape="10.00,-5.00 12.00,-5.00,1.5 12.00,-4.00"/>'
+    net.write_text(f'<net><edge id="a">{lane}</edge></net>')
     (group,) = road_paths(road_lines(net, (0, 20, -10, 0)))
     assert group == {"kind": SURFACE, "width": 3.2, "path": "M200 -100l40 0 0 20"}
     assert road_lines(net, (13, 20, -10, 0)) == []

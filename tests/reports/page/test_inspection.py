@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from scex_sumo import example_path
+from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.inspect import inspect_command
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording, seed_at
-from scex_sumo.errors import UsageError
-from scex_sumo.reports.page.packing import unpack
+from tests.reports.page.packed import unpack
 
 DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')
 MAP = Path(example_path("roundabout"))

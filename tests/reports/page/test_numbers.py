@@ -12,8 +12,8 @@ import pytest
 from shapely import Polygon
 from shapely.affinity import rotate, translate
 
+from scex_sumo.reports.page.html import asset
 from scex_sumo.reports.page.packing import pack
-from scex_sumo.reports.page.shell import asset
 from scex_sumo.statistics.atoms import split_atoms
 from scex_sumo.statistics.density import density, wilson
 

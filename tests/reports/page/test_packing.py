@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scex_sumo.reports.page.packing import pack, quantized, second_differences, second_sums, smallest, unpack
+from scex_sumo.reports.page.packing import pack, quantized, second_differences, second_sums, smallest
+from tests.reports.page.packed import unpack
 
 
 def test_arrays_and_words_come_out_as_they_went_in() -> None:

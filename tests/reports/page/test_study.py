@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.reports.page.density_plot import density_plot, value_range
+from scex_sumo.reports.page.charts import Plane, cumulative_plot, density_plot, ticks, value_range
+from scex_sumo.reports.page.contents import report_contents
 from scex_sumo.reports.page.html import element
-from scex_sumo.reports.page.run.contents import report_contents
-from scex_sumo.reports.page.scene_svg import scene_svg
+from scex_sumo.reports.page.scene import scene_svg
 from scex_sumo.reports.page.study import card, plots, table, table_place, write_study
-from scex_sumo.reports.page.svg import Plane, ticks
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import density
 from tests.reports.page.conftest import is_foreign
@@ -62,7 +61,7 @@ def test_columns_of_names_stand_left_and_those_of_numbers_right() -> None:
 def test_a_page_shows_its_tables_sorted_by_a_click_and_asks_for_nothing(browser: Any, tmp_path: Path) -> None:
     heads = [("name", "text", ""), ("share", "percent", "of all")]
     rows = table(heads, [["b", 0.02], ["a", None], ["c", 0.5]])
-    chart = density_plot("ttc", [("drawn", density([0.2, 0.4]))], (0.0, 1.0), threshold=0.3)
+    chart = cumulative_plot("ttc", [("drawn", density([0.2, 0.4]))], (0.0, 1.0), threshold=0.3)
     cards = card("Numbers <here>", "A sentence.", table_place("numbers"), plots(chart, element("p", "a & b")))
     path = write_study(tmp_path / "page.html", "A study", "about", cards, tables={"numbers": rows})
     wrong: list[str] = []

@@ -137,7 +137,7 @@ def test_the_plain_world_holds_what_it_was_told() -> None:
 
 
 def test_all_vehicles_are_driven() -> None:
-    from scex_sumo.behaviors.models.constant_velocity import ConstantVelocity, ConstantVelocityProfile
+    from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile
 
     scene = roads.scene_of((50.0, 0.0, 0.0, 10.0), (80.0, 0.0, 0.0, 5.0))
     driven = drive_all(scene, roads.straight(), ConstantVelocity(ConstantVelocityProfile()), steps=20)

@@ -6,7 +6,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from scex_sumo.training.networks.attention import EdgeAttentionModule  # noqa: E402
+from scex_sumo.training.networks.layers import EdgeAttentionModule  # noqa: E402
 
 EDGES = torch.tensor([[0, 1, 2, 3, 1, 1], [1, 2, 1, 1, 0, 3]])
 

@@ -11,20 +11,18 @@ torch = pytest.importorskip("torch")
 from torch import nn  # noqa: E402
 
 from scex_sumo.behaviors.driving.paths import chosen_paths  # noqa: E402
+from scex_sumo.behaviors.learned.architecture import Architecture, shapes  # noqa: E402
 from scex_sumo.behaviors.learned.driver import OUTPUT_GRID, image_of  # noqa: E402
-from scex_sumo.behaviors.learned.networks.architecture import Architecture, shapes  # noqa: E402
-from scex_sumo.behaviors.learned.networks.head import Modes  # noqa: E402
-from scex_sumo.behaviors.learned.networks.layers import exact, snapped  # noqa: E402
-from scex_sumo.behaviors.learned.networks.nets import KINDS as RUN  # noqa: E402
-from scex_sumo.behaviors.learned.networks.nets import GraphNet  # noqa: E402
-from scex_sumo.behaviors.learned.seen.inputs import path_inputs  # noqa: E402
-from scex_sumo.behaviors.learned.seen.raster import raster_of  # noqa: E402
+from scex_sumo.behaviors.learned.layers import exact, snapped  # noqa: E402
+from scex_sumo.behaviors.learned.networks import KINDS as RUN  # noqa: E402
+from scex_sumo.behaviors.learned.networks import GraphNet, Modes  # noqa: E402
+from scex_sumo.behaviors.learned.path_inputs import path_inputs  # noqa: E402
+from scex_sumo.behaviors.learned.raster import raster_of  # noqa: E402
 from scex_sumo.behaviors.learned.weights import load_weights  # noqa: E402
 from scex_sumo.behaviors.scene_graph.graph import scene_graph  # noqa: E402
 from scex_sumo.scene import SceneHistory  # noqa: E402
 from scex_sumo.training.networks.graph import PathBatch, SceneBatch  # noqa: E402
-from scex_sumo.training.networks.graph_image import ImageBatch, MapTensors  # noqa: E402
-from scex_sumo.training.networks.kinds import KINDS, Net, save_net  # noqa: E402
+from scex_sumo.training.networks.graph_image import NETWORKS, ImageBatch, MapTensors, Net, save_net  # noqa: E402
 from tests.behaviors import roads  # noqa: E402
 from tests.behaviors.learned import nets  # noqa: E402
 
@@ -96,7 +94,7 @@ def test_the_network_that_runs_is_the_one_that_was_trained(kind: str, numbers: d
     weights = nets.drawn(kind, SCENE, ROAD, sizes)
     state, share = exact(weights)
     assert share < 1
-    net = KINDS[kind](sizes)
+    net = NETWORKS[kind](sizes)
     for kept, mine in ((torch.float64, state), (torch.float32, weights)):
         net.to(kept).load_state_dict({name: torch.from_numpy(values) for name, values in mine.items()})
         if kept == torch.float64:
@@ -111,20 +109,20 @@ def test_the_network_that_runs_is_the_one_that_was_trained(kind: str, numbers: d
             assert off < (ROUNDING if kept == torch.float64 else ROUGH), name
             if kept == torch.float64:
                 assert np.array_equal(np.round(one / OUTPUT_GRID), np.round(other / OUTPUT_GRID))
-        net = KINDS[kind](sizes)
+        net = NETWORKS[kind](sizes)
 
 
 @pytest.mark.parametrize(("kind", "numbers"), CASES)
 def test_shapes_are_those_of_the_modules(kind: str, numbers: dict[str, Any]) -> None:
     sizes = nets.small(**numbers)
-    state = KINDS[kind](sizes).state_dict()
+    state = NETWORKS[kind](sizes).state_dict()
     assert shapes(kind, sizes) == {name: tuple(values.shape) for name, values in state.items()}
 
 
 @pytest.mark.parametrize("kind", ["graph", "hybrid"])
 def test_trained_weights_come_back_from_their_file(tmp_path: Any, kind: str) -> None:
     torch.manual_seed(0)
-    net = KINDS[kind](nets.small())
+    net = NETWORKS[kind](nets.small())
     save_net(tmp_path / "w", net, {"n": 1})
     back = load_weights(tmp_path / "w", kind)
     assert back.sizes == net.sizes
@@ -133,7 +131,7 @@ def test_trained_weights_come_back_from_their_file(tmp_path: Any, kind: str) -> 
 
 def test_several_maps_in_one_batch_give_what_each_gives_alone() -> None:
     torch.manual_seed(0)
-    encoder = KINDS["hybrid"](nets.small()).image.double()
+    encoder = NETWORKS["hybrid"](nets.small()).image.double()
     rasters = (raster_of(ROAD), raster_of(roads.straight()))
     maps = tuple(MapTensors(torch.from_numpy(r.values), torch.from_numpy(r.corner)) for r in rasters)
     pose = torch.tensor([[20.0, 0.0, 0.0], [100.0, 1.0, 0.1]], dtype=torch.float64)

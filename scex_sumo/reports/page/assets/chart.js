@@ -71,7 +71,7 @@ function makeChart(run, state, element) {
     for (const part of [element, line]) {
       const said = part.querySelector("b");
       said.textContent = isSet ? percent(value) : "";
-      said.title = `${words}; likely: ${percent(likelyShare)}`;
+      said.title = `${words}; human-like: ${percent(likelyShare)}`;
     }
     line.hidden = !isSet || metric.mean;
     line.firstChild.textContent = isSet ? `${metric.name} ${metric.sign} ${Number(threshold.toFixed(3))} ${metric.unit}` : "";

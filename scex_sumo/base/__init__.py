@@ -1,0 +1,1 @@
+"""Tools that know nothing of traffic: arrays, errors, files, cache, colours, programs, imports by name."""

@@ -1,0 +1,50 @@
+"""Array types, and rows and entries found in arrays."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+_FACTOR = np.uint64(0x9E3779B97F4A7C15)
+
+
+def distinct(rows: FloatArray) -> tuple[IntArray, IntArray]:
+    """Find the distinct rows of an array (n, K), compared bit by bit.
+
+    Returns:
+        (k,) the first row of each kind, ascending, and (n,) the kind of each row.
+    """
+    bits = np.ascontiguousarray(rows).view(np.uint64)
+    sums = bits @ np.cumprod(np.full(bits.shape[1], _FACTOR))
+    _, first, kind = np.unique(sums, return_index=True, return_inverse=True)
+    if not np.array_equal(bits, bits[first[kind]]):  # different rows with the same sum
+        _, first, kind = np.unique(bits, axis=0, return_index=True, return_inverse=True)
+    number = np.empty(len(first), dtype=np.int64)
+    number[np.argsort(first)] = np.arange(len(first))
+    return np.sort(first), number[kind.reshape(-1)]
+
+
+def least_of(group: IntArray, *keys: FloatArray | IntArray) -> IntArray:
+    """Find the least entry of each group that has any; the first one of several that are equal.
+
+    Args:
+        group: (n,) number of each entry's group.
+        keys: (n,) values of the entries, the most important ones first.
+
+    Returns:
+        (k,) index of the entry, by group.
+    """
+    index, count = np.arange(group.size), int(group.max(initial=-1)) + 1
+    for key in keys:
+        least = np.full(count, np.inf)
+        np.minimum.at(least, group[index], key[index])
+        index = index[key[index] == least[group[index]]]
+    first = np.full(count, group.size)
+    np.minimum.at(first, group[index], index)
+    return first[first < group.size]

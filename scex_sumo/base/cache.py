@@ -1,0 +1,175 @@
+"""Cache: on the disk between runs, and in memory for as long as a road, scene or history lives."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import math
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from functools import cache, wraps
+from pathlib import Path
+from threading import Lock
+from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from scex_sumo.base.errors import ResultError
+from scex_sumo.base.files import cache_folder, write_atomic
+
+Made = TypeVar("Made")
+Owner = TypeVar("Owner")
+P = ParamSpec("P")
+
+MAX_OWNERS = 16  # of a class, in memory; the least recently used one is dropped first
+
+_DIGEST = 32  # bytes of a SHA-256
+
+
+def cached_bytes(kind: str, made_of: bytes, make: Callable[[], bytes], *, max_files: int = 64) -> bytes:
+    """Return the cached result of ``make``, or call it and cache the result on the disk.
+
+    Args:
+        made_of: everything that the result depends on, but for our own code and NumPy, which are added.
+        max_files: how many results of this kind are cached; the least recently used one is removed first.
+    """
+    file = cache_folder() / kind / hashlib.sha256(code_key() + made_of).hexdigest()
+    with contextlib.suppress(OSError):  # not there
+        content = file.read_bytes()
+        if content[:_DIGEST] == hashlib.sha256(content[_DIGEST:]).digest():  # whole
+            os.utime(file)
+            return content[_DIGEST:]
+    made = make()
+    with contextlib.suppress(OSError, ResultError):  # a full disk stops no run
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(file, hashlib.sha256(made).digest() + made)
+        for old in sorted(file.parent.iterdir(), key=lambda old: old.stat().st_mtime)[:-max_files]:
+            old.unlink(missing_ok=True)
+    return made
+
+
+def cached_object(kind: str, made_of: bytes, make: Callable[[], Made], parts: tuple[type, ...]) -> Made:
+    """Return the result of ``make`` by way of the cache, as `cached_bytes`.
+
+    Args:
+        made_of: as of `cached_bytes`.
+        make: makes the object: dataclasses of arrays, texts, numbers and containers of these.
+    """
+    classes = {part.__name__: part for part in parts}
+    packed = cached_bytes(kind, made_of, lambda: _packed(make(), classes))
+    try:
+        made: Made = _unpacked(packed, classes)
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError):
+        # not written by us
+        return make()
+    return made
+
+
+def _packed(value: Any, classes: dict[str, type]) -> bytes:
+    """Return an object as a line of JSON, followed by the bytes of its arrays; nothing of it is code."""
+    content: list[bytes] = []
+
+    def plain(value: Any) -> Any:
+        if value is None or type(value) in (bool, int, float, str):
+            return value
+        if isinstance(value, np.ndarray | np.generic):
+            order: Literal["C", "F"] = "C" if value.flags.c_contiguous else "F"
+            content.append(value.tobytes(order))
+            return {"array": [value.dtype.str, value.shape, order, isinstance(value, np.generic)]}
+        if isinstance(value, Mapping):
+            return {"dict": [[plain(key), plain(entry)] for key, entry in value.items()]}
+        if isinstance(value, tuple | list):
+            return {type(value).__name__: [plain(entry) for entry in value]}
+        if isinstance(value, Path):
+            return {"path": str(value)}
+        name = type(value).__name__
+        if classes.get(name) is not type(value):
+            raise TypeError(f"{name} is no part of what is cached")
+        names = [field.name for field in fields(classes[name])]
+        return {"class": name, "fields": {field: plain(getattr(value, field)) for field in names}}
+
+    head = json.dumps(plain(value)).encode()
+    return b"".join([head, b"\n", *content])
+
+
+def _unpacked(packed: bytes, classes: dict[str, type]) -> Any:
+    """Return the object of `_packed`; raises an error of Python's for any other content."""
+    head, _, content = packed.partition(b"\n")
+    at = 0
+
+    def array(kind: str, shape: list[int], order: Literal["C", "F"], scalar: bool) -> Any:
+        nonlocal at
+        dtype = np.dtype(kind)
+        if dtype.kind not in "biufU":
+            raise ValueError(f"arrays of {kind} are not expected")
+        count = math.prod(shape)
+        values = np.frombuffer(content, dtype, count, at) if count else np.empty(0, dtype)
+        at += values.nbytes
+        return values[0] if scalar else values.reshape(shape, order=order).copy(order="K")
+
+    def whole(value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        if "class" in value:
+            return classes[value["class"]](**{name: whole(entry) for name, entry in value["fields"].items()})
+        ((kind, content),) = value.items()
+        if kind == "array":
+            return array(*content)
+        if kind == "dict":
+            return {whole(key): whole(entry) for key, entry in content}
+        if kind == "path":
+            return Path(content)
+        return {"tuple": tuple, "list": list}[kind](map(whole, content))
+
+    return whole(json.loads(head))
+
+
+@cache
+def code_key() -> bytes:
+    """Return the state of our own modules and NumPy: the part of cache keys that changes with the code."""
+    state, folders = [], [str(Path(__file__).parents[1])]
+    for folder in folders:
+        for entry in os.scandir(folder):
+            if entry.name.endswith(".py"):
+                at = entry.stat()
+                state.append((entry.name, at.st_size, at.st_mtime_ns))
+            elif entry.is_dir() and entry.name != "__pycache__":
+                folders.append(entry.path)
+    return repr((np.__version__, sorted(state))).encode()
+
+
+_by_owner: dict[type, WeakKeyDictionary[Any, dict[Any, Any]]] = {}
+_owner_lock = Lock()  # a ranking reads recordings ahead in a thread
+
+
+def owner_cache(make: Callable[Concatenate[Owner, P], Made]) -> Callable[Concatenate[Owner, P], Made]:
+    """Decorate a function of an owner: its results are kept in memory for as long as the owner lives.
+
+    Owners are told apart by identity, and further arguments must be hashable. A result is shared, so that
+    nobody may change it, and must not refer to its owner, or neither would ever be freed.
+    """
+
+    @wraps(make)
+    def cached(owner: Owner, /, *args: P.args, **options: P.kwargs) -> Made:
+        results = _results_of(owner)
+        key = (make, *args, *sorted(options.items()))
+        if key not in results:
+            results[key] = make(owner, *args, **options)
+        made: Made = results[key]
+        return made
+
+    return cached
+
+
+def _results_of(owner: Any) -> dict[Any, Any]:
+    """Return the results of an owner, which becomes the most recently used one of its class."""
+    with _owner_lock:
+        owners = _by_owner.setdefault(type(owner), WeakKeyDictionary())
+        results = owners.pop(owner, {})
+        owners[owner] = results
+        if len(owners) > MAX_OWNERS:
+            del owners[next(iter(owners))]
+    return results

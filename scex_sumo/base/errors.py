@@ -1,0 +1,72 @@
+"""Errors that reach the user as one line: what, where, got, remedy."""
+
+import difflib
+import re
+from collections.abc import Iterable
+
+
+class ScexError(Exception):
+    """Any error that is the input's or the environment's fault; the command line prints it as one line.
+
+    Example:
+        >>> try:
+        ...     scex.read_map("nowhere.osm")
+        ... except scex.ScexError as error:
+        ...     print(type(error).__name__)
+        MapError
+    """
+
+
+class InputError(ScexError):
+    """A file, column or value that cannot be used."""
+
+
+class MapError(InputError):
+    """A map that cannot be read or converted."""
+
+
+class TrackError(InputError):
+    """Recorded tracks that cannot be read."""
+
+
+class UsageError(ScexError):
+    """An option or argument that makes no sense; exit status 2."""
+
+
+class SimulationError(ScexError):
+    """SUMO refused or lost something that it should have simulated."""
+
+
+class ResultError(ScexError):
+    """A result folder that cannot be written, read or resumed."""
+
+
+class MissingExtraError(ScexError):
+    """An optional dependency that the request needs and that is not installed."""
+
+
+def reason_of(error: BaseException) -> str:
+    """Return an error's message in one line, with its class unless it is one of ours."""
+    message = one_line(error)
+    return message if isinstance(error, ScexError) else f"{type(error).__name__}: {message}"
+
+
+def listed(names: Iterable[object]) -> str:
+    """List the first five names, and how many more there are."""
+    words = [str(name) for name in names]
+    more = f" and {len(words) - 5} more" if len(words) > 5 else ""
+    return ", ".join(words[:5]) + more
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """The three known names that are nearest to a misspelt one, for an error message; nearest first."""
+    words = {word.lower(): word for word in names}
+    return ", ".join(words[w] for w in difflib.get_close_matches(name.lower(), words, n=3, cutoff=0.0))
+
+
+def one_line(message: object) -> str:
+    """Return a message without line breaks; very long words are cut short, but for paths."""
+    return (
+        " ".join(re.sub(r"([^/]{60})[^/]{200,}", r"\1…", word) for word in str(message).split())
+        or "no message"
+    )

@@ -1,0 +1,169 @@
+"""Files that are written whole or not at all, locks of folders, temporary folders, the cache folder."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import re
+import shutil
+import tempfile
+import weakref
+from collections.abc import Iterator
+from pathlib import Path
+
+from scex_sumo.base.errors import ResultError
+
+_WRITING = ".writing"
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn errors of the system in the block into a `ResultError` that names the file, else ``path``."""
+    try:
+        yield
+    except OSError as error:
+        raise ResultError(f"{error.filename or path}: cannot write: {error.strerror or error}") from None
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Yield a temporary file beside ``path``, which replaces ``path`` if the block succeeds.
+
+    Its content reaches the disk before its name does. After a power loss, ``path`` is whole or unchanged.
+
+    Raises:
+        ResultError: the file cannot be written.
+    """
+    # Arrow takes a relative path with a colon for a URI.
+    temporary = path.absolute().with_name(f".{path.name}{_WRITING}")
+    try:
+        yield temporary
+        if temporary.exists():
+            with temporary.open("rb") as written:
+                os.fsync(written.fileno())
+            temporary.replace(path)
+    except OSError as error:
+        raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def write_atomic(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all, as `replacing`."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove the unfinished files of a killed process from a folder."""
+    for file in folder.glob(f".*{_WRITING}"):
+        file.unlink(missing_ok=True)
+
+
+def cache_folder() -> Path:
+    """Return the cache folder, ``~/.cache/scex-sumo`` or in ``XDG_CACHE_HOME``."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scex-sumo"
+
+
+_locked: dict[Path, int] = {}  # open descriptors; the system releases the locks when the process ends
+
+
+def lock(folder: Path) -> None:
+    """Lock a folder against other processes until `unlock`, or until this process ends.
+
+    A folder that this process has locked stays locked, so that a run that failed can be repeated.
+
+    Raises:
+        ResultError: another process has locked it.
+    """
+    unlock(folder)
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        _lock_descriptor(descriptor)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise ResultError(
+            f"{folder}: another process is writing there; wait for it, or give another folder with -o"
+        ) from None
+    _locked[folder.resolve()] = descriptor
+
+
+def unlock(folder: Path) -> None:
+    """Unlock a folder; a folder that is not locked stays as it is."""
+    descriptor = _locked.pop(folder.resolve(), None)
+    if descriptor is not None:
+        os.close(descriptor)
+
+
+def _lock_descriptor(descriptor: int) -> None:
+    """Lock an open folder, where the file system has locks; raises BlockingIOError if it is locked."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:  # a file system without locks
+        pass
+
+
+_PREFIX = "scex-sumo-"
+_MARKER = ".scex-sumo-temporary"
+_OWNER = re.compile(rb"scex-sumo process (\d+)\n")
+
+
+class TemporaryFolder(tempfile.TemporaryDirectory[str]):
+    """Temporary folder that a later process removes if this process is killed.
+
+    The process locks the folder and writes a marker file with its number into it. Nothing but a folder with
+    such a marker is ever removed.
+    """
+
+    def __init__(self) -> None:
+        _remove_abandoned()
+        super().__init__(prefix=_PREFIX, ignore_cleanup_errors=True)
+        descriptor = os.open(self.name, os.O_RDONLY | os.O_DIRECTORY)
+        _lock_descriptor(descriptor)
+        self._release = weakref.finalize(self, os.close, descriptor)
+        Path(self.name, _MARKER).write_bytes(b"scex-sumo process %d\n" % os.getpid())
+
+    def cleanup(self) -> None:
+        """Remove the folder."""
+        super().cleanup()
+        self._release()
+
+
+def _remove_abandoned() -> None:
+    """Remove the temporary folders of this user's processes that were killed."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+        with contextlib.suppress(OSError):  # not ours to read, or gone meanwhile
+            if not _is_abandoned(folder):
+                continue
+            descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            try:
+                # In another container process numbers differ, so that only the lock tells.
+                _lock_descriptor(descriptor)
+                shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                os.close(descriptor)
+
+
+def _is_abandoned(folder: Path) -> bool:
+    """Return whether a folder of this user has our marker and its process has ended."""
+    marker = folder / _MARKER
+    if folder.is_symlink() or marker.is_symlink() or not marker.is_file():
+        return False
+    if {folder.stat().st_uid, marker.stat().st_uid} != {os.getuid()}:
+        return False
+    owner = _OWNER.fullmatch(marker.read_bytes())
+    return owner is not None and not _is_alive(int(owner[1]))
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True

@@ -1,0 +1,46 @@
+"""Programs and files of SUMO in the eclipse-sumo wheel, whatever is on the user's PATH."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from scex_sumo.base.errors import SimulationError
+
+
+def sumo_home() -> Path:
+    """Return SUMO's folder, with ``bin``, ``data`` and ``tools``."""
+    import sumo
+
+    return Path(sumo.SUMO_HOME)
+
+
+def program(name: str) -> str:
+    """Return the path of one of SUMO's programs: ``sumo``, ``sumo-gui``, ``netconvert``, ...
+
+    Raises:
+        SimulationError: the wheel does not have it.
+    """
+    path = sumo_home() / "bin" / (f"{name}.exe" if sys.platform == "win32" else name)
+    if not path.is_file():
+        raise SimulationError(f"{path}: SUMO's program {name} is missing; reinstall eclipse-sumo")
+    return str(path)
+
+
+def environment() -> dict[str, str]:
+    """Return the environment variables for SUMO's programs."""
+    return {**os.environ, "SUMO_HOME": str(sumo_home())}
+
+
+def checked_path(path: Path | str) -> str:
+    """Return a path as a value of SUMO's options, which SUMO splits at commas.
+
+    Raises:
+        SimulationError: the path has a comma.
+    """
+    if "," in str(path):
+        raise SimulationError(
+            f"{path}: SUMO splits paths at commas; rename the folder or file, or set TMPDIR to another folder"
+        )
+    return str(path)

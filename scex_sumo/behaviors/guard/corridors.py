@@ -1,0 +1,315 @@
+"""Corridors of the guard: planned ways of its vehicles, expected motion of all others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray, IntArray, least_of
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.base import check_positive
+from scex_sumo.behaviors.driving.leaders import Everyone, everyone
+from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, rear_axle
+from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
+
+SAMPLE_S = 0.4  # a car that crosses at 15 m/s is in the corridor for longer
+SAMPLES = 11  # the present, and 4 s ahead
+VERTEX_STEPS = 3  # planned steps between two vertices of the corridor
+MIN_WAY_M = 1e-3
+DRIFT_S = 1.5  # motion across the path dies out with this time constant
+BRAKING_STEPS = 5  # steps over which a leader's braking is measured
+OTHER_PATH = 1.0  # a vehicle is on another path if that fits better than the straightest by this
+OFFSET_SIGMA_M = 0.8
+HEADING_SIGMA_RAD = 0.15
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannedWays:
+    """Plans of n vehicles by arc length; the present is arc length 0."""
+
+    x: FloatArray  # (n, H + 1) m, the present pose first
+    y: FloatArray  # (n, H + 1) m
+    heading: FloatArray  # (n, H + 1) rad
+    arc: FloatArray  # (n, H + 1) m, does not fall
+    speed: FloatArray  # (n, H) planned, m/s
+    start_speed: FloatArray  # (n,) at present, m/s
+    # (n, G) vertices of the corridor's middle line, m: some planned poses, and one straight on at the braking
+    # distance
+    corner_x: FloatArray
+    corner_y: FloatArray  # (n, G) m
+    corner_arc: FloatArray  # (n, G) m
+    corner_cos: FloatArray  # (n, G - 1) direction of the middle line from each vertex to the next
+    corner_sin: FloatArray  # (n, G - 1) likewise
+    # (2, n, G - 1) reach of the body's ends beyond half its width, to the left and right, m
+    swing: FloatArray
+
+    def poses(self, rows: IntArray, s: FloatArray, speed: FloatArray) -> States:
+        """(r, H) states of some vehicles at arc lengths (r, H) within the plan, with given speeds."""
+        arc = self.arc[rows]
+        last = arc.shape[1] - 1
+        # The last planned pose that is not beyond s.
+        index = np.clip((arc[:, None, :] <= s[:, :, None]).sum(axis=2) - 1, 0, last - 1)
+        i = np.arange(len(rows))[:, None]
+        begin, length = arc[i, index], arc[i, index + 1] - arc[i, index]
+        share = np.clip((s - begin) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+        x, y, heading = self.x[rows], self.y[rows], self.heading[rows]
+        turn = wrap(heading[i, index + 1] - heading[i, index])
+        return States(
+            x=x[i, index] + share * (x[i, index + 1] - x[i, index]),
+            y=y[i, index] + share * (y[i, index + 1] - y[i, index]),
+            heading=wrap(heading[i, index] + share * turn),
+            speed=speed,
+        )
+
+
+def planned_paths(plan: Plan, history: SceneHistory, who: VehicleIndex, profile: GuardProfile) -> PlannedWays:
+    """Arrange plans by arc length."""
+    now = history.now[who.child, who.vehicle]
+    x = np.concatenate([now.x[:, None], plan.x], axis=1)
+    y = np.concatenate([now.y[:, None], plan.y], axis=1)
+    heading = np.concatenate([now.heading[:, None], plan.heading], axis=1)
+    arc = np.zeros_like(x)
+    np.cumsum(np.sqrt(np.diff(x, axis=1) ** 2 + np.diff(y, axis=1) ** 2), axis=1, out=arc[:, 1:])
+    speed = np.maximum(plan.speed, 0.0)
+    last = speed[:, -1]
+    ahead = 5.0 + last * profile.reaction_time + last**2 / (2 * profile.comfort_deceleration)
+    corners = np.append(np.arange(0, x.shape[1] - 1, VERTEX_STEPS), x.shape[1] - 1)
+    end = heading[:, -1]
+    corner_x = np.column_stack([x[:, corners], x[:, -1] + ahead * np.cos(end)])
+    corner_y = np.column_stack([y[:, corners], y[:, -1] + ahead * np.sin(end)])
+    cos, sin, length = _directions(corner_x, corner_y)
+    return PlannedWays(
+        x=x,
+        y=y,
+        heading=heading,
+        arc=arc,
+        speed=speed,
+        start_speed=np.maximum(now.speed, 0.0),
+        corner_x=corner_x,
+        corner_y=corner_y,
+        corner_arc=np.column_stack([arc[:, corners], arc[:, -1] + ahead]),
+        corner_cos=cos,
+        corner_sin=sin,
+        swing=_swing(cos, sin, length, heading[:, corners], history.scene.length[who.vehicle]),
+    )
+
+
+def _directions(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(n, G - 1) cosine, sine and length of the segments between vertices."""
+    dx, dy = np.diff(x, axis=1), np.diff(y, axis=1)
+    length = np.sqrt(dx**2 + dy**2)
+    safe = np.maximum(length, 1e-9)
+    # A segment without length, of a standing vehicle, has the direction of the last one.
+    still = length < MIN_WAY_M
+    cos = np.where(still, dx[:, -1:] / safe[:, -1:], dx / safe)
+    sin = np.where(still, dy[:, -1:] / safe[:, -1:], dy / safe)
+    return cos, sin, length
+
+
+def _swing(
+    cos: FloatArray, sin: FloatArray, way: FloatArray, heading: FloatArray, length: FloatArray
+) -> FloatArray:
+    """(2, n, G - 1) `PlannedWays.swing`, from the body's angle to its way and the way's curvature."""
+    half = length[:, None] / 2
+    # At each vertex but the last: sine of the body's angle to the mean direction of both segments.
+    c, s = cos.copy(), sin.copy()
+    c[:, 1:] += cos[:, :-1]
+    s[:, 1:] += sin[:, :-1]
+    norm = np.maximum(np.sqrt(c**2 + s**2), 1e-9)
+    crab = (np.sin(heading) * c - np.cos(heading) * s) / norm
+    turn = np.zeros_like(cos)
+    turn[:, 1:] = sin[:, 1:] * cos[:, :-1] - cos[:, 1:] * sin[:, :-1]
+    between = np.ones_like(way)
+    between[:, 1:] = (way[:, 1:] + way[:, :-1]) / 2
+    bend = turn / np.maximum(between, 1.0) * half**2 / 2
+    front, rear = half * crab - bend, -half * crab - bend
+    left = np.maximum(np.maximum(front, rear), 0.0)
+    right = np.maximum(np.maximum(-front, -rear), 0.0)
+    swing = np.stack([left, right])
+    # A segment is swept by the body at both of its ends.
+    swing[:, :, :-1] = np.maximum(swing[:, :, :-1], swing[:, :, 1:])
+    swing[:, :, 1:] = np.maximum(swing[:, :, 1:], swing[:, :, :-1])
+    bounded: FloatArray = np.minimum(swing, half)
+    return bounded
+
+
+def onto_ways(
+    paths: PlannedWays, i: IntArray, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Project places (K, P) onto the middle lines of corridors i (P,).
+
+    Returns:
+        (K, P) arc length (straight on past both ends), offset (left positive), cosine and sine of the line's
+        direction, and `PlannedWays.swing` on that side.
+    """
+    begin_x, begin_y, begin = (a[i].T.copy() for a in (paths.corner_x, paths.corner_y, paths.corner_arc))
+    cos, sin = paths.corner_cos[i].T.copy(), paths.corner_sin[i].T.copy()  # (G - 1, P)
+    low, high = np.zeros_like(cos), np.diff(begin, axis=0)
+    low[0], high[-1] = -np.inf, np.inf
+    square, best = np.full(x.shape, np.inf), np.zeros(x.shape, dtype=np.int16)
+    for line in range(len(cos)):
+        px, py = x - begin_x[line], y - begin_y[line]
+        ahead = px * cos[line] + py * sin[line]
+        side = py * cos[line] - px * sin[line]
+        ahead -= np.minimum(np.maximum(ahead, low[line]), high[line])
+        ahead *= ahead
+        side *= side
+        ahead += side
+        # The first of the nearest segments; a masked copy takes ten times as long.
+        np.maximum(best, (ahead < square) * np.int16(line), out=best)
+        np.minimum(square, ahead, out=square)
+    at = np.multiply(best, len(i), dtype=np.int64) + np.arange(len(i))
+    cos, sin = cos.take(at), sin.take(at)
+    px, py = x - begin_x.take(at), y - begin_y.take(at)
+    ahead, side = px * cos + py * sin, py * cos - px * sin
+    foot = np.minimum(np.maximum(ahead, low.take(at)), high.take(at))
+    swing = np.where(side >= 0, *(swing.take(i * len(low) + best) for swing in paths.swing))
+    return begin.take(at) + foot, np.copysign(np.sqrt(square), side), cos, sin, swing
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Expected:
+    """Expected poses (C, M, K) at the K = `SAMPLES` moments; M = V + O, vehicles first."""
+
+    others: Everyone
+    x: FloatArray
+    y: FloatArray
+    heading: FloatArray
+    braking: FloatArray  # (C, M) present deceleration, m/s², at least 0
+
+
+@owner_cache
+def expected(history: SceneHistory, road: Road) -> Expected:
+    """Predict all at their present speeds: vehicles along their paths, pedestrians and cyclists straight on.
+
+    Kept with the history, as all guarded models of a batch share it.
+    """
+    others = everyone(history)
+    now = others.states
+    t: FloatArray = SAMPLE_S * np.arange(SAMPLES, dtype=np.float64)
+    way = np.maximum(now.speed, 0.0)[..., None] * t
+    x = now.x[..., None] + way * np.cos(now.heading)[..., None]
+    y = now.y[..., None] + way * np.sin(now.heading)[..., None]
+    heading = np.repeat(now.heading[..., None], SAMPLES, axis=2)
+    vehicles = history.scene.vehicles
+    along = _along_paths(history, road, t)
+    for straight, bent in zip((x, y, heading), along, strict=True):
+        straight[:, :vehicles] = bent
+    braking = np.zeros(now.shape)
+    speed = history.states.speed
+    change = (speed[..., -1] - speed[..., -1 - BRAKING_STEPS]) / (BRAKING_STEPS * STEP_S)
+    braking[:, :vehicles] = np.maximum(-change, 0.0)
+    return Expected(others=others, x=x, y=y, heading=heading, braking=braking)
+
+
+def _along_paths(
+    history: SceneHistory, road: Road, t: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(C, V, K) x, y, heading of vehicles that keep their speed along their path."""
+    shape = history.now.shape
+    child, vehicle = (a.ravel() for a in np.indices(shape))
+    who = VehicleIndex(child=child, vehicle=vehicle)
+    paths, straight = chosen_paths(history, road, who, "straight")
+    now = history.now.map(np.ravel)
+    way = expected_way(history, who)
+    # The rear axle follows the path, as in `drive`.
+    length = history.scene.length[vehicle]
+    axle_x, axle_y = rear_axle(now, length)
+    row, (s, offset, path_heading) = _nearest_path(paths, straight, vehicle, way, axle_x, axle_y, now.heading)
+    error = wrap(now.heading - path_heading)
+    v = np.maximum(now.speed, 0.0)
+    drift = v * np.sin(error)
+    fade = np.exp(-t / DRIFT_S)
+    # The drift dies out; a vehicle beside its path stays there, e.g. after a lane change.
+    side = offset[:, None] + drift[:, None] * (DRIFT_S * (1 - fade))
+    at = s[:, None] + (v * np.cos(error))[:, None] * t
+    px, py, cos, sin, direction, _ = sample_paths(paths, np.repeat(row, len(t)), at.ravel()).reshape(
+        6, *at.shape
+    )
+    heading = direction + error[:, None] * fade
+    ahead = (REAR_AXLE_SHARE * length)[:, None]
+    x, y = px - sin * side + ahead * np.cos(heading), py + cos * side + ahead * np.sin(heading)
+    return x.reshape(*shape, -1), y.reshape(*shape, -1), heading.reshape(*shape, -1)
+
+
+def _nearest_path(
+    paths: SeedPaths,
+    straight: IntArray,
+    vehicle: IntArray,
+    way: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    heading: FloatArray,
+) -> tuple[IntArray, tuple[FloatArray, FloatArray, FloatArray]]:
+    """Find the path that each vehicle is on: the straightest, unless another fits clearly better.
+
+    Returns:
+        (n,) rows, and the result of `foot_points`.
+    """
+    row = straight.copy()
+    feet = foot_points(paths, row, x, y, way)
+    best = _misfit(feet, heading)
+    doubt = np.flatnonzero((best > OTHER_PATH) & (paths.count[vehicle] > 1))
+    if not len(doubt):
+        return row, feet
+    count = paths.count[vehicle[doubt]]
+    i = np.repeat(doubt, count)
+    candidate = np.repeat(paths.first[vehicle[doubt]] - (np.cumsum(count) - count), count) + np.arange(len(i))
+    others = foot_points(paths, candidate, x[i], y[i], way[i])
+    misfit = _misfit(others, heading[i])
+    chosen = least_of(i, misfit, candidate)
+    chosen = chosen[misfit[chosen] < best[i[chosen]] - OTHER_PATH]
+    row[i[chosen]] = candidate[chosen]
+    for values, better in zip(feet, others, strict=True):
+        values[i[chosen]] = better[chosen]
+    return row, feet
+
+
+def _misfit(feet: tuple[FloatArray, FloatArray, FloatArray], heading: FloatArray) -> FloatArray:
+    _, offset, path_heading = feet
+    error = wrap(heading - path_heading)
+    misfit: FloatArray = (offset / OFFSET_SIGMA_M) ** 2 + (error / HEADING_SIGMA_RAD) ** 2
+    return misfit
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuardProfile:
+    """Parameters of `Guarded`.
+
+    Attributes:
+        comfort_deceleration: ``b`` in m/s², normal braking of the vehicle and its leader.
+        max_deceleration: braking limit in emergencies, m/s².
+        yield_deceleration: braking limit for giving way to a vehicle that is not there yet, m/s².
+        reaction_time: ``tau`` in s; the time between two plans.
+        minimum_gap: bumper to bumper, m.
+        release_acceleration: for regaining the planned speed, m/s².
+        margin: of the swept corridor beyond the vehicle's width, on each side, m.
+        alongside_margin: likewise against vehicles that are alongside or oncoming, m.
+        time_margin: between the vehicle and one that crosses its way, s.
+        touching: pairs whose boxes are nearer than this in the seed scene are ignored, m. Recorded boxes of
+            trailers, of vehicles side by side and of one vehicle tracked twice are that near.
+        order_margin: vehicles that reach a conflict this near to each other go by number, m.
+    """
+
+    comfort_deceleration: float = 4.5
+    max_deceleration: float = 9.0
+    yield_deceleration: float = 5.5
+    reaction_time: float = 0.5
+    minimum_gap: float = 1.0
+    release_acceleration: float = 2.0
+    margin: float = 0.3
+    alongside_margin: float = 0.1
+    time_margin: float = 0.4
+    touching: float = 0.0
+    order_margin: float = 1.0
+
+    def __post_init__(self) -> None:
+        names = [field.name for field in fields(self)]
+        positive = [name for name in names if name.endswith("eleration")]
+        check_positive(self, *positive)
+        check_positive(self, *(name for name in names if name not in positive), zero=True)

@@ -1,0 +1,286 @@
+"""Observations of drivers in a seed scene, on which `LikelyDriver` conditions its draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
+from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_axle
+from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
+from scex_sumo.behaviors.driving.projection import bend_at, foot_points
+from scex_sumo.behaviors.models.idm import (
+    CALIBRATED,
+    HABIT_STEPS,
+    IdmParameters,
+    desired_speeds,
+    free_share,
+    idm_acceleration,
+    leader_share,
+)
+from scex_sumo.behaviors.models.population import FAR_M, MAX_ASIDE_M, Population
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
+
+STANDING_MPS = 0.5
+HALF_TRUST_MPS2 = 0.7  # scatter of accelerations at which a measured one counts by half
+MAX_SCATTER_MPS2 = 0.7
+CLEARANCE_M = 1.2  # of another vehicle's centre from the line that a driver keeps
+MAX_LATERAL = 1.5  # m/s and m/s² across a path; larger values are errors of measurement
+MARGIN_M = -0.2  # measured boxes of vehicles side by side may touch
+BESIDE_M = 8.0  # along the way; a nearer vehicle next to the way is beside
+MAX_ROOM_M = 3.0  # more room beside a vehicle makes no difference
+MAX_SPEED_MPS = 20.0  # nor does a higher speed
+QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
+COUPLED_M = 2.0  # least gap assumed between a vehicle and a leader at the same speed
+COUPLED_MPS = (3.0, 5.0)  # at least this speed, and at most this difference
+MAX_SLACK_M = 4.0
+EXTRA_BRAKING_MPS2 = 1.6  # limit beyond the necessary braking for a leader; set by CRPS
+MIN_ROOM_M = 0.1
+
+
+def queue_place(gap_m: FloatArray, leader_speed_mps: FloatArray) -> IntArray:
+    """(n,) 0 behind a standing leader, 1 behind a moving one, 2 without a near leader."""
+    near = gap_m < QUEUE_M
+    return np.where(near, np.where(np.abs(leader_speed_mps) < STANDING_MPS, 0, 1), 2)
+
+
+def leaders_of(
+    history: SceneHistory,
+    who: VehicleIndex,
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    aside: FloatArray,
+) -> Leaders:
+    """Find leaders as ``calibrated_driver`` does, for vehicles beside their paths; see `find_leaders`."""
+    return find_leaders(
+        history,
+        who,
+        paths,
+        row,
+        s,
+        clearance=CLEARANCE_M,
+        radius=CALIBRATED.radius,
+        obstacle_clearance=CALIBRATED.obstacle_clearance,
+        aside=aside,
+        margin=MARGIN_M,
+    )
+
+
+def demanded_acceleration(
+    profile: IdmParameters,
+    speed: FloatArray,
+    desired_speed: FloatArray,
+    gap: FloatArray,
+    leader_speed: FloatArray,
+    curve_speed: FloatArray,
+) -> FloatArray:
+    """(n,) acceleration that the situation demands: the minimum for free road, leader and curve, m/s².
+
+    The sum of the first two, as in the Intelligent Driver Model, makes drivers at their desired speed fall
+    back from the leader; people keep their distance. They brake at most `EXTRA_BRAKING_MPS2` harder than
+    necessary to reach the leader's speed at the minimum gap. They slow down for curves as
+    ``calibrated_driver`` does.
+
+    Args:
+        gap: (n,) to the leader, bumper to bumper, m.
+        leader_speed: (n,) m/s along the path.
+        curve_speed: (n,) allowed by the curves ahead a moment later, m/s.
+
+    Source: minimum, Treiber and Kesting 2013, section 11.3; necessary braking, Kesting et al. 2010.
+    """
+    free = profile.max_acceleration * free_share(speed, desired_speed)
+    following = profile.max_acceleration * (1 - leader_share(profile, speed, gap, leader_speed))
+    room = np.maximum(gap - profile.minimum_gap, MIN_ROOM_M)
+    needed = -(np.maximum(speed - leader_speed, 0.0) ** 2) / (2 * room)
+    excess = np.maximum(needed - following, 0.0)
+    following += excess - EXTRA_BRAKING_MPS2 * np.tanh(excess / EXTRA_BRAKING_MPS2)
+    slowing = np.maximum((curve_speed - speed) / CURVE_TIME_S, -CALIBRATED.comfort_deceleration)
+    return np.minimum(np.maximum(np.minimum(free, following), -profile.max_deceleration), slowing)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LastSecond:
+    """Motion of each vehicle in the last second, (V,)."""
+
+    speed: FloatArray  # now, m/s
+    acceleration: FloatArray  # m/s², reduced by its scatter, which is mostly noise
+    scatter: FloatArray  # of the accelerations of single steps around that of the whole second, m/s²
+    lag: FloatArray  # present speed of a straight line through the second, minus the present speed, m/s
+    calm: FloatArray  # share of the acceleration that is not noise
+
+
+@owner_cache
+def last_second(scene: SeedScene) -> LastSecond:
+    """Measure the motion of the vehicles in the last second of a seed scene."""
+    speed = scene.history.speed
+    time = STEP_S * (np.arange(speed.shape[1]) - (speed.shape[1] - 1) / 2)
+    slope = speed @ time / (time @ time)
+    late = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
+    scatter = np.sqrt(((np.diff(speed, axis=1) / STEP_S - slope[:, None]) ** 2).mean(axis=1))
+    calm = 1 / (1 + (scatter / HALF_TRUST_MPS2) ** 2)
+    now = np.maximum(speed[:, -1], 0.0)
+    line = speed.mean(axis=1) + slope * time[-1]
+    return LastSecond(
+        speed=now,
+        acceleration=calm * (calm * late + (1 - calm) * slope),
+        scatter=scatter,
+        lag=line - now,
+        calm=calm,
+    )
+
+
+@owner_cache
+def room_beside(scene: SeedScene) -> FloatArray:
+    """(V, 2) free room to vehicles on the right and on the left of each vehicle, m."""
+    now, far = scene.now, scene.length[:, None] / 2 + scene.length / 2 + BESIDE_M
+    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
+    dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
+    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    turn = now.heading - now.heading[:, None]
+    half = (np.abs(np.sin(turn)) * scene.length + np.abs(np.cos(turn)) * scene.width) / 2
+    gap = np.abs(left) - half - scene.width[:, None] / 2
+    beside = (np.abs(ahead) < far) & ((gap > 0) | (np.abs(ahead) < far - BESIDE_M))
+    np.fill_diagonal(beside, False)
+    gap = np.maximum(gap, 0.0)
+    near = (np.where(beside & side, gap, np.inf) for side in (left < 0, left > 0))
+    return np.stack([each.min(axis=1, initial=np.inf) for each in near], axis=1)
+
+
+@owner_cache
+def side_shown(scene: SeedScene) -> FloatArray:
+    """(V, 3) features of the spread of lateral places: scatter, relative speed, smaller room beside."""
+    shown = last_second(scene)
+    room = np.minimum(room_beside(scene).min(axis=1), MAX_ROOM_M)
+    return np.column_stack(
+        [_capped(shown.scatter), np.minimum(shown.speed, MAX_SPEED_MPS) / MAX_SPEED_MPS, room]
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathObservations:
+    """Observations along each path, (P,)."""
+
+    leader: IntArray  # column of the leader on the path, as in `Leaders`; -1 without one
+    # addition to the gap, m, so that trailers recorded as vehicles, vehicles with too long boxes and those
+    # side by side do not brake
+    slack: FloatArray
+    gap: FloatArray  # to the leader, with its slack, m; inf without one
+    leader_speed: FloatArray  # m/s along the path
+    wished: FloatArray  # desired speed without habit, m/s
+    curve: FloatArray  # speed that the curves ahead allow a moment later, m/s
+    headway: FloatArray  # time headway to the leader, beyond the minimum gap, s; inf without one
+    # (P, 3) lateral motion of the rear axle: offset from the path, left positive, within `MAX_ASIDE_M`, m;
+    # speed, m/s; acceleration, m/s²
+    across: FloatArray
+    # (P, 7) of additional accelerations: 1, shown acceleration, that of the model, speed difference to the
+    # leader, lag, leader's acceleration, limit minus speed
+    features: FloatArray
+    unsure: FloatArray  # (P, 3) of their spread: scatter, size of the acceleration, leader near or not
+
+
+@owner_cache
+def observations_of(scene: SeedScene, paths: SeedPaths) -> PathObservations:
+    """Observe every vehicle of a seed scene along each of its paths."""
+    history = SceneHistory.of_scene(scene)
+    vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
+    row, shown = np.arange(len(vehicle)), last_second(scene)
+    who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    now, across = scene.now[vehicle], _across(scene, paths, vehicle, row)
+    s, _, _ = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
+    leaders = leaders_of(history, who, paths, row, s, across[:, 0])
+    speed, acceleration = shown.speed[vehicle], shown.acceleration[vehicle]
+    free = np.full_like(speed, np.inf)
+    opening = leaders.speed - speed
+    coupled = (speed > COUPLED_MPS[0]) & (np.abs(opening) < COUPLED_MPS[1])
+    slack = np.where(coupled, np.clip(COUPLED_M - leaders.gap, 0.0, MAX_SLACK_M), 0.0)
+    gap = leaders.gap + slack
+    following = idm_acceleration(CALIBRATED, speed, free, gap, leaders.speed)
+    near = leaders.gap < FAR_M
+    opening = np.where(near, opening, 0.0)
+    limits = (
+        (acceleration, -4.0, 4.0),
+        (following, -4.0, 1.6),
+        (opening, -8.0, 8.0),
+        (shown.lag[vehicle], -2.0, 2.0),
+        (_of_leader(leaders, near, shown.acceleration), -3.0, 3.0),
+        (paths.speed_limit[row, int((BEHIND_M + 10.0) / DS_M)] - speed, -5.0, 10.0),
+    )
+    scatter = _capped(shown.scatter[vehicle])
+    first, last = row * paths.samples, paths.samples - 1
+
+    def at(s: FloatArray) -> IntArray:
+        return first + np.clip(s / DS_M, 0, last).astype(np.int64)
+
+    curves = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
+    return PathObservations(
+        leader=leaders.index,
+        slack=slack,
+        gap=gap,
+        leader_speed=leaders.speed,
+        wished=desired_speeds(paths, CALIBRATED.speed, CALIBRATED.speed_factor)[at(s)],
+        curve=curves[at(s + speed * CURVE_TIME_S)],
+        headway=(gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0),
+        across=across,
+        features=np.column_stack([np.ones_like(speed), *(np.clip(*values) for values in limits)]),
+        unsure=np.column_stack([scatter, np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]),
+    )
+
+
+def _across(scene: SeedScene, paths: SeedPaths, vehicle: IntArray, row: IntArray) -> FloatArray:
+    """(P, 3) lateral motion of rear axles, as in `PathObservations`."""
+    now, speed = scene.now[vehicle], last_second(scene).speed[vehicle]
+    x, y = rear_axle(now, scene.length[vehicle])
+    s, offset, along = foot_points(paths, row, x, y, np.full(len(row), BEHIND_M))
+    before = scene.history[vehicle, -1 - HABIT_STEPS].heading
+    turn_rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
+    swerve = speed * np.sin(now.heading - along)
+    turning = speed * (turn_rate - speed * bend_at(paths, row, s))
+    limit = np.array([MAX_ASIDE_M, MAX_LATERAL, MAX_LATERAL])
+    across: FloatArray = np.clip(np.column_stack([offset, swerve, turning]), -limit, limit)
+    return across
+
+
+def _capped(scatter: FloatArray) -> FloatArray:
+    return np.minimum(scatter, MAX_SCATTER_MPS2)
+
+
+def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatArray:
+    """(P,) value of each path's leader from (V,) values; 0 if it is not near, or no vehicle."""
+    is_vehicle = near & (leaders.index >= 0) & (leaders.index < len(values))
+    return np.where(is_vehicle, values[np.where(is_vehicle, leaders.index, 0)], 0.0)
+
+
+def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:
+    """(P, 4) features of how each path fits its vehicle.
+
+    Speed above the comfortable one for the path's curves, m/s; offset of the centre, m; heading error, rad;
+    and 1 if the path is not the straight one.
+    """
+    vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
+    row = np.arange(len(vehicle))
+    now = scene.now[vehicle]
+    s, offset, heading = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
+    calm = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
+    at = row * paths.samples + np.clip(s / DS_M, 0, paths.samples - 1).astype(np.int64)
+    excess = np.maximum(now.speed - calm[at], 0.0)
+    across = np.abs(wrap(now.heading - heading))
+    other = row != paths.first[vehicle] + paths.straight[vehicle]
+    return np.column_stack([excess, np.abs(offset), across, other.astype(np.float64)])
+
+
+@owner_cache
+def path_edges(scene: SeedScene, paths: SeedPaths, people: Population) -> FloatArray:
+    """(P,) upper edge in [0, 1] of each path's share of a vehicle's draw."""
+    share = np.diff(paths.draw_edges, prepend=0.0)
+    share[paths.first] = paths.draw_edges[paths.first]
+    weight = np.maximum(share, 1e-9) * np.exp(-path_features(scene, paths) @ people.path) + 1e-12
+    edges = np.empty_like(weight)
+    for first, count in zip(paths.first, paths.count, strict=True):
+        part = slice(first, first + count)
+        edges[part] = np.cumsum(weight[part]) / weight[part].sum()
+    return edges

@@ -1,0 +1,118 @@
+"""Simple models: constant velocity, emergency brake, and replay of the recorded future."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.base import PLAN_STEPS, Sight, check_path, check_positive
+from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, drive_along
+from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
+
+RELEASE_MPS2 = 2.0  # acceleration after a curve, back to the constant speed
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConstantVelocityProfile:
+    """Parameters of `ConstantVelocity`; ``path`` as in `IdmProfile`."""
+
+    path: PathChoice = "straight"
+
+    def __post_init__(self) -> None:
+        check_path(self.path)
+
+
+class ConstantVelocity(DrivesAlong):
+    """Drives along its path at its speed in the seed scene."""
+
+    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
+        """See `DrivesAlong`."""
+        paths, row = chosen_paths(history, road, who, self.profile.path)
+        target = np.maximum(history.scene.now.speed[who.vehicle], 0.0)
+        # Zero but for rounding, unless something else changed the speed before, as a curve.
+        limit = RELEASE_MPS2 if paths.slow_in_curves else np.inf
+        return Intent(
+            who=who,
+            paths=paths,
+            row=row,
+            accelerate=lambda _, v, *__: np.minimum((target - v) / STEP_S, limit),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class EmergencyBrakeProfile:
+    """Parameters of `EmergencyBrake`: deceleration in m/s², and ``path`` as in `IdmProfile`."""
+
+    deceleration: float = 5.0
+    path: PathChoice = "straight"
+
+    def __post_init__(self) -> None:
+        check_positive(self, "deceleration")
+        check_path(self.path)
+
+
+class EmergencyBrake(DrivesAlong):
+    """Brakes to a standstill along its path: it stops after v² / (2·deceleration)."""
+
+    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
+        """See `DrivesAlong`."""
+        paths, row = chosen_paths(history, road, who, self.profile.path)
+        braking = np.full(len(who), -self.profile.deceleration)
+        return Intent(who=who, paths=paths, row=row, accelerate=lambda *_: braking)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayProfile:
+    """Parameters of `Replay`; ``path`` as in `IdmProfile`, for the time after the recording's end."""
+
+    path: PathChoice = "straight"
+
+    def __post_init__(self) -> None:
+        check_path(self.path)
+
+
+class Replay:
+    """Repeats the recorded future; after its end it goes on along the path at the last speed."""
+
+    def __init__(self, profile: ReplayProfile) -> None:
+        self.profile = profile
+
+    @property
+    def sight(self) -> Sight | None:
+        """What a plan depends on; a drawn path differs between children."""
+        return None if self.profile.path == "random" else "itself"
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Plan 3 s; see `Behavior.plan`. Draws nothing.
+
+        Raises:
+            UsageError: the seed scene has no recorded future.
+        """
+        scene = history.scene
+        if scene.future is None or scene.future_valid is None:
+            raise UsageError(
+                f"replay: seed scene {scene.name} has no recorded future; "
+                "choose other models or a recorded seed"
+            )
+        # Valid up to the first gap.
+        valid = np.cumprod(scene.future_valid, axis=1).sum(axis=1)[who.vehicle]
+        left = np.clip(valid - history.step, 0, PLAN_STEPS)  # (n,) recorded steps from now on
+        recorded = scene.future[who.vehicle]
+        last = np.clip(history.step + left - 1, 0, recorded.shape[1] - 1)
+        i = np.arange(len(who))
+        ends = [recorded[i, last], history.now[who.child, who.vehicle]]
+        end = States.joined(ends, lambda parts: np.where(left > 0, *parts))
+        h = np.arange(PLAN_STEPS)
+        made = recorded[:, np.minimum(history.step + h, recorded.shape[1] - 1)]
+        ending = np.flatnonzero(left < PLAN_STEPS)
+        rest = drive_along(history, road, who[ending], self.profile.path, start=end[ending])
+        row, step = np.nonzero(h >= left[ending, None])
+        made.assign((ending[row], step), rest[row, step - left[ending[row]]])
+        return Plan(**vars(made))

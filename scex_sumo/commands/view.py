@@ -1,0 +1,73 @@
+"""``scex-sumo view``: futures in sumo-gui."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+from scex_sumo.base.errors import ScexError, UsageError
+from scex_sumo.base.programs import environment, program
+from scex_sumo.commands.options import Result, metric_option, two_tracks
+
+EXAMPLE = "out/k733 --critical wttc"
+
+
+def view_command(
+    folder: Result,
+    child: Annotated[int | None, Option(metavar="N", help="Show this child.")] = None,
+    grid: Annotated[
+        int | None, Option(metavar="N", help="Show the N most different children, or the most --critical.")
+    ] = None,
+    critical: Annotated[
+        str | None, metric_option("Show the child most critical by this metric, at its worst step.")
+    ] = None,
+    encounter: Annotated[
+        str | None, Option(metavar="A,B", help="Show two vehicles in a typical child where they meet.")
+    ] = None,
+    write_only: Annotated[
+        bool, Option("--write-only", help="Write the files, print the path, open nothing.")
+    ] = False,
+) -> None:
+    """Open futures in sumo-gui."""
+    from scex_sumo.results.info import as_written
+    from scex_sumo.results.run import open_run
+    from scex_sumo.views.children import write_child, write_encounter, write_grid, write_worst
+
+    if sum(option is not None for option in (child, grid or critical, encounter)) > 1:
+        raise UsageError("view: --child, --critical and --encounter exclude one another; give one of them")
+    with as_written(folder):
+        run = open_run(folder)
+        if grid is not None:
+            file = write_grid(run, grid, critical)
+        elif critical is not None:
+            file = write_worst(run, critical)
+        elif encounter is not None:
+            file = write_encounter(run, *two_tracks(encounter))
+        else:
+            file = write_child(run, 0 if child is None else child)
+    if write_only:
+        print(file)
+    else:
+        _show(file)
+
+
+def _show(file: Path) -> None:
+    """Open a file in sumo-gui until its window is closed.
+
+    Raises:
+        ScexError: there is no display, or sumo-gui fails.
+    """
+    if not os.environ.get("DISPLAY") and sys.platform.startswith("linux"):
+        raise ScexError(
+            f"no display to open sumo-gui on; on a machine that has one: sumo-gui -c {shlex.quote(str(file))}"
+        )
+    command = [program("sumo-gui"), "-c", file.name]  # SUMO splits paths at commas
+    status = subprocess.run(command, check=False, env=environment(), cwd=file.parent).returncode
+    if status != 0:
+        raise ScexError(f"sumo-gui ended with status {status}; try it by hand: sumo-gui -c {file}")

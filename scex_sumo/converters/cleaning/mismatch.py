@@ -1,0 +1,87 @@
+"""Mismatch of tracks and map: a wrong origin, or a map of another site."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.cleaning.align import Evidence, on_lanes
+from scex_sumo.geometry.polylines import along, arc_lengths, wrap
+from scex_sumo.road import Road
+
+MIN_SHARE_ON_LANES = 0.1  # a recording with less of its driving on lanes does not belong to its map
+FITTING_SHARE = 0.8  # with this much of the driving on lanes after a shift, the map is the right one
+MIN_TRACKS, MIN_COURSES = 3, 3
+CELL_M, COURSES, MAX_CELLS = 4.0, 8, 1500
+
+
+def explain_mismatch(samples: Evidence, road: Road) -> str:
+    """Explain why tracks do not lie on a map's lanes: a phrase with the remedy.
+
+    If one shift puts all tracks onto lanes, the origin is wrong; if none does, the map is another site's. Few
+    tracks, or tracks of few directions, fit any map somewhere and tell nothing.
+    """
+    used = f"(used: {road.origin[0]:g},{road.origin[1]:g})"
+    wrong = f"the map's origin is not the recording's {used}"
+    both = f"{wrong}, or the map is another site's; give --origin LAT,LON"
+    if samples.tracks < MIN_TRACKS or len(np.unique(_course(samples.heading))) < MIN_COURSES:
+        return both
+    shift = _best_shift(samples, road)
+    if shift is None:
+        return both
+    dx, dy = shift
+    share = on_lanes(replace(samples, x=samples.x + dx, y=samples.y + dy), road)
+    if share >= FITTING_SHARE:
+        return (
+            f"{wrong}: moved by {dx:+.0f} m, {dy:+.0f} m, {share:.0%} of its driving is on lanes; give "
+            "--origin LAT,LON"
+        )
+    return "and no other origin would put them there: the tracks are of another map; give theirs"
+
+
+def _course(heading: FloatArray) -> FloatArray:
+    """Return directions in eighths of a turn, 0 to 7."""
+    return np.asarray(np.rint(wrap(heading) / (2.0 * np.pi / COURSES)) % COURSES)
+
+
+def _best_shift(samples: Evidence, road: Road) -> tuple[float, float] | None:
+    """Return the shift in m that puts most poses onto lanes of their direction; None if all is too large."""
+    from scipy.signal import fftconvolve  # as slow to import as all the rest, and hardly ever needed
+
+    lanes = [_dense(lane.centreline) for lane in road.vehicle_lanes.values() if len(lane.centreline) > 1]
+    if not lanes:
+        return None
+    lane_points = np.concatenate(lanes)
+    poses = np.stack((samples.x, samples.y, samples.heading), axis=1)
+    low = [points[:, :2].min(axis=0) for points in (lane_points, poses)]
+    size = [np.ptp(points[:, :2], axis=0) // CELL_M + 1 for points in (lane_points, poses)]
+    if max(float(s.max()) for s in size) > MAX_CELLS:
+        return None
+    shape = [tuple(int(n) for n in s) for s in size]
+    total = np.zeros([a + b - 1 for a, b in zip(*shape, strict=True)])
+    for course in range(COURSES):
+        there, here = (
+            _cells(points[_course(points[:, 2]) == course], begin, cells)
+            for points, begin, cells in zip((lane_points, poses), low, shape, strict=True)
+        )
+        if here.any():
+            total += fftconvolve(np.minimum(there, 1.0), here[::-1, ::-1])
+    at = np.array(np.unravel_index(int(np.argmax(total)), total.shape)) - (np.array(shape[1]) - 1)
+    dx, dy = low[0] - low[1] + CELL_M * at
+    return float(dx), float(dy)
+
+
+def _cells(points: FloatArray, begin: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    counts = np.zeros(shape)
+    np.add.at(counts, tuple(((points[:, :2] - begin) // CELL_M).astype(np.int64).T), 1.0)
+    return counts
+
+
+def _dense(line: FloatArray) -> FloatArray:
+    """Return (n, 3) points of a line, one for each half cell, with its direction there."""
+    arc = arc_lengths(line)
+    s = np.arange(0.0, arc[-1], CELL_M / 2.0)
+    segment = np.clip(np.searchsorted(arc, s, side="right") - 1, 0, len(line) - 2)
+    return np.column_stack((along(line, s), np.arctan2(*np.diff(line, axis=0)[segment].T[::-1])))

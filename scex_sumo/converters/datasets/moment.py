@@ -1,0 +1,75 @@
+"""Moments of a recording that can be seed scenes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray
+from scex_sumo.converters.cleaning.heading import STANDING_MPS
+from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.scene import HISTORY_STEPS, STEP_S
+
+CASE_FRAME = 10
+"""Moment of an INTERACTION v1.2 case: one second is observed before it, three are predicted after it."""
+
+FUTURE_S = 3.0
+STAMP_MS = 0.6
+"""Two stamps closer than this are equal, because stamps are rounded to milliseconds."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """One possible seed scene.
+
+    Attributes:
+        case: id of the case, or an empty string.
+        time_s: in the recording's clock.
+        vehicles: number of vehicles at the moment.
+        complete: number of those that move and are recorded from 1 s before to 3 s after.
+    """
+
+    case: str
+    time_s: float
+    vehicles: int
+    complete: int
+
+
+def find_moments(table: TrackTable, *, every_s: float = STEP_S) -> list[Moment]:
+    """List all possible seed scenes in order of time, at least ``every_s`` apart; one for each case."""
+    rows = table.vehicles
+    if not len(rows):
+        return []
+    complete = (rows.speed > STANDING_MPS) & recorded_throughout(table)
+    chosen = rows.frame_id == CASE_FRAME if table.has_cases else np.full(len(rows), True)
+    # one number per pair of case and stamp
+    stamps, at = np.unique(rows.timestamp_ms[chosen], return_inverse=True)
+    keys, number = np.unique(rows.case[chosen] * len(stamps) + at, return_inverse=True)
+    vehicles = np.bincount(number)
+    good = np.bincount(number, complete[chosen])
+    moments: list[Moment] = []
+    for key, count, whole in zip(keys, vehicles, good, strict=True):
+        time_s = float(stamps[key % len(stamps)]) / 1000.0
+        case = table.cases[key // len(stamps)]
+        same_case = bool(moments) and moments[-1].case == case
+        if same_case and time_s - moments[-1].time_s < every_s - STAMP_MS / 1000.0:
+            continue
+        moments.append(Moment(case=case, time_s=time_s, vehicles=int(count), complete=int(whole)))
+    return moments
+
+
+def recorded_throughout(table: TrackTable) -> BoolArray:
+    """(N,) rows of vehicles that are recorded from 1 s before to 3 s after."""
+    rows = table.vehicles
+    back_ms = 1000.0 * STEP_S * (HISTORY_STEPS - 1 if table.has_cases else HISTORY_STEPS)
+    first, last = (rows.timestamp_ms[end][rows.piece] for end in rows.pieces)
+    return np.asarray(
+        (first <= rows.timestamp_ms - back_ms + STAMP_MS)
+        & (last >= rows.timestamp_ms + 1000.0 * FUTURE_S - STAMP_MS)
+    )
+
+
+def busiest(moments: list[Moment]) -> Moment:
+    """Return the earliest moment with most complete vehicles, then most vehicles."""
+    return max(moments, key=lambda moment: (moment.complete, moment.vehicles))

@@ -1,0 +1,169 @@
+"""Sampling of recorded tracks at other times: on the steps of a seed scene, or at 10 Hz."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.converters.datasets.moment import STAMP_MS
+from scex_sumo.converters.tracks.rows import TrackRows
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.scene import STEP_S, States
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sampled:
+    """The n road users present at a moment, on a grid of T steps; sizes are medians of the track.
+
+    Attributes:
+        track: (n,) index into the rows' labels.
+        length: (n,) m.
+        width: (n,) m.
+        states: (n, T); at constant velocity before and after what is recorded.
+        recorded: (n, T) True within the recorded piece of the track.
+        interpolated: number of steps without a sample of their own within the recorded pieces.
+    """
+
+    track: IntArray
+    length: FloatArray
+    width: FloatArray
+    states: States
+    recorded: BoolArray
+    interpolated: int
+
+
+def sample_tracks(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sampled:
+    """Sample the road users of one case present at a moment, in the order of the rows.
+
+    A sample within 0.6 ms of a step is taken as it is. Between samples positions follow the cubic through
+    both positions and velocities; headings turn the shorter way. The grid (T,) rises and has the moment.
+    """
+    begin, end = rows.pieces
+    stamps = rows.timestamp_ms
+    present = (stamps[begin] <= moment_ms + STAMP_MS) & (stamps[end] >= moment_ms - STAMP_MS)
+    first, last = begin[present][:, None], end[present][:, None]
+    recorded = (grid_ms >= stamps[first] - STAMP_MS) & (grid_ms <= stamps[last] + STAMP_MS)
+    at = _interpolated(rows, first, last, np.broadcast_to(grid_ms, recorded.shape))
+    states = States(x=at.x, y=at.y, heading=wrap(at.heading), speed=np.asarray(np.hypot(at.vx, at.vy)))
+    track = rows.track[begin[present]]
+    sizes = [_usual_size(rows, number) for number in track]
+    return Sampled(
+        track=track,
+        length=np.array([length for length, _ in sizes], np.float64),
+        width=np.array([width for _, width in sizes], np.float64),
+        states=_extend(states, recorded, grid_ms / 1000.0),
+        recorded=recorded,
+        interpolated=int((recorded & ~at.exact).sum()),
+    )
+
+
+def resample_tracks(rows: TrackRows) -> TrackRows:
+    """Sample tracks at every full 0.1 s of the recording's clock; shorter pieces are left out."""
+    begin, end = rows.pieces
+    step_ms = 1000.0 * STEP_S
+    low = np.ceil((rows.timestamp_ms[begin] - STAMP_MS) / step_ms).astype(np.int64)
+    high = np.floor((rows.timestamp_ms[end] + STAMP_MS) / step_ms).astype(np.int64)
+    count = np.maximum(high - low + 1, 0)
+    piece = np.repeat(np.arange(len(begin)), count)
+    frame = np.arange(len(piece)) - (np.cumsum(count) - count)[piece] + low[piece]
+    at = _interpolated(rows, begin[piece], end[piece], step_ms * frame)
+    used, track = np.unique(rows.track[at.nearest], return_inverse=True)
+    return TrackRows(
+        case=rows.case[at.nearest],
+        track=track.astype(np.int64),
+        segment=piece.astype(np.int64),
+        labels=tuple(rows.labels[k] for k in used),
+        types=tuple(rows.types[k] for k in used),
+        frame_id=frame,
+        timestamp_ms=step_ms * frame,
+        x=at.x,
+        y=at.y,
+        vx=at.vx,
+        vy=at.vy,
+        psi_rad=wrap(at.heading),
+        length=rows.length[at.nearest],
+        width=rows.width[at.nearest],
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Interpolated:
+    """Columns of rows at other times; ``nearest``: the nearest row; ``exact``: that row has the time."""
+
+    x: FloatArray
+    y: FloatArray
+    vx: FloatArray
+    vy: FloatArray
+    heading: FloatArray
+    nearest: IntArray
+    exact: BoolArray
+
+
+def _interpolated(rows: TrackRows, first: IntArray, last: IntArray, time_ms: FloatArray) -> _Interpolated:
+    """Columns at times within pieces from first to last rows; constant beyond their ends."""
+    stamps = rows.timestamp_ms
+    right = np.clip(_search(rows, first, time_ms), first, last)
+    left = np.maximum(right - 1, first)
+    nearest = np.where(np.abs(stamps[left] - time_ms) < np.abs(stamps[right] - time_ms), left, right)
+    outside = (time_ms <= stamps[first]) | (time_ms >= stamps[last])
+    exact = np.abs(stamps[nearest] - time_ms) <= STAMP_MS
+    alone = exact | outside
+    i = np.where(alone, nearest, left)
+    j = np.where(alone, nearest, right)
+    span = np.where(i == j, 1.0, (stamps[j] - stamps[i]) / 1000.0)
+    u = np.where(i == j, 0.0, (time_ms - stamps[i]) / 1000.0 / span)
+    return _Interpolated(
+        x=_hermite(rows.x[i], rows.x[j], rows.vx[i] * span, rows.vx[j] * span, u),
+        y=_hermite(rows.y[i], rows.y[j], rows.vy[i] * span, rows.vy[j] * span, u),
+        vx=rows.vx[i] + u * (rows.vx[j] - rows.vx[i]),
+        vy=rows.vy[i] + u * (rows.vy[j] - rows.vy[i]),
+        heading=rows.psi_rad[i] + u * wrap(rows.psi_rad[j] - rows.psi_rad[i]),
+        nearest=nearest,
+        exact=exact,
+    )
+
+
+def _search(rows: TrackRows, first: IntArray, time_ms: FloatArray) -> IntArray:
+    """First row of each piece at or after a time; beyond the piece if there is none."""
+    if not len(rows):
+        return np.zeros(np.broadcast_shapes(first.shape, time_ms.shape), np.int64)
+    # Pieces one after the other on one axis, so that one search finds all.
+    start = rows.timestamp_ms.min() - 1e6
+    length = rows.timestamp_ms.max() + 1e6 - start
+    piece = np.cumsum(np.append(0, np.diff(rows.segment) != 0))
+    axis = rows.timestamp_ms - start + length * piece
+    wanted = np.clip(time_ms - start, 0.0, length) + length * piece[first]
+    return np.asarray(np.searchsorted(axis, wanted), np.int64)
+
+
+def _usual_size(rows: TrackRows, track: int) -> tuple[float, float]:
+    begin, end = np.searchsorted(rows.track, (track, track + 1))
+    length, width = (
+        # Most trackers give a track one size.
+        float(sizes[0]) if (sizes == sizes[0]).all() else float(np.median(sizes))
+        for sizes in (rows.length[begin:end], rows.width[begin:end])
+    )
+    return length, width
+
+
+def _hermite(p: FloatArray, q: FloatArray, dp: FloatArray, dq: FloatArray, u: FloatArray) -> FloatArray:
+    """Cubic through p and q with slopes dp and dq per unit of u."""
+    bend = dp * (1.0 - u) - dq * u + (q - p) * (2.0 * u - 1.0)
+    return p + u * (q - p) + u * (1.0 - u) * bend
+
+
+def _extend(states: States, recorded: BoolArray, time_s: FloatArray) -> States:
+    """(n, T) states, at constant velocity before the first and after the last recorded step."""
+    steps = np.arange(recorded.shape[1])
+    first = np.argmax(recorded, axis=1)[:, None]
+    last = recorded.shape[1] - 1 - np.argmax(recorded[:, ::-1], axis=1)[:, None]
+    source = np.clip(steps, first, last)
+    away = time_s - time_s[source]
+    heading, speed = (np.take_along_axis(a, source, axis=1) for a in (states.heading, states.speed))
+    x = np.take_along_axis(states.x, source, axis=1) + away * speed * np.cos(heading)
+    y = np.take_along_axis(states.y, source, axis=1) + away * speed * np.sin(heading)
+    return States(
+        x=np.where(recorded, states.x, x), y=np.where(recorded, states.y, y), heading=heading, speed=speed
+    )

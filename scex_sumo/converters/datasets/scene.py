@@ -1,0 +1,236 @@
+"""Seed scene of one moment of a recording."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.cleaning.repair import repair_tracks
+from scex_sumo.converters.datasets.moment import CASE_FRAME, STAMP_MS, busiest, find_moments
+from scex_sumo.converters.datasets.sample import Sampled, sample_tracks
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, number_of
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene
+
+FUTURE_STEPS = 50
+"""Steps of the recorded future that a seed scene keeps."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CleanRecording:
+    """A recording from which seed scenes can be taken.
+
+    Attributes:
+        table: repaired and aligned to the map; a file of cases is only aligned, not repaired.
+        findings: one phrase for each kind of defect that was repaired.
+        repair: whether a case is repaired when it is taken.
+    """
+
+    table: TrackTable
+    findings: tuple[str, ...]
+    repair: bool
+
+
+def take_scene(
+    clean: CleanRecording,
+    *,
+    name: str,
+    location: str,
+    case: str | float | None = None,
+    time_s: float | None = None,
+    min_history: int = 0,
+) -> SeedScene:
+    """Take the seed scene of one moment; see `recorded_scene`.
+
+    ``name`` is that of the recording, ``location`` that of the map.
+
+    Raises:
+        TrackError: an unknown case, a moment outside the recording or without vehicles.
+    """
+    table, findings = clean.table, clean.findings
+    if not len(table.vehicles):
+        kinds = ", ".join(sorted(set(table.others.types)))
+        why = f"only {kinds}" if kinds else "none left after repairs"
+        raise TrackError(f"{table.path}: no motor vehicle among the tracks ({why}); give others")
+    case_id = ""
+    if table.has_cases:
+        index = choose_case(table, case, time_s)
+        case_id = table.cases[index]
+        table = table.case(index)
+        if clean.repair:
+            table, more = repair_tracks(table)
+            findings = (*findings, *more)
+    elif case is not None:
+        raise TrackError(
+            f"{table.path}: no case_id column, so no case {case}; choose the moment with --time S"
+        )
+    moment_ms = choose_moment(table, case_id, time_s)
+    return _build(table, name, location, case_id, moment_ms, min_history, findings)
+
+
+def choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
+    """Index of the case by its id; else the first one if a time is given; else the busiest one.
+
+    Raises:
+        TrackError: there is no such case.
+    """
+    if case is None:
+        if time_s is not None:
+            return int(table.vehicles.case.min())
+        candidates = find_moments(table)
+        if not candidates:
+            raise TrackError(
+                f"{table.path}: no case has a vehicle in frame {CASE_FRAME}; choose with --case ID --time S"
+            )
+        return table.cases.index(busiest(candidates).case)
+    if str(case) in table.cases:
+        return table.cases.index(str(case))
+    for index, name in enumerate(table.cases):
+        if _as_number(name) == _as_number(str(case)):
+            return index
+    examples = ", ".join(table.cases[:3]) + (", ..." if len(table.cases) > 3 else "")
+    raise TrackError(f"{table.path}: no case {case}; it has {len(table.cases)} cases: {examples}")
+
+
+def _as_number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:
+    """Stamp of the moment, ms: the nearest frame to a time, else the busiest moment.
+
+    Raises:
+        TrackError: it lies outside the recording, or no vehicle is there.
+    """
+    rows = table.vehicles
+    where = f"{table.path}: case {case_id}" if case_id else f"{table.path}"
+    if not len(rows):
+        raise TrackError(f"{where}: no vehicle (left after repairs); choose another moment or repair=False")
+    if time_s is None:
+        if not table.has_cases:
+            return 1000.0 * busiest(find_moments(table)).time_s
+        here = rows.timestamp_ms[rows.frame_id == CASE_FRAME]
+        if not len(here):
+            raise TrackError(f"{where}: no vehicle in frame {CASE_FRAME}; choose the moment with --time S")
+        return float(here[0])
+    stamps = np.concatenate((rows.stamps_ms, table.others.stamps_ms))
+    half_ms = 500.0 * table.step_s + STAMP_MS
+    begin, end = stamps.min(), stamps.max()
+    if not np.isfinite(time_s) or not begin - half_ms <= 1000.0 * time_s <= end + half_ms:
+        raise TrackError(
+            f"{where}: no moment at {time_s:g} s, the recording spans {begin / 1000:.1f} to "
+            f"{end / 1000:.1f} s; choose --time in between"
+        )
+    with_vehicle = rows.stamps_ms
+    wanted = 1000.0 * time_s
+    nearest = float(with_vehicle[np.argmin(np.abs(with_vehicle - wanted))])
+    if abs(nearest - wanted) > 1000.0 * STEP_S and not len(
+        sample_tracks(rows, wanted, np.array([wanted])).track
+    ):
+        raise TrackError(
+            f"{where}: no vehicle at {time_s:g} s; the nearest moment with one is {nearest / 1000:.1f} s"
+        )
+    return nearest if abs(nearest - wanted) <= half_ms else wanted
+
+
+def _build(
+    table: TrackTable,
+    name: str,
+    location: str,
+    case_id: str,
+    moment_ms: float,
+    min_history: int,
+    findings: tuple[str, ...],
+) -> SeedScene:
+    steps_ms = 1000.0 * STEP_S * np.arange(-HISTORY_STEPS, FUTURE_STEPS + 1)
+    grid_ms: FloatArray = (moment_ms + steps_ms).astype(np.float64)
+    rows = table.vehicles
+    cars = sample_tracks(rows, moment_ms, grid_ms)
+    steps = cars.recorded[:, :HISTORY_STEPS].sum(axis=1).astype(np.int64)
+    keep = steps >= min_history
+    if not keep.any():
+        raise TrackError(
+            f"{table.path}: none of {len(keep)} vehicles at {moment_ms / 1000:g} s has {min_history} "
+            "recorded previous steps; choose a later moment or a smaller min_history"
+        )
+    notes = _notes(table, cars, steps[keep], moment_ms, findings)
+    if not keep.all():
+        notes.append(f"{int((~keep).sum())} vehicles with less than {min_history} previous steps left out")
+    valid = cars.recorded[keep, HISTORY_STEPS + 1 :]
+    states = cars.states[keep]
+    ids = [number_of(rows.labels[k]) for k in cars.track[keep]]
+    return SeedScene(
+        name=_moment_name(name, case_id, moment_ms),
+        location=location,
+        time_s=moment_ms / 1000.0,
+        track_ids=np.array(ids, np.int64),
+        types=tuple(rows.types[k] for k in cars.track[keep]),
+        length=cars.length[keep],
+        width=cars.width[keep],
+        history=states[:, : HISTORY_STEPS + 1],
+        recorded_steps=steps[keep],
+        future=states[:, HISTORY_STEPS + 1 :] if valid.any() else None,
+        future_valid=valid if valid.any() else None,
+        obstacles=_obstacles(table.others, moment_ms, grid_ms),
+        notes=tuple(notes),
+        source=_source(table, case_id, moment_ms),
+    )
+
+
+def _obstacles(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Obstacles | None:
+    sampled = sample_tracks(rows, moment_ms, grid_ms)
+    if not len(sampled.track):
+        return None
+    present = sampled.recorded.copy()
+    present[:, HISTORY_STEPS:] = True  # after the recording's end they go on at constant velocity
+    return Obstacles(
+        ids=tuple(rows.labels[k] for k in sampled.track),
+        types=tuple(rows.types[k] for k in sampled.track),
+        length=sampled.length,
+        width=sampled.width,
+        states=sampled.states,
+        present=present,
+    )
+
+
+def _notes(
+    table: TrackTable, cars: Sampled, steps: IntArray, moment_ms: float, findings: tuple[str, ...]
+) -> list[str]:
+    notes = []
+    if findings:
+        notes.append(f"{table.path.name} repaired: {'; '.join(findings)}")
+    if table.rate:
+        notes.append(table.rate)
+    elif cars.interpolated:
+        notes.append(f"{cars.interpolated} missing samples interpolated")
+    earliest = float(table.vehicles.stamps_ms[0])
+    there = min(HISTORY_STEPS, int((moment_ms - earliest + STAMP_MS) // (1000.0 * STEP_S)))
+    if there < HISTORY_STEPS:
+        notes.append(f"{there} of {HISTORY_STEPS} previous steps recorded, constant velocity before")
+    short = int((steps < there).sum())
+    if short:
+        notes.append(
+            f"{short} of {len(steps)} vehicles came within the last second: constant velocity before"
+        )
+    return notes
+
+
+def _moment_name(name: str, case_id: str, moment_ms: float) -> str:
+    time_s = moment_ms / 1000.0
+    when = f"{time_s:.1f}" if abs(time_s - round(time_s, 1)) < 1e-6 else f"{time_s:.3f}"
+    name += f"_case{case_id}" if case_id else ""
+    if not (case_id and when == "1.0"):
+        name += f"_t{when}"
+    return re.sub(r"[^A-Za-z0-9._+-]+", "-", name)
+
+
+def _source(table: TrackTable, case_id: str, moment_ms: float) -> dict[str, Any]:
+    source: dict[str, Any] = {"kind": "tracks", "tracks": str(table.path), "time_s": moment_ms / 1000.0}
+    return source | ({"case": case_id} if case_id else {})

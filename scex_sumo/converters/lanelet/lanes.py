@@ -1,0 +1,317 @@
+"""Lanes of a Lanelet2 map: its lanelets in driving direction, related by Lanelet2's routing graph.
+
+Lanelet2 has two silent gaps, which this module fills. Nobody may use a lanelet of an unknown subtype or
+location; and lanelets are only linked by shared end points.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from lanelet2 import core, geometry, routing
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import MapError
+from scex_sumo.converters.lanelet.file import MapFile, Relation, free_ids
+from scex_sumo.converters.lanelet.tags import default_speed_mps, lane_kind, lane_speed_mps
+from scex_sumo.geometry.polylines import heading, is_on, length_of, mean_width_m, turn, without_repeats
+from scex_sumo.road import Lane
+
+# lanelet2 is untyped: its maps, lanelets, rules and graphs are Any.
+Map = Any
+Rules = Any
+_Lanelet = Any
+_Graph = Any
+
+MIN_LENGTH_M = 0.01  # the net has no place for shorter lanes
+MIN_HEADROOM_M = 3.0  # lanes this far above one another do not conflict; bridges leave 4.5 m and more
+
+ROAD_WIDTH_M = (2.2, 8.0)  # of a lane for cars: narrower ones are for bicycles, wider ones are places
+SAME_END_M = 0.1  # ends of bounds that coincide; one lanelet then leads into the other
+_LOCATIONS = ("", "urban", "nonurban")
+# Lanelet2's own; those that cars may use are not asked about unless the map forbids it.
+_KNOWN_SUBTYPES = {
+    *("road", "highway", "play_street", "emergency_lane", "exit", "parking", "freespace", "vegetation"),
+    *("keepout", "building", "traffic_island"),
+}
+_TRACKS = {"tram", "rail", "railway", "train", "subway", "light_rail"}
+
+MISSED_JOINT_M = 0.6  # from the end of one centreline to the beginning of the next: a careless click
+ALIGNED_RAD = math.radians(15.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Vertex:
+    """One driving direction of a lanelet; it becomes a lane."""
+
+    lane_id: int
+    lanelet: _Lanelet
+    lanelet_id: int
+    left: FloatArray
+    right: FloatArray
+    centreline: FloatArray
+
+    @property
+    def usable(self) -> bool:
+        """Whether the bounds and the centreline are finite lines, and the lane has a length."""
+        lines = (self.left, self.right, self.centreline)
+        finite = all(len(line) > 1 and bool(np.isfinite(line).all()) for line in lines)
+        return finite and length_of(self.centreline) >= MIN_LENGTH_M
+
+
+def drawn_vertices(lanelet_map: Map, rules: Rules, map_file: MapFile) -> list[Vertex]:
+    """Return the driving directions of all lanelets, by ascending id; two if cars may drive both ways."""
+    lanelets = {lanelet.id: lanelet for lanelet in lanelet_map.laneletLayer}
+    vertices = []
+    new_ids = free_ids((*map_file.relations, *lanelets))
+    for i in sorted(lanelets.keys() & map_file.relations.keys()):
+        lanelet = lanelets[i]
+        vertices.append(_vertex(i, lanelet))
+        if vertices[-1].usable and rules.canPass(lanelet) and rules.canPass(lanelet.invert()):
+            vertices.append(replace(_vertex(next(new_ids), lanelet.invert()), lanelet_id=i))
+    return vertices
+
+
+def _vertex(lane_id: int, lanelet: _Lanelet) -> Vertex:
+    left, right = _xy(lanelet.leftBound), _xy(lanelet.rightBound)
+    # Lanelet2 reads past the end of a bound without a segment when it computes the centreline.
+    centreline = _xy(lanelet.centerline) if len(left) > 1 and len(right) > 1 else np.empty((0, 2))
+    return Vertex(
+        lane_id=lane_id, lanelet=lanelet, lanelet_id=lanelet.id, left=left, right=right, centreline=centreline
+    )
+
+
+def _xy(line: Iterable[Any]) -> FloatArray:
+    return without_repeats(np.array([(p.x, p.y) for p in line], dtype=np.float64).reshape(-1, 2))
+
+
+def related_lanes(
+    lanelet_map: Map, vertices: list[Vertex], rules: Rules, map_file: MapFile, country: str
+) -> dict[int, Lane]:
+    """Return the lanes by id; the country's speed limits apply where the map gives none."""
+    lanes = {v.lane_id: _lane(v, rules, map_file, country) for v in vertices}
+    # Distance alone as cost: travel time would ask for speeds, and fails on signs Lanelet2 does not know.
+    try:
+        graph = routing.RoutingGraph(lanelet_map, rules, [routing.RoutingCostDistance(1.0)])
+    except RuntimeError as error:
+        raise MapError(f"{map_file.path}: Lanelet2 finds no routes in it ({error})") from None
+    driven = [v for v in vertices if lanes[v.lane_id].kind == "vehicle"]
+    ids = {(v.lanelet_id, v.lanelet.inverted()): v.lane_id for v in driven}
+    stacked = bool(np.ptp([node.ele for node in map_file.nodes.values()]) > MIN_HEADROOM_M)
+    for v in driven:
+        lanes[v.lane_id] = replace(lanes[v.lane_id], **_relations(graph, v, ids, stacked))
+    return lanes
+
+
+def _lane(vertex: Vertex, rules: Rules, map_file: MapFile, country: str) -> Lane:
+    relation = map_file.relations[vertex.lanelet_id]
+    kind = lane_kind(relation.tags, vehicle=rules.canPass(vertex.lanelet))
+    speed = lane_speed_mps(relation, map_file) or default_speed_mps(relation.tags, kind, country)
+    return Lane(
+        lane_id=vertex.lane_id,
+        centreline=vertex.centreline,
+        left_bound=vertex.left,
+        right_bound=vertex.right,
+        width_m=mean_width_m(vertex.left, vertex.right),
+        speed_limit_mps=speed,
+        kind=kind,
+        subtype=relation.tags.get("subtype", ""),
+        location=relation.tags.get("location", ""),
+        reverse_of=vertex.lanelet_id if vertex.lane_id != vertex.lanelet_id else None,
+    )
+
+
+def _relations(
+    graph: _Graph, vertex: Vertex, ids: dict[tuple[int, bool], int], stacked: bool
+) -> dict[str, Any]:
+    """Return the routing graph's relations of a lane, by attribute of `Lane`."""
+
+    def lane_ids(others: Iterable[Any]) -> tuple[int, ...]:
+        lanelets = [other for other in others if isinstance(other, core.ConstLanelet)]  # areas are no lanes
+        keys = {(other.id, other.inverted()) for other in lanelets}
+        return tuple(sorted(ids[key] for key in keys if key in ids))
+
+    def lane_id(other: _Lanelet | None) -> int | None:
+        return next(iter(lane_ids([other] if other else [])), None)
+
+    lanelet = vertex.lanelet
+    left, right = lane_id(graph.left(lanelet)), lane_id(graph.right(lanelet))
+    conflicting = [
+        other
+        for other in graph.conflicting(lanelet)
+        # A two-way lanelet's own other direction is no crossing; see Lane.reverse_of.
+        if other.id != vertex.lanelet_id and not (stacked and not _on_one_level(lanelet, other))
+    ]
+    return {
+        "successors": lane_ids(graph.following(lanelet)),
+        "predecessors": lane_ids(graph.previous(lanelet)),
+        "left": left,
+        "right": right,
+        "adjacent_left": left if left is not None else lane_id(graph.adjacentLeft(lanelet)),
+        "adjacent_right": right if right is not None else lane_id(graph.adjacentRight(lanelet)),
+        "conflicts": lane_ids(conflicting),
+    }
+
+
+def _on_one_level(lanelet: _Lanelet, other: _Lanelet) -> bool:
+    # Lanelet2 measures heights along the first: ask both ways.
+    return any(geometry.overlaps3d(a, b, MIN_HEADROOM_M) for a, b in ((lanelet, other), (other, lanelet)))
+
+
+def unknown_subtypes(
+    vertices: list[Vertex], rules: Rules, map_file: MapFile
+) -> tuple[dict[str, set[int]], dict[str, set[int]]]:
+    """Find the lanelets of unknown subtype or location: those that are roads, and the others.
+
+    A road is as wide as a car needs, and connected to a road that cars may use, directly or over others of
+    unknown subtype. The rest of its subtype is a road if connected. In a map without any known road all
+    connected lanelets are roads.
+
+    Returns:
+        Lanelet ids of the roads, and of the others, each by the unknown tag in words.
+    """
+    driven = {v.lanelet_id for v in vertices if rules.canPass(v.lanelet)}
+    unknown = {
+        v.lanelet_id: word
+        for v in vertices
+        if v.lanelet_id not in driven and (word := _unknown_tag(map_file.relations[v.lanelet_id]))
+    }
+    wide = {
+        v.lanelet_id
+        for v in vertices
+        if v.lanelet_id in unknown and ROAD_WIDTH_M[0] <= mean_width_m(v.left, v.right) <= ROAD_WIDTH_M[1]
+    }
+    linked = _linked([v for v in vertices if v.lanelet_id in driven | wide]) if wide else {}
+    connected = {i for i in wide if linked.get(i)}
+    roads = _reached(driven, linked) & wide if driven else connected
+    while more := {i for i in connected - roads if unknown[i] in {unknown[j] for j in roads}}:
+        roads |= _reached(more, linked) & wide
+    return _by_word(unknown, roads), _by_word(unknown, set(unknown) - roads)
+
+
+def as_roads(map_file: MapFile, lanelets: Iterable[int]) -> MapFile:
+    """Return the map with some lanelets tagged as roads, in towns if their location is unknown."""
+    relations = dict(map_file.relations)
+    for i in lanelets:
+        tags = {**relations[i].tags, "subtype": "road"}
+        if tags.get("location", "") not in _LOCATIONS:
+            tags["location"] = "urban"
+        relations[i] = replace(relations[i], tags=tags)
+    return replace(map_file, relations=relations)
+
+
+def _unknown_tag(lanelet: Relation) -> str:
+    """Return the unknown subtype or location in words; empty if cars may not use it for another reason."""
+    subtype, location = lanelet.tags.get("subtype", ""), lanelet.tags.get("location", "")
+    if lane_kind(lanelet.tags, vehicle=False) != "other" or subtype.lower() in _TRACKS:
+        return ""
+    if any(key.startswith("participant:") for key in lanelet.tags):
+        return ""  # the map says itself who may use it
+    if subtype not in _KNOWN_SUBTYPES:
+        return f"subtype {subtype}" if subtype else "no subtype"
+    return f"location {location}" if location not in _LOCATIONS else ""
+
+
+def _linked(vertices: list[Vertex]) -> dict[int, set[int]]:
+    """Return for each lanelet those that begin where it ends, or end where it begins."""
+    starts = np.array([[*v.left[0], *v.right[0]] for v in vertices])
+    ends = np.array([[*v.left[-1], *v.right[-1]] for v in vertices])
+    linked: dict[int, set[int]] = {v.lanelet_id: set() for v in vertices}
+    for k, end in enumerate(ends):
+        for j in np.flatnonzero(np.abs(starts - end).max(axis=1) < SAME_END_M):
+            linked[vertices[k].lanelet_id].add(vertices[j].lanelet_id)
+            linked[vertices[j].lanelet_id].add(vertices[k].lanelet_id)
+    return {i: others - {i} for i, others in linked.items()}
+
+
+def _reached(sources: Iterable[int], linked: Mapping[int, set[int]]) -> set[int]:
+    reached = set(sources)
+    stack = list(reached)
+    while stack:
+        fresh = linked.get(stack.pop(), set()) - reached
+        reached |= fresh
+        stack += fresh
+    return reached
+
+
+def _by_word(unknown: Mapping[int, str], ids: Iterable[int]) -> dict[str, set[int]]:
+    words: dict[str, set[int]] = {}
+    for i in sorted(ids):
+        words.setdefault(unknown[i], set()).add(i)
+    return words
+
+
+def join_lanes(lanes: Mapping[int, Lane]) -> tuple[dict[int, Lane], list[int], list[int]]:
+    """Link aligned vehicle lanes whose ends meet, if at least one end is loose and neither has a choice.
+
+    The loose end is moved to meet the other.
+
+    Returns:
+        All lanes; ids of the linked ones; ids of those that still begin within other traffic.
+    """
+    result = dict(lanes)
+    driven = {i: lane for i, lane in lanes.items() if lane.kind == "vehicle"}
+    loose_starts = {i for i, lane in driven.items() if not lane.predecessors}
+    loose_ends = {i for i, lane in driven.items() if not lane.successors}
+    if not loose_starts and not loose_ends:
+        return result, [], []
+    pairs = _missed_joints(driven, loose_starts, loose_ends)
+    for before, after in pairs:
+        _link(result, before, after, move_start=after in loose_starts)
+    linked = {i for pair in pairs for i in pair}
+    inside = _inside(result, loose_starts - linked, (loose_starts | loose_ends) - linked)
+    return result, sorted(linked), inside
+
+
+def _missed_joints(lanes: Mapping[int, Lane], starts: set[int], ends: set[int]) -> list[tuple[int, int]]:
+    ids = list(lanes)
+    first = np.array([lanes[i].centreline[0] for i in ids])
+    last = np.array([lanes[i].centreline[-1] for i in ids])
+    pairs = []
+    for k, i in enumerate(ids):
+        for m in np.flatnonzero(np.hypot(*(first - last[k]).T) < MISSED_JOINT_M):
+            j = ids[m]
+            if i != j and (j in starts or i in ends) and _aligned(lanes[i], lanes[j]):
+                pairs.append((i, j))
+    befores, afters = [i for i, _ in pairs], [j for _, j in pairs]
+    return [(i, j) for i, j in pairs if befores.count(i) == 1 and afters.count(j) == 1]
+
+
+def _aligned(before: Lane, after: Lane) -> bool:
+    bent = turn(heading(before.centreline, end=True), heading(after.centreline, end=False))
+    alike = 0.6 < before.width_m / max(after.width_m, 0.1) < 1.7
+    return abs(bent) < ALIGNED_RAD and alike and before.reverse_of != after.lane_id != before.lane_id
+
+
+def _link(lanes: dict[int, Lane], before: int, after: int, *, move_start: bool) -> None:
+    one, other = lanes[before], lanes[after]
+    if move_start:
+        other = replace(other, centreline=_begun_at(other.centreline, one.centreline[-1]))
+    else:
+        one = replace(one, centreline=_begun_at(one.centreline[::-1], other.centreline[0])[::-1])
+    lanes[before] = replace(one, successors=tuple(sorted({*one.successors, after})))
+    lanes[after] = replace(other, predecessors=tuple(sorted({*other.predecessors, before})))
+    for i, j in ((before, after), (after, before)):
+        lanes[i] = replace(lanes[i], conflicts=tuple(k for k in lanes[i].conflicts if k != j))
+
+
+def _begun_at(line: FloatArray, start: FloatArray) -> FloatArray:
+    """Return a polyline with a new beginning, without the points that lie behind it."""
+    direction = line[-1] - line[0] if len(line) == 2 else line[1] - line[0]
+    ahead = line[1:][(line[1:] - start) @ direction > 1e-3]
+    return np.vstack([start, ahead if len(ahead) else line[-1:]])
+
+
+def _inside(lanes: Mapping[int, Lane], starts: set[int], loose: set[int]) -> list[int]:
+    """Return the lanes in ``starts`` that begin on another lane, away from that lane's loose ends."""
+    inside = []
+    for i in sorted(starts):
+        others = [lanes[j] for j in lanes[i].conflicts if j in lanes]
+        tip = lanes[i].centreline[0]
+        if any(is_on(other.centreline, tip, loose_ends=other.lane_id in loose) for other in others):
+            inside.append(i)
+    return inside

@@ -1,0 +1,120 @@
+"""Files by name and content: packed ones opened, found beside others, and named."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import math
+import os
+import re
+import zlib
+from pathlib import Path
+from typing import Any, BinaryIO, TextIO
+
+from scex_sumo.base.errors import InputError
+
+MAX_UNPACKED_MB = 2000
+_LIMIT = "SCEX_MAX_UNPACKED_MB"
+_BEGINNING = 2**16  # bytes; SUMO writes its configuration first
+
+
+def open_binary(path: Path) -> BinaryIO:
+    """Open a file to read bytes; a gzip file is unpacked, whatever its name, up to a limit.
+
+    Reading beyond `MAX_UNPACKED_MB`, or what the environment variable of that name says, is an `InputError`.
+    """
+    with path.open("rb") as file:
+        packed = file.read(2) == b"\x1f\x8b"
+    return io.BufferedReader(_Unpacked(path), 2**20) if packed else path.open("rb")
+
+
+class _Unpacked(io.RawIOBase):
+    """Unpacked bytes of a gzip file, up to a limit, because a small file can fill any memory."""
+
+    def __init__(self, path: Path) -> None:
+        self._file, self._path, self._bytes = gzip.GzipFile(path), path, 0
+        allowed = number(os.environ.get(_LIMIT))
+        self._megabytes = allowed if allowed > 0 else MAX_UNPACKED_MB
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        count = self._file.readinto(buffer)
+        self._bytes += count
+        if self._bytes > 1e6 * self._megabytes:
+            raise InputError(
+                f"{self._path}: more than {self._megabytes:g} MB when unpacked; set {_LIMIT}=N to read N MB"
+            )
+        return count
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+
+def open_text(path: Path, *, errors: str = "strict") -> TextIO:
+    """Open a file to read text, without a byte order mark; a gzip file is unpacked."""
+    return io.TextIOWrapper(open_binary(path), encoding="utf-8-sig", errors=errors, newline="")
+
+
+def beginning(path: Path) -> bytes:
+    """First 64 KiB of a file, unpacked if it is named ``.gz``; empty if it cannot be read."""
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            return file.read(_BEGINNING)
+    except (OSError, EOFError, zlib.error):
+        return b""
+
+
+_CONTENTS = (
+    (b"\x89MCAP", "an MCAP recording"),
+    (b"\x80", "a Python pickle"),
+    (b"PK\x03\x04", "a zip archive"),
+    (b"PAR1", "a Parquet table"),
+    (b"\x89HDF", "an HDF5 file"),
+    (b"SQLite", "an SQLite database"),
+    (b"{", "JSON"),
+    (b"[", "JSON"),
+)
+
+
+def other_content(path: Path) -> str:
+    """What a file is by its first bytes, if it is neither XML nor a table of text; else empty."""
+    start = beginning(path).removeprefix(b"\xef\xbb\xbf").lstrip()
+    return next((word for magic, word in _CONTENTS if start.startswith(magic)), "")
+
+
+def plain_or_packed(path: Path) -> Path | None:
+    """The file, or ``FILE.gz``; None if neither exists."""
+    packed = path.with_name(f"{path.name}.gz")
+    return path if path.is_file() else packed if packed.is_file() else None
+
+
+def all_plain_or_packed(folder: Path, pattern: str) -> list[Path]:
+    """Files of a folder by a pattern of their unpacked names, sorted; the plain one of both."""
+    by_name = {unpacked_name(file): file for file in folder.glob(f"{pattern}.gz")}
+    by_name |= {file.name: file for file in folder.glob(pattern)}
+    return [by_name[name] for name in sorted(by_name)]
+
+
+def unpacked_name(path: str | Path) -> str:
+    """Name of a file without ``.gz``."""
+    return Path(path).name.removesuffix(".gz")
+
+
+def map_name(map_path: str | Path) -> str:
+    """Name of a map: its file's name without the ending.
+
+    Bytes that are not UTF-8 become ``-``, because other programs open files of that name.
+    """
+    name = re.sub("[\udc80-\udcff]", "-", unpacked_name(map_path))
+    return Path(name).stem.removesuffix(".net")
+
+
+def number(text: str | None) -> float:
+    """Number that a text holds; nan if it holds none."""
+    try:
+        return float(text or "nan")
+    except ValueError:
+        return math.nan

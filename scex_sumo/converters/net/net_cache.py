@@ -1,0 +1,70 @@
+"""Cache of converted nets: the next run on the same map takes its net from the user's cache.
+
+The key is the road; `cached_bytes` adds the state of our code, so another map or version never matches.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import pickle
+from pathlib import Path
+
+from scex_sumo.base.cache import cached_bytes
+from scex_sumo.base.version import __version__, version_of
+from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet, net_file
+from scex_sumo.road import MapLoss, Road
+
+_ENDINGS = (".net.xml", ".lanes.csv", ".add.xml")
+
+
+def converted(road: Road, net_path: Path, *, keep: bool = True) -> SumoNet:
+    """Convert a road as `convert` does, or take the net from the cache.
+
+    ``keep=False`` neither reads nor writes the cache.
+    """
+    made: list[SumoNet] = []
+
+    def make() -> bytes:
+        from scex_sumo.converters.net.convert import convert
+
+        made.append(convert(road, net_path))
+        return _packed(made[0]) if keep else b""
+
+    if keep:
+        key = hashlib.sha256(pickle.dumps((__version__, version_of("shapely"), road)))
+        packed = cached_bytes("nets", key.digest(), make)
+    else:
+        packed = make()
+    return made[0] if made else _unpacked(packed, net_path)
+
+
+def _file(net_path: Path, ending: str) -> Path:
+    return net_path if ending == ".net.xml" else net_file(net_path, ending)
+
+
+def _packed(net: SumoNet) -> bytes:
+    """Return the files of a net and everything that a `SumoNet` says of them, as JSON."""
+    content = {
+        "files": {ending: _file(net.path, ending).read_text(encoding="utf-8") for ending in _ENDINGS},
+        "rows": net.lanes.rows,
+        "ends": net.lanes.ends,
+        "notes": net.notes,
+        "losses": [dataclasses.asdict(loss) for loss in net.losses],
+    }
+    return json.dumps(content).encode()
+
+
+def _unpacked(packed: bytes, net_path: Path) -> SumoNet:
+    content = json.loads(packed)
+    for ending, text in content["files"].items():
+        _file(net_path, ending).write_text(text, encoding="utf-8")
+    ends = {lane: (before, after) for lane, (before, after) in content["ends"].items()}
+    return SumoNet(
+        path=net_path,
+        extras=_file(net_path, ".add.xml"),
+        lanes=LaneTable([(lanelet, lane) for lanelet, lane in content["rows"]], ends),
+        notes=tuple(content["notes"]),
+        losses=tuple(MapLoss(**{**loss, "elements": tuple(loss["elements"])}) for loss in content["losses"]),
+    )

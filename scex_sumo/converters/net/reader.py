@@ -1,0 +1,308 @@
+"""Reader of SUMO nets (``.net.xml``, gzipped or not): lanes, links and junctions, whoever wrote the net.
+
+sumolib's reader would do, but it drops the lane changes that a lane forbids.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TypeVar
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import shapely
+
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.errors import MapError
+from scex_sumo.converters.naming import open_binary
+from scex_sumo.road import Georeference
+
+DEFAULT_WIDTH_M = 3.2  # SUMO's own for lanes without a width
+CAR = "passenger"
+
+Made = TypeVar("Made")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SumoLane:
+    """A lane of a net.
+
+    Attributes:
+        index: 0 is the rightmost lane of the edge.
+        length_m: as written, which may differ from the shape's.
+        cars: whether passenger cars may use it; ``change_left`` and ``change_right`` are for them, too.
+        function: of its edge: ``normal``, ``internal``, ``crossing`` or ``walkingarea``.
+    """
+
+    lane_id: str
+    edge_id: str
+    index: int
+    shape: FloatArray
+    length_m: float
+    speed_mps: float
+    width_m: float
+    cars: bool
+    change_left: bool
+    change_right: bool
+    function: str
+
+    @property
+    def internal(self) -> bool:
+        """Whether it lies inside a junction."""
+        return self.function == "internal"
+
+    @cached_property
+    def line(self) -> shapely.LineString:
+        """The shape as a geometry."""
+        return shapely.LineString(self.shape)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SumoLink:
+    """A connection between lanes of two normal edges.
+
+    Attributes:
+        via: internal lanes in driving order; empty in nets without internal lanes.
+        junction: its junction, or empty if no request belongs to it.
+        row: its row in the junction's requests, or -1.
+        signal: id of its traffic light, or empty.
+        signal_index: its place in that light's phases, or -1.
+    """
+
+    from_lane: str
+    to_lane: str
+    via: tuple[str, ...]
+    junction: str
+    row: int
+    state: str
+    signal: str
+    signal_index: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Junction:
+    """A junction with its right of way.
+
+    Attributes:
+        kind: SUMO's type, e.g. ``priority``, ``allway_stop``.
+        shape: (P, 2) outline, m; may be empty.
+        response: (n, n) True where the row's link must give way to the column's.
+        foes: (n, n) True where the two links are in each other's way.
+    """
+
+    kind: str
+    shape: FloatArray
+    response: BoolArray
+    foes: BoolArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NetContent:
+    """Lanes, links and junctions of a net, by id.
+
+    Attributes:
+        edges: lane ids of each edge, from right to left.
+        following: lanes that a car enters after a lane, internal ones included.
+        offset: (2,) m, what the coordinates are ahead of the projection's.
+        phases: states of all phases of each traffic light, all programs together.
+    """
+
+    path: Path
+    lanes: Mapping[str, SumoLane]
+    edges: Mapping[str, tuple[str, ...]]
+    links: tuple[SumoLink, ...]
+    following: Mapping[str, tuple[str, ...]]
+    junctions: Mapping[str, Junction]
+    offset: FloatArray
+    projected: bool
+    phases: Mapping[str, tuple[str, ...]]
+
+    @cached_property
+    def car_lanes(self) -> dict[str, SumoLane]:
+        """Lanes for passenger cars."""
+        return {i: lane for i, lane in self.lanes.items() if lane.cars}
+
+    @cached_property
+    def car_links(self) -> list[SumoLink]:
+        """Links between lanes for passenger cars."""
+        return [k for k in self.links if k.from_lane in self.car_lanes and k.to_lane in self.car_lanes]
+
+    def in_map(self, place: Georeference | None) -> NetContent:
+        """Shift lane shapes to the coordinates of a map; ``offset`` is what they were ahead of these."""
+        offset = self.offset
+        if place is not None and self.projected:
+            offset = offset + np.array([place.east_m, place.north_m])
+        lanes = {i: replace(lane, shape=lane.shape - offset) for i, lane in self.lanes.items()}
+        return replace(self, lanes=lanes, offset=offset)
+
+
+def unpacked(path: Path) -> bytes:
+    """Read a net or another file of SUMO's, gzipped or not."""
+    try:
+        with open_binary(path) as file:
+            return file.read()
+    except FileNotFoundError:
+        raise MapError(f"{path}: no such net; convert the map first") from None
+    except (OSError, EOFError, zlib.error) as error:
+        raise MapError(f"{path}: cannot be read: {error}; check the path of the net") from None
+
+
+def net_root(path: Path) -> Element:
+    """Return the XML root element of a net.
+
+    Raises:
+        MapError: the file is missing or no SUMO net.
+    """
+    try:
+        root = ElementTree.fromstring(unpacked(path))
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter of its encoding
+        raise MapError(f"{path}: not XML ({error}); build the net again with netconvert") from None
+    if root.tag != "net":
+        raise MapError(f"{path}: no SUMO net, its root element is <{root.tag}>; give a SUMO .net.xml")
+    return root
+
+
+def points_of(shape: str) -> FloatArray:
+    """Return the points (P, 2) of a shape; SUMO may mix points with and without a height."""
+    return np.array([point.split(",")[:2] for point in shape.split()], dtype=np.float64).reshape(-1, 2)
+
+
+def read_net(path: Path) -> NetContent:
+    """Read a SUMO net, in its own coordinates.
+
+    Raises:
+        MapError: the file is missing, no SUMO net, or holds an element that misses something.
+    """
+    root = net_root(path)
+    lanes = {}
+    for edge in root.iter("edge"):
+        for element in edge.iter("lane"):
+            lane = _checked(path, element, _lane, edge)
+            lanes[lane.lane_id] = lane
+    edges: dict[str, list[str]] = defaultdict(list)
+    for lane in sorted(lanes.values(), key=lambda lane: (lane.edge_id, lane.index)):
+        edges[lane.edge_id].append(lane.lane_id)
+    phases: dict[str, list[str]] = defaultdict(list)
+    for programme in root.iter("tlLogic"):
+        phases[programme.get("id", "")] += [phase.get("state", "") for phase in programme.iter("phase")]
+    following = _following(root, lanes)
+    location = root.find("location")
+    written = location.attrib if location is not None else {}
+    return NetContent(
+        path=path,
+        lanes=lanes,
+        edges={i: tuple(ids) for i, ids in edges.items()},
+        links=_links(root, following),
+        following=following,
+        junctions={j.get("id", ""): _checked(path, j, _junction) for j in root.iter("junction")},
+        offset=points_of(written.get("netOffset") or "0,0")[0],
+        projected=written.get("projParameter", "").startswith("+proj"),
+        phases={i: tuple(states) for i, states in phases.items()},
+    )
+
+
+def _checked(path: Path, element: Element, make: Callable[..., Made], *context: Element) -> Made:
+    """Read an element; an attribute that is missing or no number is an error that names both."""
+    try:
+        return make(element, *context)
+    except KeyError as error:
+        problem = f"has no {error.args[0]}"
+    except ValueError as error:
+        problem = f"cannot be read ({error})"
+    name = f"<{element.tag} id={element.get('id', '')!r}>"
+    raise MapError(f"{path}: {name} {problem}; build the net again with netconvert") from None
+
+
+def _permits_cars(element: Element, allow: str = "allow", disallow: str = "disallow") -> bool:
+    """Whether an element's lists let passenger cars pass; neither list lets every vehicle pass."""
+    allowed, banned = element.get(allow), element.get(disallow)
+    if allowed:
+        return allowed == "all" or CAR in allowed.split()
+    return not banned or (banned != "all" and CAR not in banned.split())
+
+
+def _lane(lane: Element, edge: Element) -> SumoLane:
+    shape = points_of(lane.attrib["shape"])
+    if not len(shape) or not np.isfinite(shape).all():
+        raise ValueError("its shape has no points, or none on Earth")
+    return SumoLane(
+        lane_id=lane.attrib["id"],
+        edge_id=edge.attrib["id"],
+        index=int(lane.attrib["index"]),
+        shape=shape,
+        length_m=float(lane.attrib["length"]),
+        speed_mps=float(lane.attrib["speed"]),
+        width_m=float(lane.get("width", DEFAULT_WIDTH_M)),
+        cars=_permits_cars(lane),
+        change_left=_permits_cars(lane, "changeLeft", ""),
+        change_right=_permits_cars(lane, "changeRight", ""),
+        function=edge.get("function", "normal"),
+    )
+
+
+def _ends(connection: Element) -> tuple[str, str]:
+    """Return the lanes that a connection leaves and enters."""
+    source = f"{connection.get('from')}_{connection.get('fromLane')}"
+    return source, f"{connection.get('to')}_{connection.get('toLane')}"
+
+
+def _following(root: Element, lanes: Mapping[str, SumoLane]) -> dict[str, tuple[str, ...]]:
+    following: dict[str, list[str]] = defaultdict(list)
+    for connection in root.iter("connection"):
+        source, target = _ends(connection)
+        target = connection.get("via", target)
+        both = source in lanes and target in lanes and lanes[source].cars and lanes[target].cars
+        if both and _permits_cars(connection):
+            following[source].append(target)
+    return {i: tuple(ids) for i, ids in following.items()}
+
+
+def _links(root: Element, following: Mapping[str, tuple[str, ...]]) -> tuple[SumoLink, ...]:
+    rows = {
+        lane: (junction.get("id", ""), row)
+        for junction in root.iter("junction")
+        if junction.get("type") != "internal"
+        for row, lane in enumerate(junction.get("intLanes", "").split())
+    }
+    links = []
+    for connection in root.iter("connection"):
+        if connection.get("from", "").startswith(":"):
+            continue
+        source, target = _ends(connection)
+        chain: list[str] = []  # SUMO splits some ways through a junction at an internal one
+        lane = connection.get("via")
+        while lane is not None and lane.startswith(":") and lane not in chain:
+            chain.append(lane)
+            lane = next(iter(following.get(lane, ())), None)
+        junction, row = next((rows[lane] for lane in chain if lane in rows), ("", -1))
+        links.append(
+            SumoLink(
+                from_lane=source,
+                to_lane=target,
+                via=tuple(chain),
+                junction=junction,
+                row=row,
+                state=connection.get("state", ""),
+                signal=connection.get("tl", ""),
+                signal_index=int(connection.get("linkIndex", -1)),
+            )
+        )
+    return tuple(links)
+
+
+def _junction(junction: Element) -> Junction:
+    requests = sorted(junction.iter("request"), key=lambda request: int(request.attrib["index"]))
+    size = max(len(requests), len(junction.get("intLanes", "").split()))  # SUMO says what is missing
+    bits = np.zeros((2, size, size), dtype=np.bool_)
+    for row, request in enumerate(requests):
+        for matrix, name in zip(bits, ("response", "foes"), strict=True):
+            text = request.get(name, "")[::-1][:size]  # SUMO writes link 0 last
+            matrix[row, : len(text)] = [bit == "1" for bit in text]
+    kind, shape = junction.get("type", ""), points_of(junction.get("shape", ""))
+    return Junction(kind=kind, shape=shape, response=bits[0], foes=bits[1])

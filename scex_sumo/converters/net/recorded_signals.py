@@ -1,0 +1,218 @@
+"""Recorded signal phases (SPaT) as a SUMO traffic light that replays them.
+
+The format is that of the TAF-BW recordings: a CSV ``signal_group_id, timestamp_ms, movement_state``, and
+beside it a KML of the intersection whose lanes name their sinks and signal groups (SAE J2735 MAP data).
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import MapError
+from scex_sumo.converters.lanelet.projection import to_local
+from scex_sumo.converters.net.elements import Connection, NetLayout
+from scex_sumo.converters.net.traffic_lights import Programme, state
+from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
+
+# SAE J2735 movement states in SUMO's letters.
+LETTERS = {
+    "DARK": "O",
+    "UNAVAILABLE": "O",
+    "STOP_THEN_PROCEED": "s",
+    "STOP_AND_REMAIN": "r",
+    "PRE_MOVEMENT": "u",
+    "PERMISSIVE_MOVEMENT_ALLOWED": "G",
+    "PROTECTED_MOVEMENT_ALLOWED": "G",
+    "PERMISSIVE_CLEARANCE": "y",
+    "PROTECTED_CLEARANCE": "y",
+    "CAUTION_CONFLICTING_TRAFFIC": "o",
+}
+NEAR_M = 6.0  # along the lane, between the end of a lanelet and the stop line of the KML
+BESIDE_M = 2.5  # across the lane
+ALIGNED = math.radians(35.0)
+CLOSING_S = 3.0  # yellow between the end of the recording and its beginning
+AHEAD_M = 90.0  # how far beyond the light the exit lane of the KML is looked for
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Movement:
+    """A connection of the intersection's KML: approach and exit lane (P, 2) from the intersection outwards,
+    m.
+    """
+
+    source: FloatArray
+    sink: FloatArray
+    group: int
+
+
+def recorded_programme(
+    layout: NetLayout, origin: tuple[float, float], signals: Path
+) -> tuple[Programme | None, list[str]]:
+    """Return the traffic light that replays a recording (None if it controls no link of the net), and notes.
+
+    Simulation time 0 is the recording's time 0. The recording repeats when it ends.
+
+    Raises:
+        MapError: the CSV does not hold signal phases, or no KML lies beside it.
+    """
+    runs = read_phases(signals)
+    moves = read_movements(_kml_beside(signals), origin)
+    groups: dict[str, int] = {}
+    controlled: list[Connection] = []
+    ways = _Ways(layout)
+    for c in layout.connections:
+        matching = [move.group for move in moves if move.group in runs and _belongs(ways, c, move)]
+        if matching:
+            groups[c.internal.name] = matching[0]
+            controlled.append(c)
+    if not controlled:
+        return None, [f"no connection of the net belongs to a movement of {signals.name}: no lights"]
+    phases = _phases(controlled, groups, runs)
+    programme = Programme(
+        name="tl_recorded", connections=tuple(controlled), phases=phases, programme="recorded"
+    )
+    return programme, []
+
+
+def read_phases(signals: Path) -> dict[int, list[tuple[float, str]]]:
+    """Return (seconds, letter) at each change of each signal group; group -1 holds the recording's end."""
+    groups: dict[int, list[tuple[int, str]]] = {}
+    try:
+        with signals.open(encoding="utf-8", newline="") as file:
+            for row in csv.DictReader(file):
+                group, stamp = int(row["signal_group_id"]), int(row["timestamp_ms"])
+                groups.setdefault(group, []).append((stamp, LETTERS[row["movement_state"].strip().upper()]))
+    except (KeyError, ValueError, TypeError) as error:
+        raise MapError(
+            f"{signals}: not signal phases ({error}); "
+            "the columns are signal_group_id, timestamp_ms, movement_state"
+        ) from None
+    except OSError as error:
+        raise MapError(f"{signals}: cannot read the signal phases: {error.strerror}") from None
+    if not groups:
+        raise MapError(f"{signals}: no signal phases in it")
+    runs: dict[int, list[tuple[float, str]]] = {}
+    for group, rows in groups.items():
+        rows.sort()
+        runs[group] = [
+            (stamp / 1000, letter)
+            for k, (stamp, letter) in enumerate(rows)
+            if k == 0 or rows[k - 1][1] != letter
+        ]
+    runs[-1] = [(max(rows[-1][0] for rows in groups.values()) / 1000, "")]
+    return runs
+
+
+def _kml_beside(signals: Path) -> Path:
+    candidates = sorted(signals.parent.glob("*.kml"))
+    if not candidates:
+        raise MapError(f"{signals}: the intersection's KML must lie beside it to tell its lanes")
+    return candidates[0]
+
+
+def read_movements(kml: Path, origin: tuple[float, float]) -> list[Movement]:
+    """Return the movements of an intersection's KML, in the map's coordinates."""
+    try:
+        root = ET.parse(kml).getroot()
+    except (OSError, ET.ParseError) as error:
+        raise MapError(f"{kml}: not a KML file: {error}") from None
+    lanes: dict[str, FloatArray] = {}
+    ways: list[tuple[str, str, int]] = []
+    for mark in root.findall(".//{*}Placemark"):
+        line = mark.find("{*}LineString/{*}coordinates")
+        data = {d.get("name"): (d.findtext("{*}value") or "") for d in mark.findall(".//{*}Data")}
+        if line is None or "Source" not in data:
+            continue
+        source = data["Source"].strip()
+        points = [triple.split(",") for triple in (line.text or "").split()]
+        degrees = np.array([[float(p[1]), float(p[0])] for p in points])
+        lanes[source] = to_local(degrees, origin)
+        sinks, groups = (data.get(key, "").split(",") for key in ("Sink", "SignalGroup"))
+        ways += [
+            (source, sink.strip(), int(group))
+            for sink, group in zip(sinks, groups, strict=False)
+            if sink.strip() and group.strip()
+        ]
+    return [
+        Movement(source=lanes[a], sink=lanes[b], group=group)
+        for a, b, group in ways
+        if a in lanes and b in lanes and len(lanes[a]) > 1 and len(lanes[b]) > 1
+    ]
+
+
+class _Ways:
+    """Lane shapes of a net by edge and index, and what lies ahead of a connection."""
+
+    def __init__(self, layout: NetLayout) -> None:
+        self.shapes = {
+            (edge.name, k): lane.shape for edge in layout.edges for k, lane in enumerate(edge.lanes)
+        }
+        self._leaving: dict[tuple[str, int], list[Connection]] = {}
+        for c in layout.connections:
+            self._leaving.setdefault((c.from_edge, c.from_lane), []).append(c)
+
+    def ahead(self, connection: Connection, reach_m: float) -> list[FloatArray]:
+        """Return the shapes of edge lanes ahead of a connection, within a distance."""
+        shapes, stack, seen = [], [(connection, reach_m)], {connection.internal.name}
+        while stack:
+            c, left = stack.pop()
+            shape = self.shapes[c.to_edge, c.to_lane]
+            shapes.append(shape)
+            left -= c.internal.length + length_of(shape)
+            for following in self._leaving.get((c.to_edge, c.to_lane), ()):
+                if left > 0 and following.internal.name not in seen:
+                    seen.add(following.internal.name)
+                    stack.append((following, left))
+        return shapes
+
+
+def _belongs(ways: _Ways, c: Connection, move: Movement) -> bool:
+    stop, leaving = move.source[0], turn(math.pi, heading(move.source, end=False, reach=10.0))
+    before = ways.shapes[c.from_edge, c.from_lane]
+    end = before[-1]
+    along, across = _offset(stop - end, heading(before, end=True))
+    if abs(along) > NEAR_M or abs(across) > BESIDE_M or abs(turn(leaving, c.link.entry)) > ALIGNED:
+        return False
+    return any(_leads_along(shape, move.sink) for shape in ways.ahead(c, AHEAD_M))
+
+
+def _offset(vector: FloatArray, angle: float) -> tuple[float, float]:
+    c, s = math.cos(angle), math.sin(angle)
+    return float(c * vector[0] + s * vector[1]), float(c * vector[1] - s * vector[0])
+
+
+def _leads_along(shape: FloatArray, sink: FloatArray) -> bool:
+    probe = along(sink, min(5.0, length_of(sink)))
+    reached, gap = project(probe[None], shape)
+    aligned = abs(turn(heading(sink, end=False, reach=10.0), heading(shape, end=True))) < ALIGNED
+    return bool(gap[0] < BESIDE_M and aligned and reached[0] > 0)
+
+
+def _phases(
+    links: Sequence[Connection], groups: dict[str, int], runs: dict[int, list[tuple[float, str]]]
+) -> tuple[tuple[float, str], ...]:
+    end = runs[-1][0][0]
+    used = {groups[c.internal.name] for c in links}
+    changes = sorted({0.0} | {t for group in used for t, _ in runs[group] if t < end})
+    phases = []
+    for start, stop in zip(changes, [*changes[1:], end], strict=True):
+        lit = {name: _letter(runs[group], start) for name, group in groups.items()}
+        phases.append((round(stop - start, 3), state(links, lit)))
+    # The recording ends with some lights green that are red where it begins again: those turn yellow first.
+    closing = "".join(
+        "y" if last in "Gg" and first in "rsu" else "r" if last in "Gg" and first == "y" else last
+        for last, first in zip(phases[-1][1], phases[0][1], strict=True)
+    )
+    return (*phases, (CLOSING_S, closing)) if "y" in closing else tuple(phases)
+
+
+def _letter(run: Sequence[tuple[float, str]], time: float) -> str:
+    return next(letter for start, letter in reversed(run) if start <= time or start == run[0][0])

@@ -1,0 +1,294 @@
+"""Topology of a SUMO net: cuts rows of lanes into edges and junctions, and finds the paths through junctions.
+
+A vehicle that waits needs room, so road pieces shorter than a car between two conflicts belong to the
+junction. But SUMO separates vehicles only if traffic that has merged drives over an edge before it forks. No
+piece of a junction may therefore have several ways in and several ways out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+from scex_sumo.converters.net.rows import STUB_M, Piece, Row, Zone, build_rows, lay_zones
+from scex_sumo.road import Lane
+from scex_sumo.roads.conflicts import Conflict
+
+Cut: TypeAlias = tuple[int, int]  # row, cut of the row
+
+ROOM_M = 7.5  # a car of 5 m and SUMO's default gap of 2.5 m
+NARROW_M = 4.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Path:
+    """A way through a node, from road piece over junction pieces to road piece: a SUMO connection."""
+
+    start: Piece
+    inside: tuple[Piece, ...]
+    end: Piece
+
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """All pieces in driving order."""
+        return (self.start, *self.inside, self.end)
+
+
+class Chains:
+    """Pieces along the lanes. A row may be replaced by one of the same lanes with other cuts."""
+
+    def __init__(self, rows: Sequence[Row], lanes: Mapping[int, Lane]) -> None:
+        self.rows = list(rows)
+        self.lanes = lanes
+        self.where = {i: (r, k) for r, row in enumerate(rows) for k, i in enumerate(row.lanes)}
+
+    def is_inside(self, piece: Piece) -> bool:
+        """Whether a piece lies in a junction."""
+        return self.rows[piece[0]].inside[piece[1]]
+
+    def road_pieces(self) -> Iterator[Piece]:
+        """Pieces outside of junctions, row by row."""
+        for r, row in enumerate(self.rows):
+            for k in range(row.pieces):
+                if not row.inside[k]:
+                    yield from ((r, k, at) for at in range(len(row.lanes)))
+
+    def ways_from(self, start: Piece) -> Iterator[tuple[Piece, tuple[Piece, ...]]]:
+        """Ways from a road piece through a junction: the road piece behind it, and the pieces inside."""
+        stack: list[tuple[Piece, ...]] = [(start,)]
+        while stack:
+            way = stack.pop()
+            for piece in self.after(way[-1]):
+                if not self.is_inside(piece):
+                    yield piece, way[1:]
+                elif piece not in way:  # a ring that lies completely inside one junction
+                    stack.append((*way, piece))
+
+    def after(self, piece: Piece) -> list[Piece]:
+        """Return the pieces that follow."""
+        row, k, at = piece
+        if k + 1 < self.rows[row].pieces:
+            return [(row, k + 1, at)]
+        lanes = self.lanes[self.rows[row].lanes[at]].successors
+        return [(self.where[i][0], 0, self.where[i][1]) for i in lanes if i in self.where]
+
+    def before(self, piece: Piece) -> list[Piece]:
+        """Return the pieces that precede."""
+        row, k, at = piece
+        if k:
+            return [(row, k - 1, at)]
+        lanes = self.lanes[self.rows[row].lanes[at]].predecessors
+        found = [self.where[i] for i in lanes if i in self.where]
+        return [(r, self.rows[r].pieces - 1, at) for r, at in found]
+
+    def reach(self, piece: Piece, step: Callable[[Piece], list[Piece]]) -> tuple[set[Piece], set[Piece]]:
+        """Return the junction pieces reached (``after`` or ``before``), and the road pieces behind them."""
+        inside, road, stack = {piece}, set(), [piece]
+        while stack:
+            for other in step(stack.pop()):
+                if not self.is_inside(other):
+                    road.add(other)
+                elif other not in inside:
+                    inside.add(other)
+                    stack.append(other)
+        return inside, road
+
+    def is_sound(self, piece: Piece) -> bool:
+        """Whether SUMO can separate vehicles on every way through the junction over this piece."""
+        upstream, _ = self.reach(piece, self.before)
+        downstream, _ = self.reach(piece, self.after)
+        if len(upstream & downstream) > 1 or any(piece in self.after(p) for p in downstream):
+            return False  # a ring within one junction
+        return all(self._is_simple(p) for p in upstream | downstream)
+
+    def _is_simple(self, piece: Piece) -> bool:
+        return any(len(self.reach(piece, step)[1]) < 2 for step in (self.before, self.after))
+
+
+class Topology(Chains):
+    """Graph of cut rows."""
+
+    def __init__(
+        self, rows: Sequence[Row], lanes: Mapping[int, Lane], zones: Sequence[Conflict | Zone]
+    ) -> None:
+        super().__init__(rows, lanes)
+        self._parent: dict[Cut, Cut] = {}
+        self._join_cuts(zones)
+
+    def lane(self, piece: Piece) -> Lane:
+        """Return the lane of a piece."""
+        return self.lanes[self.rows[piece[0]].lanes[piece[2]]]
+
+    def span(self, piece: Piece) -> tuple[float, float]:
+        """Return the arc lengths of a piece on its lane, m."""
+        return self.rows[piece[0]].span(*piece[1:])
+
+    def node(self, row: int, cut: int) -> Cut:
+        """Return the node of a cut of a row, named by its first cut."""
+        root = (row, cut)
+        while self._parent.get(root, root) != root:
+            root = self._parent[root]
+        return root
+
+    def paths_by_node(self) -> dict[Cut, list[Path]]:
+        """Return the paths through each node."""
+        nodes: dict[Cut, list[Path]] = {}
+        for start in self.road_pieces():
+            for end, inside in self.ways_from(start):
+                node = self.node(start[0], start[1] + 1)
+                nodes.setdefault(node, []).append(Path(start=start, inside=inside, end=end))
+        return nodes
+
+    def pieces_on(self, lane_id: int, start: float, end: float) -> list[Piece]:
+        """Return the junction pieces that share some of a stretch of a lane, m."""
+        row, at = self.where[lane_id]
+        pieces = [(row, k, at) for k, inside in enumerate(self.rows[row].inside) if inside]
+        spans = map(self.span, pieces)
+        return [
+            piece
+            for piece, (low, high) in zip(pieces, spans, strict=True)
+            if min(high, end) - max(low, start) > -1e-6
+        ]
+
+    def _unite(self, a: Cut, b: Cut) -> None:
+        a, b = sorted((self.node(*a), self.node(*b)))
+        self._parent[b] = a
+
+    def _join_cuts(self, zones: Sequence[Conflict | Zone]) -> None:
+        for r, row in enumerate(self.rows):
+            for k, inside in enumerate(row.inside):
+                if inside:
+                    self._unite((r, k), (r, k + 1))
+            for i in row.lanes:
+                for j in self.lanes[i].successors:
+                    if j in self.where:
+                        self._unite((r, row.pieces), (self.where[j][0], 0))
+        for zone in zones:
+            spans = zip(zone.lanes, zone.spans, strict=True)
+            touched = [piece for lane, span in spans for piece in self.pieces_on(lane, *span)]
+            for piece in touched[1:]:
+                self._unite(touched[0][:2], piece[:2])
+
+
+def cut_lanes(
+    lanes: Mapping[int, Lane], found: Sequence[Conflict], walked: Sequence[Zone] = ()
+) -> tuple[Topology, list[tuple[int, int]]]:
+    """Cut lanes into roads and junctions, as conflicts, crosswalks (``walked``) and SUMO's junctions require.
+
+    Returns:
+        The graph, and the permitted lane changes (from, to) that it cannot hold.
+    """
+    rows, lost = build_rows(lanes)
+    closed = {i for row in lay_zones(rows, lanes, found) if all(row.inside) for i in row.lanes}
+    # Lanes without a stretch clear of other traffic: the edge for their changes would hide a conflict.
+    inside = [(i, j) for i in sorted(closed) for j in (lanes[i].left, lanes[i].right) if j is not None]
+    lost += [change for change in inside if change not in lost]
+    lanes = {i: replace(x, left=None, right=None) if i in closed else x for i, x in lanes.items()}
+    rows, _ = build_rows(lanes)
+    zones: list[Conflict | Zone] = [*found, *walked]
+    rows = [_with_road_to_change_on(row) for row in lay_zones(rows, lanes, zones)]
+    rows = open_knots(rows, lanes)
+    rows = fill_gaps(Topology(rows, lanes, zones))
+    rows = split_loops(Topology(rows, lanes, zones))
+    return Topology(rows, lanes, zones), lost
+
+
+def _with_road_to_change_on(row: Row) -> Row:
+    if len(row.lanes) == 1 or not all(row.inside):
+        return row
+    return row.with_road(0, min(STUB_M / row.size(0), 1 / 3) * row.cuts[1])
+
+
+def fill_gaps(topology: Topology) -> list[Row]:
+    """Give short road pieces between junction pieces to the junction, shortest first, where that is sound."""
+    chains, node = Chains(topology.rows, topology.lanes), topology.node
+    for _, r, k in sorted(_gaps(chains)):
+        row = chains.rows[r]
+        if row.size(k) > NARROW_M and node(r, k) != node(r, k + 1):
+            continue
+        if len(row.lanes) > 1 and row.inside.count(False) == 1:
+            continue  # its only place for changing lanes
+        chains.rows[r] = row.with_inside(k, True)
+        if not all(chains.is_sound((r, k, at)) for at in range(len(row.lanes))):
+            chains.rows[r] = row
+    return chains.rows
+
+
+def split_loops(topology: Topology) -> list[Row]:
+    """Halve edges that leave a junction and enter it again; netconvert refuses such edges."""
+    result, node = [], topology.node
+    for r, row in enumerate(topology.rows):
+        halved = row
+        for k in reversed(range(row.pieces)):
+            if not row.inside[k] and node(r, k) == node(r, k + 1):
+                halved = halved.with_road(k, (row.cuts[k] + row.cuts[k + 1]) / 2)
+        result.append(halved)
+    return result
+
+
+def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
+    for r, row in enumerate(chains.rows):
+        for k, inside in enumerate(row.inside):
+            pieces = [(r, k, at) for at in range(len(row.lanes))]
+            if inside or row.size(k) >= ROOM_M:
+                continue
+            enclosed = all(
+                any(chains.is_inside(p) for p in chains.before(piece))
+                and any(chains.is_inside(p) for p in chains.after(piece))
+                for piece in pieces
+            )
+            if enclosed:
+                yield row.size(k), r, k
+
+
+def open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
+    """Cut edges into junction pieces until SUMO can handle every junction.
+
+    Cut are pieces where traffic merges and forks again within one junction, and two ways through a junction
+    between the same two road pieces, which SUMO cannot distinguish.
+    """
+    chains = Chains(rows, lanes)
+    for _ in range(sum(row.pieces for row in rows)):
+        knot = _knot(chains)
+        twins = [] if knot else _double_way(chains)
+        if knot:
+            chains.rows[knot[0]] = _opened(chains.rows[knot[0]], knot[1])
+        elif not twins:
+            break
+        for r, k in twins:
+            chains.rows[r] = chains.rows[r].with_inside(k, False)
+    return chains.rows
+
+
+def _knot(chains: Chains) -> tuple[int, int] | None:
+    found = []
+    for r, row in enumerate(chains.rows):
+        for k in range(row.pieces):
+            pieces = [(r, k, at) for at in range(len(row.lanes))]
+            if row.inside[k] and not all(chains.is_sound(piece) for piece in pieces):
+                merging = any(len(chains.before(piece)) > 1 for piece in pieces)
+                found.append((merging, row.size(k), -r, -k))
+    if not found:
+        return None
+    _, _, r, k = max(found)
+    return -r, -k
+
+
+def _double_way(chains: Chains) -> list[tuple[int, int]]:
+    """Find two ways through a junction between the same road pieces; return the longest piece of each."""
+    for start in chains.road_pieces():
+        ways: dict[Piece, tuple[Piece, ...]] = {}
+        for end, way in chains.ways_from(start):
+            other = ways.setdefault(end, way)
+            apart = [[p for p in a if p not in b] for a, b in ((way, other), (other, way))]
+            longest = [max(p, key=lambda q: (chains.rows[q[0]].size(q[1]), q)) for p in apart if p]
+            if longest:
+                return sorted({piece[:2] for piece in longest})
+    return []
+
+
+def _opened(row: Row, piece: int) -> Row:
+    """Insert a short road piece at the beginning of a junction piece, behind the merge; at most a third."""
+    start, end = row.cuts[piece], row.cuts[piece + 1]
+    return row.with_road(piece, start + (end - start) * min(STUB_M / row.size(piece), 1 / 3))

@@ -1,0 +1,182 @@
+"""Registries of map formats and of datasets: each format is asked whether a file is its own.
+
+Wings and other packages add formats by entry points. An entry is a module, or any object, that has the
+functions of `MapFormat` or `Dataset` by their names; the functions with a default may be missing.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import MISSING, dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+from scex_sumo.base.errors import MapError, UsageError
+from scex_sumo.base.registry import Registry
+from scex_sumo.converters.naming import map_name
+from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.road import Road
+
+MAPS = Registry(
+    group="scex_sumo.maps",
+    kind="map format",
+    builtin={"lanelet2": "scex_sumo.converters.maps:LANELET2"},
+)
+DATASETS = Registry(
+    group="scex_sumo.datasets",
+    kind="dataset",
+    builtin={"interaction": "scex_sumo.converters.datasets.interaction:INTERACTION"},
+)
+
+_Format = TypeVar("_Format", "MapFormat", "Dataset")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recording:
+    """Where a recording and its map are.
+
+    Attributes:
+        name: unique within what was searched, fit for a file name.
+        site: recordings of one site share a map.
+        dataset: e.g. ``interaction``, ``taf_bw``, ``commonroad``, ``levelx`` (inD, rounD, highD, exiD).
+        map_path: the map; it need not exist, which `load_recording` then reports.
+        track_paths: consecutive files that make one recording, in order of time.
+
+    Example:
+        >>> (recording,) = scex.find_recordings([scex.example_path("roundabout")])
+        >>> recording.dataset, recording.name
+        ('interaction', 'roundabout')
+    """
+
+    name: str
+    site: str
+    dataset: str
+    map_path: Path
+    track_paths: tuple[Path, ...]
+
+
+def recording_name(map_path: Path, track_paths: Sequence[Path]) -> str:
+    """Name of a recording by its map and its first file, e.g. ``k733_2020-09-15_000``."""
+    stem = re.sub(r"^vehicle_tracks_|_tracks$", "", map_name(track_paths[0]))
+    return name_at(place_name(map_path), stem)
+
+
+def name_at(place: str, stem: str) -> str:
+    """Name of a recording: the place before the recording's own name, unless one holds the other already."""
+    if place.endswith(f"_{stem}"):
+        return place
+    return stem if stem.startswith(place) else f"{place}_{stem}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapFormat:
+    """Map format: which files it recognises, and how it reads them.
+
+    Attributes:
+        is_mine: whether a path is such a map, by its name, else by its beginning; the file may be missing.
+        read: ``read(path, **options)`` gives the road; the options are those of `read_map`.
+        tracks: recording that comes with a map, in it or beside it; None if there is none.
+        name: name of the place, for the names of its recordings and results.
+        asks_for: options by which a user gives tracks for such a map, for messages.
+    """
+
+    is_mine: Callable[[Path], bool]
+    read: Callable[..., Road]
+    tracks: Callable[[Path], Path | None] = lambda path: None
+    name: Callable[[Path], str] = map_name
+    asks_for: str = "--tracks CSV"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Dataset:
+    """Dataset: which files and folders it recognises, and how it reads a recording.
+
+    Attributes:
+        is_mine: whether a file, or a folder that a user names, is a recording of this dataset.
+        read: ``read(paths, net=...)`` gives the recording, nothing repaired, and one phrase for each thing
+            left out; ``net`` is the SUMO net of the map, or None.
+        recordings: recordings, with their maps, of the files of this dataset below a folder.
+        files: files of the recording that a user names by one path; a folder may stand for several.
+        name: name of a recording by its map and its files.
+        origin: latitude and longitude of the coordinates by tracks and map; None if the recording has none.
+        siblings: other recordings by the same tracker at the same site.
+        repair: repair of this dataset's own defects before `repair_tracks`, with a phrase for each kind.
+    """
+
+    is_mine: Callable[[Path], bool]
+    read: Callable[..., tuple[TrackTable, tuple[str, ...]]]
+    recordings: Callable[[Sequence[Path]], Iterable[Recording]] = lambda files: ()
+    files: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
+    name: Callable[[Path, Sequence[Path]], str] = recording_name
+    origin: Callable[[Path, Path], tuple[float, float] | None] = lambda tracks, map_path: None
+    siblings: Callable[[Path], Iterable[Path]] = lambda path: ()
+    repair: Callable[[TrackTable], tuple[TrackTable, tuple[str, ...]]] = lambda table: (table, ())
+
+
+def map_format(path: Path) -> MapFormat:
+    """The format of a map; Lanelet2 for what no other format recognises."""
+    formats: tuple[MapFormat, ...] = _entries(MapFormat)
+    return next(entry for entry in formats if entry.is_mine(path))
+
+
+def refuse_folder(path: Path) -> None:
+    """Refuse a folder that is given as a map.
+
+    Raises:
+        MapError: names one of the maps in it.
+    """
+    if path.is_dir():
+        *others, _ = _entries(MapFormat)
+        maps = (
+            file.name
+            for file in sorted(path.iterdir())
+            if file.suffix == ".osm" or any(entry.is_mine(file) for entry in others)
+        )
+        example = next(maps, "")
+        raise MapError(f"{path}: a folder; give a map{f' in it, e.g. {example}' if example else ''}")
+
+
+def dataset_of(path: Path) -> Dataset:
+    """The dataset of a track file or folder; INTERACTION for what no other dataset recognises."""
+    datasets: tuple[Dataset, ...] = _entries(Dataset)
+    return next(entry for entry in datasets if entry.is_mine(path))
+
+
+def place_name(map_path: Path) -> str:
+    """Name of the place of a map, as its format has it."""
+    return map_format(map_path).name(map_path)
+
+
+@cache
+def _entries(kind: type[_Format]) -> tuple[_Format, ...]:
+    """All formats: those of other packages, then the wings', then the built-in one, which takes the rest.
+
+    A format that cannot be imported is left out with a warning on standard error.
+    """
+    registry = MAPS if kind is MapFormat else DATASETS
+    paths = registry.paths
+    order = sorted(paths, key=lambda name: (name in registry.builtin, paths[name].startswith("scex_sumo.")))
+    entries = []
+    for name in order:
+        try:
+            entries.append(_checked(kind, f"{registry.kind} {name}", registry.load(name)))
+        except UsageError as error:
+            print(f"warning: {registry.kind} {name} is left out: {error}", file=sys.stderr)
+    return tuple(entries)
+
+
+def _checked(kind: type[_Format], said: str, entry: Any) -> _Format:
+    """The functions of an entry.
+
+    Raises:
+        UsageError: one that has no default is missing.
+    """
+    for part in fields(kind):
+        if part.default is MISSING and not hasattr(entry, part.name):
+            raise UsageError(f"{said}: {entry!r} has no function {part.name}")
+    return kind(
+        **{part.name: getattr(entry, part.name) for part in fields(kind) if hasattr(entry, part.name)}
+    )

@@ -1,0 +1,100 @@
+"""``scex-sumo export``: futures in the formats of other tools."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Option
+
+from scex_sumo.base.errors import ScexError, UsageError
+from scex_sumo.commands.options import Result, last_of_list, metric_option, two_tracks
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
+
+
+EXAMPLE = "out/k733 --critical ttc --top 5 --to openscenario -o critical"
+
+
+def _complete_formats(incomplete: str) -> list[str]:
+    from scex_sumo.exporters.registry import EXPORTERS
+
+    return last_of_list(incomplete, EXPORTERS.paths)
+
+
+def export_command(
+    folder: Result,
+    child: Annotated[int | None, Option(metavar="N", help="This future.")] = None,
+    critical: Annotated[str | None, metric_option("The children most critical by this metric.")] = None,
+    encounter: Annotated[
+        str | None, Option(metavar="A,B", help="The children in which these two vehicles come closest.")
+    ] = None,
+    every: Annotated[bool, Option("--all", help="All children.")] = False,
+    top: Annotated[int, Option(metavar="K", help="How many, of --critical or --encounter.")] = 1,
+    to: Annotated[
+        str,
+        Option(
+            metavar="FORMAT",
+            help="interaction, fcd, openscenario, commonroad, sumo, mp4, gif.",
+            autocompletion=_complete_formats,
+        ),
+    ] = "interaction",
+    ego: Annotated[
+        int | None, Option(metavar="TRACK", help="Whose task it is to plan, in a format with planning tasks.")
+    ] = None,
+    map_path: Annotated[
+        Path | None, Option("--map", metavar="MAP", help="The run's map; else where it was.")
+    ] = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="PATH", help="File or folder to write.")
+    ] = None,
+) -> None:
+    """Write futures in another tool's format."""
+    from scex_sumo.exporters.registry import EXPORTERS, Exporter
+    from scex_sumo.exporters.request import Request
+    from scex_sumo.results.info import as_written
+    from scex_sumo.results.run import open_run
+
+    write: Exporter = EXPORTERS.load(to)
+    if sum((child is not None, critical is not None, encounter is not None, every)) != 1:
+        raise UsageError("export: give one of --child N, --critical METRIC, --encounter A,B and --all")
+    if top < 1:
+        raise UsageError(f"--top {top}: needs at least 1")
+    pair = None if encounter is None else two_tracks(encounter)
+    with as_written(folder):
+        run = open_run(folder)
+        request = Request(
+            run=run,
+            children=_children(run, child, critical, pair, top),
+            out=out,
+            ego=ego,
+            critical=critical,
+            encounter=pair,
+            map_path=map_path,
+        )
+        request.ego_index()
+    try:
+        # An error of another package's exporter is no error of the folder.
+        with as_written(folder) if to in EXPORTERS.builtin else nullcontext():
+            files = write(request)
+    except OSError as error:
+        raise ScexError(f"{error.filename or out or '.'}: cannot write: {error.strerror or error}") from None
+    for file in files:
+        print(file)
+
+
+def _children(
+    run: Run, child: int | None, critical: str | None, encounter: tuple[int, int] | None, top: int
+) -> tuple[int, ...]:
+    from scex_sumo.exporters.request import closest_encounters, critical_children
+
+    if child is not None:
+        run.states(child)  # raises if there is no such child
+        return (child,)
+    if critical is not None:
+        return critical_children(run, critical, top)
+    if encounter is None:
+        return tuple(range(run.children))
+    return closest_encounters(run, *encounter, top)

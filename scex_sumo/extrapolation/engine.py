@@ -1,0 +1,239 @@
+"""Run of a seed scene: from checked settings to a finished result folder."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from scex_sumo.base.arrays import IntArray
+from scex_sumo.base.errors import UsageError
+from scex_sumo.base.files import TemporaryFolder, writing
+from scex_sumo.base.version import __version__
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.converters.net.net_cache import converted
+from scex_sumo.extrapolation.fallbacks import count_fallbacks
+from scex_sumo.extrapolation.job import Job, batch_size, batches_of
+from scex_sumo.extrapolation.measure import measure_recorded
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.notes import handover_notes, outcome_notes, recorded_info
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.writing import write_tables
+from scex_sumo.metrics.registry import thresholds_of
+from scex_sumo.results.folder import ResultFolder
+from scex_sumo.results.parts import Part, Parts
+from scex_sumo.results.provenance import describe, digest, versions
+from scex_sumo.results.run import Run
+from scex_sumo.results.under_test import BASELINE
+from scex_sumo.scene import SeedScene
+from scex_sumo.statistics.bands import Look, grow, look
+from scex_sumo.world.base import WORLDS
+
+Progress: TypeAlias = Callable[[int, int], None]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Options of a run that change no value of its result.
+
+    Attributes:
+        batch: children side by side in one world; None for about 6000 vehicles.
+        gui: show the run live in sumo-gui.
+        cache: use the user's cache.
+        compared: whether a checked world is compared with SUMO's.
+        progress: called with (steps done, steps in all).
+        command: the command line, for ``run.json``.
+
+    Raises:
+        UsageError: fewer than one child in a batch.
+    """
+
+    batch: int | None = None
+    gui: bool = False
+    cache: bool = True
+    compared: bool = True
+    progress: Progress | None = None
+    command: Sequence[str] | None = None
+
+    def __post_init__(self) -> None:
+        if self.batch is not None and self.batch < 1:
+            raise UsageError(f"--batch: got {self.batch}, needs at least 1")
+
+
+DEFAULT_OPTIONS = RunOptions()
+
+
+def run_scene(
+    scene: SeedScene,
+    settings: RunSettings,
+    *,
+    out: str | Path | None,
+    workers: Workers,
+    overwrite: bool = False,
+    options: RunOptions = DEFAULT_OPTIONS,
+) -> Run:
+    """Simulate and measure the children of a seed scene; the rest as `extrapolate`.
+
+    Args:
+        scene: the seed scene, with its road.
+        out: result folder; None makes a temporary one.
+    """
+    if scene.road is None:
+        raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
+    settings.check_size(settings.count or 1, scene.vehicles)
+    watch, models = _Stopwatch(), ModelSet.of(settings)
+    if options.cache:
+        models.keep_images()
+    assignment = models.draw(
+        scene.track_ids,
+        children=settings.count if settings.until_band is None else 1,
+        seed=settings.seed,
+        design=settings.design,
+        keep=options.cache,
+    )
+    settings.check_size(len(assignment), scene.vehicles)
+    models.try_on(scene, seed=settings.seed)
+    _check_world(settings, models, options.gui)
+    temporary = TemporaryFolder() if out is None else None
+    path = Path(temporary.name) / "run" if temporary else Path(str(out))
+    folder = ResultFolder(path, _identity(scene, settings, models, assignment), overwrite=overwrite)
+    net_path = folder.path / "sumo" / f"{scene.road.name}.net.xml"
+    with writing(net_path):
+        net = converted(scene.road, net_path, keep=options.cache)
+    watch.lap("convert")
+    job = Job(scene, net, settings, models, assignment, folder.path, options.gui, compared=options.compared)
+    first = _part_of(options.progress, 0, 2) if settings.compared else options.progress
+    job, band = _run_children(job, partial(_run_all, workers=workers, batch=options.batch, progress=first))
+    if settings.compared and not (folder.path / BASELINE / "run.json").is_file():
+        run_scene(
+            scene,
+            _without_test(job),
+            out=folder.path / BASELINE,
+            workers=workers,
+            overwrite=True,
+            options=dataclasses.replace(options, gui=False, progress=_part_of(options.progress, 1, 2)),
+        )
+    watch.lap("simulate_and_measure")
+    recorded = measure_recorded(
+        scene, settings.steps, replan=settings.replan, metrics=settings.measured, preset=settings.rule
+    )
+    part = write_tables(folder, job, recorded, workers=workers)
+    notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
+    info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
+    folder.finish({**info, "timings_s": watch.lap("write")})
+    run = Run(folder.path, temporary)
+    run.intervals = job.intervals
+    return run
+
+
+def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:
+    """Raise a `UsageError` if the world is without SUMO and something needs it."""
+    by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
+    if (by_sumo or gui) and not WORLDS.load(settings.world).has_sumo:
+        what = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"
+        raise UsageError(f"--world {settings.world}: {what}, which is not there; use --world sumo")
+
+
+def _identity(
+    scene: SeedScene, settings: RunSettings, models: ModelSet, assignment: IntArray
+) -> dict[str, Any]:
+    """Return what decides on the values of a run; a run with the same identity resumes in its folder."""
+    children = {"children": len(assignment)} if settings.until_band is None else {}
+    own = {**models.to_json(), **settings.to_json(), **children}
+    return {"version": __version__, "scene": digest(scene), **own}
+
+
+def _info(
+    job: Job, command: Sequence[str] | None, band: Look | None, part: Part, notes: Sequence[str]
+) -> dict[str, Any]:
+    """Return the content of ``run.json`` but for the times.
+
+    Args:
+        band: the widths of the bands, where they decide on the number of children.
+        notes: notes for the reader, one phrase each.
+    """
+    settings, names = job.settings, job.models.names
+    plans = -(-settings.steps // settings.replan)  # of a vehicle in a child
+    return {
+        "scex_sumo": __version__,
+        "command": list(command) if command else None,
+        "seed_scene": describe(job.scene),
+        **job.models.to_json(),
+        **settings.to_json(),
+        "children": len(job.assignment),
+        "band": None if band is None else {"asked": settings.until_band, **dataclasses.asdict(band)},
+        "thresholds": {**thresholds_of(settings.measured), **settings.thresholds},
+        "net": job.road.name,
+        "net_notes": [*job.net.notes, *(loss.note for loss in job.net.losses)],
+        "run_notes": list(notes),
+        "fallbacks": count_fallbacks(part.fallbacks, job.assignment, names, plans),
+        "versions": versions(),
+    }
+
+
+class _Stopwatch:
+    """Times of the parts of a run, in s."""
+
+    def __init__(self) -> None:
+        self._last, self._laps = time.perf_counter(), dict[str, float]()
+
+    def lap(self, part: str) -> dict[str, float]:
+        """End a part; returns the times of all parts so far."""
+        now = time.perf_counter()
+        self._laps[part], self._last = round(now - self._last, 3), now
+        return dict(self._laps)
+
+
+def _run_children(job: Job, run: Callable[[Job], None]) -> tuple[Job, Look | None]:
+    """Run all children, or as many as the band needs; returns their job and the widths of the bands."""
+    settings = job.settings
+    if settings.until_band is None or settings.count is None:
+        run(job)
+        return job, None
+
+    def measure(count: int) -> Look:
+        grown = job.of(count)
+        run(grown)
+        return look(grown.intervals, *Parts(job.folder).values(count), settings.columns)
+
+    band = grow(measure, band=settings.until_band, most=settings.count)
+    return job.of(band.children), band
+
+
+def _without_test(job: Job) -> RunSettings:
+    """Return the settings of the baseline: the same children without the models under test."""
+    return dataclasses.replace(
+        job.settings,
+        children="all" if job.settings.count is None else len(job.assignment),
+        under_test=dict.fromkeys(job.settings.under_test),
+        until_band=None,
+    )
+
+
+def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | None:
+    """Return the progress of one of several equal parts as that of the whole."""
+    if progress is None:
+        return None
+    return lambda done, total: progress(part * total + done, parts * total)
+
+
+def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress | None) -> None:
+    """Run the children of a job that are not in its folder yet."""
+    done, total, steps = set(Parts(job.folder).children.tolist()), len(job.assignment), job.settings.steps
+    size = batch if batch is not None else batch_size(job, workers.processes)
+    batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)
+    ticks = len(done) * steps
+
+    def on_step(children: int) -> None:
+        nonlocal ticks
+        ticks += children
+        if progress is not None:
+            progress(ticks, total * steps)
+
+    on_step(0)
+    for _ in workers.run(job, batches, on_step=on_step):
+        pass

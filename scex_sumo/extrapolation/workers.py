@@ -1,0 +1,398 @@
+"""Pool of worker processes: batches of a run, moments of a study.
+
+libsumo runs one simulation per process, so that children run side by side in several interpreters. A worker
+takes its next task when it is free. The result of a task depends on the task alone. A worker that dies is
+replaced, and its task is done once more.
+
+Why not `concurrent.futures.ProcessPoolExecutor`: one dead worker breaks the whole pool and hides which task
+it had; workers outlive a process that was killed; and each worker would run the user's script again. Here
+each worker is an interpreter with pickles on its standard streams: it ends with the pipes of this process.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import resource
+import subprocess
+import sys
+import threading
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
+
+from scex_sumo.base.errors import SimulationError, UsageError
+from scex_sumo.base.files import TemporaryFolder
+
+if TYPE_CHECKING:
+    from scex_sumo.base.arrays import IntArray
+    from scex_sumo.extrapolation.job import Job
+
+TRIES = 2
+MAX_PROCESSES = 1000
+MIN_ADDRESS_SPACE = 3 * 10**9  # bytes; with less, libsumo or Arrow crash while they are loaded
+
+T = TypeVar("T")
+OnStep: TypeAlias = Callable[[int], None]
+Work: TypeAlias = Callable[[], AbstractContextManager[Callable[[Any, OnStep], Any]]]
+"""Opens what tasks share, such as a world; yields the function that does one task."""
+Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
+
+_DIED = (EOFError, OSError, pickle.UnpicklingError)  # raised by the pipes of a process that has died
+_START = "import sys; sys.path[:] = {path!r}; from {module} import serve; serve()"
+# One thread each: the processes are the parallelism.
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+class WorkersDied(Exception):
+    """Two workers died over the same task: which task, and how each ended."""
+
+
+class Workers:
+    """Processes that do tasks; a context manager. They start at once."""
+
+    def __init__(self, processes: int) -> None:
+        """Start all but one of the processes; this process is the other.
+
+        Raises:
+            UsageError: fewer than one, or more than a thousand.
+            SimulationError: the limit of address space is too low.
+        """
+        if not 1 <= processes <= MAX_PROCESSES:
+            raise UsageError(f"--workers: got {processes}, needs 1 to {MAX_PROCESSES}")
+        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if limit != resource.RLIM_INFINITY and limit < MIN_ADDRESS_SPACE:
+            raise SimulationError(
+                f"ulimit -v leaves each process {limit / 1e9:.1f} GB of address space, libsumo with Arrow "
+                f"needs {MIN_ADDRESS_SPACE / 1e9:.1f} GB; raise it, or limit resident memory instead"
+            )
+        self.processes = processes
+        self.deaths: list[str] = []
+        """One phrase for each task whose worker died and was replaced."""
+        self._folder = TemporaryFolder()
+        self._workers = [_Worker(self._folder.name) for _ in range(processes - 1)]
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Kill the workers, whatever they do; may be called again."""
+        for worker in self._workers:
+            worker.kill()
+        for worker in self._workers:
+            worker.join()
+        self._folder.cleanup()
+
+    def run(
+        self, job: Job, batches: Sequence[IntArray], *, on_step: OnStep | None = None
+    ) -> Iterator[IntArray]:
+        """Run batches of children, here and in the workers, and save their parts in the result folder.
+
+        Args:
+            batches: numbers of the children of each batch.
+            on_step: called with a number of children when they have made a step, in any process.
+
+        Yields:
+            The children of each finished batch, in any order.
+
+        Raises:
+            SimulationError: two workers died over the same batch.
+            Exception: whatever a batch raises, in any process.
+        """
+        from scex_sumo.extrapolation.job import batch_runner
+
+        left, reports = deque(batches), queue.SimpleQueue[Report]()
+        slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
+        work, tick = partial(batch_runner, job, slots), on_step or (lambda children: None)
+        busy = self._workers[: max(len(batches) - 1, 0)]
+        packed = _pickled(work) if busy else b""
+        for worker in busy:
+            worker.thread.submit(self._share, worker, packed, left, reports)
+        unfinished = len(batches)
+
+        def read() -> Iterator[IntArray]:
+            nonlocal unfinished
+            kind, content = reports.get()
+            if kind == "step":
+                tick(content)
+            elif kind == "failed":
+                raise content
+            else:
+                unfinished -= 1
+                yield content
+
+        try:
+            with work() as run_here:
+                for batch in _taken(left):
+                    yield run_here(batch, tick)
+                    unfinished -= 1
+                    while not reports.empty():
+                        yield from read()
+            while unfinished:
+                yield from read()
+        finally:
+            left.clear()
+
+    def _share(
+        self, worker: _Worker, work: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
+    ) -> None:
+        """Give a worker batches while there are any, the first one when it is ready."""
+
+        def tick(children: int) -> None:
+            reports.put(("step", children))
+
+        try:
+            self._try_twice(worker, "before its first children", partial(worker.open, work))
+            for batch in _taken(left):
+                where = f"over children {int(batch[0])} to {int(batch[-1])}"
+                order = partial(worker.do, work, batch, tick)
+                reports.put(("done", self._try_twice(worker, where, order)))
+        except WorkersDied as died:
+            where, ends = died.args
+            reason = f"a worker died twice {where} ({ends[-1]})"
+            remedy = "finished children are kept, the same command goes on"
+            reports.put(("failed", SimulationError(f"{reason}; {remedy}")))
+        except BaseException as error:  # raised again where the batches are awaited
+            reports.put(("failed", error))
+
+    def run_each(
+        self, work: Work, tasks: Iterable[T], *, where: Callable[[T], str]
+    ) -> Iterator[tuple[T, Future[Any]]]:
+        """Do tasks in the workers alone; a task is taken when a worker is free.
+
+        Args:
+            tasks: iterated in the caller's thread.
+            where: describes a task, should its worker die.
+
+        Yields:
+            Each task with its finished future, in the order in which they finish. The future raises
+            `WorkersDied` if two workers died over the task.
+        """
+        waiting, idle, packed = iter(tasks), deque(self._workers), _pickled(work)
+        running: dict[Future[Any], tuple[T, _Worker]] = {}
+        while True:
+            while idle and (task := next(waiting, None)) is not None:
+                worker = idle.popleft()
+                order = partial(worker.do, packed, task, lambda children: None)
+                running[worker.thread.submit(self._try_twice, worker, where(task), order)] = task, worker
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                task, worker = running.pop(future)
+                idle.append(worker)
+                yield task, future
+
+    def submit(self, function: Callable[[], Any], *, where: str) -> Future[Any] | None:
+        """Have a worker call a function before its next task.
+
+        Args:
+            where: describes it, should the worker die.
+
+        Returns:
+            Its future, which raises `WorkersDied` if two workers died; None without workers.
+        """
+        if not self._workers:
+            return None
+        worker = self._workers[-1]
+        order = partial(worker.do, _pickled(partial(_calling, function)), None, lambda children: None)
+        return worker.thread.submit(self._try_twice, worker, where, order)
+
+    def _try_twice(self, worker: _Worker, where: str, order: Callable[[], Report]) -> Any:
+        """Return the result of an order, from a second process if the first one dies."""
+        reasons: list[str] = []
+        while len(reasons) < TRIES:
+            try:
+                kind, content = order()
+            except _DIED:
+                reasons.append(worker.exit_reason())
+            else:
+                if kind == "failed":
+                    raise content[0] from content[1]
+                return content
+            worker.start()  # EOFError if the workers have been closed
+            if len(reasons) == 1:
+                self.deaths.append(f"a worker died {where} ({reasons[0]}) and was replaced")
+        raise WorkersDied(where, reasons)
+
+
+def succeeded(future: Future[Any]) -> bool:
+    """Wait for a submitted function; returns False if workers died of it, and raises what it raised."""
+    with suppress(WorkersDied):
+        future.result()
+        return True
+    return False
+
+
+@contextmanager
+def _calling(function: Callable[[], Any]) -> Iterator[Callable[[Any, OnStep], Any]]:
+    """Open the work whose only task is to call a function."""
+    yield lambda task, on_step: function()
+
+
+def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
+    """Take batches from those left, while there are any."""
+    with suppress(IndexError):
+        while True:
+            yield left.popleft()
+
+
+class _Worker:
+    """A worker process, and the thread of this process that gives it tasks in order."""
+
+    def __init__(self, folder: str) -> None:
+        self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")
+        self._folder = folder  # temporary files of a killed worker are removed with it
+        self._starting = threading.Lock()
+        self._ended = False
+        self._process: subprocess.Popen[bytes] | None = None
+        self.start()
+
+    def start(self) -> None:
+        """Start the process, or another one in its place.
+
+        Raises:
+            EOFError: it has been killed for good.
+        """
+        with self._starting:
+            if self._ended:
+                raise EOFError
+            self._close_pipes()
+            self._work: bytes | None = None
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _START.format(path=sys.path, module=__name__)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env={**os.environ, **_ONE_THREAD, "TMPDIR": self._folder},
+                start_new_session=True,  # Ctrl-C is for the process that the user started
+            )
+
+    def open(self, work: bytes) -> Report:
+        """Return the report when the process is ready for a work; raises one of `_DIED` if it dies."""
+        if self._work is work:
+            return "done", None
+        self._send(("open", (sys.path, work)))  # the current path, with the folder of the user's models
+        self._work = work
+        return self._answer(lambda children: None)
+
+    def do(self, work: bytes, task: Any, on_step: OnStep) -> Report:
+        """Return the report when a task is done or has failed; raises one of `_DIED` if the process dies."""
+        report = self.open(work)
+        if report[0] == "failed":
+            return report
+        self._send(("task", task))
+        return self._answer(on_step)
+
+    def _send(self, content: Any) -> None:
+        assert self._process is not None and self._process.stdin is not None
+        _write(self._process.stdin, content)
+
+    def _answer(self, on_step: OnStep) -> Report:
+        assert self._process is not None and self._process.stdout is not None
+        while True:
+            report: Report = pickle.load(self._process.stdout)
+            if report[0] != "step":
+                self._work = self._work if report[0] == "done" else None
+                return report
+            on_step(report[1])
+
+    def exit_reason(self) -> str:
+        """Return how the process ended: ``signal 9``, ``exit status 3``."""
+        assert self._process is not None
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout=1)
+        self._process.kill()
+        status = self._process.wait()
+        return f"signal {-status}" if status < 0 else f"exit status {status}"
+
+    def kill(self) -> None:
+        """Kill the process for good; its thread may be waiting for an answer."""
+        with self._starting:
+            self._ended = True
+        if self._process is not None:
+            self._process.kill()
+
+    def join(self) -> None:
+        """Wait for the thread and the process after `kill`."""
+        self.thread.shutdown(cancel_futures=True)
+        if self._process is not None:
+            self._process.wait()
+        self._close_pipes()
+
+    def _close_pipes(self) -> None:
+        if self._process is not None:
+            for pipe in (self._process.stdin, self._process.stdout):
+                with suppress(OSError):  # what the process read no more
+                    assert pipe is not None
+                    pipe.close()
+
+
+def serve() -> None:
+    """Do the tasks that come in on standard input until it closes: the main function of a worker."""
+    reports = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what SUMO prints must not get among the reports
+    from scex_sumo.world.session import load_sumo
+
+    with suppress(Exception):  # which the first task meets again, and reports
+        load_sumo()  # there is time before that
+
+    def report(kind: str, content: Any) -> None:
+        _write(reports, (kind, content))
+
+    with suppress(EOFError, BrokenPipeError), ExitStack() as opened:
+        while True:
+            kind, content = pickle.load(sys.stdin.buffer)
+            try:
+                if kind == "open":
+                    opened.close()
+                    sys.path[:], packed = content
+                    do = opened.enter_context(pickle.loads(packed)())
+                    report("done", None)
+                else:
+                    report("done", do(content, partial(report, "step")))
+            except (EOFError, BrokenPipeError):
+                raise
+            except Exception as error:
+                opened.close()
+                report("failed", (_sendable(error), WorkerTraceback(traceback.format_exc())))
+
+
+class WorkerTraceback(Exception):
+    """Traceback of an error in a worker, as text."""
+
+    def __str__(self) -> str:
+        return f"\n{self.args[0]}"
+
+
+def _sendable(error: Exception) -> Exception:
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:  # pickling runs the error's own code
+        return SimulationError(f"a worker failed: {type(error).__name__}: {error}")
+    return error
+
+
+def _write(stream: Any, content: Any) -> None:
+    pickle.dump(content, stream, protocol=pickle.HIGHEST_PROTOCOL)
+    stream.flush()
+
+
+def _pickled(content: Any) -> bytes:
+    """Pickle; classes of the user's script by value, because a worker does not run the script."""
+    try:
+        packed = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        packed = b"__main__"
+    if b"__main__" not in packed:
+        return packed
+    import cloudpickle
+
+    by_value: bytes = cloudpickle.dumps(content)
+    return by_value

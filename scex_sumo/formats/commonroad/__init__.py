@@ -1,0 +1,1 @@
+"""CommonRoad scenarios: maps and recorded road users. Only here: commonroad-io."""

@@ -1,0 +1,272 @@
+"""Lanes, regulations and lines of a CommonRoad map, built from its lanelets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.lanelet.tags import default_speed_mps
+from scex_sumo.formats.commonroad.file import CommonRoadFile, element_id
+from scex_sumo.formats.commonroad.lanelets import Lanelet
+from scex_sumo.formats.commonroad.rules import (
+    CARS,
+    LINES,
+    Sign,
+    kind_by_types,
+    lane_tags,
+    may_cross,
+    priority_regulations,
+    sign_regulations,
+    sign_speed_mps,
+)
+from scex_sumo.geometry.polylines import bounds_cross, mean_width_m, without_repeats
+from scex_sumo.road import Area, Lane, Marking, Regulation
+
+GAP_M = 1.0  # a successor that begins farther away than this gets a note
+JOINT_M = 0.1  # two lanes follow each other if both bounds meet within this distance
+
+Signs: TypeAlias = Mapping[int, tuple[Sign, ...]]
+Lanelets: TypeAlias = Mapping[int, Lanelet]
+
+
+def lanes_of(file: CommonRoadFile, lanelets: Lanelets, signs: Signs) -> dict[int, Lane]:
+    """Build lanes without relations to others; doubts go into the file's notes."""
+    lanes = {}
+    limited = set()
+    for i, lanelet in lanelets.items():
+        left, right, centreline = (_xy(line) for line in (lanelet.left, lanelet.right, lanelet.centre))
+        if len(centreline) < 2:
+            file.note("lanelets left out, no length between their bounds", i)
+            continue
+        if bounds_cross(left, right):
+            file.note("bounds cross each other or themselves, the lane's shape may be off", i)
+        kind = kind_by_types(lanelet.types, lanelet.one_way | lanelet.both_ways)
+        tags = lane_tags(lanelet.types)
+        speed = _speed(file, i, lanelet, signs)
+        if speed is not None:
+            limited.add(i)
+        lanes[i] = Lane(
+            lane_id=i,
+            centreline=centreline,
+            left_bound=left,
+            right_bound=right,
+            width_m=mean_width_m(left, right),
+            speed_limit_mps=speed or default_speed_mps(tags, kind),
+            kind=kind,
+            subtype=tags["subtype"],
+            location=tags["location"],
+        )
+    _remark_limits(file, [lane for lane in lanes.values() if lane.kind == "vehicle"], limited)
+    return lanes
+
+
+def _xy(line: FloatArray) -> FloatArray:
+    return without_repeats(line[:, :2])
+
+
+def _remark_limits(file: CommonRoadFile, lanes: list[Lane], limited: set[int]) -> None:
+    """Note which limits are defaults; recorded maps often have none at all."""
+    unsigned = [lane for lane in lanes if lane.lane_id not in limited]
+    if unsigned:
+        kmh = sorted({round(lane.speed_limit_mps * 3.6) for lane in unsigned})
+        limits = "/".join(str(limit) for limit in kmh)
+        file.remarks.append(
+            f"{len(unsigned)} of {len(lanes)} lanelets have no speed limit: {limits} km/h by their type"
+        )
+
+
+def _speed(file: CommonRoadFile, i: int, lanelet: Lanelet, signs: Signs) -> float | None:
+    elements = [sign for s in sorted(lanelet.signs) for sign in signs.get(s, ())]
+    if lanelet.speed_limit is not None:
+        elements.append(Sign(name="MAX_SPEED", written="speedLimit", values=(lanelet.speed_limit,)))
+    try:
+        return sign_speed_mps(elements)
+    except ValueError:
+        file.note("speed limits that are none in m/s, left out", i)
+        return None
+
+
+def connected(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane]) -> dict[int, Lane]:
+    """Add successors, predecessors and neighbours to lanes, each known to both sides."""
+    pairs = _successors(file, lanelets, lanes)
+    left_of = _left_neighbours(file, lanelets, lanes)
+    right_of = {j: i for i, j in left_of.items()}
+    result = {}
+    for i, lane in lanes.items():
+        left, right = left_of.get(i), right_of.get(i)
+        result[i] = replace(
+            lane,
+            successors=tuple(sorted(b for a, b in pairs if a == i)),
+            predecessors=tuple(sorted(a for a, b in pairs if b == i)),
+            adjacent_left=left,
+            adjacent_right=right,
+            left=left if left and _may_change(lanelets[left], lanelets[i], leftwards=True) else None,
+            right=right if right and _may_change(lanelets[i], lanelets[right], leftwards=False) else None,
+        )
+    return result
+
+
+def driven_both_ways(lanelets: Lanelets, lanes: Mapping[int, Lane]) -> list[int]:
+    """Vehicle lanes that cars may use in both directions."""
+    return [i for i, lane in lanes.items() if lane.kind == "vehicle" and lanelets[i].both_ways & CARS]
+
+
+def _successors(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane]) -> set[tuple[int, int]]:
+    """Pairs (lane, successor) of vehicle lanes; a pair counts if one of both names it."""
+    driven = {i for i, lane in lanes.items() if lane.kind == "vehicle"}
+    ahead = {(i, j) for i in driven for j in lanelets[i].successors & driven}
+    behind = {(j, i) for i in driven for j in lanelets[i].predecessors & driven}
+    for i, j in ahead ^ behind:
+        file.note("successors that only one of the two lanelets knows, kept", f"{i}-{j}")
+    for i, j in ahead | behind:
+        if np.hypot(*(lanes[i].centreline[-1] - lanes[j].centreline[0])) > GAP_M:
+            file.note(f"successors that begin more than {GAP_M:g} m from the end", f"{i}-{j}")
+    return ahead | behind
+
+
+def _left_neighbours(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane]) -> dict[int, int]:
+    """Left neighbours of vehicle lanes; a pair counts only if both name it."""
+    driven = {i for i, lane in lanes.items() if lane.kind == "vehicle"}
+    named = {(i, lanelets[i].left_neighbour) for i in driven}
+    beside = {(i, j) for i, j in named if j is not None and j in driven}
+    backed = {(lanelets[j].right_neighbour, j) for j in driven}
+    other = {(i, j) for i, j in backed if i is not None and i in driven}
+    for i, j in beside ^ other:
+        file.note("neighbours that only one of the two lanelets knows, left out", f"{i}-{j}")
+    left_of = dict(sorted(beside & other))
+    for i in [i for i in left_of if _in_ring(left_of, i)]:
+        file.note("neighbours in a ring, left out", i)
+        del left_of[i]
+    return left_of
+
+
+def _in_ring(left_of: Mapping[int, int], start: int) -> bool:
+    """Whether the left neighbours of a lane lead back to it."""
+    lane: int | None = left_of.get(start)
+    for _ in left_of:
+        if lane is None or lane == start:
+            break
+        lane = left_of.get(lane)
+    return lane == start
+
+
+def _may_change(left: Lanelet, right: Lanelet, *, leftwards: bool) -> bool:
+    return all(may_cross(line, leftwards=leftwards) for line in (left.right_marking, right.left_marking))
+
+
+def rules_of(
+    file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane], signs: Signs
+) -> tuple[Regulation, ...]:
+    """Regulations by signs, priority at intersections, and lights, by ascending id of their element."""
+    one_way = [i for i, lane in lanes.items() if lane.kind == "vehicle" and lane.reverse_of is None]
+    driven = {i: lanelets[i] for i in one_way}
+    stop_lines = {i: lanelet.stop_line for i, lanelet in driven.items() if lanelet.stop_line is not None}
+    users = {s: tuple(i for i, lanelet in driven.items() if s in lanelet.signs) for s in signs}
+    lane_signs = {
+        i: tuple(sign for s in sorted(lanelet.signs) for sign in signs.get(s, ()))
+        for i, lanelet in driven.items()
+    }
+    rules = sign_regulations(signs, users, stop_lines)
+    rules += priority_regulations(_incoming(file, driven), lane_signs)
+    for light in file.elements("trafficLight"):
+        lit = tuple(i for i, lanelet in driven.items() if light in lanelet.lights)
+        lines = tuple(stop_lines[i] for i in lit if i in stop_lines)
+        if lit:
+            rules.append(
+                Regulation(
+                    element_id=light, kind="traffic_light", lanes=lit, stop_lines=lines, lights=(light,)
+                )
+            )
+    return tuple(sorted(rules, key=lambda rule: (rule.element_id, rule.kind)))
+
+
+def _incoming(file: CommonRoadFile, driven: Lanelets) -> dict[int, list[tuple[int, ...]]]:
+    groups_of: dict[int, list[tuple[int, ...]]] = {}
+    for i, element in file.elements("intersection").items():
+        groups = [group.findall("incomingLanelet") for group in element.findall("incoming")]
+        refs = [[element_id(lanelet, "ref") for lanelet in group] for group in groups]
+        groups_of[i] = [tuple(ref for ref in group if ref is not None and ref in driven) for group in refs]
+    return groups_of
+
+
+def drawn_markings(lanelets: Lanelets) -> tuple[Marking, ...]:
+    """Lines to draw, with new ids; a line that two lanelets share is drawn once."""
+    lines: dict[bytes, tuple[str, str, FloatArray]] = {}
+    for lanelet in lanelets.values():
+        for line, marking in ((lanelet.left, lanelet.left_marking), (lanelet.right, lanelet.right_marking)):
+            drawn, points = LINES.get(marking), _xy(line)
+            if drawn is not None and points[::-1].tobytes() not in lines:
+                lines.setdefault(points.tobytes(), (*drawn, points))
+    for lanelet in lanelets.values():
+        if lanelet.stop_line is not None:
+            lines.setdefault(lanelet.stop_line.tobytes(), ("stop_line", "", lanelet.stop_line))
+    return tuple(
+        Marking(line_id=number, kind=kind, subtype=subtype, points=points)
+        for number, (kind, subtype, points) in enumerate(lines.values(), start=1)
+    )
+
+
+def drawn_areas(lanes: Mapping[int, Lane]) -> tuple[Area, ...]:
+    """Regions to draw: lanelets without cars."""
+    return tuple(
+        Area(area_id=i, kind=lane.subtype, outline=np.concatenate([lane.left_bound, lane.right_bound[::-1]]))
+        for i, lane in lanes.items()
+        if lane.kind != "vehicle"
+    )
+
+
+def with_reverse(lanes: Mapping[int, Lane], both_ways: Iterable[int]) -> dict[int, Lane]:
+    """Add the opposite lane of each connected vehicle lane that cars drive both ways.
+
+    It leads to the opposite lane of its original's predecessor, and to lanes that begin at the original's
+    beginning. Lane changes from or to it are not allowed.
+    """
+    result = dict(lanes)
+    turned: dict[int, int] = {}
+    for i in sorted(both_ways):
+        lane = lanes[i]
+        turned[i] = max(result) + 1
+        result[turned[i]] = replace(
+            lane,
+            lane_id=turned[i],
+            centreline=lane.centreline[::-1],
+            left_bound=lane.right_bound[::-1],
+            right_bound=lane.left_bound[::-1],
+            successors=(),
+            predecessors=(),
+            left=None,
+            right=None,
+            adjacent_left=None,
+            adjacent_right=None,
+            reverse_of=i,
+        )
+    pairs = {(turned[j], turned[i]) for i in turned for j in lanes[i].successors if j in turned}
+    pairs |= _joined(result, set(turned.values()))
+    for a, b in sorted(pairs):
+        result[a] = replace(result[a], successors=tuple(sorted({*result[a].successors, b})))
+        result[b] = replace(result[b], predecessors=tuple(sorted({*result[b].predecessors, a})))
+    return result
+
+
+def _joined(lanes: Mapping[int, Lane], turned: set[int]) -> set[tuple[int, int]]:
+    """Pairs (lane, lane that begins at its end) of different lanelets, one of them an opposite lane."""
+    driven = [lane for lane in lanes.values() if lane.kind == "vehicle"]
+    if not turned:
+        return set()
+    starts, ends = _ends(driven, 0), _ends(driven, -1)
+    near = np.abs(ends[:, None] - starts[None]).max(axis=2) < JOINT_M
+    met = ((driven[k], driven[m]) for k, m in np.argwhere(near))
+    return {
+        (a.lane_id, b.lane_id)
+        for a, b in met
+        if {a.lane_id, b.lane_id} & turned and b.lane_id != a.reverse_of and a.lane_id != b.reverse_of
+    }
+
+
+def _ends(lanes: list[Lane], index: int) -> FloatArray:
+    """(L, 4) first or last points of the left and the right bound."""
+    return np.array([[*lane.left_bound[index], *lane.right_bound[index]] for lane in lanes])

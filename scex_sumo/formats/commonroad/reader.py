@@ -1,0 +1,126 @@
+"""Reader of CommonRoad maps; only here: commonroad-io."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeAlias
+from xml.etree import ElementTree
+
+from scex_sumo.base.errors import MapError, MissingExtraError
+from scex_sumo.converters.naming import map_name
+from scex_sumo.converters.registries import MapFormat
+from scex_sumo.formats.commonroad.file import CommonRoadFile, is_commonroad, open_commonroad
+from scex_sumo.formats.commonroad.lanelets import read_lanelets
+from scex_sumo.formats.commonroad.lanes import (
+    connected,
+    drawn_areas,
+    drawn_markings,
+    driven_both_ways,
+    lanes_of,
+    rules_of,
+    with_reverse,
+)
+from scex_sumo.formats.commonroad.rules import Sign
+from scex_sumo.road import Road
+from scex_sumo.roads.conflicts import overlapping
+
+ReadSign: TypeAlias = Callable[[ElementTree.Element, str], str]
+
+
+def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None = None, **_: object) -> Road:
+    """Read the road network of a CommonRoad scenario, version 2018b or 2020a.
+
+    Bounds, successors and neighbours are the file's; centrelines lie half-way between the bounds. A lane
+    change is allowed across every marking except a solid line or a curb. Speed limits are those of the signs
+    (2018b: of the lanelets), else Germany's. Conflicts, which the format does not have, are found by
+    geometry. A lanelet that cars use both ways gives two lanes. Broken elements are mended or left out, with
+    a note.
+
+    ``origin``, latitude and longitude of 0, 0, is the file's location if None; coordinates stay as they are.
+
+    Raises:
+        MapError: the file cannot be read, or has no usable lanelet.
+        MissingExtraError: commonroad-io is not installed.
+    """
+    name_of_sign, words = _library()
+    file = open_commonroad(path)
+    lanelets = read_lanelets(file, words)
+    if not lanelets:
+        raise MapError(
+            f"{path}: no usable lanelet ({'; '.join(file.notes())}); mend the map, e.g. in CommonRoad's "
+            "scenario designer"
+        )
+    with _quiet():
+        signs = _signs(file, name_of_sign)
+    lanes = connected(file, lanelets, lanes_of(file, lanelets, signs))
+    lanes = with_reverse(lanes, driven_both_ways(lanelets, lanes))
+    lanes = overlapping(lanes, {i: lanelets[lane.reverse_of or i].centre for i, lane in lanes.items()})
+    return Road(
+        name=map_name(path),
+        lanes=lanes,
+        regulations=rules_of(file, lanelets, lanes, signs),
+        markings=drawn_markings(lanelets),
+        areas=drawn_areas(lanes),
+        origin=origin or file.origin or (0.0, 0.0),
+        notes=file.notes(),
+    )
+
+
+def _library() -> tuple[ReadSign, dict[str, set[str]]]:
+    """Parts of commonroad-io: a reader of a sign's name, and the words of the format by tag."""
+    try:
+        from commonroad.common.common_lanelet import LaneletType, LineMarking, RoadUser
+        from commonroad.common.reader.file_reader_xml import TrafficSignElementFactory
+        from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry
+    except ImportError as error:
+        raise MissingExtraError(
+            f"CommonRoad maps need commonroad-io ({error}); install it: pip install 'scex-sumo[formats]'"
+        ) from None
+
+    def sign(element: ElementTree.Element, country: str) -> str:
+        known = {c.value for c in SupportedTrafficSignCountry}
+        # Zamunda is CommonRoad's country of no country; its signs are Germany's.
+        where = SupportedTrafficSignCountry(country if country in known else "ZAM")
+        read = TrafficSignElementFactory.create_from_xml_node(element, where)
+        return str(read.traffic_sign_element_id.name)
+
+    users = {user.value for user in RoadUser}
+    return sign, {
+        "laneletType": {word.value for word in LaneletType},
+        "lineMarking": {word.value for word in LineMarking},
+        "userOneWay": users,
+        "userBidirectional": users,
+    }
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Silence commonroad-io's log of unknown signs: the road's notes name them."""
+    logger = logging.getLogger("commonroad")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+
+
+def _signs(file: CommonRoadFile, name_of_sign: ReadSign) -> dict[int, tuple[Sign, ...]]:
+    signs: dict[int, tuple[Sign, ...]] = {}
+    for i, element in file.elements("trafficSign").items():
+        read = []
+        for part in element.findall("trafficSignElement"):
+            written = (part.findtext("trafficSignID") or "").strip()
+            name = name_of_sign(part, file.country) if written else "UNKNOWN"
+            values = tuple((value.text or "").strip() for value in part.findall("additionalValue"))
+            if name == "UNKNOWN":
+                file.note("signs that commonroad-io does not know, left out", i)
+            read.append(Sign(name=name, written=written, values=values))
+        signs[i] = tuple(read)
+    return signs
+
+
+COMMONROAD = MapFormat(is_mine=is_commonroad, read=read_commonroad_road, tracks=lambda path: path)

@@ -1,0 +1,243 @@
+"""Recorded road users of a CommonRoad scenario as tracks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.cleaning.heading import FORWARD_MPS
+from scex_sumo.converters.lanelet.file import list_ids
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, track_rows
+from scex_sumo.formats.commonroad.file import coordinate, element_id, parse_commonroad
+from scex_sumo.geometry.polylines import wrap
+
+# CommonRoad's words in those of track files; other words are the same.
+_TYPES = {"priorityVehicle": "vehicle", "unknown": "vehicle", "train": "tram", "parkedVehicle": "parked"}
+_MOTOR = {"car", "truck", "bus", "motorcycle", "taxi", "vehicle"}
+_BESIDE_THE_ROAD = {"roadBoundary", "building", "medianStrip", "pillar"}
+MAX_STEP = 1e6  # a day at 10 Hz
+LATE_START_M = 0.1  # a first state this far from its expected position has another time
+TURNED_RAD = math.radians(0.3)  # less is within the slip of vehicles
+AGREE_RAD = math.radians(0.2)  # half of all headings must be turned by one angle within this
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Track:
+    """One road user; states: (N, 5) time step, x, y, heading and speed, nan if the file has none."""
+
+    label: int
+    kind: str
+    motor: bool
+    length: float
+    width: float
+    states: FloatArray
+
+
+def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
+    """Read the obstacles of a CommonRoad scenario; nothing is repaired.
+
+    Dynamic obstacles with a trajectory are tracks. Static ones stand there all the time, except those beside
+    the road. Intervals count as their middle. Sets of occupied space are left out.
+
+    Returns:
+        The recording, and one phrase that names unusable obstacles, if any.
+
+    Raises:
+        MapError: it cannot be read or is no CommonRoad file.
+        TrackError: it has no usable road user that moves, or no time step.
+    """
+    path = Path(path)
+    root = parse_commonroad(path)
+    step_s = coordinate(root.get("timeStepSize"))
+    if not 0.0 < step_s < 10.0:
+        raise TrackError(f"{path}: timeStepSize is {root.get('timeStepSize')!r}; a time in seconds expected")
+    moving, standing, broken = _tracks(root)
+    left_out = (
+        f"obstacles without a usable id, shape or states, or twice: {list_ids(broken)}" if broken else ""
+    )
+    if not moving:
+        why = f" ({left_out})" if left_out else ""
+        raise TrackError(
+            f"{path}: no vehicle with a trajectory in it{why}; give --tracks CSV, or --synthetic N"
+        )
+    first = min(track.states[0, 0] for track in moving)
+    last = max(track.states[-1, 0] for track in moving)
+    steps = np.arange(first, last + 1)
+    standing = [replace(track, states=_held(track.states[0], steps)) for track in standing]
+    table = TrackTable(
+        path=path,
+        cases=("",),
+        vehicles=_rows([track for track in moving if track.motor], step_s),
+        others=_rows([track for track in (*moving, *standing) if not track.motor], step_s),
+        step_s=step_s,
+    )
+    return table, (f"{left_out}: left out",) if left_out else ()
+
+
+def repair_commonroad(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
+    """Repair two defects of recordings exported to CommonRoad; returns one phrase for each.
+
+    A road user that enters between two steps may have its first position from there and its stamp from the
+    next step: such states are dropped. Headings that are all turned by one angle against the motion, by
+    another map projection, are turned back.
+    """
+    findings = []
+    keep = ~_late_starts(table.vehicles)
+    if not keep.all():
+        dropped = int((~keep).sum())
+        table = replace(table, vehicles=table.vehicles.take(keep))
+        findings.append(f"first states of {dropped} tracks off their motion: dropped")
+    turn = _common_turn(table.vehicles)
+    if turn:
+        table = replace(table, vehicles=table.vehicles.turned(-turn), others=table.others.turned(-turn))
+        findings.append(
+            f"headings turned by {math.degrees(turn):.2f} degrees against the motion: turned back"
+        )
+    return table, tuple(findings)
+
+
+def _tracks(root: ElementTree.Element) -> tuple[list[_Track], list[_Track], list[int | str]]:
+    """Moving and standing road users by ascending id, and ids of unusable ones."""
+    moving: dict[int, _Track] = {}
+    standing: dict[int, _Track] = {}
+    broken: list[int | str] = []
+    for obstacle, dynamic in _obstacles(root):
+        number = element_id(obstacle)
+        kind = (obstacle.findtext("type") or "unknown").strip()
+        if (not dynamic and kind in _BESIDE_THE_ROAD) or (dynamic and obstacle.find("trajectory") is None):
+            continue
+        states = _states(obstacle)
+        size = _size(obstacle.find("shape"))
+        if number is None or size is None or not len(states) or number in moving or number in standing:
+            broken.append(number if number is not None else obstacle.get("id", "none"))
+            continue
+        word = _TYPES.get(kind, kind.lower())
+        motor = dynamic and word in _MOTOR
+        track = _Track(label=number, kind=word, motor=motor, length=size[0], width=size[1], states=states)
+        (moving if dynamic else standing)[number] = track
+    return [moving[i] for i in sorted(moving)], [standing[i] for i in sorted(standing)], broken
+
+
+def _obstacles(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, bool]]:
+    """Obstacles and whether they move; 2018b has one element for both."""
+    for element in root:
+        if element.tag in ("dynamicObstacle", "staticObstacle"):
+            yield element, element.tag == "dynamicObstacle"
+        elif element.tag == "obstacle":
+            yield element, (element.findtext("role") or "").strip() == "dynamic"
+
+
+def _states(obstacle: ElementTree.Element) -> FloatArray:
+    """(N, 5) states in order of time, one for each time step; empty if one is unusable."""
+    elements = [*obstacle.findall("initialState"), *obstacle.findall("trajectory/state")]
+    rows = [_state(element) for element in elements]
+    usable = np.isfinite([row[:3] for row in rows]).all() and all(abs(row[0]) < MAX_STEP for row in rows)
+    if not rows or not usable:
+        return np.empty((0, 5))
+    by_time = {row[0]: row for row in reversed(rows)}
+    return np.array([by_time[time] for time in sorted(by_time)])
+
+
+def _state(element: ElementTree.Element) -> tuple[float, float, float, float, float]:
+    time = _value(element.find("time"))
+    point = element.find("position/point")
+    x, y = (math.nan, math.nan) if point is None else (coordinate(point.findtext(n)) for n in ("x", "y"))
+    return time, x, y, _value(element.find("orientation")), _value(element.find("velocity"))
+
+
+def _value(element: ElementTree.Element | None) -> float:
+    """An exact value, the middle of an interval, or nan."""
+    if element is None:
+        return math.nan
+    if element.find("exact") is not None:
+        return coordinate(element.findtext("exact"))
+    return (coordinate(element.findtext("intervalStart")) + coordinate(element.findtext("intervalEnd"))) / 2.0
+
+
+def _size(shape: ElementTree.Element | None) -> tuple[float, float] | None:
+    """Length and width of a shape, or of the extent of a circle or polygon, m."""
+    if shape is None:
+        return None
+    size = (coordinate(shape.findtext("rectangle/length")), coordinate(shape.findtext("rectangle/width")))
+    if shape.find("circle") is not None:
+        size = (2.0 * coordinate(shape.findtext("circle/radius")),) * 2
+    points = [[coordinate(p.findtext(n)) for n in ("x", "y")] for p in shape.findall("polygon/point")]
+    if points:
+        extent = np.ptp(np.array(points), axis=0)
+        size = (float(extent[0]), float(extent[1]))
+    return size if all(math.isfinite(side) and side > 0.0 for side in size) else None
+
+
+def _held(state: FloatArray, steps: FloatArray) -> FloatArray:
+    """(T, 5) states at rest, with the same position at every step."""
+    states = np.tile(state, (len(steps), 1))
+    states[:, 0] = steps
+    states[:, 4] = 0.0
+    return states
+
+
+def _rows(tracks: list[_Track], step_s: float) -> TrackRows:
+    """Tracks as flat arrays; missing headings and speeds are those of the motion."""
+    filled = [_filled(one.states, step_s) for one in tracks]
+    flat = np.concatenate(filled) if filled else np.empty((0, 5))
+    counts = [len(states) for states in filled]
+    return track_rows(
+        np.repeat(np.arange(len(tracks)), counts),
+        [str(one.label) for one in tracks],
+        [one.kind for one in tracks],
+        frame_id=np.rint(flat[:, 0]).astype(np.int64),
+        timestamp_ms=1000.0 * step_s * flat[:, 0],
+        x=flat[:, 1],
+        y=flat[:, 2],
+        vx=flat[:, 4] * np.cos(flat[:, 3]),
+        vy=flat[:, 4] * np.sin(flat[:, 3]),
+        psi_rad=wrap(flat[:, 3]),
+        length=np.repeat([one.length for one in tracks], counts).astype(np.float64),
+        width=np.repeat([one.width for one in tracks], counts).astype(np.float64),
+    )
+
+
+def _filled(states: FloatArray, step_s: float) -> FloatArray:
+    """The same states, without nan."""
+    if len(states) > 1:
+        velocity = np.gradient(states[:, 1:3], step_s * states[:, 0], axis=0)
+    else:
+        velocity = np.zeros((len(states), 2))
+    course, speed = np.arctan2(velocity[:, 1], velocity[:, 0]), np.hypot(*velocity.T)
+    filled = states.copy()
+    filled[:, 3] = np.where(np.isfinite(states[:, 3]), states[:, 3], course)
+    filled[:, 4] = np.where(np.isfinite(states[:, 4]), states[:, 4], speed)
+    return filled
+
+
+def _late_starts(rows: TrackRows) -> BoolArray:
+    """(N,) first rows of tracks whose distance to the next row does not fit the speeds."""
+    start = np.append(True, np.diff(rows.track) != 0)
+    follows = np.append(np.diff(rows.segment) == 0, False)
+    late = np.zeros(len(rows), bool)
+    for i in np.flatnonzero(start & follows):
+        driven_m = math.hypot(rows.x[i + 1] - rows.x[i], rows.y[i + 1] - rows.y[i])
+        elapsed_s = (rows.timestamp_ms[i + 1] - rows.timestamp_ms[i]) / 1000.0
+        late[i] = abs(driven_m - elapsed_s * (rows.speed[i] + rows.speed[i + 1]) / 2.0) > LATE_START_M
+    return late
+
+
+def _common_turn(rows: TrackRows) -> float:
+    """Angle by which all headings are turned against the motion, rad; 0 if they are not."""
+    joined = np.diff(rows.segment) == 0
+    step = np.stack([np.diff(rows.x), np.diff(rows.y)], axis=1)
+    fast = joined & (np.minimum(rows.speed[1:], rows.speed[:-1]) > FORWARD_MPS)
+    if fast.sum() < 10:
+        return 0.0
+    heading = rows.psi_rad[:-1] + wrap(np.diff(rows.psi_rad)) / 2.0
+    off = wrap(heading - np.arctan2(step[:, 1], step[:, 0]))[fast]
+    turn = float(np.median(off))
+    agreed = np.mean(np.abs(off - turn) < AGREE_RAD) >= 0.5
+    return turn if agreed and TURNED_RAD < abs(turn) < math.radians(20.0) else 0.0

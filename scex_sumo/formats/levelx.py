@@ -1,0 +1,313 @@
+"""Recordings of the levelx family: inD, rounD, exiD and highD.
+
+In inD, rounD and exiD positions are centres in metres from a point given in UTM, y to the north. In highD
+``x, y`` is the upper left corner of a box in the picture, y down, and ``width, height`` its sides.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+import zlib
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo.converters.cleaning.heading import FORWARD_MPS
+from scex_sumo.converters.lanelet.file import read_map_file
+from scex_sumo.converters.lanelet.origin import on_earth
+from scex_sumo.converters.lanelet.projection import to_degrees
+from scex_sumo.converters.lanelet.repair import Place, distance_m, middle
+from scex_sumo.converters.naming import number, open_binary, open_text, plain_or_packed, unpacked_name
+from scex_sumo.converters.registries import Dataset, Recording, place_name, recording_name
+from scex_sumo.converters.tracks.check import MAX_VALUES
+from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, track_rows
+from scex_sumo.geometry.polylines import wrap
+
+TRACKS = "_tracks.csv"
+LOCATION_M = 100_000.0  # an origin farther from the recording's location is a mistake, or of another zone
+_IND = ("trackId", "frame", "xCenter", "yCenter", "heading", "width", "length", "xVelocity", "yVelocity")
+_HIGHD = ("id", "frame", "x", "y", "width", "height", "xVelocity", "yVelocity")
+_MAX = dict.fromkeys(("id", "trackId"), 2**63) | {"frame": 1e9}
+_MAX |= dict.fromkeys(("x", "y", "xCenter", "yCenter"), MAX_VALUES["x"])
+
+
+def read_levelx(path: str | Path) -> TrackTable:
+    """Read ``NN_tracks.csv`` with its two ``Meta`` files; nothing is repaired.
+
+    highD has no headings: they are the course of the motion, and the driving direction below 3 m/s.
+
+    Raises:
+        TrackError: a file or column is missing, a value is missing or not a number, or there are no rows.
+    """
+    path = Path(path)
+    meta = read_meta(recording_file(path, "recordingMeta"))
+    rate_hz = number(meta.get("frameRate"))
+    if not 0.0 < rate_hz <= 1000.0:
+        where = recording_file(path, "recordingMeta")
+        raise TrackError(f"{where}: frameRate is {meta.get('frameRate')!r}; frames per second expected")
+    highd = has_lane_markings(meta)
+    columns = _read_columns(path, _HIGHD if highd else _IND)
+    of_track = _track_meta(recording_file(path, "tracksMeta"), "id" if highd else "trackId")
+    flat = _highd(columns, of_track, path) if highd else _ind(columns)
+    order = np.lexsort((flat["frame"], flat["id"]))
+    flat = {name: values[order] for name, values in flat.items()}
+    kind = {number: of_track[number]["class"].strip().lower() for number in of_track}
+    ids: IntArray = flat.pop("id").astype(np.int64)
+    missing = [int(number) for number in np.unique(ids) if int(number) not in kind]
+    if missing:
+        where = recording_file(path, "tracksMeta")
+        raise TrackError(f"{where}: no row for track {missing[0]}; take the files as published")
+    frame: IntArray = flat.pop("frame").astype(np.int64)
+    flat_kind, notes = _kinds(ids, kind, flat)
+    motor = np.array([flat_kind[int(number)] in MOTOR_TYPES for number in ids], bool)
+    return TrackTable(
+        path=path,
+        cases=("",),
+        vehicles=_rows(flat, ids, frame, flat_kind, rate_hz, motor),
+        others=_rows(flat, ids, frame, flat_kind, rate_hz, ~motor),
+        step_s=1.0 / rate_hz,
+        notes=notes,
+    )
+
+
+def is_levelx(path: Path) -> bool:
+    """Whether a file is the ``NN_tracks.csv`` of such a recording."""
+    return unpacked_name(path).endswith(TRACKS) and recording_file(path, "recordingMeta").is_file()
+
+
+def recording_file(tracks_path: Path, kind: str) -> Path:
+    """Path of ``NN_recordingMeta.csv`` or ``NN_tracksMeta.csv`` beside tracks."""
+    beside = tracks_path.with_name(f"{unpacked_name(tracks_path).removesuffix(TRACKS)}_{kind}.csv")
+    return plain_or_packed(beside) or beside
+
+
+def read_meta(path: Path) -> dict[str, str]:
+    """Read the row of a ``recordingMeta.csv``.
+
+    Raises:
+        TrackError: it cannot be read, or has no row.
+    """
+    rows = _read_rows(path)
+    if not rows:
+        raise TrackError(f"{path}: no row in it; take the file as published")
+    return rows[0]
+
+
+def has_lane_markings(meta: dict[str, str]) -> bool:
+    """Whether meta data are highD's, which has lane markings and no place."""
+    return "lowerLaneMarkings" in meta
+
+
+def _read_rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file by the names of its columns; missing values are empty."""
+    try:
+        with open_text(path) as file:
+            rows = list(csv.DictReader(file))
+    except FileNotFoundError:
+        raise TrackError(f"{path}: no such file; it belongs to the tracks beside it") from None
+    except (OSError, EOFError, zlib.error, UnicodeError, csv.Error) as error:
+        raise TrackError(f"{path}: cannot be read ({error})") from None
+    # A line cut short, or with too many values, has None for a value or a name.
+    return [{name: row[name] or "" for name in row if name} for row in rows]
+
+
+def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
+    """Recordings with the Lanelet2 map nearest to them; highD's are their own map."""
+    for path in files:
+        meta_path = recording_file(path, "recordingMeta")
+        try:
+            meta = read_meta(meta_path)
+        except TrackError:
+            meta = {}  # reported when the recording is loaded
+        map_path = meta_path if has_lane_markings(meta) else _nearest_map(path, meta)
+        yield Recording(
+            name=recording_name(map_path, (path,)),
+            site=place_name(map_path),
+            dataset="levelx",
+            map_path=map_path,
+            track_paths=(path,),
+        )
+
+
+def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
+    """The Lanelet2 map in ``maps``, beside or above the tracks, nearest to where they were recorded."""
+    folders = [folder / "maps" for folder in (path.parent, path.parent.parent)]
+    maps = sorted(
+        file for folder in folders for end in ("osm", "osm.gz") for file in folder.rglob(f"*.{end}")
+    )
+    unknown = folders[-1] / f"location{meta.get('locationId', '')}.osm"
+    try:
+        place = float(meta["latLocation"]), float(meta["lonLocation"])
+    except (KeyError, ValueError):
+        return maps[0] if len(maps) == 1 else unknown
+    distances = [(distance_m(_middle(file, file.stat().st_mtime_ns), place), file) for file in maps]
+    return min(distances)[1] if distances else unknown
+
+
+@lru_cache(maxsize=64)
+def _middle(map_path: Path, _changed_ns: int) -> Place:
+    """Latitude and longitude in the middle of a map; far from everything if it has none."""
+    try:
+        return middle(read_map_file(map_path))
+    except MapError:
+        return 90.0, 0.0
+
+
+def _origin(tracks_path: Path, map_path: Path) -> Place | None:
+    """Place of a recording's UTM origin; the zone is that of its location, else of the map.
+
+    Raises:
+        MapError: it is not a place near the recording's location.
+    """
+    meta_path = recording_file(tracks_path, "recordingMeta")
+    meta = read_meta(meta_path)
+    if not meta.get("xUtmOrigin") or not meta.get("yUtmOrigin"):
+        return None
+    try:
+        east, north = float(meta["xUtmOrigin"]), float(meta["yUtmOrigin"])
+        near = float(meta["latLocation"]), float(meta["lonLocation"])
+    except KeyError:
+        near = middle(read_map_file(map_path))
+    except ValueError:
+        east, north, near = math.nan, math.nan, (math.nan, math.nan)
+    try:
+        [place] = to_degrees(np.array([[east, north]]), near, absolute=True)
+    except RuntimeError:
+        place = np.full(2, math.nan)
+    if not on_earth(*place) or distance_m(place, near) > LOCATION_M:
+        got = f"{meta['xUtmOrigin']},{meta['yUtmOrigin']}"
+        raise MapError(f"{meta_path}: xUtmOrigin, yUtmOrigin {got} is not near its location; repair the file")
+    return float(place[0]), float(place[1])
+
+
+def _kinds(
+    ids: IntArray, kind: dict[int, str], flat: dict[str, FloatArray]
+) -> tuple[dict[int, str], tuple[str, ...]]:
+    """Types by id, and a phrase for each unknown type."""
+    numbers, track = np.unique(ids, return_inverse=True)
+    types = sorted(set(kind.values()))
+    given = np.array([types.index(kind[int(number)]) for number in numbers], np.int64)
+    speed = np.hypot(flat["vx"], flat["vy"])
+    kinds, notes = with_unknown_vehicles(types, given, track, flat["length"], flat["width"], speed)
+    return {int(number): types[k] for number, k in zip(numbers, kinds, strict=True)}, notes
+
+
+def _ind(columns: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "id": columns["trackId"],
+        "frame": columns["frame"],
+        "x": columns["xCenter"],
+        "y": columns["yCenter"],
+        "vx": columns["xVelocity"],
+        "vy": columns["yVelocity"],
+        "psi_rad": wrap(np.radians(columns["heading"])),
+        "length": columns["length"],
+        "width": columns["width"],
+    }
+
+
+def _highd(columns: dict[str, Any], of_track: dict[int, dict[str, str]], path: Path) -> dict[str, FloatArray]:
+    vx, vy = columns["xVelocity"], -columns["yVelocity"]
+    ways = {i: number(row.get("drivingDirection")) for i, row in of_track.items()}
+    if not set(ways.values()) <= {1.0, 2.0}:
+        raise TrackError(f"{recording_file(path, 'tracksMeta')}: drivingDirection is not 1 or 2 everywhere")
+    # 1: the upper lanes, to the left
+    along = np.array([math.pi if ways.get(int(number)) == 1.0 else 0.0 for number in columns["id"]])
+    fast = np.hypot(vx, vy) > FORWARD_MPS
+    return {
+        "id": columns["id"],
+        "frame": columns["frame"],
+        "x": columns["x"] + columns["width"] / 2.0,
+        "y": -(columns["y"] + columns["height"] / 2.0),
+        "vx": vx,
+        "vy": vy,
+        "psi_rad": np.where(fast, np.arctan2(vy, vx), along),
+        "length": columns["width"],
+        "width": columns["height"],
+    }
+
+
+def _rows(
+    flat: dict[str, FloatArray],
+    ids: IntArray,
+    frame: IntArray,
+    kind: dict[int, str],
+    rate_hz: float,
+    keep: BoolArray,
+) -> TrackRows:
+    numbers, track = np.unique(ids[keep], return_inverse=True)
+    kinds = [kind[int(number)] for number in numbers]
+    usual = np.array([obstacle_size(name) for name in kinds]).reshape(-1, 2)
+    columns = {name: values[keep] for name, values in flat.items()}
+    for k, name in enumerate(("length", "width")):
+        columns[name] = np.where(columns[name] > 0.0, columns[name], usual[track, k])
+    columns["timestamp_ms"] = np.asarray(1000.0 * frame[keep] / rate_hz, np.float64)
+    labels = [str(number) for number in numbers]
+    return track_rows(track.astype(np.int64), labels, kinds, frame_id=frame[keep], **columns)
+
+
+def _track_meta(path: Path, id_column: str) -> dict[int, dict[str, str]]:
+    rows = _read_rows(path)
+    for name in (id_column, "class"):
+        if rows and name not in rows[0]:
+            raise TrackError(f"{path}: no column {name}; take the file as published")
+    by_id = {}
+    for line, row in enumerate(rows, start=2):
+        track = number(row[id_column])
+        if not track.is_integer():
+            raise TrackError(f"{path}: line {line}: {id_column} is {row[id_column]!r}, not an integer")
+        by_id[int(track)] = row
+    return by_id
+
+
+def _read_columns(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
+    """Read the named columns as numbers.
+
+    Raises:
+        TrackError: file or column missing, a value that is no finite number, or no rows.
+    """
+    import pyarrow as pa
+    from pyarrow import csv as arrow_csv
+
+    options: Any = arrow_csv.ConvertOptions(
+        include_columns=list(names),
+        column_types={name: pa.int64() if name in ("id", "trackId") else pa.float64() for name in names},
+    )
+    try:
+        with open_binary(path) as file:
+            arrow = arrow_csv.read_csv(file, convert_options=options)
+    except FileNotFoundError:
+        raise TrackError(f"{path}: no such file; check the path of the tracks") from None
+    except pa.ArrowKeyError as error:
+        name = re.sub(r".*'(.*)'.*", r"\1", str(error).splitlines()[0])
+        raise TrackError(f"{path}: no column {name}; such tracks have {', '.join(names)}") from None
+    except (pa.ArrowInvalid, OSError, EOFError, zlib.error) as error:
+        raise TrackError(f"{path}: cannot be read ({str(error).splitlines()[0][:160]})") from None
+    # An id stays an integer; one that is missing makes the column floats, and an error below.
+    columns = {name: np.array(arrow[name].to_numpy()) for name in names}
+    if not arrow.num_rows:
+        raise TrackError(f"{path}: a header and no rows; give a file with tracks")
+    for name, values in columns.items():
+        largest = _MAX.get(name, MAX_VALUES["vx"])
+        bad = ~(np.abs(values) <= largest)
+        if bad.any():
+            row = int(np.argmax(bad))
+            what = f"beyond {largest:g}" if np.isfinite(values[row]) else "missing or not finite"
+            raise TrackError(f"{path}: line {row + 2}: {name} is {what}; repair or drop the row")
+    return columns
+
+
+def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
+    table = read_levelx(paths[0])
+    return table, table.notes
+
+
+LEVELX = Dataset(is_mine=is_levelx, read=_read, recordings=_recordings, origin=_origin)

@@ -1,0 +1,51 @@
+"""SinD recordings: ``Veh_smoothed_tracks.csv`` in a folder of its own, which has the recording's name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from scex_sumo.converters.naming import map_name, unpacked_name
+from scex_sumo.converters.registries import Dataset, Recording, name_at, place_name
+from scex_sumo.converters.tracks.reader import read_tracks
+from scex_sumo.converters.tracks.rows import TrackTable
+
+VEHICLES, WALKERS = "Veh_smoothed_tracks", "Ped_smoothed_tracks"
+
+
+def _is_mine(path: Path) -> bool:
+    return unpacked_name(path) in (f"{VEHICLES}.csv", f"{WALKERS}.csv")
+
+
+def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
+    table = read_tracks(paths[0], walkers=(VEHICLES, WALKERS))
+    return table, table.notes
+
+
+def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
+    for path in files:
+        if path.name.startswith(VEHICLES):
+            map_path = _only_map(path.parent)
+            yield Recording(
+                name=_name(map_path, (path,)),
+                site=map_name(map_path),
+                dataset="sind",
+                map_path=map_path,
+                track_paths=(path,),
+            )
+
+
+def _name(map_path: Path, files: Sequence[Path]) -> str:
+    return name_at(place_name(map_path), files[0].resolve().parent.name)
+
+
+def _only_map(folder: Path) -> Path:
+    """The only Lanelet2 map in a folder, or in one of the two above; SinD has no fixed place for it."""
+    for place in (folder, folder.parent, folder.parent.parent):
+        maps = [*place.glob("*.osm"), *place.glob("maps/*.osm")]
+        if len(maps) == 1:
+            return maps[0]
+    return folder.parent / "maps" / "map.osm"
+
+
+SIND = Dataset(is_mine=_is_mine, read=_read, recordings=_recordings, name=_name)

@@ -1,0 +1,288 @@
+"""Floating car data of a SUMO simulation as tracks: XML, packed or not, or Parquet."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.naming import beginning, open_binary
+from scex_sumo.converters.registries import Dataset
+from scex_sumo.converters.tracks.check import MAX_VALUES
+from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, track_rows
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.scene import STEP_S
+
+# SUMO's own sizes of its vehicle classes, length and width in m, by a word in the name of the type.
+_SIZES = (
+    ("truck", (7.1, 2.4)),
+    ("trailer", (16.5, 2.55)),
+    ("bus", (12.0, 2.5)),
+    ("coach", (14.0, 2.6)),
+    ("delivery", (6.5, 2.16)),
+    ("van", (6.5, 2.16)),
+    ("motorcycle", (2.2, 0.9)),
+    ("moped", (2.1, 0.8)),
+    ("bicycle", (1.6, 0.65)),
+    ("bike", (1.6, 0.65)),
+    ("tram", (22.0, 2.4)),
+)
+_CAR, _PERSON = (5.0, 1.8), (0.215, 0.478)
+_KINDS = {"trailer": "truck", "coach": "bus", "delivery": "van", "moped": "motorcycle", "bike": "bicycle"}
+_OTHERS = ("bicycle", "tram", "pedestrian")
+_COLUMNS = ("time", "x", "y", "angle", "speed", "length", "width")
+_MAX = (
+    MAX_VALUES["timestamp_ms"] / 1000.0,
+    MAX_VALUES["x"],
+    MAX_VALUES["y"],
+    1e4,
+    MAX_VALUES["vx"],
+    1e4,
+    1e4,
+)
+_FILLED_FROM_S = 0.5  # longer steps are filled in here, because straight lines between them cut curves
+MIN_STEP_S, MAX_STEP_S = 0.001, 2.0
+ENDINGS = (".fcd.xml", ".fcd.xml.gz", ".parquet")
+
+
+def is_fcd(path: Path) -> bool:
+    """Whether a file is SUMO's floating car data, by its name, or that of XML by its beginning."""
+    name = str(path).lower()
+    return name.endswith(ENDINGS) or (
+        name.endswith((".xml", ".xml.gz")) and b"<fcd-export" in beginning(path)
+    )
+
+
+def read_fcd(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
+    """Read SUMO's ``fcd-output``.
+
+    Sizes are the file's, else SUMO's own for the class that the type's name mentions. Steps longer than 0.5 s
+    are filled in to 0.1 s along curves.
+
+    Returns:
+        The recording, and one phrase for each guess.
+
+    Raises:
+        TrackError: it cannot be read, or holds no vehicle.
+    """
+    path = Path(path)
+    names, kinds, table = _parquet(path) if path.suffix == ".parquet" else _xml(path)
+    if not len(table):
+        raise TrackError(f"{path}: no vehicle in it; give the fcd-output of a simulation with traffic")
+    return tracks_of(path, names, kinds, table)
+
+
+def tracks_of(
+    path: Path, names: Sequence[str], kinds: Sequence[str], table: FloatArray
+) -> tuple[TrackTable, tuple[str, ...]]:
+    """Build tracks from vehicle states in SUMO's units.
+
+    Args:
+        path: the file, for messages.
+        names: (N,) of the vehicles.
+        kinds: (N,) names of their types.
+        table: (N, 7) time, x, y, angle, speed, length, width; nan for unknown sizes.
+
+    Returns:
+        The recording, and one phrase for each guess.
+
+    Raises:
+        TrackError: a value is missing or impossible, or samples are too far apart.
+    """
+    _check(path, names, table)
+    findings = _fill_sizes(table, kinds)
+    labels, track = np.unique(names, return_inverse=True)
+    order = np.lexsort((table[:, 0], track))
+    track, table = track[order].astype(np.int64), table[order]
+    words = np.array([_word(kind) for kind in kinds])[order]
+    step_s = _step(track, table[:, 0])
+    if not MIN_STEP_S <= step_s <= MAX_STEP_S:
+        limits = f"{MIN_STEP_S:g} to {MAX_STEP_S:g} s"
+        raise TrackError(f"{path}: simulated in steps of {step_s:g} s, {limits} are read; simulate again")
+    if step_s > _FILLED_FROM_S:
+        track, table, words = _filled(track, table, words, step_s)
+        findings.append(f"simulated in steps of {step_s:g} s: filled in to {STEP_S:g} s along curves")
+        step_s = STEP_S
+    vehicle = ~np.isin(words, _OTHERS)
+    numbered = _numbers([str(label) for label in labels])
+    if any(str(number) != str(label) for number, label in zip(numbered, labels, strict=True)):
+        findings.append("vehicles are numbered in the order of their names")
+    return (
+        TrackTable(
+            path=path,
+            cases=("",),
+            vehicles=_rows(track[vehicle], table[vehicle], words[vehicle], [str(n) for n in numbered]),
+            others=_rows(track[~vehicle], table[~vehicle], words[~vehicle], [str(x) for x in labels]),
+            step_s=step_s,
+        ),
+        tuple(findings),
+    )
+
+
+def _check(path: Path, names: Sequence[str], table: FloatArray) -> None:
+    """Raise a `TrackError` for the first row with an impossible value; sizes may be missing."""
+    wrong = ~(np.abs(table) <= _MAX)
+    wrong[:, 5:] &= ~np.isnan(table[:, 5:])
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        what = "missing" if np.isnan(table[row, column]) else f"{table[row, column]:g}"
+        name, when = f"{names[row]:.24}", f"{table[row, 0]:g} s"
+        raise TrackError(f"{path}: {_COLUMNS[column]} of vehicle {name} at {when} is {what}; write it again")
+
+
+def _fill_sizes(table: FloatArray, kinds: Sequence[str]) -> list[str]:
+    """Fill in missing lengths and widths, in place; returns a phrase if there are any."""
+    unknown = np.isnan(table[:, 5:7])
+    guessed = np.array([_size(kind) for kind in kinds])
+    table[:, 5:7] = np.where(unknown, guessed, table[:, 5:7])
+    return ["sizes are SUMO's for the classes that the types' names speak of"] if unknown.any() else []
+
+
+def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
+    names, kinds, rows = [], [], []
+    try:
+        with open_binary(path) as file:
+            for time, element in _elements(file):
+                names.append(element.get("id", ""))
+                kinds.append("pedestrian" if element.tag == "person" else element.get("type", ""))
+                values = (element.get(column, "nan") for column in _COLUMNS[1:])
+                rows.append([time, *map(float, values)])
+    except (OSError, EOFError, zlib.error, ValueError, LookupError, ElementTree.ParseError) as error:
+        raise TrackError(f"{path}: cannot be read as SUMO's fcd-output: {error}") from None
+    return names, kinds, np.array(rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
+
+
+def _elements(file: Any) -> Iterator[tuple[float, ElementTree.Element]]:
+    time = 0.0
+    for event, element in ElementTree.iterparse(file, events=("start", "end")):
+        if element.tag == "timestep":
+            if event == "start":
+                time = float(element.get("time", "nan"))
+            else:
+                element.clear()
+        elif event == "end" and element.tag in ("vehicle", "person"):
+            yield time, element
+
+
+def _parquet(path: Path) -> tuple[list[str], list[str], FloatArray]:
+    """Names, types and columns of a Parquet file; column names may begin with the names of elements."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        read = pq.read_table(path.absolute())
+    except (OSError, pa.ArrowException) as error:
+        raise TrackError(f"{path}: cannot be read as SUMO's fcd-output: {error}") from None
+    columns = {name.removeprefix("timestep_").removeprefix("vehicle_"): name for name in read.column_names}
+    missing = [name for name in ("time", "id", "x", "y", "angle", "speed") if name not in columns]
+    if missing:
+        raise TrackError(f"{path}: no column {missing[0]}; write it with SUMO's --fcd-output FILE.parquet")
+    keep = read[columns["id"]].is_valid().to_numpy(zero_copy_only=False)
+    read = read.filter(keep)
+    empty = np.full(read.num_rows, np.nan)
+    table = [
+        read[columns[name]].cast(pa.float64()).to_numpy() if name in columns else empty for name in _COLUMNS
+    ]
+    kinds = read[columns["type"]].to_pylist() if "type" in columns else [""] * read.num_rows
+    return (
+        [str(n) for n in read[columns["id"]].to_pylist()],
+        [str(k or "") for k in kinds],
+        np.stack(table, 1),
+    )
+
+
+def _size(kind: str) -> tuple[float, float]:
+    if kind == "pedestrian":
+        return _PERSON
+    said = kind.lower()
+    return next((size for word, size in _SIZES if word in said), _CAR)
+
+
+def _word(kind: str) -> str:
+    """Track type by the name of SUMO's type."""
+    if kind == "pedestrian":
+        return kind
+    word = next((word for word, _ in _SIZES if word in kind.lower()), "car")
+    return _KINDS.get(word, word)
+
+
+def _step(track: IntArray, time: FloatArray) -> float:
+    step = np.diff(time)[np.diff(track) == 0]
+    return float(np.median(step)) if len(step) else STEP_S
+
+
+def _numbers(labels: list[str]) -> list[int]:
+    """Track ids: the names if all are whole numbers, else their positions in order."""
+    if all(label.isdecimal() for label in labels):
+        return [int(label) for label in labels]
+    return list(range(1, len(labels) + 1))
+
+
+def _filled(
+    track: IntArray, table: FloatArray, words: Any, step_s: float
+) -> tuple[IntArray, FloatArray, Any]:
+    """Rows every 0.1 s, along cubic curves with the recorded positions, headings and speeds."""
+    tracks, tables, kinds = [], [], []
+    more = round(step_s / STEP_S)
+    for first, last in _runs(track, table[:, 0], step_s):
+        run = table[first:last]
+        u = np.arange(more) / more
+        angle = np.unwrap(np.radians(90.0 - run[:, 3]))
+        slope = run[:, 4, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1) * step_s
+        p, q, v, w = run[:-1, 1:3], run[1:, 1:3], slope[:-1], slope[1:]
+        t = u[None, :, None]
+        p, q, v, w = (x[:, None] for x in (p, q, v, w))
+        place = (2 * t**3 - 3 * t**2 + 1) * p + (t**3 - 2 * t**2 + t) * v
+        place = place + (3 * t**2 - 2 * t**3) * q + (t**3 - t**2) * w
+        columns = {}
+        for k, column in enumerate((run[:, 0], angle, run[:, 4])):
+            columns[k] = np.append((column[:-1, None] + u * np.diff(column)[:, None]).ravel(), column[-1])
+        rows = np.empty((len(columns[0]), table.shape[1]))
+        rows[:, 0], rows[:, 4] = columns[0], columns[2]
+        rows[:, 1:3] = np.vstack([place.reshape(-1, 2), run[-1:, 1:3]])
+        rows[:, 3] = 90.0 - np.degrees(columns[1])
+        rows[:, 5:] = run[0, 5:]
+        tracks.append(np.full(len(rows), track[first]))
+        tables.append(rows)
+        kinds.append(np.full(len(rows), words[first]))
+    return np.concatenate(tracks), np.vstack(tables), np.concatenate(kinds)
+
+
+def _runs(track: IntArray, time: FloatArray, step_s: float) -> list[tuple[int, int]]:
+    """First row of each stretch without a gap, and the row after its last."""
+    new = (np.diff(track) != 0) | (np.diff(time) > 1.5 * step_s)
+    begin = np.flatnonzero(np.concatenate([[True], new]))
+    return list(zip(begin.tolist(), [*begin[1:].tolist(), len(track)], strict=True))
+
+
+def _rows(track: IntArray, table: FloatArray, words: Any, labels: list[str]) -> TrackRows:
+    # SUMO angles: 0 = north, clockwise; ours: 0 = east, counter-clockwise.
+    heading = np.asarray(wrap(np.radians(90.0 - table[:, 3])))
+    c, s = np.cos(heading), np.sin(heading)
+    # SUMO's position is the front bumper, ours the centre.
+    values = (
+        1000.0 * table[:, 0],
+        table[:, 1] - c * table[:, 5] / 2,
+        table[:, 2] - s * table[:, 5] / 2,
+        table[:, 4] * c,
+        table[:, 4] * s,
+        heading,
+        table[:, 5],
+        table[:, 6],
+    )
+    types = dict(zip(track[::-1].tolist(), words[::-1].tolist(), strict=True))  # that of the first row
+    of_track = [types.get(number, "") for number in range(len(labels))]
+    return track_rows(track, labels, of_track, **dict(zip(FLOAT_COLUMNS, values, strict=True)))
+
+
+def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
+    return read_fcd(paths[0])
+
+
+FCD = Dataset(is_mine=is_fcd, read=_read)

@@ -1,0 +1,153 @@
+"""OpenDRIVE and OpenStreetMap maps, read by way of SUMO's netconvert."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import hashlib
+import os
+import shutil
+import stat
+import subprocess
+import tempfile
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+from scex_sumo.base.errors import MapError
+from scex_sumo.base.files import TemporaryFolder, cache_folder, write_atomic
+from scex_sumo.base.programs import environment, program
+from scex_sumo.base.version import __version__, version_of
+from scex_sumo.converters.naming import map_name
+from scex_sumo.converters.net.reader import unpacked
+from scex_sumo.converters.registries import MapFormat
+from scex_sumo.formats.sumo.net import read_sumo_road
+from scex_sumo.road import Road
+
+MAX_NETS = 64  # in the cache; the oldest one goes first
+# OpenDRIVE: coordinates stay the file's; curves are followed closely; the file's own junction lanes are kept.
+_OPENDRIVE = {
+    "opendrive.curve-resolution": "0.5",
+    "opendrive.internal-shapes": "true",
+    "opendrive.import-all-lanes": "true",
+    "offset.disable-normalization": "true",
+    "no-turnarounds": "true",
+    "no-internal-links": "false",
+}
+# OpenStreetMap: what SUMO's documentation recommends for it, for cars.
+_OPEN_STREET_MAP = {
+    "geometry.remove": "true",
+    "ramps.guess": "true",
+    "junctions.join": "true",
+    "tls.guess-signals": "true",
+    "tls.discard-simple": "true",
+    "tls.join": "true",
+    "no-turnarounds.except-deadend": "true",
+    "keep-edges.by-vclass": "passenger",
+}
+
+
+def is_opendrive(path: Path) -> bool:
+    """Whether a map is OpenDRIVE, by its name."""
+    return str(path).lower().endswith((".xodr", ".xodr.gz"))
+
+
+def is_open_street_map(path: Path) -> bool:
+    """Whether an ``.osm`` file holds streets and no lanelets."""
+    if path.suffix != ".osm" or not path.is_file():
+        return False
+    content = path.read_bytes()
+    return b"highway" in content and b"lanelet" not in content
+
+
+def read_imported_road(path: str | Path, **_: object) -> Road:
+    """Read an OpenDRIVE or OpenStreetMap file by way of netconvert; its net is kept in the user's cache.
+
+    OpenDRIVE's coordinates stay; those of OpenStreetMap become metres east and north of the net's corner.
+
+    Raises:
+        MapError: netconvert cannot read it, or there is no lane for cars in it.
+    """
+    path = Path(path)
+    content = unpacked(path)
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+        raise MapError(f"{path}: declares a document type, which could name other files; remove that")
+    kind, options = ("opendrive", _OPENDRIVE) if is_opendrive(path) else ("osm", _OPEN_STREET_MAP)
+    made_of = (
+        repr((__version__, version_of("eclipse-sumo"), kind, sorted(options.items()))).encode() + content
+    )
+    place = _private_folder() / hashlib.sha256(made_of).hexdigest()[:32]
+    net, digest = place / f"{map_name(path)}.net.xml", place / "sha256"
+    if not _is_whole(net, digest):
+        made = _netconvert(path, kind, content, options)
+        place.mkdir(mode=0o700, exist_ok=True)
+        write_atomic(net, made)
+        write_atomic(digest, hashlib.sha256(made).hexdigest().encode())
+        for old in sorted(place.parent.iterdir(), key=lambda old: old.stat().st_mtime)[:-MAX_NETS]:
+            shutil.rmtree(old, ignore_errors=True)
+    try:
+        road = read_sumo_road(net)
+    except MapError as error:
+        raise MapError(f"{path}: netconvert makes no usable net of it ({error})") from None
+    note = f"{path.name}: read by way of netconvert, as {net}"
+    return replace(road, notes=(note, *road.notes))
+
+
+def _private_folder() -> Path:
+    """Folder in the user's cache; a temporary one if somebody else could write into that."""
+    folder = cache_folder() / "imported"
+    with contextlib.suppress(OSError):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if all(_is_private(place) for place in (folder.parent, folder)):
+            return folder
+    return Path(_temporary_folder().name)
+
+
+def _is_private(folder: Path) -> bool:
+    state = folder.lstat()
+    return stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and not state.st_mode & 0o022
+
+
+@cache
+def _temporary_folder() -> TemporaryFolder:
+    folder = TemporaryFolder()
+    atexit.register(folder.cleanup)
+    return folder
+
+
+def _is_whole(net: Path, digest: Path) -> bool:
+    try:
+        return hashlib.sha256(net.read_bytes()).hexdigest().encode() == digest.read_bytes()
+    except OSError:
+        return False
+
+
+def _netconvert(path: Path, kind: str, content: bytes, options: dict[str, str]) -> bytes:
+    """Make a net with netconvert.
+
+    Raises:
+        MapError: netconvert refuses the map, or its net is cut short.
+    """
+    with TemporaryFolder() as folder:
+        Path(folder, "map.xml").write_bytes(content)
+        # Names without a folder: SUMO splits paths at commas.
+        given = {f"{kind}-files": "map.xml", "output-file": "made.net.xml", "xml-validation": "never"}
+        command = [
+            program("netconvert"),
+            *(word for k, v in {**given, **options}.items() for word in (f"--{k}", v)),
+        ]
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, check=False, env=environment()
+        )
+        net = Path(folder, "made.net.xml")
+        if done.returncode or not net.is_file():
+            said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
+            raise MapError(f"{path}: netconvert cannot read it: {said[0] if said else done.returncode}")
+        made = net.read_bytes()
+    if not made.rstrip().endswith(b"</net>"):
+        raise MapError(f"{path}: netconvert's net is cut short; make room in {tempfile.gettempdir()}")
+    return made
+
+
+OPENDRIVE = MapFormat(is_mine=is_opendrive, read=read_imported_road)
+OPEN_STREET_MAP = MapFormat(is_mine=is_open_street_map, read=read_imported_road)

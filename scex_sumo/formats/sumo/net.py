@@ -1,0 +1,296 @@
+"""SUMO net as a road, read with sumolib: every lane is a lane, those within junctions too."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Container, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.sax import SAXException
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import MapError, listed, reason_of
+from scex_sumo.base.programs import environment, program
+from scex_sumo.converters.naming import map_name, unpacked_name
+from scex_sumo.converters.net.allowed import allowed_copy, prune
+from scex_sumo.converters.net.lanelets import lane_names, lanelet_places, named_parts, put_together
+from scex_sumo.converters.net.reader import DEFAULT_WIDTH_M, net_root
+from scex_sumo.converters.registries import MapFormat
+from scex_sumo.formats.sumo.fcd import ENDINGS
+from scex_sumo.geometry.polylines import arc_lengths
+from scex_sumo.road import Area, Lane, Marking, Regulation, Road
+from scex_sumo.roads.conflicts import overlapping
+
+MIN_LENGTH_M = 0.05  # lanes without length are extended to this
+MAX_M, MAX_WIDTH_M, MAX_SPEED_MPS = 1e8, 100.0, 1000.0  # of coordinates, lanes and speed limits
+MAX_CORNER = 3.0  # corners of borders reach out at most this many times the half width
+CHANGED = "the net was converted by scex-sumo and changed since: its lanes are read as they are now"
+_STOPS = {"allway_stop": "all_way_stop", "priority_stop": "stop"}
+_KINDS = (("passenger", "vehicle"), ("bus", "bus"), ("bicycle", "bicycle"), ("pedestrian", "pedestrian"))
+
+
+def read_sumo_road(path: str | Path, **_: object) -> Road:
+    """Read a net; its lanes are numbered from 1 in the order of the file, and it is driven as it is.
+
+    The lanes of a net that `convert` wrote are joined to those of its map again, with their ids. Centrelines
+    are SUMO's shapes; borders lie half a width beside them. A lane change is allowed if both lanes are for
+    the same vehicles and the net does not forbid it. Right of way is that of the junctions' requests.
+
+    Raises:
+        MapError: the net cannot be read, or has no lane for cars.
+    """
+    path = Path(path)
+    try:
+        road = _road(path)
+    except (SAXException, LookupError, ValueError, AttributeError, TypeError) as error:
+        raise MapError(
+            f"{path}: sumolib cannot read it: {reason_of(error)[:200]}; build it again with netconvert"
+        ) from None
+    _try(path)
+    return road
+
+
+def _try(path: Path) -> None:
+    """Load a net in SUMO in another process, because some inconsistent nets crash libsumo."""
+    with allowed_copy(path) as net:
+        command = [program("sumo"), "--net-file", net.name, "--end", "0", "--xml-validation", "never"]
+        done = subprocess.run(command, capture_output=True, env=environment(), check=False, cwd=net.parent)
+    if done.returncode < 0:
+        raise MapError(f"{path}: SUMO dies of this net; build it again with netconvert")
+
+
+def _road(path: Path) -> Road:
+    root = net_root(path)
+    left_out = prune(root)
+    net, forbidden = _open(path, root)
+    named = named_parts(root)
+    numbers = {name: k + 1 for k, name in enumerate(lane_names(root))}
+    sumo_lanes = {numbers[name]: net.getLane(name) for name in numbers}
+    following = {i: _following(lane, numbers) for i, lane in sumo_lanes.items()}
+    lanes = {i: _lane(i, lane, following[i]) for i, lane in sumo_lanes.items()}
+    lanes = _beside(lanes, sumo_lanes, numbers, forbidden)
+    lines = {i: _line(lane, heights=True) for i, lane in sumo_lanes.items()}
+    within = {i for i, lane in lanes.items() if lane.subtype.startswith(":")}
+    if named:
+        lanes = put_together(named, {lane.subtype: lane for lane in lanes.values()})
+        lines = {i: lane.centreline for i, lane in lanes.items()}
+        numbers = {name: under[0][0] for name in named if (under := lanelet_places(named, name))}
+        within = set(lanes) - {number for name, number in numbers.items() if not name.startswith(":")}
+    lanes = {i: _bounded(lane) for i, lane in _with_predecessors(lanes).items()}
+    if not any(lane.kind == "vehicle" for lane in lanes.values()):
+        raise MapError(f"{path}: no lane that passenger cars may use; give a net for them")
+    notes: tuple[str, ...] = (CHANGED,) if named is None else ()
+    if left_out:
+        notes += (f"{path.name}: only roads and lights are read, without {listed(left_out)}",)
+    return Road(
+        name=map_name(path),
+        lanes=overlapping(lanes, lines),
+        regulations=_junction_rules(net, numbers),
+        markings=tuple(_markings(lanes, within)),
+        areas=_areas(net),
+        net=path,
+        sumo_lanes=named is None,
+        notes=notes,
+    )
+
+
+def _with_predecessors(lanes: Mapping[int, Lane]) -> dict[int, Lane]:
+    before: dict[int, list[int]] = {}
+    for i in lanes:
+        for j in lanes[i].successors:
+            before.setdefault(j, []).append(i)
+    return {i: replace(lane, predecessors=tuple(before.get(i, ()))) for i, lane in lanes.items()}
+
+
+def _bounded(lane: Lane) -> Lane:
+    left, right = (beside(lane.centreline, side * lane.width_m / 2) for side in (1, -1))
+    return replace(lane, left_bound=left, right_bound=right)
+
+
+def _open(path: Path, root: ElementTree.Element) -> tuple[Any, set[tuple[str, int]]]:
+    """Return the net, and its forbidden lane changes (lane, 1 for left or -1 for right)."""
+    import sumolib
+
+    forbidden = {
+        (lane.get("id", ""), side)
+        for lane in root.iter("lane")
+        for rule, side in (("changeLeft", 1), ("changeRight", -1))
+        if (allowed := lane.get(rule)) is not None and not {"all", "passenger"} & set(allowed.split())
+    }
+    net = sumolib.net.readNet(str(path), withInternal=True, withFoes=True)
+    for name in lane_names(root):
+        _check_lane(net.getLane(name))
+    missing = [node.getID() for node in net.getNodes() if node.getType() is None]
+    if missing:
+        raise ValueError(f"no junction {missing[0]}")
+    return net, forbidden
+
+
+def _check_lane(lane: Any) -> None:
+    """Raise a `ValueError` for a lane with an impossible shape, width or speed."""
+    shape = np.array(lane.getShape3D(), dtype=np.float64)
+    if not len(shape) or not (np.abs(shape) <= MAX_M).all():
+        raise ValueError(f"lane {lane.getID()} has no shape")
+    if not lane.getWidth() <= MAX_WIDTH_M or not 0.0 <= lane.getSpeed() <= MAX_SPEED_MPS:
+        raise ValueError(f"lane {lane.getID()} is {lane.getWidth()} m wide, for {lane.getSpeed()} m/s")
+
+
+def _following(lane: Any, numbers: Mapping[str, int]) -> tuple[int, ...]:
+    """Successors: lanes within the junction, if the net has them."""
+    following = [link.getViaLaneID() or link.getToLane().getID() for link in lane.getOutgoing()]
+    return tuple(dict.fromkeys(numbers[name] for name in following if name in numbers))
+
+
+def _lane(number: int, lane: Any, following: tuple[int, ...]) -> Lane:
+    centre = _line(lane)
+    width = float(lane.getWidth()) if lane.getWidth() > 0 else DEFAULT_WIDTH_M
+    return Lane(
+        lane_id=number,
+        centreline=centre,
+        left_bound=centre,
+        right_bound=centre,
+        width_m=width,
+        speed_limit_mps=float(lane.getSpeed()),
+        kind=next((kind for word, kind in _KINDS if lane.allows(word)), "other"),
+        subtype=lane.getID(),
+        successors=following,
+    )
+
+
+def _line(lane: Any, *, heights: bool = False) -> FloatArray:
+    """(P, 2), or with heights (P, 3), shape of a lane without repeated points."""
+    points = np.array(lane.getShape3D(), dtype=np.float64)
+    step = np.hypot(*np.diff(points[:, :2], axis=0).T)
+    points = points[np.concatenate([[True], step > 1e-6])]
+    if len(points) < 2:
+        points = np.vstack([points[0], points[0] + [MIN_LENGTH_M, 0.0, 0.0]])
+    return points if heights else points[:, :2]
+
+
+def beside(line: FloatArray, offset: float) -> FloatArray:
+    """A polyline beside another one, point by point; positive offsets are on the left, m."""
+    step = np.diff(line, axis=0)
+    normal = np.stack([-step[:, 1], step[:, 0]], axis=1) / np.hypot(*step.T)[:, None]
+    before, after = np.vstack([normal[:1], normal]), np.vstack([normal, normal[-1:]])
+    both = before + after
+    scale = np.maximum((both**2).sum(axis=1) / 2, 2 / MAX_CORNER)
+    return np.asarray(line + offset * both / scale[:, None])
+
+
+def _beside(
+    lanes: Mapping[int, Lane],
+    sumo_lanes: Mapping[int, Any],
+    numbers: Mapping[str, int],
+    forbidden: set[tuple[str, int]],
+) -> dict[int, Lane]:
+    result = {}
+    for i, lane in lanes.items():
+        sumo_lane = sumo_lanes[i]
+        edge, index = sumo_lane.getEdge(), sumo_lane.getIndex()
+        near: dict[int, int | None] = {}
+        for side in (1, -1):
+            at = index + side
+            there = edge.getLanes()[at] if 0 <= at < edge.getLaneNumber() else None
+            number = None if there is None else numbers.get(there.getID())
+            near[side] = number if number is not None and lanes[number].kind == lane.kind else None
+        free = {
+            side: None
+            if (sumo_lane.getID(), side) in forbidden or edge.getFunction() == "internal"
+            else near[side]
+            for side in near
+        }
+        result[i] = replace(
+            lane, left=free[1], right=free[-1], adjacent_left=near[1], adjacent_right=near[-1]
+        )
+    return result
+
+
+def _markings(lanes: Mapping[int, Lane], within: Container[int]) -> list[Marking]:
+    """Borders of roads, and dashed lines where lane changes are allowed; nothing within junctions."""
+    markings = []
+    for i, lane in lanes.items():
+        if i in within or arc_lengths(lane.centreline)[-1] < 1.0:
+            continue
+        if lane.adjacent_right is None:
+            markings.append(Marking(line_id=2 * i, kind="road_border", subtype="", points=lane.right_bound))
+        crossed = "dashed" if lane.left is not None else "solid"
+        kind = "line_thin" if lane.adjacent_left is not None else "road_border"
+        markings.append(Marking(line_id=2 * i + 1, kind=kind, subtype=crossed, points=lane.left_bound))
+    return markings
+
+
+def _areas(net: Any) -> tuple[Area, ...]:
+    kinds = {"crossing": "crosswalk", "walkingarea": "walkway"}
+    areas = []
+    for k, edge in enumerate(e for e in net.getEdges(withInternal=True) if e.getFunction() in kinds):
+        (lane, *_) = edge.getLanes()
+        line = _line(lane)
+        if edge.getFunction() == "crossing":
+            width = float(lane.getWidth())
+            line = np.vstack([beside(line, width / 2), beside(line, -width / 2)[::-1]])
+        if len(line) > 2:
+            areas.append(Area(area_id=k + 1, kind=kinds[edge.getFunction()], outline=line))
+    return tuple(areas)
+
+
+def _junction_rules(net: Any, numbers: Mapping[str, int]) -> tuple[Regulation, ...]:
+    """Right of way and lights of the junctions; ``numbers``: lanes of the road by SUMO's name."""
+    rules: list[Regulation] = []
+    for node in net.getNodes():
+        rules.extend(_of_node(node, numbers, len(rules) + 1))
+    return tuple(rules)
+
+
+def _of_node(node: Any, numbers: Mapping[str, int], first: int) -> Iterator[Regulation]:
+    """Regulations of a junction: each link that gives way, and the lanes that wait at its light."""
+    links = {node.getLinkIndex(link): link for link in node.getConnections() if _via(link, numbers)}
+    links.pop(-1, None)
+    number = first
+    kind = _STOPS.get(node.getType(), "right_of_way")
+    for index, link in sorted(links.items()):
+        over = [k for k in sorted(links) if k != index and _yields(node, index, k)]
+        if over:
+            yield Regulation(
+                element_id=number,
+                kind=kind,
+                lanes=(numbers[link.getFromLane().getID()],),
+                yielding=(numbers[_via(link, numbers)],),
+                priority=tuple(numbers[_via(links[k], numbers)] for k in over),
+            )
+            number += 1
+    lit = [link for _, link in sorted(links.items()) if link.getTLSID()]
+    if lit:
+        lanes = dict.fromkeys(numbers[link.getFromLane().getID()] for link in lit)
+        yield Regulation(element_id=number, kind="traffic_light", lanes=tuple(lanes), lights=(number,))
+
+
+def _via(link: Any, numbers: Mapping[str, int]) -> str:
+    name = str(link.getViaLaneID())
+    return name if name in numbers else ""
+
+
+def _yields(node: Any, index: int, other: int) -> bool:
+    response = node._prohibits.get(index, "")
+    return other < len(response) and response[-(other + 1)] == "1"
+
+
+def _is_mine(path: Path) -> bool:
+    return str(path).lower().endswith((".net.xml", ".net.xml.gz"))
+
+
+def _tracks(path: Path) -> Path | None:
+    names = (map_name(path), Path(unpacked_name(path)).stem)
+    beside = [path.with_name(f"{name}{ending}") for name in names for ending in ENDINGS]
+    return next((file for file in beside if file.is_file()), None)
+
+
+SUMO_NET = MapFormat(
+    is_mine=_is_mine,
+    read=read_sumo_road,
+    tracks=_tracks,
+    asks_for="--fcd FILE (floating car data), --state FILE (a saved state) or --tracks CSV",
+)

@@ -1,0 +1,158 @@
+"""Matching of SUMO lanes to lanelets: from a lane table, or by geometry."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import shapely
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.net.reader import NetContent
+from scex_sumo.road import Lane, Road
+
+SAMPLE_M = 0.5
+# Found by geometry, a SUMO lane follows a lanelet when it stays this near; larger radii are for foreign nets,
+# and tried only for lanelets that the smaller ones leave uncovered.
+RADII_M = (0.05, 0.3, 1.0, 2.0)
+ENDS_NEAR_M = 2.5  # a lanelet begins or ends beside a SUMO lane when it does so within this; above all radii
+CONNECTOR_M = 0.25  # shorter SUMO lanes only join others; they lie on every lanelet that begins there
+COVERED = 0.9  # share of a lanelet's length from which it counts as covered
+AHEAD_RAD = np.deg2rad(60.0)
+
+
+class LaneNames(Protocol):
+    """What the judge needs of a lane table."""
+
+    def sumo_lanes(self, lanelet_id: int) -> tuple[str, ...]:
+        """Return the SUMO lanes of a lanelet."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """A piece of a SUMO lane that stands for one lanelet; ``end_m`` ≤ ``start_m`` if the two run in opposite
+    directions.
+    """
+
+    lane_id: int
+    sumo_lane: str
+    start_m: float
+    end_m: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Matching:
+    """A net beside its map; stretches of SUMO lanes are in driving order."""
+
+    net: NetContent
+    road: Road
+    by_lanelet: Mapping[int, tuple[Stretch, ...]]
+    by_sumo_lane: Mapping[str, tuple[Stretch, ...]]
+
+    def names(self, lane_id: int) -> list[str]:
+        """Return the SUMO lanes of a lanelet."""
+        return [stretch.sumo_lane for stretch in self.by_lanelet.get(lane_id, ())]
+
+    def lanelets(self, sumo_lane: str) -> set[int]:
+        """Return the lanelets that a SUMO lane stands for."""
+        return {stretch.lane_id for stretch in self.by_sumo_lane.get(sumo_lane, ())}
+
+
+def sample_line(points: FloatArray, step_m: float = SAMPLE_M) -> FloatArray:
+    """(N, 2) points along a polyline, at most ``step_m`` apart, both ends included."""
+    line = shapely.LineString(points)
+    at = np.linspace(0.0, line.length, max(int(np.ceil(line.length / step_m)), 1) + 1)
+    along: FloatArray = shapely.get_coordinates(shapely.line_interpolate_point(line, at))
+    return along
+
+
+def sample_headings(points: FloatArray) -> FloatArray:
+    """(N,) rad, central differences along sampled points."""
+    step = np.gradient(points, axis=0) if len(points) > 1 else np.zeros_like(points)
+    angles: FloatArray = np.arctan2(step[:, 1], step[:, 0])
+    return angles
+
+
+def angle_between(heading_rad: FloatArray | float, other_rad: FloatArray | float) -> FloatArray:
+    """Return the angle from a heading to another, in [-pi, pi]."""
+    angle: FloatArray = np.angle(np.exp(1j * (np.asarray(other_rad) - heading_rad)))
+    return angle
+
+
+def match_lanelets(net: NetContent, road: Road, lanes: LaneNames | None) -> Matching:
+    """Find the SUMO lanes of every lanelet: from the converter's table or, without one, by geometry."""
+    if lanes is None:
+        named = _by_geometry(net, road)
+    else:
+        named = [(i, name) for i in road.lanes for name in lanes.sumo_lanes(i) if name in net.lanes]
+    by_lanelet: dict[int, list[Stretch]] = defaultdict(list)
+    by_sumo_lane: dict[str, list[Stretch]] = defaultdict(list)
+    for lane_id, sumo_lane in named:
+        stretch = _stretch(road.lanes[lane_id], sumo_lane, net.lanes[sumo_lane].line)
+        by_lanelet[lane_id].append(stretch)
+        by_sumo_lane[sumo_lane].append(stretch)
+    in_order = {
+        name: tuple(sorted(on, key=lambda s: (s.start_m, s.end_m))) for name, on in by_sumo_lane.items()
+    }
+    found = {i: tuple(stretches) for i, stretches in by_lanelet.items()}
+    return Matching(net=net, road=road, by_lanelet=found, by_sumo_lane=in_order)
+
+
+def _stretch(lane: Lane, sumo_lane: str, line: shapely.LineString) -> Stretch:
+    start, end = 0.0, float(line.length)
+    if line.length > 0.0:  # SUMO's shortest connectors are one point twice once they are rounded
+        ends = shapely.points(lane.centreline[[0, -1]])
+        at = shapely.line_locate_point(line, ends)
+        # Where an end of the lanelet is far away, the SUMO lane is a piece of it up to its own end.
+        begins, stops = shapely.distance(line, ends) <= ENDS_NEAR_M
+        start, end = float(at[0]) if begins else start, float(at[1]) if stops else end
+    return Stretch(lane_id=lane.lane_id, sumo_lane=sumo_lane, start_m=start, end_m=end)
+
+
+def _by_geometry(net: NetContent, road: Road) -> list[tuple[int, str]]:
+    names = [name for name, lane in net.lanes.items() if lane.line.length >= CONNECTOR_M]
+    points = [sample_line(net.lanes[name].shape) for name in names]
+    directions = [sample_headings(p) for p in points]
+    boxes = shapely.STRtree([shapely.LineString(p) for p in points])
+    found: list[tuple[int, str]] = []
+    for lane_id, lane in road.lanes.items():
+        near = boxes.query(shapely.LineString(lane.centreline).buffer(max(RADII_M)))
+        usable = [k for k in sorted(near) if lane.kind != "vehicle" or net.lanes[names[k]].cars]
+        for radius in RADII_M:
+            chosen = [k for k in usable if _follows(lane, points[k], directions[k], radius)]
+            if _covered(lane, [points[k] for k in chosen], radius):
+                break
+        found += [(lane_id, names[k]) for k in chosen]
+    return found
+
+
+def _follows(lane: Lane, points: FloatArray, directions: FloatArray, radius: float) -> bool:
+    """Whether a SUMO lane stays near wherever it passes beside a lanelet; branches of a fork do not."""
+    line = shapely.LineString(lane.centreline)
+    if line.length <= 0.0:
+        return False
+    at = shapely.line_locate_point(line, shapely.points(points))
+    beside = (at > 1e-6) & (at < line.length - 1e-6)
+    if not beside.any():
+        return False
+    off = shapely.distance(shapely.points(points[beside]), line)
+    ahead = shapely.get_coordinates(shapely.line_interpolate_point(line, at[beside] + 0.1))
+    behind = shapely.get_coordinates(shapely.line_interpolate_point(line, np.maximum(at[beside] - 0.1, 0.0)))
+    same_way = np.abs(angle_between(directions[beside], np.arctan2(*(ahead - behind).T[::-1]))) < AHEAD_RAD
+    if np.mean((off <= radius) & same_way) < COVERED or off.max() > 2 * radius:
+        return False
+    # The end of a long lane may brush past the lanelet's first half metre: too little to stand for it.
+    whole = min(line.length, shapely.LineString(points).length)
+    return bool(np.ptp(at[beside]) >= min(1.0, 0.5 * whole))
+
+
+def _covered(lane: Lane, lanes: list[FloatArray], radius: float) -> bool:
+    if not lanes:
+        return False
+    lines = shapely.union_all([shapely.LineString(points) for points in lanes])
+    near = shapely.distance(shapely.points(sample_line(lane.centreline)), lines) <= radius
+    return bool(np.mean(near) >= COVERED)

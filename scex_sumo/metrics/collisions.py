@@ -1,0 +1,398 @@
+"""Collisions of vehicles: which pair, when, which kind, at which speed; exact between steps.
+
+Two vehicles collide if their rectangles overlap by more than 0.1 m² at some time after the seed moment, but
+not at the seed moment. Between steps, positions move in straight lines and headings turn along the shorter
+arc.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.geometry.rectangles import (
+    Rectangles,
+    axis_separations,
+    overlap_area,
+    relative_pose,
+    separation,
+)
+from scex_sumo.metrics.base import Rows, SceneTracks
+
+OVERLAP_M2: Final = 0.1
+"""Overlap above which two vehicles have collided."""
+
+KINDS: Final = ("rear-end", "side", "head-on")
+SIDES: Final = ("front", "rear", "left", "right")
+
+_SPLITS = 10  # halvings of a step: an overlap above the limit for less than 0.1 ms may be missed
+_BISECTIONS = 40
+_REAR_END, _HEAD_ON = np.pi / 6, np.pi * 5 / 6
+_PAIRS_AT_ONCE = 1 << 12
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Collisions(Rows):
+    """The first collision of every pair of vehicles of every child, sorted by child, time and pair.
+
+    Attributes:
+        step: first step at or after the impact, history included.
+        time_s: impact after the seed moment: the start of the contact that grew to a collision.
+        first: in a rear-end collision the vehicle that hits with its front, else the lower index.
+        kind: index into ``KINDS``.
+        first_side: side that is touched first, index into ``SIDES``.
+        relative_speed: ‖v₁ − v₂‖ at impact, m/s.
+        overlap: largest overlap after the impact less that of the seed moment, m².
+        x: midpoint of both centres at impact, m.
+    """
+
+    child: IntArray
+    step: IntArray
+    time_s: FloatArray
+    first: IntArray
+    second: IntArray
+    kind: IntArray
+    first_side: IntArray
+    second_side: IntArray
+    relative_speed: FloatArray
+    overlap: FloatArray
+    x: FloatArray
+    y: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.child)
+
+    def kinds(self) -> NDArray[np.str_]:
+        """Return (N,) kinds in words."""
+        return np.array(KINDS)[self.kind]
+
+    def any_of(self, children: int) -> BoolArray:
+        """Return (C,) whether a child has a collision."""
+        hit = np.zeros(children, dtype=bool)
+        hit[self.child] = True
+        return hit
+
+
+def find_collisions(tracks: SceneTracks) -> Collisions:
+    """Find the first collision of every pair in every child.
+
+    The seed moment is the last step of the history, or the first step if there is none.
+    """
+    start = max(tracks.first - 1, 0)
+    moves = _contacts(near_moves(tracks, start))
+    at, which = _first_of_pair(moves, *_exceeding(moves))
+    if not len(which):
+        number, value = np.empty(0, dtype=np.int64), np.empty(0)
+        empty: dict[str, Any] = {
+            f.name: number if f.type == "IntArray" else value for f in fields(Collisions)
+        }
+        return Collisions(**empty)
+    hits = moves.take(which)
+    return _described(*_impact(hits, at), hits, at, start)
+
+
+@dataclass(frozen=True, eq=False)
+class Moves:
+    """Motion of N pairs during one step each; a share of 0 is the earlier step, 1 the later one.
+
+    Attributes:
+        step: (N,) the earlier step, history included.
+    """
+
+    tracks: SceneTracks
+    child: IntArray
+    step: IntArray
+    first: IntArray
+    second: IntArray
+
+    def take(self, index: IntArray) -> Moves:
+        """Select rows by index."""
+        columns = (getattr(self, name)[index] for name in ("child", "step", "first", "second"))
+        return Moves(self.tracks, *columns)
+
+    def at_step(self, step: IntArray) -> Moves:
+        """Return the moves of the same pairs during other steps."""
+        return replace(self, step=step)
+
+    def pose(self, vehicle: IntArray, share: FloatArray) -> Rectangles:
+        """Return (N,) outlines of one vehicle of each pair."""
+        now, then = self._ends(vehicle)
+        states = self.tracks.states
+        turn = wrap(states.heading[then] - states.heading[now])
+        half_length, half_width = self.half_sizes(vehicle)
+        return Rectangles(
+            x=states.x[now] + share * (states.x[then] - states.x[now]),
+            y=states.y[now] + share * (states.y[then] - states.y[now]),
+            heading=states.heading[now] + share * turn,
+            half_length=half_length,
+            half_width=half_width,
+        )
+
+    def speed(self, vehicle: IntArray, share: FloatArray) -> FloatArray:
+        """Return (N,) speeds of one vehicle of each pair, m/s."""
+        now, then = self._ends(vehicle)
+        speed = self.tracks.states.speed
+        return speed[now] + share * (speed[then] - speed[now])
+
+    def poses(self, share: FloatArray) -> tuple[Rectangles, Rectangles]:
+        """Return (N,) outlines of both vehicles."""
+        return self.pose(self.first, share), self.pose(self.second, share)
+
+    def separation(self, share: FloatArray) -> FloatArray:
+        """Return (N,) m; 0 or less where the outlines touch."""
+        return separation(*self.poses(share))
+
+    def overlap(self, share: FloatArray) -> FloatArray:
+        """Return (N,) m²."""
+        return overlap_area(*self.poses(share))
+
+    def half_sizes(self, vehicle: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return (N,) half lengths and half widths, m."""
+        length, width = (
+            (size[vehicle] if size.ndim == 1 else size[self.child, vehicle]) / 2
+            for size in (self.tracks.length, self.tracks.width)
+        )
+        return length, width
+
+    def way(self) -> tuple[FloatArray, FloatArray]:
+        """Bound (N,) the change of a touching pair's gap along an axis, and the way of any corner, m."""
+        states = self.tracks.states
+        ends = self._ends(self.first), self._ends(self.second)
+        (now_1, then_1), (now_2, then_2) = ends
+        dx = (states.x[then_2] - states.x[now_2]) - (states.x[then_1] - states.x[now_1])
+        dy = (states.y[then_2] - states.y[now_2]) - (states.y[then_1] - states.y[now_1])
+        radii = [np.hypot(*self.half_sizes(v)) for v in (self.first, self.second)]
+        turns = [np.abs(wrap(states.heading[then] - states.heading[now])) for now, then in ends]
+        shift = np.hypot(dx, dy)
+        # If the circles around both meet, the centres are no farther apart than both radii and the way.
+        arm = radii[0] + radii[1] + shift
+        gap_way = shift + (arm + radii[1]) * turns[0] + (arm + radii[0]) * turns[1]
+        return gap_way, shift + radii[0] * turns[0] + radii[1] * turns[1]
+
+    def _ends(self, vehicle: IntArray) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...]]:
+        last = self.tracks.states.shape[1] - 1
+        return (self.child, self.step, vehicle), (self.child, np.minimum(self.step + 1, last), vehicle)
+
+
+def near_moves(tracks: SceneTracks, start: int) -> Moves:
+    """Find all moves from a step on in which the circles around two present vehicles meet.
+
+    A first test of bounding boxes keeps many vehicles cheap.
+    """
+    x, y = tracks.states.x[:, start:], tracks.states.y[:, start:]
+    radius = np.hypot(tracks.length, tracks.width) / 2
+    radius = np.broadcast_to(radius, (x.shape[0], x.shape[2]))
+    present = None if tracks.present is None else tracks.present[:, start:]
+    boxes = []
+    for values in (x, y):
+        low = values if present is None else np.where(present, values, np.inf)
+        high = values if present is None else np.where(present, values, -np.inf)
+        boxes += [low.min(axis=1) - radius, high.max(axis=1) + radius]
+    one, two = np.triu_indices(x.shape[2], 1)
+    meet = np.ones((x.shape[0], one.size), dtype=bool)
+    for low, high in ((boxes[0], boxes[1]), (boxes[2], boxes[3])):
+        meet &= (low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])
+    child, pair = np.nonzero(meet)
+    first, second = one[pair].astype(np.int64), two[pair].astype(np.int64)
+    # Time last and contiguous: (pairs, steps).
+    tx, ty = np.ascontiguousarray(x.transpose(0, 2, 1)), np.ascontiguousarray(y.transpose(0, 2, 1))
+    parts = []
+    for begin in range(0, child.size, _PAIRS_AT_ONCE):
+        part = slice(begin, begin + _PAIRS_AT_ONCE)
+        c, f, s = child[part], first[part], second[part]
+        near = _way_near(tx[c, s] - tx[c, f], ty[c, s] - ty[c, f], (radius[c, f] + radius[c, s])[:, None])
+        if present is not None:
+            there = present[c, :, f] & present[c, :, s]
+            near &= there[:, 1:] & there[:, :-1]
+        row, step = np.nonzero(near)
+        parts.append(np.stack([c[row], step + start, f[row], s[row]]))
+    rows = np.concatenate(parts, axis=1) if parts else np.empty((4, 0), dtype=np.int64)
+    return Moves(tracks, *rows)
+
+
+def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
+    """Return (N, T - 1) whether a point comes within reach of the origin during each step."""
+    px, py = dx[:, :-1], dy[:, :-1]
+    vx, vy = dx[:, 1:] - px, dy[:, 1:] - py
+    square = vx * vx + vy * vy
+    with np.errstate(invalid="ignore"):
+        share = np.clip(-(px * vx + py * vy) / np.where(square > 0, square, 1.0), 0.0, 1.0)
+        apart = np.square(px + share * vx) + np.square(py + share * vy)
+        near: BoolArray = apart <= reach * reach
+    return near
+
+
+def _contacts(moves: Moves) -> Moves:
+    """Select moves in which the outlines may touch: the gaps at both ends are smaller than the way."""
+    gap_way, _ = moves.way()
+    zero = np.zeros(moves.child.shape)
+    ends = moves.separation(zero) + moves.separation(zero + 1)
+    return moves.take(np.flatnonzero(ends <= gap_way))
+
+
+def _exceeding(moves: Moves) -> tuple[FloatArray, IntArray]:
+    """Find the moves whose overlap exceeds `OVERLAP_M2`: (F,) a share of the step, and (F,) their indices.
+
+    Branch and bound: a part of a step is halved while the overlaps at its ends and the way between them allow
+    more than the limit.
+    """
+    count = moves.child.size
+    share = np.full(count, np.inf)
+    start, end = moves.overlap(np.zeros(count)), moves.overlap(np.ones(count))
+    share[end > OVERLAP_M2] = 1.0
+    share[start > OVERLAP_M2] = 0.0
+    gap_way, corner_way = moves.way()
+    inner = np.minimum(*(np.hypot(*moves.half_sizes(v)) for v in (moves.first, moves.second)))
+    growth = 2 * np.pi * inner * corner_way  # no outline within the smaller one is longer
+    move = np.flatnonzero((share > 0) & (start + end + growth > 2 * OVERLAP_M2))
+    low, width = np.zeros(move.size), 1.0
+    ends = start[move], end[move]
+    for _ in range(_SPLITS):
+        width /= 2
+        part, middle = moves.take(move), low + width
+        area, gap = part.overlap(middle), part.separation(middle)
+        np.minimum.at(share, move[area > OVERLAP_M2], middle[area > OVERLAP_M2])
+        # A pair that is apart in the middle by more than half the way does not touch in this part.
+        close = gap <= gap_way[move] * width
+        rise = growth[move] * width
+        left, right = (close & (e + area + rise > 2 * OVERLAP_M2) for e in ends)
+        move, low, ends = (
+            np.concatenate([move[left], move[right]]),
+            np.concatenate([low[left], middle[right]]),
+            (
+                np.concatenate([ends[0][left], area[right]]),
+                np.concatenate([area[left], ends[1][right]]),
+            ),
+        )
+        keep = low < share[move]
+        move, low, ends = move[keep], low[keep], (ends[0][keep], ends[1][keep])
+        if move.size == 0:
+            break
+    which = np.flatnonzero(np.isfinite(share))
+    return share[which], which
+
+
+def _first_of_pair(moves: Moves, share: FloatArray, which: IntArray) -> tuple[FloatArray, IntArray]:
+    """Select the first such move of every pair, unless the pair overlaps from its start."""
+    vehicles = moves.tracks.states.shape[2]
+    key = (moves.child[which] * vehicles + moves.first[which]) * vehicles + moves.second[which]
+    order = np.lexsort((moves.step[which], key))
+    first = np.ones(order.size, dtype=bool)
+    first[1:] = np.diff(key[order]) != 0
+    chosen = order[first]
+    began = (share[chosen] == 0) & _is_seen_first(moves.take(which[chosen]))
+    chosen = chosen[~began]
+    return share[chosen], which[chosen]
+
+
+def _is_seen_first(moves: Moves) -> BoolArray:
+    """Return (N,) whether the earlier step is the pair's first: the seed moment, or both are new."""
+    before = moves.step - 1
+    seen = before >= max(moves.tracks.first - 1, 0)
+    present = moves.tracks.present
+    if present is not None:
+        at = np.maximum(before, 0)
+        seen &= present[moves.child, at, moves.first] & present[moves.child, at, moves.second]
+    return np.asarray(~seen)
+
+
+def _impact(hits: Moves, share: FloatArray) -> tuple[Moves, FloatArray]:
+    """Find the move and the share of it at which the contact began that grew to a collision.
+
+    A pair that touches from its first step on collides where it exceeds the limit.
+    """
+    step, end = hits.step.copy(), share.copy()
+    going = np.flatnonzero(hits.separation(np.zeros(share.size)) <= 0)
+    touching = np.zeros(share.size, dtype=bool)
+    while going.size:
+        part = hits.at_step(step).take(going)
+        began = _is_seen_first(part)
+        touching[going[began]] = True
+        going = going[~began]
+        step[going] -= 1
+        end[going] = 1.0
+        apart = hits.at_step(step).take(going).separation(np.zeros(going.size)) > 0
+        going = going[~apart]
+    step[touching], end[touching] = hits.step[touching], share[touching]
+    moves = hits.at_step(step)
+    low, high = np.zeros(share.size), end
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        over = np.where(touching, moves.overlap(middle) > OVERLAP_M2, moves.separation(middle) <= 0)
+        low, high = np.where(over, low, middle), np.where(over, middle, high)
+    return moves, high
+
+
+def _described(impact: Moves, share: FloatArray, hits: Moves, at: FloatArray, start: int) -> Collisions:
+    """Add kind, sides, speed and place to the impacts."""
+    one, two = impact.poses(share)
+    sides = _touched(impact, share)
+    angle = np.abs(wrap(two.heading - one.heading))
+    ends = np.sort(np.stack(sides), axis=0)
+    rear_end = (angle <= _REAR_END + 1e-9) & (ends[0] == 0) & (ends[1] == 1)
+    head_on = (angle >= _HEAD_ON - 1e-9) & (ends[1] == 0)
+    kind = np.where(rear_end, 0, np.where(head_on, 2, 1))
+    speeds = [impact.speed(v, share) for v in (impact.first, impact.second)]
+    dvx = speeds[1] * np.cos(two.heading) - speeds[0] * np.cos(one.heading)
+    dvy = speeds[1] * np.sin(two.heading) - speeds[0] * np.sin(one.heading)
+    swap = rear_end & (sides[0] == 1)
+    collisions = Collisions(
+        child=impact.child,
+        step=impact.step + 1,
+        time_s=(impact.step - start + share) * impact.tracks.step_s,
+        first=np.where(swap, impact.second, impact.first),
+        second=np.where(swap, impact.first, impact.second),
+        kind=kind,
+        first_side=np.where(swap, sides[1], sides[0]),
+        second_side=np.where(swap, sides[0], sides[1]),
+        relative_speed=np.hypot(dvx, dvy),
+        overlap=_grown(hits, at, start),
+        x=(one.x + two.x) / 2,
+        y=(one.y + two.y) / 2,
+    )
+    keys = (collisions.second, collisions.first, collisions.time_s, collisions.child)
+    return collisions.take(np.lexsort(keys))
+
+
+def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return (N,) sides of both vehicles that touch first, indices into ``SIDES``."""
+    one, two = impact.poses(share)
+    gaps = axis_separations(one, two)
+    # For parallel outlines two axes differ only by rounding.
+    axis = np.argmax(gaps >= gaps.max(axis=0) - 1e-6, axis=0)
+    sides = []
+    for index, pair in enumerate(((one, two), (two, one))):
+        x, y, cos, sin = relative_pose(*pair)
+        own_axis = (axis >= 2) == bool(index)
+        # The contact's direction in the own frame: the own axis, or the other's axis turned by (cos, sin).
+        lengthwise = axis % 2 == 0
+        cos, sin = np.where(own_axis, 1.0, cos), np.where(own_axis, 0.0, sin)
+        normal_x, normal_y = np.where(lengthwise, cos, -sin), np.where(lengthwise, sin, cos)
+        sign = np.where(normal_x * x + normal_y * y < 0, -1.0, 1.0)
+        normal_x, normal_y = sign * normal_x, sign * normal_y
+        ends = np.abs(normal_x) >= np.abs(normal_y)
+        sides.append(
+            np.where(ends, np.where(normal_x > 0, 0, 1), np.where(normal_y > 0, 2, 3)).astype(np.int64)
+        )
+    return sides[0], sides[1]
+
+
+def _grown(hits: Moves, at: FloatArray, start: int) -> FloatArray:
+    """Return (N,) largest overlap at the impact and all later steps less that of the seed moment, m²."""
+    largest = hits.overlap(at)
+    present = hits.tracks.present
+    for step in range(start, hits.tracks.states.shape[1]):
+        later = np.flatnonzero(hits.step < step)
+        part = hits.at_step(np.full(hits.step.size, step)).take(later)
+        area = part.overlap(np.zeros(later.size))
+        if present is not None:
+            there = present[part.child, step, part.first] & present[part.child, step, part.second]
+            area = np.where(there, area, 0.0)
+        largest[later] = np.maximum(largest[later], area)
+    seed = hits.at_step(np.full(hits.step.size, start)).overlap(np.zeros(at.size))
+    return largest - np.where(np.isfinite(seed), seed, 0.0)

@@ -1,0 +1,189 @@
+"""Encounters of pairs of vehicles in every child: least gap, criticality, collision.
+
+A pair has an encounter if its outlines come within 10 m, or one vehicle leads the other on its path, or their
+planned paths cross, or they collide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.metrics.base import Rows
+from scex_sumo.metrics.collisions import Collisions
+from scex_sumo.metrics.formulas.crossing import pet
+from scex_sumo.metrics.formulas.distance import gap_bounds, gaps_of
+from scex_sumo.metrics.formulas.following import deceleration_to_avoid_crash, time_to_collision
+from scex_sumo.metrics.pairs.leaders import preset_named
+from scex_sumo.metrics.pairs.paths_ahead import paths_ahead
+from scex_sumo.metrics.pairs.scenes import Scenes
+
+NEAR_M: Final = 10.0
+CRITICAL_TTC_S: Final = 1.5
+CRITICAL_PET_S: Final = 1.0
+CRITICAL_DRAC: Final = 3.4
+"""m/s²; drivers hardly ever brake harder (Archer 2005)."""
+
+NO_COLLISION: Final = -1
+_MARGIN = 1e-6  # for rounding, so that the nearest step is never lost
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Encounters(Rows):
+    """One row per child and pair with an encounter, sorted by child and pair; ``first`` is the lower index.
+
+    Attributes:
+        gap: least body gap, m; inf above 10 m.
+        ttc: least TTC on the path of either, s; inf if no gap closes.
+        pet: least PET, s; inf if the tracks do not cross.
+        drac: largest DRAC on the path of either, m/s²; 0 if no gap closes.
+        kind: of the collision, index into `KINDS`; -1 without one.
+        time_s: after the seed moment: of the collision, else a critical least TTC, else the least gap.
+        x: midpoint of both centres then, m.
+        relative_speed: at impact, m/s; 0 without a collision.
+        towards: 1 if the first vehicle hits or follows the second, -1 for the reverse, 0 else.
+    """
+
+    child: IntArray
+    first: IntArray
+    second: IntArray
+    gap: FloatArray
+    ttc: FloatArray
+    pet: FloatArray
+    drac: FloatArray
+    kind: IntArray
+    time_s: FloatArray
+    x: FloatArray
+    y: FloatArray
+    relative_speed: FloatArray
+    towards: IntArray
+
+    def __len__(self) -> int:
+        return len(self.child)
+
+    @property
+    def collided(self) -> BoolArray:
+        """(N,) whether the pair collides."""
+        return np.asarray(self.kind != NO_COLLISION)
+
+
+def encounters_of(scenes: Scenes, collisions: Collisions, start: int) -> Encounters:
+    """Find the encounters of a batch of scenes with any preset.
+
+    Args:
+        start: number of the batch's first child.
+    """
+    scenes = scenes.under(preset_named("path"))
+    children, steps = scenes.shape
+    inside = (collisions.child >= start) & (collisions.child < start + children)
+    hits = collisions.take(np.flatnonzero(inside))
+    first, second = scenes.pairs
+    size = len(first) * children
+    gap, gap_step, least_pet, cross = scenes.of_pairs(_approaches).reshape(size, 4).T
+    ttc, ttc_step, drac, towards = _on_paths(scenes)
+    kind = np.full(size, NO_COLLISION)
+    impact, x, y, speed = np.zeros((4, size))
+    low, high = np.minimum(hits.first, hits.second), np.maximum(hits.first, hits.second)
+    number = np.zeros((scenes.vehicles, scenes.vehicles), dtype=np.int64)
+    number[first, second] = np.arange(len(first))
+    at = number[low, high] * children + hits.child - start
+    kind[at], impact[at], speed[at] = hits.kind, hits.time_s, hits.relative_speed
+    hit_by = (hits.first_side == 0).astype(np.int64) - (hits.second_side == 0)  # 1 if the front hits
+    towards[at] = np.where(hits.first == low, hit_by, -hit_by)
+    # Steps are counted from the first evaluated one, times from the seed moment before it.
+    near = np.where(np.isfinite(gap), gap_step.astype(np.int64), ttc_step)
+    critical = np.where(ttc < CRITICAL_TTC_S, ttc_step, near)
+    after = 1 if scenes.tracks.first else 0
+    time = np.where(kind != NO_COLLISION, impact, (critical + after) * scenes.tracks.step_s)
+    is_near = np.isfinite(gap) | np.isfinite(least_pet) | (cross > 0)
+    rows = np.flatnonzero(is_near | (kind != NO_COLLISION) | (ttc_step >= 0))
+    pair, child = np.divmod(rows, children)
+    step = np.clip(critical[rows], 0, max(steps - 1, 0))
+    x[rows] = (scenes.x[first[pair], child, step] + scenes.x[second[pair], child, step]) / 2
+    y[rows] = (scenes.y[first[pair], child, step] + scenes.y[second[pair], child, step]) / 2
+    x[at], y[at] = hits.x, hits.y
+    order = np.lexsort((pair, child))
+    rows, pair, child = rows[order], pair[order], child[order]
+    return Encounters(
+        child=child + start,
+        first=first[pair],
+        second=second[pair],
+        gap=np.where(kind[rows] != NO_COLLISION, 0.0, gap[rows]),
+        ttc=ttc[rows],
+        pet=least_pet[rows],
+        drac=drac[rows],
+        kind=kind[rows],
+        time_s=np.maximum(time[rows], 0.0),
+        x=x[rows],
+        y=y[rows],
+        relative_speed=speed[rows],
+        towards=towards[rows],
+    )
+
+
+def _approaches(scenes: Scenes) -> FloatArray:
+    """Return (P, C, 4): least body gap below 10 m, else inf; its step; least PET; whether plans cross."""
+    children, steps = scenes.shape
+    size = len(scenes.pairs[0]) * children
+    gap, gap_step = _least_gaps(scenes)
+    times = pet(scenes)
+    time = np.full(2 * size, np.inf)
+    np.minimum.at(time, times.where // max(steps, 1), times.value)
+    least_pet = np.minimum(time[:size], time[size:])
+    return np.stack([gap, gap_step, least_pet, _cross(scenes)], axis=1).reshape(-1, children, 4)
+
+
+def _least_gaps(scenes: Scenes) -> tuple[FloatArray, IntArray]:
+    """Return (P * C) least body gap below 10 m, else inf, and its step."""
+    children, steps = scenes.shape
+    size = len(scenes.pairs[0]) * children
+    low, high = gap_bounds(scenes)
+    bound = np.where(scenes.both_present, high, np.inf).min(axis=2, initial=np.inf, keepdims=True)
+    close = scenes.both_present & (low <= np.minimum(bound, NEAR_M) + _MARGIN)
+    flat = np.flatnonzero(close)
+    key = flat // max(steps, 1)
+    gaps = gaps_of(scenes, *np.divmod(flat, scenes.count))
+    return _extremum(key, flat % max(steps, 1), np.where(gaps <= NEAR_M, gaps, np.inf), size)
+
+
+def _on_paths(scenes: Scenes) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
+    """Return (P * C) least TTC, its step (-1 without leader), largest DRAC, sign of who follows."""
+    children, steps = scenes.shape
+    size = len(scenes.pairs[0]) * children
+    following = scenes.following
+    ordered, scene = np.divmod(following.where, scenes.count)
+    pair = ordered % max(len(scenes.pairs[0]), 1)
+    key, step = pair * children + scene // max(steps, 1), scene % max(steps, 1)
+    closing = following.follower_speed - following.leader_speed
+    time = time_to_collision(gap=following.gap, closing_speed=closing)
+    ttc, at = _extremum(key, step, time, size)
+    some = np.zeros(size, dtype=bool)
+    some[key] = True
+    drac = np.zeros(size)
+    np.maximum.at(drac, key, deceleration_to_avoid_crash(gap=following.gap, closing_speed=closing))
+    follows = np.bincount(key, np.where(ordered < len(scenes.pairs[0]), 1.0, -1.0), minlength=size)
+    return ttc, np.where(some, at, -1), drac, np.sign(follows).astype(np.int64)
+
+
+def _extremum(key: IntArray, step: IntArray, value: FloatArray, size: int) -> tuple[FloatArray, IntArray]:
+    """Return (size,) the smallest value of each key, inf without any, and its first step."""
+    least = np.full(size, np.inf)
+    np.minimum.at(least, key, value)
+    first = np.full(size, np.iinfo(np.int64).max)
+    best = np.flatnonzero(value == least[key])
+    np.minimum.at(first, key[best], step[best])
+    return least, np.where(first == np.iinfo(np.int64).max, 0, first)
+
+
+def _cross(scenes: Scenes) -> BoolArray:
+    """Return (P * C) whether the planned paths cross at some step."""
+    children, steps = scenes.shape
+    pairs = len(scenes.pairs[0])
+    cross = np.zeros(pairs * children, dtype=bool)
+    if scenes.planned is not None and pairs and steps:
+        ordered, scene = np.divmod(paths_ahead(scenes).next_crossings.where, children * steps)
+        cross[(ordered % pairs) * children + scene // steps] = True
+    return cross

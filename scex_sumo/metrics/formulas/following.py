@@ -1,0 +1,108 @@
+"""Metrics of car-following pairs: TTC, PTTC, time headway (THW) and DRAC; undefined for other pairs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.metrics.pairs.scenes import Entries, Scenes
+
+MIN_CLOSING_MPS = 1e-9
+
+
+def time_to_collision(*, gap: FloatArray, closing_speed: FloatArray) -> FloatArray:
+    """Compute the time until the follower has used up the gap at present speeds; (N,) m, m/s, s.
+
+    inf where the gap does not close by at least 1e-9 m/s, which is rounding. Source: Tamke et al. 2011.
+    """
+    closing = closing_speed >= MIN_CLOSING_MPS
+    time = np.full(np.broadcast(gap, closing_speed).shape, np.inf)
+    with np.errstate(over="ignore"):  # a vanishing closing speed is an infinite time
+        np.divide(gap, closing_speed, out=time, where=closing)
+    return time
+
+
+def ttc(scenes: Scenes) -> Entries:
+    """Compute the TTC of all car-following pairs, s."""
+    pairs = scenes.following
+    time = time_to_collision(gap=pairs.gap, closing_speed=pairs.follower_speed - pairs.leader_speed)
+    return Entries(where=pairs.where, value=time)
+
+
+def potential_time_to_collision(
+    *, gap: FloatArray, follower_speed: FloatArray, leader_speed: FloatArray, leader_acceleration: FloatArray
+) -> FloatArray:
+    """Compute the time until the follower, at constant speed, reaches a leader that brakes to a stop.
+
+    With the closing speed c and the leader's deceleration D: the smaller root of d = c t + D t² / 2 if the
+    leader still moves then, else the time until the follower reaches the stopped leader. A leader that does
+    not brake gives the TTC.
+
+    Args:
+        gap: (N,) m, at least 0.
+        follower_speed: (N,) m/s.
+        leader_speed: (N,) m/s.
+        leader_acceleration: (N,) m/s², negative while braking.
+
+    Returns:
+        (N,) s; inf where the follower never arrives.
+
+    Source: Wakabayashi et al. 2003.
+    """
+    closing = follower_speed - leader_speed
+    time = time_to_collision(gap=gap, closing_speed=closing)
+    # A reversing leader with a negative acceleration speeds up; it is not braking. Denormal products are 0.
+    braking = np.flatnonzero((leader_acceleration < -1e-300) & (leader_speed >= 0))
+    if braking.size == 0:
+        return time
+    deceleration, c, d = -leader_acceleration[braking], closing[braking], gap[braking]
+    speed, follower = leader_speed[braking], follower_speed[braking]
+    root = np.sqrt(c * c + 2 * deceleration * d)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        # Two forms of the same root, each free of cancellation on its side of c = 0.
+        moving = np.where(c > 0, 2 * d / (c + root), (root - c) / deceleration)
+        stopped = np.where(follower > 0, (d + speed * speed / (2 * deceleration)) / follower, np.inf)
+        time[braking] = np.where(moving * deceleration <= speed, moving, stopped)
+    return time
+
+
+def pttc(scenes: Scenes) -> Entries:
+    """Compute the PTTC of all car-following pairs, s."""
+    pairs = scenes.following
+    time = potential_time_to_collision(
+        gap=pairs.gap,
+        follower_speed=pairs.follower_speed,
+        leader_speed=pairs.leader_speed,
+        leader_acceleration=pairs.leader_acceleration,
+    )
+    return Entries(where=pairs.where, value=time)
+
+
+def thw(scenes: Scenes) -> Entries:
+    """Compute the time in which each follower reaches the leader's present position, s.
+
+    Undefined for standing followers. Source: Westhofen et al. 2021 (review).
+    """
+    pairs = scenes.following
+    moving = pairs.follower_speed > scenes.parameters.standing_speed
+    return Entries(where=pairs.where[moving], value=pairs.gap[moving] / pairs.follower_speed[moving])
+
+
+def deceleration_to_avoid_crash(*, gap: FloatArray, closing_speed: FloatArray) -> FloatArray:
+    """Compute the deceleration that gives the follower the leader's speed at the end of the gap, (N,) m/s².
+
+    c² / (2 d); 0 where the gap does not close, inf where there is no gap left. Source: Cooper and Ferguson
+    1976.
+    """
+    closing = np.maximum(closing_speed, 0.0)
+    rate = np.zeros(np.broadcast(gap, closing).shape)
+    with np.errstate(divide="ignore", over="ignore"):
+        np.divide(closing * closing, 2 * gap, out=rate, where=closing > 0)
+    return rate
+
+
+def drac(scenes: Scenes) -> Entries:
+    """Compute the deceleration rate to avoid a crash (DRAC) of all car-following pairs, m/s²."""
+    pairs = scenes.following
+    rate = deceleration_to_avoid_crash(gap=pairs.gap, closing_speed=pairs.follower_speed - pairs.leader_speed)
+    return Entries(where=pairs.where, value=rate)

@@ -1,0 +1,202 @@
+"""Leaders of each vehicle: preset ``paper`` by heading, preset ``path`` along planned paths."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray, IntArray, least_of
+from scex_sumo.base.errors import UsageError
+from scex_sumo.geometry.crossings import meeting_segments, octagon
+from scex_sumo.metrics.pairs.paths_ahead import PathsAhead, meeting_pairs, paths_ahead
+from scex_sumo.metrics.pairs.scenes import Following, PairRows, Preset, Scenes
+
+COSINE_ROUNDING = 1e-12  # a heading difference equal to the limit must not depend on the scene's rotation
+MIN_PATH_M = 0.1  # a shorter path has no direction of its own; the heading counts
+
+
+def leaders_by_heading(scenes: Scenes) -> Following:
+    """Find leaders as in the paper: similar headings, the leader ahead, no lane test.
+
+    Headings differ by at most ``following_angle``; the leader's longitudinal coordinate in the follower's
+    frame is positive. The gap is the distance of the centres. Two vehicles can each be the other's leader.
+    """
+    return scenes.of_ordered_pairs(_similar_and_ahead)
+
+
+def _similar_and_ahead(scenes: Scenes) -> Following:
+    first, second = scenes.pairs
+    cos, sin = scenes.cos, scenes.sin
+    alignment = cos[first] * cos[second]
+    alignment += sin[first] * sin[second]
+    similar = alignment >= np.cos(scenes.parameters.following_angle) - COSINE_ROUNDING
+    similar &= scenes.both_present
+    pair = np.flatnonzero(similar)
+    ahead = []
+    for own, sign in ((first, 1.0), (second, -1.0)):
+        # Flat index of the follower in (V, C, T): same scene, the pair's own vehicle.
+        vehicle = own[pair // scenes.count] * scenes.count + pair % scenes.count
+        longitudinal = scenes.dx.reshape(-1)[pair] * cos.reshape(-1)[vehicle]
+        longitudinal += scenes.dy.reshape(-1)[pair] * sin.reshape(-1)[vehicle]
+        ahead.append(pair[sign * longitudinal > 0])
+    where = np.concatenate([ahead[0], ahead[1] + similar.size])
+    return _following(scenes, where, scenes.distance.reshape(-1)[np.concatenate(ahead)])
+
+
+def _following(scenes: Scenes, where: IntArray, gap: FloatArray) -> Following:
+    """Add speeds and accelerations to pairs at flat indices into (2P, C, T)."""
+    follower, leader = scenes.flat_of(where)
+    speed = scenes.speed.reshape(-1)
+    return Following(
+        where=where,
+        gap=gap,
+        follower_speed=speed[follower],
+        leader_speed=speed[leader],
+        leader_acceleration=scenes.acceleration.reshape(-1)[leader],
+    )
+
+
+def leaders_on_path(scenes: Scenes) -> Following:
+    """Find the next vehicle on each vehicle's own planned path; the gap is bumper to bumper along it.
+
+    A vehicle is on the path if its centre is nearer to it than half of both widths, and its heading within
+    the following angle of the path's. The path continues straight beyond the planned end, because a plan to
+    stop behind a leader ends before it.
+    """
+    if scenes.planned is None or len(scenes.pairs[0]) == 0:
+        return _following(scenes, np.empty(0, dtype=np.int64), np.empty(0))
+    on_paths = scenes.of_ordered_pairs(_on_paths)
+    follower, _ = scenes.flat_of(on_paths.where)
+    # The next one: the smallest arc length to its centre.
+    chosen = np.sort(least_of(follower, on_paths.along))
+    return _following(scenes, on_paths.where[chosen], on_paths.gap[chosen])
+
+
+PRESETS: Final[Mapping[str, Preset]] = {
+    "paper": Preset(name="paper", leaders=leaders_by_heading, conflict_area=False),
+    "path": Preset(name="path", leaders=leaders_on_path, conflict_area=True),
+}
+
+
+def preset_named(name: str) -> Preset:
+    """Return a preset by name."""
+    if name not in PRESETS:
+        raise UsageError(f"metrics: unknown preset {name!r}; known: {', '.join(PRESETS)}")
+    return PRESETS[name]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _OnPaths(PairRows):
+    """Vehicles on the paths of others.
+
+    Attributes:
+        along: (N,) arc length of the path to the vehicle's centre, m.
+        gap: (N,) between the bumpers, m.
+    """
+
+    along: FloatArray
+    gap: FloatArray
+
+
+def _on_paths(scenes: Scenes) -> _OnPaths:
+    return _Corridors(scenes, paths_ahead(scenes)).vehicles_on_paths()
+
+
+class _Corridors:
+    """Search of vehicles near the paths of others; pairs are (path of the first, centre of the second)."""
+
+    def __init__(self, scenes: Scenes, paths: PathsAhead) -> None:
+        self.scenes, self.paths = scenes, paths
+        parameters = scenes.parameters
+        reach = np.maximum(parameters.path_extension, parameters.path_extension_time * scenes.speed)
+        end = paths.lines.end_of(paths.line)
+        end_x, end_y = np.where(paths.has_path, end[0], scenes.x), np.where(paths.has_path, end[1], scenes.y)
+        moves = paths.length >= MIN_PATH_M
+        last = paths.lines.direction_of(paths.line)
+        # A plan of one column has no segment of its own; then the first segment gives the direction.
+        own = np.where(paths.first_length > 0, paths.first_length, 1.0)
+        has_last = moves & (np.hypot(*last) > 0)
+        along_x = np.where(has_last, last[0], np.where(moves, paths.dx / own, scenes.cos))
+        along_y = np.where(has_last, last[1], np.where(moves, paths.dy / own, scenes.sin))
+        # (V, C, T) straight pieces at both ends of the plan: start, extent, arc length at the start.
+        self.first = (scenes.x, scenes.y, paths.dx, paths.dy, np.zeros_like(scenes.x))
+        self.last = (end_x, end_y, along_x * reach, along_y * reach, paths.length)
+
+    def vehicles_on_paths(self) -> _OnPaths:
+        """Find the vehicles on each path, with the arc length to their centre and the gap of the bumpers."""
+        row, other, where, near = self._close_pairs()
+        parts = [self._on_straight(piece, row, other) for piece in (self.first, self.last)]
+        parts.append(self._on_plan(row, other))
+        entry = np.concatenate([part[0] for part in parts])
+        aside, along, cos = (np.concatenate([part[i] for part in parts]) for i in (1, 2, 3))
+        keep = np.flatnonzero(aside <= near[entry])
+        entry, aside, along, cos = entry[keep], aside[keep], along[keep], cos[keep]
+        # The nearest piece tells where on the path the vehicle is; of equals the first.
+        best = least_of(entry, aside, along)
+        limit = np.cos(self.scenes.parameters.following_angle) - COSINE_ROUNDING
+        best = best[(along[best] > 0) & (cos[best] >= limit)]
+        entry, along = entry[best], along[best]
+        half = (self._size(self.scenes.length, row[entry]) + self._size(self.scenes.length, other[entry])) / 2
+        return _OnPaths(where=where[entry], along=along, gap=np.maximum(along - half, 0.0))
+
+    def _size(self, array: FloatArray, vehicle: IntArray) -> FloatArray:
+        """Pick lengths or widths of vehicles by flat index into (V, C, T)."""
+        return self.scenes.size_of(array, *np.divmod(vehicle, self.scenes.count))
+
+    def _close_pairs(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+        """Find pairs whose boxes meet: flat index of path and other, index into (2P, C, T), widest offset."""
+        scenes = self.scenes
+        ends = octagon(self.last[0] + self.last[2], self.last[1] + self.last[3])
+        ahead = self.paths.boxes_ahead
+        low, high = np.minimum(ahead[:, 0], ends), np.maximum(ahead[:, 1], ends)
+        half = np.broadcast_to(scenes.width / 2, scenes.x.shape)
+        # Twice the reach covers the octagon's diagonal directions too.
+        boxes = np.stack([low - 2 * half, high + 2 * half], axis=1)
+        centre = octagon(scenes.x, scenes.y)
+        points = np.stack([centre - 2 * half, centre + 2 * half], axis=1)
+        where = meeting_pairs(scenes.ordered_pairs, boxes, points, scenes.present)
+        row, other = scenes.flat_of(where)
+        near = (self._size(scenes.width, row) + self._size(scenes.width, other)) / 2
+        return row, other, where, near
+
+    def _on_straight(
+        self, piece: tuple[FloatArray, ...], row: IntArray, other: IntArray
+    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+        x, y, dx, dy, arc = (array.reshape(-1)[row] for array in piece)
+        aside, share, cos = self._project(x, y, dx, dy, other)
+        # Beyond the end of the last piece there is no path.
+        keep = np.flatnonzero((dx != 0) | (dy != 0))
+        along = arc + share * np.hypot(dx, dy)
+        return keep, aside[keep], along[keep], cos[keep]
+
+    def _on_plan(self, row: IntArray, other: IntArray) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+        paths, scenes = self.paths, self.scenes
+        with_plan = np.flatnonzero(paths.has_path.reshape(-1)[row])
+        line = paths.line.reshape(-1)[row[with_plan]]
+        centre = octagon(scenes.x.reshape(-1)[other[with_plan]], scenes.y.reshape(-1)[other[with_plan]])
+        wide = self._size(scenes.width, row[with_plan]) + self._size(scenes.width, other[with_plan])
+        which, segment = meeting_segments(np.stack([centre - wide, centre + wide], axis=1), paths.lines, line)
+        column = paths.column[(row[with_plan[which]] % scenes.count) % scenes.shape[1]]
+        # Polylines are padded with segments of no length after the last node.
+        keep = (segment >= column) & (np.abs(paths.lines.delta[:, line[which], segment]).max(axis=0) > 0)
+        which, segment = which[keep], segment[keep]
+        entry, at = with_plan[which], (line[which], segment)
+        aside, share, cos = self._project(*paths.lines.segments(at), other[entry])
+        along = paths.offset.reshape(-1)[row[entry]] + paths.lines.arc_at(*at, share)
+        return entry, aside, along, cos
+
+    def _project(
+        self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, other: IntArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return distance of centres to segments, share of the segment at the foot, cosine between them."""
+        scenes = self.scenes
+        gx, gy = scenes.x.reshape(-1)[other] - x, scenes.y.reshape(-1)[other] - y
+        squared = dx * dx + dy * dy
+        safe = np.where(squared > 0, squared, 1.0)
+        share = np.clip((gx * dx + gy * dy) / safe, 0.0, 1.0)
+        aside = np.hypot(gx - share * dx, gy - share * dy)
+        heading = scenes.cos.reshape(-1)[other] * dx + scenes.sin.reshape(-1)[other] * dy
+        return aside, share, heading / np.sqrt(safe)

@@ -1,0 +1,72 @@
+"""Scene of a picture from above: figure style, road, vehicles; matplotlib's backend stays the user's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.road import Road
+from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
+
+STYLE: dict[Any, Any] = {
+    "font.size": 8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.fonttype": "none",  # text stays text: searchable, and editable for a paper
+    "svg.hashsalt": "scex-sumo",  # the same picture has the same bytes
+    "figure.dpi": 100,
+}
+BOX = np.array([(0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5)])
+"""Outline of a vehicle as shares of its length (forwards) and width (to the left)."""
+
+
+@contextmanager
+def sheet(width_in: float, height_in: float) -> Iterator[Figure]:
+    """Yield an empty figure in the style of all pictures; draw and save it inside of the block."""
+    with mpl.rc_context(STYLE):
+        yield Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def look_at(axes: Axes, low: FloatArray, high: FloatArray) -> None:
+    """Show a map from its lower left to its upper right corner, m."""
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+
+
+def draw_road(axes: Axes, road: Road) -> None:
+    """Draw the areas and the bounds of the vehicle lanes."""
+    bounds = [(lane.left_bound, lane.right_bound) for lane in road.vehicle_lanes.values()]
+    areas = [np.concatenate([left, right[::-1]]) for left, right in bounds]
+    axes.add_collection(PolyCollection(areas, facecolors="#d9d9d9", edgecolors="none", zorder=1))
+    lines = [line for pair in bounds for line in pair]
+    axes.add_collection(LineCollection(lines, colors="white", linewidths=0.6, zorder=2))
+
+
+def draw_vehicles(axes: Axes, scene: SeedScene, **style: Any) -> None:
+    """Draw the vehicles of a seed scene as boxes, pedestrians and cyclists as magenta dots."""
+    boxes = vehicle_outlines(scene, scene.now)
+    axes.add_collection(PolyCollection(list(boxes), linewidths=0.6, **style))
+    if scene.obstacles is not None:
+        here = scene.obstacles.present[:, HISTORY_STEPS]
+        at = scene.obstacles.states[here, HISTORY_STEPS]
+        axes.scatter(at.x, at.y, s=14, color="#d6189c", edgecolors="white", linewidths=0.5, zorder=6)
+
+
+def vehicle_outlines(scene: SeedScene, states: States, outline: FloatArray = BOX) -> FloatArray:
+    """Return (V, P, 2) points of the vehicles' outlines, m.
+
+    Args:
+        states: (V,) of the vehicles.
+        outline: (P, 2) shares of length and width.
+    """
+    along = np.stack([np.cos(states.heading), np.sin(states.heading)], axis=-1) * scene.length[:, None]
+    across = np.stack([-np.sin(states.heading), np.cos(states.heading)], axis=-1) * scene.width[:, None]
+    centre = np.stack([states.x, states.y], axis=-1)
+    return np.stack([centre + a * along + b * across for a, b in outline], axis=1)

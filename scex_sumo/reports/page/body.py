@@ -1,0 +1,159 @@
+"""Body of a run's report: the HTML that is there before any script runs."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping, Sequence
+from string import Template
+from typing import Any
+
+from scex_sumo.reports.page.html import Html, asset, element, joined
+from scex_sumo.reports.run_table import counted
+from scex_sumo.scene import STEP_S
+
+_WORST = 3
+
+
+def run_body(info: Mapping[str, Any], *cards: Html) -> str:
+    """Return the body from the info of `report_contents`, with more cards before the notes."""
+    place = info["location"] if info["location"] != info["name"] else ""
+    about = [
+        counted(len(info["track_ids"]), "vehicle"),
+        counted(info["children"], "future"),
+        f"{info['steps'] * STEP_S:.1f} s ahead",
+        place,
+    ]
+    return Template(asset("report.html")).substitute(
+        name=element("span", info["name"]),
+        about=joined(" · ".join(part for part in about if part)),
+        verdict=joined(_collision_card(info), _share_card(info), _encounter_card(info)),
+        charts=joined(*(_chart(info, number) for number in range(len(info["metrics"])))),
+        legend=_legend(info),
+        recorded="" if info["has_recorded"] else " hidden",
+        focus=_focus_options(info),
+        copies=_copies(info),
+        notes=joined(*cards, _notes(info["notes"])),
+        foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
+    )
+
+
+def percent(share: float) -> str:
+    """Return a share in percent, with one decimal if it is small."""
+    return f"{100 * share:.{1 if 0 < share < 0.0995 else 0}f} %"
+
+
+def _collision_card(info: Mapping[str, Any]) -> Html:
+    share, likely = info["collision"], info["likely_collisions"]
+    if share is None:
+        words = element("p.soft", "not in this result; run it again")
+        return element("div.card", element("h2", "P(collision)"), element("div.big", "–"), words)
+    parts = [element("h2", "P(collision)"), *_big(share, "stress test: driven as any of the models")]
+    if likely is not None:
+        parts += _big(likely, "human-like: driven as people were recorded")
+    return element("div.card", *parts)
+
+
+def _big(share: Mapping[str, Any], what: str) -> tuple[Html, Html]:
+    """Return a share in large digits, and what it counts."""
+    of = f"{what}; {share['count']} of {counted(share['children'], 'future')}; "
+    sure = element("span.nowrap", f"95 %: {percent(share['low'])} – {percent(share['high'])}")
+    number = element("div.big.hot" if share["count"] else "div.big", percent(share["value"]))
+    return number, element("p.soft", of, sure)
+
+
+def _share_card(info: Mapping[str, Any]) -> Html:
+    bar = element("div.bar", *(element(f"i.{kind}") for kind in ("drawn", "range", "likely")))
+    lines = [
+        element("div.share", element("span"), bar, element("b"), data_metric=number, hidden=True)
+        for number in range(len(info["metrics"]))
+    ]
+    likely = "; violet: human-like" if info["likely_collisions"] is not None else ""
+    about = element(
+        "p.soft",
+        f"Blue: stress test; line: 95 % confidence interval{likely}. {_recorded_words(info['metrics'])}",
+    )
+    whoever = f"Critical in every future, with any driver: {', '.join(info['always'])}."
+    always = [element("p", whoever)] if info["always"] else []
+    return element("div.card", element("h2", "P(critical)"), *lines, about, *always)
+
+
+def _recorded_words(metrics: Sequence[Mapping[str, Any]]) -> str:
+    """Return the metrics by which the recorded future was critical."""
+    judged = [m for m in metrics if None not in (m["recorded"], m["threshold"]) and not m["mean"]]
+    if not judged:
+        return "What really happened was not recorded."
+    names = [
+        f"{m['name']} {m['sign']} {m['threshold']:.3g} {m['unit']}".rstrip()
+        for m in judged
+        if (m["recorded"] <= m["threshold"] if m["side"] == "left" else m["recorded"] >= m["threshold"])
+    ]
+    return (
+        f"The recorded future had {', '.join(names)}." if names else "The recorded future was not critical."
+    )
+
+
+def _chart(info: Mapping[str, Any], number: int) -> Html:
+    metric = info["metrics"][number]
+    name = metric["name"] + (f" [{metric['unit']}]" if metric["unit"] else "")
+    limit = element("input", type="number", step="any", title="Threshold", aria_label=f"Threshold of {name}")
+    recorded = [] if metric["recorded"] is None else [f"recorded {metric['recorded']:.2f}"]
+    rare = metric["defined"] < info["children"]
+    defined = [f"defined in {metric['defined']} of {info['children']} children"] if rare else []
+    return element(
+        "div.chart",
+        element("header", element("span", name), element("span", element("b"), f" {metric['sign']} ", limit)),
+        element("canvas", aria_label=f"Distribution of {name}", hidden=not metric["ticks"]),
+        element("p.soft", ", ".join([*recorded, *defined])),
+        data_metric=number,
+        hidden=metric["mean"],
+    )
+
+
+def _encounter_card(info: Mapping[str, Any]) -> Html:
+    buttons = [
+        element("li", element("button", row["words"], data_encounter=number))
+        for number, row in enumerate(info["encounters"]["rows"][:_WORST])
+        if row["critical"]
+    ]
+    about = "Hits or follows → the other vehicle (how, where, after what time). A click shows it."
+    parts = [
+        element("p.soft", about if buttons else "Nobody meets anybody critically."),
+        element("ol", *buttons),
+    ]
+    parts += [element("p", info["tested"])] if info["tested"] else []
+    return element("div.card", element("h2", "Worst encounters"), *parts)
+
+
+def _legend(info: Mapping[str, Any]) -> Html:
+    models = [
+        element("div", element("svg", element("rect", width="14", height="8", rx="2", fill=color)), model)
+        for model, color in zip(info["models"], info["colors"], strict=True)
+    ]
+    recorded = [element("div", element("i.outline"), "recorded")] if info["has_recorded"] else []
+    return joined(*models, *recorded)
+
+
+def _focus_options(info: Mapping[str, Any]) -> Html:
+    names = ["collision", *(m["name"] + (" (mean)" if m["mean"] else "") for m in info["metrics"])]
+    with_event = {row["metric"] for row in info["events"]["rows"]}
+    return joined(*(element("option", name, value=m) for m, name in enumerate(names, -1) if m in with_event))
+
+
+def _copies(info: Mapping[str, Any]) -> Html:
+    """Return buttons that copy a command; the page writes the number of the shown child for CHILD."""
+    folder = shlex.quote(info["folder"])
+    commands = {
+        "open in sumo-gui": f"scex-sumo view {folder} --child CHILD",
+        "export child": f"scex-sumo export {folder} --child CHILD --to fcd",
+        "run again": info["command"],
+    }
+    return joined(
+        *(element("button", f"copy: {name}", data_copy=text) for name, text in commands.items() if text)
+    )
+
+
+def _notes(notes: list[str]) -> Html:
+    if not notes:
+        return Html()
+    lines = element("ul", *(element("li", note) for note in notes), id="notes")
+    return element("section.card", element("h2", "Notes"), lines)

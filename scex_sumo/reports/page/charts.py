@@ -1,0 +1,192 @@
+"""Charts of a page as SVG in the page's colours: curves, dots and bars on axes, densities of metrics.
+
+Charts that a reader can brush are drawn by ``assets/chart.js``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.metrics.registry import metric_of
+from scex_sumo.reports.page.html import Html, element, joined
+from scex_sumo.statistics.density import BANDWIDTH, Density
+
+_ROUND = (1, 2, 5, 10)
+_TICKS_PX = 18
+_TAIL = 5  # values farther than this from the quartiles, in quartile ranges, are left out
+_MIN_SPREAD = 0.25  # least quartile range, in the metric's unit
+_TALLEST_ATOM = 0.9  # of the chart's height
+
+Curves = Sequence[tuple[str, Density | None]]
+"""Kind of line and density; None where the metric is defined in no child."""
+
+
+def ticks(low: float, high: float, most: int = 4) -> list[tuple[float, str]]:
+    """Return round numbers from ``low`` to ``high`` with their texts, in about ``most`` steps."""
+    raw = (high - low) / most
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(power * factor for factor in _ROUND if power * factor >= raw * (1 - 1e-9))
+    digits = max(0, -math.floor(math.log10(step) + 1e-9))
+    numbers = range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
+    return [(number * step, f"{number * step:.{digits}f}") for number in numbers]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plane:
+    """Plane of a chart; arguments are in the units of its axes, y upwards.
+
+    Kinds of lines are names of colours: drawn, likely, recorded, critical, picked, soft, or c0 to c5.
+
+    Attributes:
+        x: range of the horizontal axis.
+        y: range of the vertical axis.
+        height: px, without the ticks below.
+    """
+
+    x: tuple[float, float]
+    y: tuple[float, float] = (0.0, 1.0)
+    width: int = 260
+    height: int = 110
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        """Return a point in px, moved to the edge if it is outside."""
+        across = (x - self.x[0]) / (self.x[1] - self.x[0])
+        upwards = (y - self.y[0]) / (self.y[1] - self.y[0])
+        px, py = min(max(across, 0.0), 1.0) * self.width, (1 - min(max(upwards, 0.0), 1.0)) * self.height
+        return round(px, 1), round(py, 1)
+
+    def line(self, x: FloatArray, y: FloatArray, kind: str, *, dashed: bool = False) -> Html:
+        """Return a line through points."""
+        return element(f"path.line.{kind}{'.dashed' if dashed else ''}", d=self._path(x, y))
+
+    def area(self, x: FloatArray, low: FloatArray, high: FloatArray, kind: str) -> Html:
+        """Return the area between two lines."""
+        both = self._path(np.concatenate([x, x[::-1]]), np.concatenate([high, low[::-1]]))
+        return element(f"path.area.{kind}", d=both)
+
+    def dot(self, x: float, y: float, kind: str, *, radius: float = 3.0, title: str = "") -> Html:
+        """Return a dot with a tooltip."""
+        px, py = self.at(x, y)
+        words = [element("title", title)] if title else []
+        return element(f"circle.dot.{kind}", *words, cx=f"{px}", cy=f"{py}", r=f"{radius:.1f}")
+
+    def box(self, x: tuple[float, float], y: tuple[float, float], kind: str) -> Html:
+        """Return a filled rectangle."""
+        corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
+        return element(f"path.area.{kind}", d=self._path(*map(np.array, zip(*corners, strict=True))))
+
+    def words(self, x: float, y: float, text: str, *, anchor: str = "middle", kind: str = "soft") -> Html:
+        """Return a text at a point."""
+        px, py = self.at(x, y)
+        return element(f"text.{kind}", text, x=f"{px}", y=f"{py}", text_anchor=anchor)
+
+    def _path(self, x: FloatArray, y: FloatArray) -> str:
+        points = [self.at(float(px), float(py)) for px, py in zip(x, y, strict=True)]
+        return "M" + " ".join(f"{px:g},{py:g}" for px, py in points)
+
+    def figure(self, title: str, *parts: Html, marks: Sequence[tuple[float, str]] | None = None) -> Html:
+        """Return the chart with its title and horizontal axis.
+
+        Args:
+            parts: lines, areas, dots and texts.
+            marks: ticks with their texts; None takes round numbers.
+        """
+        axis = [element("path.line.axis", d=f"M0,{self.height} {self.width},{self.height}")]
+        for value, text in ticks(*self.x) if marks is None else marks:
+            px = min(max(self.at(value, 0)[0], 10), self.width - 10)
+            axis.append(element("text", text, x=f"{px:g}", y=f"{self.height + 14}", text_anchor="middle"))
+        whole = f"0 0 {self.width} {self.height + _TICKS_PX}"
+        drawing = element("svg.plot", *axis, *parts, viewBox=whole, role="img", aria_label=title)
+        return element("figure", element("figcaption", title), drawing)
+
+
+def line_legend(entries: Sequence[tuple[str, str]]) -> Html:
+    """Return a legend of lines from kinds and texts."""
+    spans = []
+    for kind, text in entries:
+        stroke = element(f"path.line.{kind}", d="M0,5 22,5")
+        spans.append(element("span", element("svg", stroke, width="22", height="10"), f" {text} "))
+    return element("p.soft.legend", joined(*spans))
+
+
+def metric_title(column: str) -> str:
+    """Return the printed name of a metric column with its unit."""
+    return metric_of(column).titled() + (", mean" if column.endswith("_mean") else "")
+
+
+def value_range(
+    values: FloatArray, *marks: float | None, limits: tuple[float, float] | None = None
+) -> tuple[float, float]:
+    """Return the range of an axis: finite values without a far tail, and marks that are near them.
+
+    Args:
+        values: (n,) of a metric; without finite ones the range is 0 to 1.
+        marks: values that should be in view, e.g. a threshold.
+        limits: of the range before marks are added; None takes four bandwidths around the values.
+    """
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return 0.0, 1.0
+    first, third = np.quantile(finite, [0.25, 0.75])
+    tail = _TAIL * max(float(third - first), _MIN_SPREAD)
+    margin = 4 * BANDWIDTH
+    lowest, highest = limits or (float(finite.min()) - margin, float(finite.max()) + margin)
+    low, high = max(lowest, float(first) - tail), min(highest, float(third) + tail)
+    near = 0.5 * (high - low)
+    for mark in marks:
+        if mark is not None and low - near <= mark <= high + near:
+            low, high = min(low, mark - BANDWIDTH), max(high, mark + BANDWIDTH)
+    return low, high
+
+
+def cumulative_plot(
+    column: str, curves: Curves, x: tuple[float, float], *, threshold: float | None = None
+) -> Html:
+    """Return the cumulative curves of a metric with their bands over a range; values beyond are critical."""
+    plane = Plane(x=x)
+    defined = _defined(curves)
+    parts = [] if defined else [_defined_nowhere(plane)]
+    if defined and threshold is not None:
+        far = plane.x[0] if metric_of(column).side == "left" else plane.x[1]
+        line = plane.line(np.full(2, threshold), np.array(plane.y), "critical")
+        parts = [plane.box((threshold, far), plane.y, "critical"), line]
+    for kind, curve in defined:
+        at = np.append(curve.x[(curve.x >= x[0]) & (curve.x < x[1])], x[1])  # up to the right end
+        low, high, share = (np.interp(at, curve.x, y) for y in (*curve.band, curve.cdf))
+        parts += [plane.area(at, low, high, kind), plane.line(at, share, kind)]
+    return plane.figure(metric_title(column), *parts)
+
+
+def density_plot(column: str, curves: Curves, x: tuple[float, float]) -> Html:
+    """Return the densities of a metric over a range, the first one filled; atoms are upright lines."""
+    defined = _defined(curves)
+    inside = [(curve.x >= x[0]) & (curve.x <= x[1]) for _, curve in defined]
+    peaks = [
+        float(curve.pdf[mask].max(initial=0.0)) for (_, curve), mask in zip(defined, inside, strict=True)
+    ]
+    plane = Plane(x=x, y=(0.0, 1.08 * max([1e-9, *peaks])))
+    parts = [] if defined else [_defined_nowhere(plane)]
+    most = max([1e-9, *(atom.share for _, curve in defined for atom in curve.atoms)])
+    for number, ((kind, curve), mask) in enumerate(zip(defined, inside, strict=True)):
+        at, pdf = curve.x[mask], curve.pdf[mask]
+        if not number and at.size:
+            parts.append(plane.area(at, np.zeros_like(pdf), pdf, kind))
+        parts += [plane.line(at, pdf, kind)] if at.size else []
+        for atom in curve.atoms:
+            if x[0] <= atom.value <= x[1]:
+                top = _TALLEST_ATOM * plane.y[1] * atom.share / most
+                parts.append(plane.line(np.full(2, atom.value), np.array([0.0, top]), kind))
+    return plane.figure(metric_title(column), *parts)
+
+
+def _defined(curves: Curves) -> list[tuple[str, Density]]:
+    return [(kind, curve) for kind, curve in curves if curve is not None]
+
+
+def _defined_nowhere(plane: Plane) -> Html:
+    return plane.words(sum(plane.x) / 2, plane.y[1] / 2, "defined in no child")

@@ -1,0 +1,142 @@
+"""Tables of a report: encounters, collisions and worst events of a result folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
+from scex_sumo.evaluation.outcomes import COLLISIONS
+from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
+from scex_sumo.reports.encounter_table import QUESTIONS
+from scex_sumo.results.run import Run
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S
+
+_NAMED = 4  # children of an event whose numbers are shown
+_COLLISION = -1  # number of collisions among the metrics of a page
+
+
+def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dict[str, Any]:
+    """Return the worst events by metric, the worst first; children with the same event share a row.
+
+    Returns:
+        A table whose rows have the index of the ``metric``, -1 for collisions, ``children``, the first
+        ``child``, ``step`` after the moment of the seed scene, and ``pair`` by index or None.
+    """
+    groups: dict[tuple[int, tuple[int, ...], int, float], list[int]] = {}
+    where = {int(track): index for index, track in enumerate(track_ids)}
+    number = {name: index for index, name in enumerate(run.columns)}
+
+    def add(metric: int, row: Mapping[str, Any], step: int, value: float) -> None:
+        vehicles = tuple(where[v] for v in (row["track_id"], row["other_id"]) if v in where)
+        groups.setdefault((metric, vehicles, step, float(f"{value:.3g}")), []).append(row["child"])
+
+    for row in _rows(run, "worst.parquet"):
+        if row["metric"] in number:
+            step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
+            if np.isfinite(row["value"]) or sides[number[row["metric"]]] == "right":
+                add(number[row["metric"]], row, step, row["value"])
+    for row in _rows(run, COLLISIONS):
+        add(_COLLISION, row, row["step"], row["relative_speed"])
+    signs = [1 if side == "left" else -1 for side in sides] + [-1]  # the last one is of collisions
+    order = sorted(groups.items(), key=lambda item: (item[0][0], signs[item[0][0]] * item[0][3], item[0][2]))
+    columns = [
+        {"title": "vehicles"},
+        {"title": "value", "as": "real", "none": "∞", "hint": "Of collisions: relative speed, m/s"},
+        {"title": "after", "as": "seconds"},
+        {"title": "children", "as": "times", "down": True},
+        {"title": "which", "kind": "words"},
+    ]
+    return {"columns": columns, "rows": [_event(key, children, track_ids) for key, children in order]}
+
+
+def _event(
+    key: tuple[int, tuple[int, ...], int, float], children: list[int], track_ids: Sequence[int]
+) -> dict[str, Any]:
+    metric, vehicles, step, value = key
+    which = ", ".join(str(child) for child in children[:_NAMED]) + (", …" if len(children) > _NAMED else "")
+    names = " – ".join(str(track_ids[vehicle]) for vehicle in vehicles)
+    return {
+        "cells": [names, value, step * STEP_S, len(children), which],
+        "metric": metric,
+        "pair": vehicles if len(vehicles) == 2 else None,
+        "child": children[0],
+        "children": children,
+        "step": step,
+    }
+
+
+def collision_places(run: Run) -> dict[str, Any]:
+    """Return ``children`` and ``places`` (x and y in m) of collisions."""
+    rows = _rows(run, COLLISIONS)
+    places = [(round(row["x"], 2), round(row["y"], 2)) for row in rows]
+    return {"children": [row["child"] for row in rows], "places": places}
+
+
+def collision_share(run: Run) -> dict[str, Any] | None:
+    """Return number and share of the children with a collision, with its 95 % interval; None if unknown."""
+    if COLLISION_COLUMN not in run.metrics.column_names:
+        return None
+    share = run.p_collision
+    count = int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
+    interval = {"value": share.value, "low": share.low, "high": share.high}
+    return {"count": count, "children": run.children, **interval}
+
+
+def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
+    """Return ``encounters.parquet`` with ``words``, the ``pair`` by index, a ``child`` and its ``step``."""
+    where = {int(track): index for index, track in enumerate(track_ids)}
+    of = "Share of the children; a click on a row shows one of them"
+    columns = [
+        {"title": "pair"},
+        {"title": "P(collision)", "as": "percent", "down": True, "hint": of},
+        {"title": "95 %"},
+        *(
+            {"title": f"P({q.upper()})", "as": "percent", "down": True, "hint": f"{QUESTIONS[q]}. {of}"}
+            for q in ("ttc", "pet", "drac")
+        ),
+        {"title": "gap", "as": "metres", "hint": "Least gap in the nearest 5 % of the children; up to 10 m"},
+        {"title": "after", "as": "seconds"},
+    ]
+    rows = [
+        {
+            "cells": [
+                f"{row['track_id']} → {row['other_id']}",
+                _short(row["collision"]),
+                f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %",
+                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05")),
+                round(row["time_s"], 1),
+            ],
+            "words": in_words(row),
+            "critical": row["critical"] > 0,
+            "pair": [where[row["track_id"]], where[row["other_id"]]],
+            "child": row["child"],
+            "step": round(row["time_s"] / STEP_S),
+        }
+        for row in _rows(run, ENCOUNTERS)
+    ]
+    return {"columns": columns, "rows": rows}
+
+
+def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
+    """Return (M, C) columns of a table of metrics, NaN where undefined or missing."""
+    missing = np.full(table.num_rows, np.nan)
+    parts = [
+        table[name].to_numpy(zero_copy_only=False) if name in table.column_names else missing
+        for name in columns
+    ]
+    return np.stack([np.asarray(part, dtype=np.float64) for part in parts])
+
+
+def _rows(run: Run, name: str) -> list[dict[str, Any]]:
+    """Return the rows of one of the folder's Parquet files; none if the run has not written it."""
+    rows: list[dict[str, Any]] = run.table(name).to_pylist() if (run.folder / name).is_file() else []
+    return rows
+
+
+def _short(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(f"{value:.5g}")

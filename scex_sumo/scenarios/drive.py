@@ -1,0 +1,185 @@
+"""Recording of random traffic that SUMO drives over a net."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import SimulationError
+from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.programs import environment, program
+from scex_sumo.roads.conflicts import runs
+from scex_sumo.scenarios.demand import Network, Trip, random_trips, write_curve_limits, write_trips
+from scex_sumo.scenarios.kinematics import body_states
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, States
+
+LANE_CHANGE_S = 4.0
+TELEPORT_S = 20.0
+MAX_DELAY_S = 15.0
+JUMP_M = 0.5  # more than driven in one step: SUMO moved the vehicle by other means
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drive:
+    """Vehicles of one SUMO run, step by step.
+
+    Attributes:
+        number: (K,) of each vehicle among all trips, ascending.
+        trips: (K,) the vehicles that entered the map.
+        present: (T, K) on the map at the step.
+        front: (T, K, 2) front bumper, m; NaN where not present.
+        angle: (T, K) SUMO's heading as ours, rad.
+        speed: (T, K) SUMO's speed, m/s.
+    """
+
+    number: IntArray
+    trips: list[Trip]
+    present: BoolArray
+    front: FloatArray
+    angle: FloatArray
+    speed: FloatArray
+
+    @cached_property
+    def driven(self) -> BoolArray:
+        """Whether a vehicle is present and came to its place by driving, (T, K)."""
+        moved = np.hypot(*np.moveaxis(np.diff(self.front, axis=0), -1, 0))
+        fine = self.present.copy()
+        fine[1:] &= ~(moved > self.speed[1:] * STEP_S + JUMP_M)
+        return fine
+
+    def steady(self) -> BoolArray:
+        """Return whether a vehicle drove for the last 10 steps and was present before them, (T, K)."""
+        fine = self.driven
+        ready = fine.copy()
+        for back in range(1, HISTORY_STEPS):
+            ready[back:] &= fine[:-back]
+        ready[HISTORY_STEPS:] &= self.present[:-HISTORY_STEPS]
+        ready[:HISTORY_STEPS] = False
+        return ready
+
+    def drive(self, vehicle: int, step: int) -> tuple[int, States]:
+        """Return a vehicle's uninterrupted drive around a step: its first step, and its states."""
+        steps = np.flatnonzero(self.stretch[:, vehicle] == self.stretch[step, vehicle])
+        return int(steps[0]), self.states[steps, vehicle]
+
+    @property
+    def stretch(self) -> IntArray:
+        """Number of the uninterrupted drive that a vehicle is on, (T, K); -1 where it drives none."""
+        return self._drives[0]
+
+    @property
+    def states(self) -> States:
+        """Poses of the vehicles on their drives, (T, K); NaN elsewhere."""
+        return self._drives[1]
+
+    @cached_property
+    def _drives(self) -> tuple[IntArray, States]:
+        ranges = []
+        for vehicle, driven in enumerate(self.driven.T):
+            for first, last in runs(driven):
+                jumped = first > 0 and self.present[first - 1, vehicle]  # SUMO moved it to where it began
+                ranges.append((vehicle, first - 1 if jumped else first, last + 1))
+        states = body_states(
+            [self.front[first:end, vehicle] for vehicle, first, end in ranges],
+            [self.angle[first, vehicle] for vehicle, first, _ in ranges],
+            [self.trips[vehicle].length_m for vehicle, _, _ in ranges],
+        )
+        stretch = np.full(self.present.shape, -1)
+        columns = {name: np.full(self.present.shape, np.nan) for name in ("x", "y", "heading", "speed")}
+        for number, ((vehicle, first, end), driven) in enumerate(zip(ranges, states, strict=True)):
+            stretch[first:end, vehicle] = number
+            for name, column in columns.items():
+                column[first:end, vehicle] = getattr(driven, name)
+        return stretch, States(**columns)
+
+
+def record(
+    net_path: Path,
+    *,
+    at_most: int,
+    duration_s: float,
+    every_s: tuple[float, float],
+    rng: np.random.Generator,
+    also: Sequence[Trip] = (),
+) -> Drive:
+    """Record random traffic that SUMO drives over a net.
+
+    Args:
+        at_most: vehicles on the map at any time; others wait outside.
+        every_s: mean time between vehicles on a lane into the map, at the beginning and at the end.
+
+    Raises:
+        SimulationError: SUMO refused the net.
+    """
+    trips = random_trips(Network(net_path), until_s=duration_s, every_s=every_s, rng=rng)
+    trips = sorted([*trips, *also], key=lambda trip: trip.depart_s)
+    with TemporaryFolder() as folder:
+        net, routes, fcd = (Path(folder) / name for name in ("map.net.xml", "traffic.rou.xml", "fcd.csv"))
+        write_curve_limits(net_path, net)
+        write_trips(routes, trips)
+        _simulate(net, routes, fcd, at_most=at_most, duration_s=duration_s, seed=int(rng.integers(2**31)))
+        return _read(fcd, trips, round(duration_s / STEP_S) + 1)
+
+
+def _simulate(net: Path, routes: Path, fcd: Path, *, at_most: int, duration_s: float, seed: int) -> None:
+    options = {
+        "net-file": net.name,
+        "route-files": routes.name,
+        "fcd-output": fcd.name,
+        "fcd-output.attributes": "x,y,angle,speed",
+        "precision": 6,
+        "begin": 0,
+        "end": duration_s,
+        "step-length": STEP_S,
+        "seed": seed,
+        "max-num-vehicles": at_most,
+        "max-depart-delay": MAX_DELAY_S,
+        "lanechange.duration": LANE_CHANGE_S,
+        "time-to-teleport": TELEPORT_S,
+        "time-to-teleport.remove": "true",
+        "collision.action": "none",
+        "xml-validation": "never",
+        "no-step-log": "true",
+        "no-warnings": "true",
+    }
+    command = [
+        program("sumo"),
+        *(word for key, value in options.items() for word in (f"--{key}", str(value))),
+    ]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env=environment(), cwd=net.parent
+    )
+    if done.returncode:
+        said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
+        raise SimulationError(f"{net.name}: SUMO cannot populate it ({said[0] if said else done.returncode})")
+
+
+def _read(fcd: Path, trips: list[Trip], steps: int) -> Drive:
+    with fcd.open(encoding="utf-8") as file:
+        names = file.readline().strip().split(";")
+        rows = [line for line in file if ";;" not in line]  # empty: nothing drives at this step
+    wanted = ("timestep_time", "vehicle_id", "vehicle_x", "vehicle_y", "vehicle_angle", "vehicle_speed")
+    columns = [names.index(name) for name in wanted]
+    values = np.loadtxt(rows, delimiter=";", usecols=columns, ndmin=2) if rows else np.empty((0, 6))
+    step = np.rint(values[:, 0] / STEP_S).astype(np.int64)
+    number, vehicle = np.unique(values[:, 1].astype(np.int64), return_inverse=True)
+    front = np.full((steps, len(number), 2), np.nan)
+    angle, speed = np.full(front.shape[:2], np.nan), np.full(front.shape[:2], np.nan)
+    front[step, vehicle] = values[:, 2:4]
+    # SUMO angles: 0 = north, clockwise, degrees; ours: 0 = east, counter-clockwise.
+    angle[step, vehicle] = np.pi / 2 - np.radians(values[:, 4])
+    speed[step, vehicle] = values[:, 5]
+    return Drive(
+        number=number,
+        trips=[trips[i] for i in number],
+        present=~np.isnan(speed),
+        front=front,
+        angle=angle,
+        speed=speed,
+    )

@@ -1,4 +1,0 @@
-"""Traffic that SUMO drives on a net, recorded: synthetic seed scenes.
-
-May import converters, world and all below.
-"""

@@ -1,0 +1,1 @@
+"""Comparison of runs: distances between densities, groups of runs, and its page."""

@@ -1,0 +1,314 @@
+"""Compare runs by the densities of their metrics.
+
+Two runs differ in a metric by where its values lie (``values``) and by how often it is defined
+(``undefined``). Their distance is the mean over the metrics of the sum of both. Formulas: docs/compare.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import InputError, ResultError, UsageError
+from scex_sumo.studies.distances import (
+    Columns,
+    Scale,
+    jensen_shannon_distances,
+    pooled_scale,
+    wasserstein_distances,
+)
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
+
+Kind: TypeAlias = Literal["w1", "jsd"]
+
+KINDS: Final[tuple[str, ...]] = get_args(Kind)
+FEW_CHILDREN: Final = 30
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Comparison:
+    """Distances between R runs in M metrics.
+
+    Attributes:
+        scales: (M,) units of the values.
+        values: (R, R, M) distance of the values.
+        undefined: (R, R, M) difference of the defined shares; 0 for ``jsd``, which counts undefined children.
+        noise: (R,) distance that two runs of the same seed scene with as many children have by chance.
+    """
+
+    kind: Kind
+    labels: tuple[str, ...]
+    metrics: tuple[str, ...]
+    scales: tuple[Scale, ...]
+    values: FloatArray
+    undefined: FloatArray
+    noise: FloatArray
+
+    @property
+    def per_metric(self) -> FloatArray:
+        """(R, R, M) distance in each metric."""
+        return self.values + self.undefined
+
+    @property
+    def total(self) -> FloatArray:
+        """(R, R) distance of the runs: the mean over all metrics."""
+        return np.asarray(self.per_metric.mean(axis=2))
+
+    @property
+    def unit(self) -> str:
+        """Unit of the distances, in words."""
+        if self.kind == "w1":
+            return "1: shifted by the range of the middle 80 % of all values"
+        return "root of the Jensen-Shannon divergence, from 0 to 1"
+
+    @property
+    def chance(self) -> float:
+        """Typical distance of two runs of one seed scene; NaN where no run has two children."""
+        return float("nan") if np.isnan(self.noise).all() else float(np.nanmedian(self.noise))
+
+    def nearest(self, run: int) -> IntArray:
+        """(R - 1,) all other runs, the most similar first; equally similar ones by name."""
+        others = np.array([r for r in range(len(self.labels)) if r != run], dtype=np.int64)
+        names = np.array([self.labels[r] for r in others])
+        return others[np.lexsort((names, self.total[run, others]))]
+
+    def apart(self, first: int, second: int) -> list[tuple[str, float]]:
+        """Metrics with the distances of two runs in them, the largest first."""
+        distances = self.per_metric[first, second]
+        return [(self.metrics[m], float(distances[m])) for m in np.argsort(-distances, kind="stable")]
+
+
+def compare(runs: Sequence[Run], *, labels: Sequence[str] | None = None, distance: str = "w1") -> Comparison:
+    """Compute distances between the densities of runs.
+
+    The scales come from all runs: a distance between two of them depends on the others.
+
+    Args:
+        runs: at least two, with the same metric columns.
+        labels: (R,) names; by default those of the seed scenes.
+        distance: ``w1``: Wasserstein-1 over the pooled scale, plus the difference of the defined shares;
+            ``jsd``: square root of the Jensen-Shannon divergence of the densities.
+
+    Raises:
+        UsageError: fewer than two runs, or an unknown distance.
+        ResultError: runs that cannot be compared, see `comparable`.
+    """
+    names = [str(run.info["seed_scene"]["name"]) for run in runs] if labels is None else list(labels)
+    comparable(runs, names)
+    samples = {
+        m: [np.asarray(r.metrics[m].to_numpy(zero_copy_only=False), dtype=np.float64) for r in runs]
+        for m in runs[0].columns
+    }
+    return compare_samples(samples, names, distance=distance)
+
+
+def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
+    """Check that runs have the same length and metrics; return notes on other differences.
+
+    Longer children have worse extrema, and another preset measures other quantities: such runs are refused.
+
+    Raises:
+        UsageError: fewer than two runs.
+        ResultError: they differ in steps, metric columns or preset.
+    """
+    if len(runs) < 2:
+        raise UsageError(f"a comparison needs at least two runs, got {len(runs)}; name another result folder")
+    first = runs[0]
+    for label, run in zip(labels, runs, strict=True):
+        for what, mine, other in (
+            ("steps per child", run.info["steps"], first.info["steps"]),
+            ("metrics", ", ".join(sorted(run.columns)), ", ".join(sorted(first.columns))),
+            ("metric preset", run.info.get("preset", "paper"), first.info.get("preset", "paper")),
+        ):
+            if mine != other:
+                raise ResultError(
+                    f"{label}: {what} {mine}, but {labels[0]} has {other}; "
+                    "only runs alike in this can be compared, run one of them again"
+                )
+    notes = []
+    for what, key in (("behaviour models", "models"), ("fixed models", "assign"), ("replan", "replan")):
+        differing = [n for n, run in zip(labels, runs, strict=True) if run.info[key] != first.info[key]]
+        if differing:
+            notes.append(
+                f"{what} of {_listing(differing)} are not those of {labels[0]}; distances show that too"
+            )
+    few = [label for label, run in zip(labels, runs, strict=True) if run.children < FEW_CHILDREN]
+    if few:
+        notes.append(
+            f"fewer than {FEW_CHILDREN} children in {_listing(few)}; expect distances by chance alone"
+        )
+    return notes
+
+
+def compare_samples(
+    samples: Mapping[str, Columns], labels: Sequence[str], *, distance: str = "w1"
+) -> Comparison:
+    """Compute distances between runs from their metric values.
+
+    Args:
+        samples: per metric R arrays (C,), NaN where undefined; C may differ between runs.
+        labels: (R,) names.
+        distance: as of `compare`.
+
+    Raises:
+        UsageError: an unknown distance.
+        InputError: a run without children.
+    """
+    if distance not in KINDS:
+        raise UsageError(f"unknown distance {distance!r}; known: {', '.join(KINDS)}")
+    kind: Kind = "jsd" if distance == "jsd" else "w1"
+    scales = tuple(pooled_scale(columns) for columns in samples.values())
+    parts = [_distances(c, s, kind) for c, s in zip(samples.values(), scales, strict=True)]
+    return Comparison(
+        kind=kind,
+        labels=tuple(labels),
+        metrics=tuple(samples),
+        scales=scales,
+        values=np.stack([values for values, _ in parts], axis=2),
+        undefined=np.stack([undefined for _, undefined in parts], axis=2),
+        noise=_noise(samples, scales, kind),
+    )
+
+
+def _distances(columns: Columns, scale: Scale, kind: Kind) -> tuple[FloatArray, FloatArray]:
+    if any(column.size == 0 for column in columns):
+        raise InputError("a run without children cannot be compared")
+    if kind == "jsd":
+        values = jensen_shannon_distances(columns)
+        return values, np.zeros_like(values)
+    defined = np.array([np.mean(~np.isnan(column)) for column in columns])
+    return wasserstein_distances(columns, scale), np.abs(defined[:, None] - defined)
+
+
+def _noise(samples: Mapping[str, Columns], scales: Sequence[Scale], kind: Kind) -> FloatArray:
+    """(R,) distance of two random halves of each run's children, over the root of 2.
+
+    The distance of samples of one density falls with the root of their number; halves are half as large as
+    runs.
+    """
+    runs = len(next(iter(samples.values())))
+    noise = np.zeros((runs, len(samples)))
+    for m, (columns, scale) in enumerate(zip(samples.values(), scales, strict=True)):
+        for r, column in enumerate(columns):
+            if column.size > 1:
+                # Neighbouring children may belong together in a balanced design: halves at random.
+                halves = np.array_split(np.random.default_rng(0).permutation(column), 2)
+                values, undefined = _distances(halves, scale, kind)
+                noise[r, m] = values[0, 1] + undefined[0, 1]
+            else:
+                noise[r, m] = np.nan  # one child says nothing about chance
+    return np.asarray(noise.mean(axis=1) / np.sqrt(2))
+
+
+def _listing(names: Sequence[str], most: int = 4) -> str:
+    return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
+
+
+METHODS: Final = ("ward", "average")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Grouping:
+    """Groups of R runs and the tree that they were cut from.
+
+    Attributes:
+        linkage: (R - 1, 4) as scipy writes trees: the two parts joined, height in units of the distance,
+            size.
+        order: (R,) the runs as leaves of the tree, similar ones side by side.
+        group: (R,) number of each run's group, from 1 on in the order of the leaves.
+        silhouette: (R,) how much better each run fits its own group than the next one, -1 to 1.
+    """
+
+    linkage: FloatArray
+    order: IntArray
+    group: IntArray
+    silhouette: FloatArray
+
+    @property
+    def groups(self) -> int:
+        """Number of groups."""
+        return int(self.group.max())
+
+
+def group_runs(
+    distance: FloatArray, labels: Sequence[str], *, groups: int | None = None, method: str = "ward"
+) -> Grouping:
+    """Cluster runs; the result does not depend on their order.
+
+    ``ward`` joins the two groups that then spread least. It works on the root of the distance: areas between
+    distributions become squared Euclidean distances, which Ward's criterion needs. ``average`` joins the two
+    whose runs are nearest on average, and often leaves single runs alone.
+
+    Args:
+        distance: (R, R) symmetric, 0 on the diagonal.
+        labels: (R,) different names; they break ties.
+        groups: 1 to R; by default the number from 2 to R - 1 with the largest mean silhouette.
+
+    Raises:
+        UsageError: an impossible number of groups, or an unknown method.
+    """
+    from scipy.cluster.hierarchy import fcluster, leaves_list, linkage
+    from scipy.spatial.distance import squareform
+
+    count = len(labels)
+    if groups is not None and not 1 <= groups <= count:
+        raise UsageError(f"--groups: got {groups}, needs 1 to {count}, the number of runs")
+    if method not in METHODS:
+        raise UsageError(f"unknown linkage {method!r}; known: {', '.join(METHODS)}")
+    by_name = np.argsort(np.asarray(labels), kind="stable")
+    condensed = squareform(distance[np.ix_(by_name, by_name)], checks=False)
+    power = 2 if method == "ward" else 1
+    tree = linkage(condensed ** (1 / power), method=method, optimal_ordering=True)
+    tree[:, 2] **= power
+    leaves = np.asarray(leaves_list(tree), dtype=np.int64)
+    choices = range(2, max(count, 3)) if groups is None else (groups,)
+    best: tuple[float, IntArray, FloatArray] | None = None
+    for choice in choices:
+        group = np.empty(count, dtype=np.int64)
+        group[by_name] = _numbered(np.asarray(fcluster(tree, choice, criterion="maxclust")), leaves)
+        fit = silhouette(distance, group.tolist())
+        # A later choice must be better by more than rounding.
+        if best is None or fit.mean() > best[0] + 1e-12:
+            best = (float(fit.mean()), group, fit)
+    assert best is not None
+    joined = tree[:, :2]
+    joined[joined < count] = by_name[joined[joined < count].astype(np.int64)]
+    return Grouping(linkage=tree, order=by_name[leaves], group=best[1], silhouette=best[2])
+
+
+def _numbered(group: IntArray, leaves: IntArray) -> IntArray:
+    """Rename groups 1, 2, ... in the order of the leaves."""
+    names: dict[int, int] = {}
+    for leaf in leaves:
+        names.setdefault(int(group[leaf]), len(names) + 1)
+    return np.array([names[int(g)] for g in group], dtype=np.int64)
+
+
+def silhouette(distance: FloatArray, groups: Sequence[Hashable]) -> FloatArray:
+    """(R,) how much better each run fits its own group than the next best, -1 to 1.
+
+    (b - a) / max(a, b) with the mean distance a to the others of its group, and b to those of the nearest
+    other group; 0 for a run alone in its group, and for one group only.
+
+    Source: Rousseeuw 1987.
+    """
+    member = np.array([[g == name for g in groups] for name in dict.fromkeys(groups)])
+    sizes = member.sum(axis=1)
+    if len(sizes) < 2:
+        return np.zeros(len(groups))
+    sums = distance @ member.T
+    own = member.argmax(axis=0)
+    rows = np.arange(len(groups))
+    within = sums[rows, own] / np.maximum(sizes[own] - 1, 1)
+    mean = sums / sizes
+    mean[rows, own] = np.inf
+    between = mean.min(axis=1)
+    larger = np.maximum(within, between)
+    fit = np.divide(between - within, larger, where=larger > 0, out=np.zeros(len(groups)))
+    return np.where(sizes[own] > 1, fit, 0.0)

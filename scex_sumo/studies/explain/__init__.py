@@ -1,0 +1,1 @@
+"""Explanation of a run: which vehicle's model makes it critical, and its page."""

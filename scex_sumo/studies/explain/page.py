@@ -1,0 +1,167 @@
+"""Page of an explanation: which vehicles' models make a scene critical."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.metrics.registry import COLLISION, side_of
+from scex_sumo.reports.page.charts import metric_title
+from scex_sumo.reports.page.html import Html, element
+from scex_sumo.reports.page.study import Table, card, plots, table, table_place, write_study
+from scex_sumo.reports.run_table import counted
+from scex_sumo.results.run import Run
+from scex_sumo.studies.explain.effects import Condition
+from scex_sumo.studies.explain.explain import WORST_SHARE, Explanation, pair_of
+
+HTML = "explain.html"
+_CELL_PX = 26
+_MARGIN_PX = 34
+_FULL = 0.5
+"""Share of the variance at which a cell is darkest."""
+
+
+def write_explanations(
+    run: Run,
+    found: Sequence[Explanation],
+    names: Sequence[str],
+    worst: Mapping[str, Sequence[Mapping[str, Any]]],
+) -> Path:
+    """Write the page into the folder of the run; ``names`` are of the models, ``worst`` rows by metric."""
+    ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
+    said = [
+        _sentences(one, ids, names)
+        for one in found
+        if one.metric == COLLISION or one.given or pair_of(one.metric)
+    ]
+    worst_of = [one for one in found if one.metric in run.columns and not one.metric.endswith("_mean")]
+    drawn = [_matrix(one, ids) for one in worst_of if one.effects]
+    cards = [
+        card("What makes it critical", *said),
+        card(
+            "Whose driving matters",
+            "Share of what varies between the children that comes from who drives a vehicle (diagonal), and "
+            "from who drives two vehicles together (below it), in percent. What is missing to 100 % comes "
+            "from three and more together, and from random routes.",
+            plots(*drawn) if drawn else "Nothing varies that could be explained.",
+        ),
+        card("Drivers that make it more critical", table_place("conditions")),
+        card("Most critical children", table_place("worst")),
+    ]
+    tables = {
+        "conditions": _conditions(found, ids, names),
+        "worst": _worst([row for rows in worst.values() for row in rows]),
+    }
+    scene = run.info["seed_scene"]
+    about = f"{counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}"
+    return write_study(
+        run.folder / HTML, f"Whose driving makes it so: {scene['name']}", about, *cards, tables=tables
+    )
+
+
+def _question(one: Explanation) -> str:
+    if one.metric == COLLISION:
+        return "a collision"
+    if pair := pair_of(one.metric):
+        return f"a collision of {pair[0]} and {pair[1]}"
+    sign = "≤" if side_of(one.metric) == "left" else "≥"
+    return f"{metric_title(one.metric)} {sign} {one.threshold:.3g}" + ("" if one.given else " (worst tenth)")
+
+
+def _sentences(one: Explanation, ids: Sequence[int], names: Sequence[str]) -> Html:
+    """How often it happens, and with which models it happens more often."""
+    if not one.defined:
+        return element("p", f"{metric_title(one.metric)}: defined in no child.")
+    rules = [
+        element(
+            "li",
+            f"{rule.share:.0%} with {_who(rule, ids, names)} (95 %: {rule.low:.0%} – {rule.high:.0%}); "
+            f"that is {rule.covered:.0%} of all cases",
+        )
+        for rule in one.rules
+    ]
+    head = element("b", f"{one.p_critical.value:.1%} of the children have {_question(one)}.")
+    return element("div", element("p", head), *([element("ul", *rules)] if rules else []))
+
+
+def _who(rule: Condition, ids: Sequence[int], names: Sequence[str]) -> str:
+    pairs = zip(rule.vehicles, rule.models, strict=True)
+    return " and ".join(f"{ids[vehicle]} as {names[model]}" for vehicle, model in pairs)
+
+
+def _conditions(found: Sequence[Explanation], ids: Sequence[int], names: Sequence[str]) -> Table:
+    heads = [
+        ("what", "text", ""),
+        ("who drives how", "words", ""),
+        ("share", "percent", "Of these children that are critical"),
+        ("all children", "percent", "Critical share whoever drives"),
+        ("from", "percent", "95 % interval of the share"),
+        ("to", "percent", "95 % interval of the share"),
+        ("of the critical", "percent", "Part of all critical children that are so"),
+    ]
+    rows = [
+        [_question(one), _who(c, ids, names), c.share, one.p_critical.value, c.low, c.high, c.covered]
+        for one in found
+        if one.given or one.p_critical.value <= 2 * WORST_SHARE  # else many share the value of the tenth
+        for c in one.conditions
+    ]
+    return table(heads, sorted(rows, key=lambda row: -row[2]))
+
+
+def _worst(rows: Sequence[Mapping[str, Any]]) -> Table:
+    heads = [("metric", "text", ""), ("child", "text", ""), ("value", "real", ""), ("vehicles", "text", "")]
+    heads += [("after", "seconds", ""), ("who drove whom", "words", "")]
+    shown = []
+    for row in rows:
+        vehicles = [str(row[name]) for name in ("track_id", "other_id") if row[name] is not None]
+        name = (
+            row["metric"]
+            if row["metric"] == COLLISION or pair_of(row["metric"])
+            else metric_title(row["metric"])
+        )
+        shown.append(
+            [
+                name,
+                row["child"],
+                row["value"],
+                " – ".join(vehicles) or None,
+                row["after_s"],
+                row["assignment"],
+            ]
+        )
+    return table(heads, shown)
+
+
+def _matrix(one: Explanation, ids: Sequence[int]) -> Html:
+    """Vehicles by vehicles: the darker, the larger the share."""
+    share: FloatArray = np.zeros((len(ids), len(ids)))
+    for effect in one.effects:
+        if effect.kind != "rest":
+            share[max(effect.vehicle, effect.other), effect.vehicle] = max(effect.share, 0.0)
+    parts = []
+    for row, track in enumerate(ids):
+        y = row * _CELL_PX
+        parts.append(element("text", str(track), x=_MARGIN_PX - 5, y=y + 17, text_anchor="end"))
+        foot = len(ids) * _CELL_PX + 13
+        parts.append(
+            element("text", str(track), x=_MARGIN_PX + y + _CELL_PX // 2, y=foot, text_anchor="middle")
+        )
+        for column in range(row + 1):
+            parts += _cell(_MARGIN_PX + column * _CELL_PX, y, share[row, column])
+    side = len(ids) * _CELL_PX
+    drawing = element("svg.plot.matrix", *parts, viewBox=f"0 0 {side + _MARGIN_PX} {side + 18}", role="img")
+    return element("figure", element("figcaption", metric_title(one.metric)), drawing)
+
+
+def _cell(x: int, y: int, share: float) -> list[Html]:
+    ink = f"{min(share / _FULL, 1.0):.2f}"
+    size = _CELL_PX - 1
+    found = [element("rect.cell", x=x, y=y, width=size, height=size, fill_opacity=ink)]
+    if share >= 0.01:
+        kind = "text.light" if share > 0.3 else "text.dark"
+        found.append(element(kind, f"{100 * share:.0f}", x=x + size // 2, y=y + 17, text_anchor="middle"))
+    return found

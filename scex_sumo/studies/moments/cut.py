@@ -1,0 +1,137 @@
+"""Cut recordings into moments: loaded one after the other, ahead of the workers."""
+
+from __future__ import annotations
+
+import dataclasses
+import queue
+import threading
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from typing import TypeAlias, TypeVar
+
+from scex_sumo.base.errors import one_line, reason_of
+from scex_sumo.converters.datasets.moment import Moment
+from scex_sumo.converters.datasets.recordings import (
+    LoadedRecording,
+    Recording,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
+from scex_sumo.studies.moments.references import Failure, Listing, MomentRef, moment_name, plain
+from scex_sumo.studies.moments.run import MomentTask, pack_road
+from scex_sumo.studies.moments.settings import StudySettings
+
+T = TypeVar("T")
+Item: TypeAlias = Listing | Failure | MomentTask
+
+_POLL_S = 0.1  # how often a waiting thread checks whether it is still needed
+
+
+def moment_tasks(
+    recordings: Sequence[Recording],
+    listings: Mapping[str, Listing],
+    settings: StudySettings,
+    children: range,
+    *,
+    wanted: Callable[[Listing], Sequence[MomentRef]],
+    choose: Callable[[LoadedRecording], Sequence[Moment]] | None = None,
+) -> Iterator[Item]:
+    """Yield the tasks of all wanted moments; a moment that fails stops none of the others.
+
+    Args:
+        recordings: the dataset, or some of it.
+        listings: by recording; a recording without wanted moments is not loaded.
+        wanted: the moments of a recording that shall run.
+        choose: the moments of a recording without a listing; by default one every ``settings.every`` seconds.
+
+    Yields:
+        The listing of each recording that had none, then its tasks; failures in their place.
+    """
+    for recording in recordings:
+        listing = listings.get(recording.name)
+        todo = () if listing is None else wanted(listing)
+        if listing is not None and not todo:
+            continue
+        try:
+            loaded = load_recording(recording)
+            road = pack_road(loaded.road)
+            if listing is None:
+                moments = choose(loaded) if choose else recording_moments(loaded, every_s=settings.every)
+                listing = list_moments(recording, moments, min_vehicles=settings.min_vehicles)
+                yield listing
+                todo = wanted(listing)
+        except Exception as error:
+            if listing is None:
+                yield unreadable(recording, reason_of(error))
+            yield from (Failure.of(ref, reason_of(error)) for ref in todo)
+            continue
+        for ref in todo:
+            try:
+                scene = seed_at(loaded, ref.time_s, case=ref.case or None)
+            except Exception as error:
+                yield Failure.of(ref, reason_of(error))
+                continue
+            bare = dataclasses.replace(scene, road=None)
+            yield MomentTask(ref=ref, scene=bare, road=road, children=children, settings=settings)
+
+
+def list_moments(recording: Recording, moments: Sequence[Moment], *, min_vehicles: int) -> Listing:
+    """List the moments of a recording that have enough vehicles.
+
+    In cases all vehicles count; in recordings those that move and are recorded from 1 s before to 3 s after.
+    """
+    refs = [
+        MomentRef(
+            moment=moment_name(recording.name, m.case, m.time_s),
+            location=plain(recording.site),
+            recording=recording.name,
+            case=m.case,
+            time_s=m.time_s,
+            vehicles=m.vehicles,
+        )
+        for m in moments
+        if (m.vehicles if m.case else m.complete) >= min_vehicles
+    ]
+    return Listing(recording=recording.name, moments=tuple(refs))
+
+
+def unreadable(recording: Recording, reason: str) -> Failure:
+    """Return the failure of a recording that cannot be read."""
+    name, location = plain(recording.name), plain(recording.site)
+    return Failure(moment=name, location=location, recording=recording.name, reason=one_line(reason))
+
+
+def read_ahead(items: Iterator[T], size: int) -> Generator[T, None, None]:
+    """Yield the same items in the same order; a thread makes up to ``size`` of them ahead.
+
+    An error of the items is raised where it would have come. Closing the generator ends the thread after its
+    present item.
+    """
+    buffer: queue.Queue[tuple[T] | BaseException | None] = queue.Queue(maxsize=size)
+    closed = threading.Event()
+
+    def put(item: tuple[T] | BaseException | None) -> None:
+        while not closed.is_set():
+            try:
+                return buffer.put(item, timeout=_POLL_S)
+            except queue.Full:
+                continue
+
+    def work() -> None:
+        try:
+            for item in items:
+                put((item,))
+                if closed.is_set():
+                    return
+            put(None)
+        except BaseException as error:
+            put(error)
+
+    threading.Thread(target=work, name="read ahead", daemon=True).start()
+    try:
+        while (got := buffer.get()) is not None:
+            if isinstance(got, BaseException):
+                raise got
+            yield got[0]
+    finally:
+        closed.set()

@@ -1,0 +1,113 @@
+"""Study folder: what has run is kept whole, checked when it is read, and found again after a crash."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import zlib
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scex_sumo.base.errors import ResultError, one_line
+from scex_sumo.base.files import replacing, write_atomic
+from scex_sumo.results.output_folder import OutputFolder, as_json
+from scex_sumo.studies.moments.references import Failure, as_row, from_row
+
+_FAILED = "failed"
+
+
+class StudyFolder(OutputFolder):
+    """Keeps the moments of a study that have run, and those that failed."""
+
+    kept: ClassVar[tuple[str, ...]]
+    """Folders and files that another study in the same folder removes."""
+
+    def _clear(self) -> None:
+        for name in (*self.kept, _FAILED):
+            path = self.path / name
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
+
+    def _prepare(self) -> None:
+        (self.path / _FAILED).mkdir(exist_ok=True)
+
+    def fail(self, failure: Failure) -> None:
+        """Record that a moment has no result."""
+        row = as_row(failure)
+        write_atomic(self._failure_file(failure.moment), as_json({**row, "check": checksum([row])}).encode())
+
+    def failures(self) -> dict[str, Failure]:
+        """Return failures by moment; damaged files are removed, and their moments run again."""
+        found = {}
+        for file in sorted((self.path / _FAILED).glob("*.json")):
+            row = read_record(file)
+            try:
+                if row.pop("check") != checksum([row]):
+                    raise ValueError
+                failure = Failure(**from_row(row))
+                found[failure.moment] = failure
+            except (ValueError, KeyError, TypeError):
+                file.unlink()
+        return found
+
+    def clear_failure(self, moment: str) -> None:
+        """Let a moment be tried again."""
+        self._failure_file(moment).unlink(missing_ok=True)
+
+    def _failure_file(self, moment: str) -> Path:
+        return self.path / _FAILED / f"{moment}.json"
+
+
+def checksum(rows: Sequence[dict[str, Any]]) -> int:
+    """Checksum of the rows of a file of listings or failures."""
+    return zlib.crc32(as_json({"seeds": rows}).encode())
+
+
+def read_record(file: Path) -> dict[str, Any]:
+    """Read a small JSON file; empty where it is missing, or no object."""
+    try:
+        content = json.loads(file.read_text())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+def write_table(file: Path, table: pa.Table, **options: Any) -> None:
+    """Write a table, in a new folder where needed, with ``options`` of Arrow's Parquet writer."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as temporary:
+        pq.write_table(table, temporary, compression="zstd", write_page_checksum=True, **options)
+
+
+def read_table(file: Path, schema: pa.Schema, undefined: Collection[str] = ()) -> pa.Table:
+    """Read a kept table and check pages, columns, types and nulls, which only ``undefined`` columns may have.
+
+    Raises:
+        ResultError: the file is damaged, or was edited.
+    """
+    try:
+        table = pq.ParquetFile(file.absolute(), page_checksum_verification=True).read()
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise damaged(file, f"cannot be read ({one_line(error)})") from None
+    for field in schema:
+        if table.column_names.count(field.name) != 1:
+            raise damaged(file, f"has no single column {field.name}")
+        column = table[field.name]
+        if column.type != field.type:
+            raise damaged(file, f"column {field.name} has type {column.type}, needs {field.type}")
+        values = column.combine_chunks()
+        lists = pa.types.is_list(field.type)
+        if field.name not in undefined and (values.null_count or (lists and values.flatten().null_count)):
+            raise damaged(file, f"column {field.name} has empty values")
+    return table.select(schema.names)
+
+
+def damaged(file: Path, what: str) -> ResultError:
+    """Return the error of a kept file that is not as it was written."""
+    return ResultError(f"{file}: {what}; remove it and run again")

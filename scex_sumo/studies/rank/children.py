@@ -1,0 +1,198 @@
+"""Children of a moment: run and measured in a worker, scored, and as a table."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.converters.net.sumo_net import SumoNet
+from scex_sumo.evaluation.encounters import answers_of
+from scex_sumo.evaluation.outcomes import encounters_of_rows
+from scex_sumo.extrapolation.job import Job, parts_in_memory
+from scex_sumo.results.folder import tracks_table
+from scex_sumo.results.parts import Part
+from scex_sumo.scene import SeedScene
+from scex_sumo.studies.moments.references import Failure
+from scex_sumo.studies.moments.run import MomentTask, attempt, compared
+from scex_sumo.studies.moments.settings import built
+from scex_sumo.studies.rank.settings import RankSettings
+
+MAX_KEPT = 5
+"""Children of a moment whose tracks ``critical`` keeps at most."""
+CRITICAL_WEIGHT = 0.1
+"""Of a critical encounter beside a collision in the score of a moment."""
+HARD_MPS = 10.0
+"""Relative speed at impact that makes a collision count twice."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RankTask(MomentTask):
+    """A moment to be ranked.
+
+    Attributes:
+        spare: how many more children may have their tracks kept.
+    """
+
+    settings: RankSettings
+    spare: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MomentPart:
+    """Children of one moment, measured.
+
+    Attributes:
+        children: one row each, see `children_schema`.
+        tracks: INTERACTION columns of the children that are kept; None where none is.
+    """
+
+    children: pa.Table
+    tracks: pa.Table | None
+
+
+def run_moment(task: RankTask, road: bytes | None = None) -> MomentPart | Failure:
+    """Run the children of a task on its road or the one given; or return the moment's failure."""
+    return attempt(_run, task, road)
+
+
+def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart:
+    models, run = built(task.settings.models), task.settings.run
+    if task.children.start == 0:
+        models.try_on(scene, seed=run.seed)
+    drawn = models.draw(scene.track_ids, children=task.children.stop, seed=run.seed, design=run.design)
+    same = compared(net, task.ref)
+    job = Job(scene, net, run, models, drawn, net.path.parent, compared=same)
+    parts = parts_in_memory(job, task.children)
+    pairs = [rows for part in parts for rows in _critical_pairs(part, scene.track_ids)]
+    kept = choose_kept(score_of(pairs), task.settings.keep, task.spare)
+    children = np.concatenate([part.children for part in parts])
+    table = children_table(
+        children,
+        columns=run.columns,
+        values=np.concatenate([part.values for part in parts]),
+        defined=np.concatenate([part.defined for part in parts]),
+        fallbacks=np.concatenate([_fallbacks(part) for part in parts]),
+        kept=kept,
+        track_ids=np.asarray(scene.track_ids, dtype=np.int64),
+        models=np.asarray(models.names, dtype=object)[drawn[children]].tolist(),
+        pairs=pairs,
+    )
+    return MomentPart(children=table, tracks=_tracks(scene, parts, kept) if kept.any() else None)
+
+
+def _fallbacks(part: Part) -> IntArray:
+    """(C,) plans of each child that are not its models' own."""
+    if part.fallbacks is None:
+        return np.zeros(len(part.children), dtype=np.int64)
+    of_child = np.asarray(part.fallbacks["child"], dtype=np.int64)
+    row = np.searchsorted(part.children, of_child)
+    return np.bincount(row, minlength=len(part.children)).astype(np.int64)
+
+
+def _critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
+    """For each child its critical encounters, see `pairs_of`."""
+    assert part.encounters is not None
+    found = encounters_of_rows(part.encounters)
+    answers = answers_of(found)
+    some = np.flatnonzero(answers["critical"])
+    speed = np.round(100 * found.relative_speed[some])
+    hits = answers["collision"][some]
+    rows = np.stack([track_ids[found.first[some]], track_ids[found.second[some]], hits, speed], axis=-1)
+    child = found.child[some]
+    return [rows[child == number].astype(np.int64) for number in part.children]
+
+
+def score_of(pairs: Sequence[IntArray]) -> FloatArray:
+    """(C,) score of children from their critical encounters.
+
+    A collision counts 1 and its relative speed over 10 m/s; every critical encounter, collision or not, 0.1.
+    """
+    hard = [(rows[:, 2] * (1 + rows[:, 3] / (100 * HARD_MPS))).sum() for rows in pairs]
+    return np.array(hard, dtype=np.float64) + CRITICAL_WEIGHT * np.array([len(rows) for rows in pairs])
+
+
+def choose_kept(score: FloatArray, keep: str, spare: int) -> BoolArray:
+    """(C,) whose tracks are kept: of ``critical`` those of the greatest score, the first of equals."""
+    if keep != "critical":
+        return np.full(len(score), keep == "all")
+    kept = np.zeros(len(score), dtype=bool)
+    kept[np.argsort(-score, kind="stable")[:spare]] = True
+    return np.asarray(kept & (score > 0), dtype=bool)
+
+
+def _tracks(scene: SeedScene, parts: list[Part], kept: BoolArray) -> pa.Table:
+    tables = []
+    start = 0
+    for part in parts:
+        some = kept[start : start + len(part.children)]
+        start += len(part.children)
+        if some.any():
+            chosen = dataclasses.replace(part, children=part.children[some], states=part.states[some])
+            tables.append(tracks_table(scene, chosen))
+    return pa.concat_tables(tables)
+
+
+def children_schema(columns: Sequence[str]) -> pa.Schema:
+    """Columns of a moment's children; undefined metrics are null.
+
+    ``fallbacks`` counts plans that are not the models' own; ``track_id`` and ``model`` have one entry for
+    each vehicle, ``critical_pairs`` four for each critical encounter, see `pairs_of`.
+    """
+    return pa.schema(
+        [
+            ("child", pa.int32()),
+            *((name, pa.float64()) for name in columns),
+            ("fallbacks", pa.int32()),
+            ("kept", pa.bool_()),
+            ("track_id", pa.list_(pa.int64())),
+            ("model", pa.list_(pa.string())),
+            ("critical_pairs", pa.list_(pa.int64())),
+        ]
+    )
+
+
+def children_table(
+    children: IntArray,
+    *,
+    columns: Sequence[str],
+    values: FloatArray,
+    defined: BoolArray,
+    fallbacks: IntArray,
+    kept: BoolArray,
+    track_ids: IntArray,
+    models: Sequence[Sequence[str]],
+    pairs: Sequence[IntArray],
+) -> pa.Table:
+    """Rows of (C,) children, see `children_schema`.
+
+    Args:
+        values: (C, M) of the metric columns.
+        defined: (C, M).
+        fallbacks: (C,).
+        kept: (C,) whose tracks are kept.
+        track_ids: (V,).
+        models: (C, V).
+        pairs: (C,) of (E, 4), see `pairs_of`.
+    """
+    data = {"child": pa.array(children, pa.int32())}
+    for index, name in enumerate(columns):
+        data[name] = pa.array(values[:, index], mask=~defined[:, index])
+    data["fallbacks"] = pa.array(fallbacks, pa.int32())
+    data["kept"] = pa.array(kept)
+    data["track_id"] = pa.array([track_ids.tolist()] * len(children), pa.list_(pa.int64()))
+    data["model"] = pa.array([list(row) for row in models], pa.list_(pa.string()))
+    data["critical_pairs"] = pa.array([rows.reshape(-1) for rows in pairs], pa.list_(pa.int64()))
+    return pa.table(data)
+
+
+def pairs_of(table: pa.Table) -> list[IntArray]:
+    """For each child its critical encounters (E, 4).
+
+    Rows are track_id, other_id, 1 where they collide, and their relative speed at impact in cm/s.
+    """
+    return [np.asarray(row, dtype=np.int64).reshape(-1, 4) for row in table["critical_pairs"].to_pylist()]

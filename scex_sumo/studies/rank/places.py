@@ -1,0 +1,201 @@
+"""Ranks of moments by score, with intervals, and which moments get more children in the next round.
+
+A round is decided from whole earlier rounds only. So workers, interruptions and the order in which moments
+finish do not change what is run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.statistics.density import CONFIDENCE
+from scex_sumo.statistics.intervals import DesignIntervals
+from scex_sumo.statistics.normal import normal_quantiles
+from scex_sumo.studies.moments.references import MomentRef
+
+DRAWS = 200
+NEARBY_S = 3.0
+"""Two moments of a recording closer than a child is long show the same situation."""
+_STREAM = 4  # of the random numbers; the runs' own use 0 to 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Places:
+    """Ranks of n moments, 1 the most critical.
+
+    Attributes:
+        score: (n,) mean over the children, see `scex_sumo.studies.rank.children.score_of`.
+        rank: (n,) 1 plus the number of moments with a greater score, or an equal one and more severe.
+        low: (n,) best rank of the 95 % interval.
+        high: (n,) worst rank of the 95 % interval.
+    """
+
+    score: FloatArray
+    rank: IntArray
+    low: IntArray
+    high: IntArray
+
+    def order(self) -> list[int]:
+        """Indices, best first; equals in the order given."""
+        return [int(i) for i in np.argsort(self.rank, kind="stable")]
+
+
+def severity_share(values: FloatArray) -> FloatArray:
+    """(n,) share of the other moments with smaller values (n, M), averaged over the metrics.
+
+    Equal values count half; a single moment has 0.
+    """
+    count, metrics = values.shape
+    if count < 2 or metrics == 0:
+        return np.zeros(count)
+    total = np.zeros(count)
+    for column in values.T:
+        ordered = np.sort(column)
+        below = np.searchsorted(ordered, column, side="left")
+        not_above = np.searchsorted(ordered, column, side="right")
+        total += (below + not_above - 1) / 2  # without the moment itself
+    return np.asarray(total / (metrics * (count - 1)), dtype=np.float64)
+
+
+def place(
+    score: FloatArray,
+    error: FloatArray,
+    *,
+    severity: FloatArray | None = None,
+    seed: int,
+    draws: int = DRAWS,
+) -> Places:
+    """Rank moments by score, with intervals.
+
+    Moments of equal score are ranked by `severity_share`. For the interval, each score is drawn ``draws``
+    times from the normal distribution of its standard error, cut at 0; it holds the middle 95 % of the ranks.
+
+    Args:
+        score: (n,) mean over the children; larger is more critical.
+        error: (n,) its standard error.
+        severity: (n, M) typical value of each metric; larger is more critical, -inf where undefined.
+
+    Source: Goldstein and Spiegelhalter 1996, 5.2.
+    """
+    rank = _ranks(score if severity is None else _refined(score, severity_share(severity)))
+    if len(score) < 2:
+        return Places(score=score, rank=rank, low=rank, high=rank)
+    level = (_levels(len(score), draws, seed) + 0.5) / draws
+    possible = np.maximum(score[:, None] + error[:, None] * normal_quantiles(level), 0.0)
+    drawn = np.sort(np.stack([_ranks(possible[:, d]) for d in range(draws)]), axis=0)
+    tail = (1 - CONFIDENCE) / 2
+    low, high = drawn[int(tail * draws)], drawn[draws - 1 - int(tail * draws)]
+    # Among many equals the draws spread over all their places; the rank itself is the best of them.
+    return Places(score=score, rank=rank, low=np.minimum(low, rank), high=np.maximum(high, rank))
+
+
+def mean_score(values: FloatArray, intervals: DesignIntervals) -> tuple[float, float]:
+    """Mean of the scores (C,) of children, and its standard error under their design.
+
+    Half a child of another score is added: equal children do not prove that the next one is equal, too.
+    """
+    variance = float(intervals.variance(values[:, None])[0]) + (0.5 / (len(values) + 1)) ** 2
+    return float(values.mean()), float(np.sqrt(variance))
+
+
+def _refined(score: FloatArray, second: FloatArray) -> FloatArray:
+    """Score that orders by the first, and equal ones by the second."""
+    _, place = np.unique(np.stack([score, second], axis=-1), axis=0, return_inverse=True)
+    return np.asarray(place.reshape(-1), dtype=np.float64)
+
+
+def _ranks(score: FloatArray) -> IntArray:
+    ordered = np.sort(score)
+    return np.asarray(1 + len(score) - np.searchsorted(ordered, score, side="right"), dtype=np.int64)
+
+
+def _levels(count: int, draws: int, seed: int) -> IntArray:
+    """(count, draws) the numbers 0 to draws - 1 in random order for each moment."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, _STREAM)))
+    levels = np.broadcast_to(np.arange(draws, dtype=np.int64), (count, draws))
+    return rng.permuted(levels, axis=1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tally:
+    """Result of a moment in one round.
+
+    Attributes:
+        children: how many ran in it.
+        score: mean of all its children up to this round.
+        kept: children of this round whose tracks are kept.
+    """
+
+    children: int
+    score: float
+    error: float
+    kept: int = 0
+
+
+def round_ends(children: int, first: int) -> list[int]:
+    """Number of children of a moment after each round: doubled each time, up to ``children``."""
+    ends = [min(first, children)]
+    while ends[-1] < children:
+        ends.append(min(2 * ends[-1], children))
+    return ends
+
+
+def current_places(refs: Sequence[MomentRef], tallies: Mapping[str, Sequence[Tally]], *, seed: int) -> Places:
+    """Rank moments by all their rounds."""
+    last = [tallies[ref.moment][-1] for ref in refs]
+    score, error = np.array([tally.score for tally in last]), np.array([tally.error for tally in last])
+    return place(score, error, seed=seed)
+
+
+def undecided(
+    refs: Sequence[MomentRef], tallies: Mapping[str, Sequence[Tally]], number: int, *, top: int, seed: int
+) -> list[MomentRef]:
+    """Return the moments that get more children in a round.
+
+    They had children in the round before, may be among the moments on the page, and their rank is uncertain.
+
+    Args:
+        refs: all moments that have not failed, in the order of the dataset.
+        tallies: by moment, its rounds; those from ``number`` on are ignored.
+        number: of the round to come, from 1.
+    """
+    before = {ref.moment: list(tallies[ref.moment])[:number] for ref in refs if tallies.get(ref.moment)}
+    known = [ref for ref in refs if ref.moment in before]
+    if not known:
+        return []
+    places = current_places(known, before, seed=seed)
+    shown = distinct_moments(known, places.order(), top)
+    last = max((int(places.rank[i]) for i in shown), default=0)
+    return [
+        ref
+        for i, ref in enumerate(known)
+        if len(before[ref.moment]) == number and places.low[i] <= last and places.low[i] < places.high[i]
+    ]
+
+
+def distinct_moments(refs: Sequence[MomentRef], order: Sequence[int], top: int) -> list[int]:
+    """Return the ``top`` best moments that show different situations, as indices, best first.
+
+    Of moments of one recording less than `NEARBY_S` apart only the best counts; cases are all different.
+
+    Args:
+        order: indices of the moments, best first.
+    """
+    chosen: list[int] = []
+    for i in order:
+        if not any(nearby(refs[i], refs[j]) for j in chosen):
+            chosen.append(i)
+        if len(chosen) == top:
+            break
+    return chosen
+
+
+def nearby(one: MomentRef, other: MomentRef) -> bool:
+    """Whether two moments show the same situation, or are the same."""
+    if one.recording != other.recording or one.case or other.case:
+        return one.moment == other.moment
+    return abs(one.time_s - other.time_s) < NEARBY_S

@@ -1,0 +1,126 @@
+"""Rank the moments of a dataset: from its recordings to the folder with table and page."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scex_sumo.base.version import __version__
+from scex_sumo.converters.datasets.recordings import find_recordings
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.results.provenance import versions
+from scex_sumo.studies.moments.workers import moment_workers
+from scex_sumo.studies.rank.children import run_moment
+from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.rank.page import write_ranking_page
+from scex_sumo.studies.rank.ranking_run import Progress, RankingRun
+from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.table import ranking_table, write_ranking
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ranking:
+    """A finished ranking.
+
+    Attributes:
+        table: one row for each moment, see `scex_sumo.studies.rank.table.schema`; failed ones at the end.
+        info: content of ``rank.json``.
+
+    Example:
+        >>> ranking = scex.rank(scex.example_path("roundabout"), out="ranked", every=9, children=2, first=2)
+        >>> ranking.table["seed"][0].as_py()
+        'roundabout_t9.1'
+    """
+
+    folder: Path
+    table: pa.Table
+    info: Mapping[str, Any]
+
+
+def rank(
+    roots: str | Path | Sequence[str | Path],
+    *,
+    out: str | Path,
+    workers: int = 1,
+    cluster: str | None = None,
+    every: float = 1.0,
+    min_vehicles: int = 2,
+    first: int = 32,
+    children: int = 96,
+    top: int = 10,
+    keep: str = "none",
+    cache: bool = True,
+    overwrite: bool = False,
+    command: Sequence[str] | None = None,
+    progress: Progress | None = None,
+    **run: Any,
+) -> Ranking:
+    """Run every moment of a dataset a few times, the promising ones more often, and rank them.
+
+    Args:
+        roots: folders of recordings, or single files, as `find_recordings` takes them.
+        out: folder of the ranking; an interrupted one goes on.
+        workers: processes of this machine.
+        cluster: address of a Dask scheduler, whose workers are used instead.
+        every: as of `scex_sumo.studies.rank.settings.RankSettings`, like the next six.
+        overwrite: replace another ranking in ``out``.
+        command: the command line, for ``rank.json``.
+        progress: called with (children done, children expected).
+        run: models, steps, replan, preset, metrics, seed and thresholds, as of `extrapolate`.
+
+    Returns:
+        The ranking, which depends on neither ``workers`` nor ``cluster``, nor on interruptions.
+
+    Raises:
+        UsageError: an argument makes no sense.
+        TrackError: no recordings, or no moment in them.
+        ResultError: the folder cannot be written or holds something else.
+
+    Example:
+        >>> ranking = scex.rank(scex.example_path("roundabout"), out="ranking", every=9, children=2, first=2)
+        >>> ranking.table["rank"][0].as_py()
+        1
+    """
+    started = time.perf_counter()
+    settings = RankSettings(
+        run=RunSettings(children=children, **run),
+        every=every,
+        min_vehicles=min_vehicles,
+        first=first,
+        top=top,
+        keep=keep,
+        cache=cache,
+    )
+    recordings = find_recordings([roots] if isinstance(roots, str | Path) else roots)
+    identity = settings.to_json(recordings)
+    with (
+        closing(moment_workers(run_moment, workers, cluster)) as pool,
+        RankFolder(Path(out), identity, settings, overwrite=overwrite) as folder,
+    ):
+        ranking = RankingRun(recordings, settings, folder, pool, progress)
+        ranking.run()
+        table = ranking_table(ranking)
+        write_ranking(folder.path, table)
+        shown = write_ranking_page(ranking, folder.path, table, workers=workers if cluster is None else 1)
+        info = {
+            "scex_sumo": __version__,
+            "command": list(command) if command else None,
+            **identity,
+            "seeds": len(ranking.refs),
+            "failed": len(table) - len(ranking.refs),
+            "children_run": pc.sum(table["children"]).as_py(),
+            "fallbacks": pc.sum(table["fallbacks"]).as_py() or 0,
+            "shown": shown,
+            "notes": pool.notes(),
+            "versions": versions(),
+            "seconds": round(time.perf_counter() - started, 1),
+        }
+        folder.finish(info)
+    return Ranking(folder=Path(out), table=table, info=info)

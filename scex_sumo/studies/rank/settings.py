@@ -1,0 +1,55 @@
+"""Ranking settings: what decides on the values of a ranking, checked where it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.converters.datasets.recordings import Recording
+from scex_sumo.results.design import design_intervals
+from scex_sumo.statistics.intervals import DesignIntervals
+from scex_sumo.studies.moments.settings import StudySettings, built
+
+KEEP = ("none", "critical", "all")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankSettings(StudySettings):
+    """Settings of a ranking; ``run.children`` are those of a moment at most.
+
+    Attributes:
+        first: children that every moment gets.
+        top: moments on the page; more children settle their ranks.
+        keep: whose tracks are kept: ``none``, ``critical`` (at most 5 of a moment) or ``all``.
+
+    Raises:
+        UsageError: a value makes no sense.
+    """
+
+    first: int = 32
+    top: int = 10
+    keep: str = "none"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_positive("first")
+        self.check_positive("top")
+        if self.keep not in KEEP:
+            raise UsageError(f"--keep: got {self.keep!r}; known: {', '.join(KEEP)}")
+        object.__setattr__(self, "first", min(self.first, self.children))
+
+    def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
+        """Return what tells the ranking of some recordings from others."""
+        return self.identity(recordings, first=self.first, top=self.top, keep=self.keep)
+
+    def intervals(self, models: Sequence[Sequence[str]]) -> DesignIntervals:
+        """Intervals over children with (C, V) models."""
+        drawn = built(self.models).drawn
+        index = {str(spec): number for number, spec in enumerate(drawn)}
+        levels = np.array([[index[name] for name in row] for row in models], dtype=np.int64)
+        fixed = np.zeros(levels.shape[1], dtype=np.bool_)
+        return design_intervals(levels, [spec.weight for spec in drawn], fixed, self.run.design)

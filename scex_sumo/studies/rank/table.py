@@ -1,0 +1,156 @@
+"""Table of a ranking: one row for each moment, the most critical first, failures last."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import TrackError
+from scex_sumo.base.files import replacing
+from scex_sumo.metrics.registry import side_of
+from scex_sumo.results.design import column_of, is_critical
+from scex_sumo.statistics.density import Interval
+from scex_sumo.statistics.intervals import DesignIntervals
+from scex_sumo.studies.moments.references import Failure, MomentRef, as_row
+from scex_sumo.studies.rank.children import pairs_of
+from scex_sumo.studies.rank.places import Tally, place
+from scex_sumo.studies.rank.ranking_run import RankingRun
+from scex_sumo.studies.rank.settings import RankSettings
+
+_ROWS_AT_ONCE = 500
+_ENDS = ("", "_low", "_high")
+
+
+def ranking_table(run: RankingRun) -> pa.Table:
+    """Make the table of a ranking whose moments have all run.
+
+    Raises:
+        TrackError: no moment has a result.
+    """
+    refs, settings = run.refs, run.settings
+    limits = settings.thresholds
+    if not refs:
+        failed = [*run.unreadable.values(), *run.failures.values()]
+        reason = f"; the first of {len(failed)} failures: {failed[0].reason}" if failed else ""
+        raise TrackError(
+            f"none of {len(run.recordings)} recordings has a moment with {settings.min_vehicles} moving "
+            f"vehicles that could be run{reason}; lower --min-vehicles or look at the recordings"
+        )
+    rows = (moment_row(ref, run.parts(ref), run.tallies[ref.moment][-1], settings) for ref in refs)
+    table = placed(tabulate(rows, settings), limits, seed=settings.run.seed)
+    names = {ref.moment for ref in refs}
+    late = {name: failure.reason for name, failure in run.failures.items() if name in names}
+    if late:  # their first children ran, those of a later round did not
+        reasons = pa.array([late.get(name) for name in table["seed"].to_pylist()], pa.string())
+        table = table.set_column(table.schema.get_field_index("failure"), "failure", reasons)
+    failed = [*run.unreadable.values()]
+    failed += [failure for name, failure in sorted(run.failures.items()) if name not in names]
+    return pa.concat_tables([table, tabulate(map(failed_row, failed), settings)]).combine_chunks()
+
+
+def schema(settings: RankSettings) -> pa.Schema:
+    """Columns of the table: rank and score, moment, collisions, worst pair, metrics, failure."""
+    fields = [("rank", pa.int64()), ("rank_low", pa.int64()), ("rank_high", pa.int64())]
+    fields += [("score", pa.float64()), ("score_error", pa.float64())]
+    fields += [(name, pa.string()) for name in ("seed", "location", "recording", "case")]
+    fields += [("time_s", pa.float64()), ("vehicles", pa.int64()), ("children", pa.int64())]
+    fields += [("fallbacks", pa.int64())]
+    fields += [(f"p_collision{end}", pa.float64()) for end in _ENDS]
+    fields += [("collisions", pa.float64()), ("encounters", pa.float64())]
+    fields += [("worst_track_id", pa.int64()), ("worst_other_id", pa.int64())]
+    fields += [("worst_p_collision", pa.float64()), ("worst_p_critical", pa.float64())]
+    fields += [(f"median_{column}", pa.float64()) for column in settings.run.columns]
+    for column in settings.thresholds:
+        fields += [(f"critical_{column}", pa.int64()), (f"defined_{column}", pa.int64())]
+        fields += [(f"p_{column}{end}", pa.float64()) for end in _ENDS]
+    return pa.schema([*fields, ("failure", pa.string())])
+
+
+def moment_row(
+    ref: MomentRef, parts: Sequence[pa.Table], tally: Tally, settings: RankSettings
+) -> dict[str, Any]:
+    """Row of a moment without its rank, from all parts of its children and their tally."""
+    children = pa.concat_tables(parts)
+    intervals = settings.intervals(children["model"].to_pylist())
+    pairs = pairs_of(children)
+    row: dict[str, Any] = as_row(ref) | {"children": children.num_rows}
+    row |= {"score": tally.score, "score_error": tally.error}
+    row["fallbacks"] = int(np.asarray(children["fallbacks"]).sum())
+    row |= _outcome(pairs, intervals)
+    for column in settings.run.columns:
+        values = column_of(children, column)
+        samples = values[~np.isnan(values)]
+        row[f"median_{column}"] = float(np.median(samples)) if len(samples) else None
+        if column in settings.thresholds:
+            critical = is_critical(values, column, settings.thresholds[column])
+            row |= {f"critical_{column}": int(critical.sum()), f"defined_{column}": len(samples)}
+            row |= _share(f"p_{column}", intervals.share(critical))
+    return row
+
+
+def _share(name: str, found: Interval) -> dict[str, float]:
+    return dict(zip((name + end for end in _ENDS), (found.value, found.low, found.high), strict=True))
+
+
+def _outcome(pairs: Sequence[IntArray], intervals: DesignIntervals) -> dict[str, Any]:
+    """Critical encounters: shares, means of a child, and the pair that is critical most often."""
+    collides = np.array([rows[:, 2].any() for rows in pairs])
+    every = np.concatenate(pairs)
+    row: dict[str, Any] = _share("p_collision", intervals.share(collides))
+    row |= {"collisions": every[:, 2].sum() / len(pairs), "encounters": len(every) / len(pairs)}
+    if not len(every):
+        return row
+    both, which = np.unique(every[:, :2], axis=0, return_inverse=True)
+    critical = np.bincount(which.reshape(-1))
+    hits = np.bincount(which.reshape(-1), weights=every[:, 2])
+    worst = int(np.lexsort((critical, hits))[-1])
+    names = ("worst_track_id", "worst_other_id", "worst_p_collision", "worst_p_critical")
+    shares = (hits[worst] / len(pairs), critical[worst] / len(pairs))
+    return row | dict(zip(names, (*both[worst].tolist(), *shares), strict=True))
+
+
+def failed_row(failure: Failure) -> dict[str, Any]:
+    """Row of a moment or recording without a result."""
+    return as_row(failure) | {"children": 0, "failure": failure.reason}
+
+
+def tabulate(rows: Iterable[dict[str, Any]], settings: RankSettings) -> pa.Table:
+    """Make a table of rows, a few at a time."""
+    wanted, waiting = schema(settings), iter(rows)
+    tables = [wanted.empty_table()]
+    while chunk := list(islice(waiting, _ROWS_AT_ONCE)):
+        tables.append(pa.Table.from_pylist(chunk, schema=wanted))
+    return pa.concat_tables(tables).combine_chunks()
+
+
+def placed(table: pa.Table, thresholds: Mapping[str, float], *, seed: int) -> pa.Table:
+    """Sort rows of moments by rank, the most critical first; equals stay in the order given."""
+    medians = np.stack([_larger_is_worse(table, column) for column in thresholds], axis=-1)
+    found = place(np.asarray(table["score"]), np.asarray(table["score_error"]), severity=medians, seed=seed)
+    values = {"rank": found.rank, "rank_low": found.low, "rank_high": found.high}
+    for name, column in values.items():
+        index = table.schema.get_field_index(name)
+        table = table.set_column(index, table.schema.field(index), pa.array(column))
+    return table.take(np.asarray(found.order()))
+
+
+def _larger_is_worse(table: pa.Table, column: str) -> FloatArray:
+    medians = np.asarray(table[f"median_{column}"].to_numpy(zero_copy_only=False), dtype=np.float64)
+    oriented = -medians if side_of(column) == "left" else medians
+    return np.where(np.isnan(oriented), -np.inf, oriented)
+
+
+def write_ranking(folder: Path, table: pa.Table) -> None:
+    """Write the table as Parquet and CSV."""
+    with replacing(folder / "ranking.parquet") as file:
+        pq.write_table(table, file, compression="zstd")
+    with replacing(folder / "ranking.csv") as file:
+        pa_csv.write_csv(table, file)

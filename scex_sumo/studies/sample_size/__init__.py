@@ -1,0 +1,1 @@
+"""Sample size: how many children a map needs, and its page."""

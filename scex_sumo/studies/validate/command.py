@@ -1,0 +1,97 @@
+"""``scex-sumo validate``: how well a mix of models forecasts what really happened."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Option
+
+from scex_sumo.commands.console import progress_bar, resumable, warn
+from scex_sumo.commands.options import Cluster, Every, MinVehicles, Models, Processes, Roots, Seed
+
+if TYPE_CHECKING:
+    from scex_sumo.studies.validate.validate import Validation
+
+
+EXAMPLE = "recordings/ --models likely --workers 8 -o out/validation"
+
+
+def validate_command(
+    roots: Roots,
+    models: Models = None,
+    every: Every = 1.0,
+    children: Annotated[int, Option(help="Children of a seed scene.")] = 96,
+    min_vehicles: MinVehicles = 2,
+    part: Annotated[
+        str, Option(metavar="all|train|validation|test", help="Part of each recording's time.")
+    ] = "all",
+    seed: Seed = 0,
+    workers: Processes = 1,
+    cluster: Cluster = None,
+    overwrite: Annotated[bool, Option("--overwrite", help="Replace another validation.")] = False,
+    out: Annotated[
+        Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/validation.", show_default=False)
+    ] = Path("out") / "validation",
+) -> None:
+    """Compare what a mix of models says with what really happened."""
+    from scex_sumo.studies.validate.validate import validate
+
+    with progress_bar("seeds") as tick, resumable("seeds", out):
+        done = validate(
+            roots,
+            out=out,
+            models=models if models is not None else "likely",
+            every=every,
+            children=children,
+            min_vehicles=min_vehicles,
+            part=part,
+            seed=seed,
+            workers=workers,
+            cluster=cluster,
+            overwrite=overwrite,
+            command=["scex-sumo", *sys.argv[1:]],
+            progress=tick,
+        )
+    warn(done.info["notes"])
+    warn([f"{name}: failed: {reason}" for name, reason in list(done.info["failed"].items())[:5]])
+    _print_scores(done)
+    print(f"result: {out / 'events.parquet'}")
+    print(f"look:   {out / 'validation.html'}")
+
+
+def _print_scores(done: Validation) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    from scex_sumo.commands.console import output_console
+    from scex_sumo.reports.run_table import counted, print_line, print_table
+    from scex_sumo.studies.validate.page import collisions_in, printed_name
+
+    info = done.info
+    console = output_console(width=140)
+    scenes, recordings = counted(info["seeds"], "seed scene"), counted(info["recordings"], "recording")
+    print(f"{scenes} of {recordings}, models {', '.join(info['models'])}")
+    told = (
+        f"mean Brier score of the paper's thresholds {info['mean_brier']:.3f} (0: every forecast right), "
+        f"of the base rate {info['mean_brier_base_rate']:.3f}; P(collision) {collisions_in(info)}"
+    )
+    print_line(told, console)
+    about = "skill: 1 perfect, 0 as good as the base rate, what was so at the start, constant velocity"
+    table = Table(title="events", title_justify="left", caption=about, caption_justify="left")
+    skills = ("skill_base_rate", "skill_seed_moment", "skill_constant_velocity")
+    for name in ("event", "happened", "forecast", "Brier", "skill: base rate", "seed moment", "const. vel."):
+        table.add_column(name, justify="left" if name == "event" else "right")
+    for row in done.tables["events"].to_pylist():
+        shares = [f"{row[name]:.0%}" for name in ("happened", "forecast")]
+        gains = ["–" if row[name] != row[name] else f"{row[name]:.2f}" for name in skills]
+        table.add_row(row["event"], *shares, f"{row['brier']:.3f}", *gains)
+    values = Table(title="values", title_justify="left")
+    for name in ("value", "cases", "CRPS skill", "within 5-95 %"):
+        values.add_column(name, justify="left" if name == "value" else "right")
+    for row in done.tables["values"].to_pylist():
+        name, share = escape(printed_name(row["column"])), f"{row['coverage']:.0%}"
+        values.add_row(name, str(row["count"]), f"{row['crps_skill']:.2f}", share)
+    for each in (table, values):
+        print_table(each, console, breaks=(" base rate", " moment", " vel."))

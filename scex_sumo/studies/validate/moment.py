@@ -1,0 +1,200 @@
+"""Forecast a moment in a worker: its children beside what really happened, measured by the same code."""
+
+from __future__ import annotations
+
+import dataclasses
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.net.sumo_net import SumoNet
+from scex_sumo.extrapolation.job import Job, parts_in_memory
+from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.rollout import Rollout
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.scene import SeedScene, States
+from scex_sumo.studies.moments.references import Failure
+from scex_sumo.studies.moments.run import MomentTask, attempt, compared
+from scex_sumo.studies.moments.settings import StudySettings, built
+from scex_sumo.studies.validate.noise import BoxNoise, as_recorded
+from scex_sumo.studies.validate.realism import FEATURES, realism, realism_score
+from scex_sumo.studies.validate.vehicles import ENCOUNTERS, POSITIONS, gap_forecasts, position_forecasts
+
+RECORDED, CONSTANT_VELOCITY, SEED_MOMENT = -1, -2, -3
+COMPARED = (RECORDED, CONSTANT_VELOCITY, SEED_MOMENT)
+"""Rows beside the children: what happened, constant velocity, the first step of constant velocity."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Forecast:
+    """Forecast of one moment by its children, and what happened.
+
+    Attributes:
+        vehicles: see `position_forecasts`.
+        encounters: see `gap_forecasts`.
+        realism: one row with the score and the likelihood of each feature.
+        seen: metric columns and ``collision`` of each child as it would have been recorded.
+        children: the same of each child as driven, and of `COMPARED`.
+    """
+
+    vehicles: pa.Table
+    encounters: pa.Table
+    realism: pa.Table
+    seen: pa.Table
+    children: pa.Table
+
+
+def forecast_schemas(settings: StudySettings) -> dict[str, pa.Schema]:
+    """Columns of the tables of a `Forecast`; undefined metrics are null."""
+    metrics = [(name, pa.float64()) for name in asked_of(settings).columns]
+    children = pa.schema([("child", pa.int32()), *metrics, ("collision", pa.bool_())])
+    return {
+        "vehicles": POSITIONS,
+        "encounters": ENCOUNTERS,
+        "realism": pa.schema([(name, pa.float64()) for name in ("realism", *FEATURES)]),
+        "seen": children,
+        "children": children,
+    }
+
+
+def asked_of(settings: StudySettings) -> RunSettings:
+    """Settings of a moment's run: all metrics, and plans, which errors of boxes move, too."""
+    return dataclasses.replace(settings.run, preset="both", metrics=None, keep_plans=True)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ForecastTask(MomentTask):
+    """A moment to be forecast.
+
+    Attributes:
+        noise: errors of the boxes of its recording.
+    """
+
+    noise: BoxNoise
+
+
+def validate_moment(task: ForecastTask, road: bytes | None = None) -> Forecast | Failure:
+    """Run the children of a task beside its recording; or return the moment's failure."""
+    return attempt(_forecast, task, road)
+
+
+def _forecast(task: ForecastTask, scene: SeedScene, net: SumoNet) -> Forecast:
+    asked = asked_of(task.settings)
+    steps, road = asked.steps, scene.road
+    assert road is not None
+    judged = _recorded_to_end(scene, steps)
+    if not judged.any():
+        raise TrackError(f"no vehicle is recorded for {steps} steps after it; take another moment")
+    plain = RunSettings(
+        models="constant_velocity", children=1, steps=steps, keep_plans=False, world=asked.world
+    )
+    # Vehicles leave the children at the step at which they leave the recording.
+    run = partial(_run, scene, net, compared(net, task.ref))
+    children = run(asked, built(task.settings.models), len(task.children))
+    straight = run(plain, ModelSet.of(plain), 1)
+    first = run(dataclasses.replace(plain, steps=1), ModelSet.of(plain), 1)
+    recorded = measure_recorded(scene, steps, metrics=asked.measured, preset=asked.rule)
+    assert recorded is not None and scene.future is not None
+    after = scene.future[:, :steps].repeat(1).swapaxes(1, 2)
+    values = np.where(recorded.values.defined, recorded.values.values, np.nan)
+    rng = np.random.default_rng(zlib.crc32(task.ref.moment.encode()))
+    seen = _seen(scene, asked, children, task.noise, rng)
+    numbers = np.arange(len(task.children))
+    rows = [
+        (numbers, children.values, children.collided),
+        (np.array([RECORDED]), values, recorded.overlaps.any_of(1)),
+        (np.array([CONSTANT_VELOCITY]), straight.values, straight.collided),
+        (np.array([SEED_MOMENT]), first.values, first.collided),
+    ]
+    likelihood = realism(children.states, after, scene.length, scene.width, judged, road)
+    return Forecast(
+        children=_children_table(asked.columns, rows),
+        seen=_children_table(asked.columns, [(numbers, seen.values, seen.collided)]),
+        vehicles=position_forecasts(scene, children.states, seen.states, straight.states, judged, rng),
+        encounters=gap_forecasts(scene, children.states, seen.states, straight.states, after, judged, rng),
+        realism=pa.table({"realism": [realism_score(likelihood)], **{k: [v] for k, v in likelihood.items()}}),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Children:
+    driven: Rollout
+    values: FloatArray
+    collided: BoolArray
+
+    @property
+    def states(self) -> States:
+        return self.driven.states
+
+
+def _run(
+    scene: SeedScene, net: SumoNet, compared: bool, settings: RunSettings, models: ModelSet, count: int
+) -> _Children:
+    models.try_on(scene, seed=settings.seed)
+    drawn = models.draw(scene.track_ids, children=count, seed=settings.seed, design=settings.design)
+    counted = recorded_steps_of(scene, settings.steps)
+    job = Job(scene, net, settings, models, drawn, net.path.parent, counted=counted, compared=compared)
+    parts = parts_in_memory(job, range(count))
+    hit = [
+        np.asarray(part.collisions["child"], dtype=np.int64) for part in parts if part.collisions is not None
+    ]
+    collided = np.zeros(count, dtype=bool)
+    for children in hit:
+        collided[children] = True
+    return _Children(
+        collided=collided,
+        driven=Rollout(
+            children=np.concatenate([part.children for part in parts]),
+            states=States.concatenate([part.states for part in parts], axis=0),
+            plan_x=_joined([part.plan_x for part in parts]),
+            plan_y=_joined([part.plan_y for part in parts]),
+            replan=settings.replan,
+        ),
+        values=np.concatenate([np.where(part.defined, part.values, np.nan) for part in parts]),
+    )
+
+
+def _joined(plans: Sequence[FloatArray | None]) -> FloatArray:
+    """Concatenate the plans of all batches; empty where they were not kept."""
+    return np.concatenate([plan for plan in plans if plan is not None] or [np.empty(0)])
+
+
+def _seen(
+    scene: SeedScene,
+    settings: RunSettings,
+    children: _Children,
+    noise: BoxNoise,
+    rng: np.random.Generator,
+) -> _Children:
+    """Measure children as they would have been recorded."""
+    seen = as_recorded(scene, children.driven, noise, rng)
+    counted = recorded_steps_of(scene, settings.steps)
+    found = measure_outcome(scene, seen, metrics=settings.measured, preset=settings.rule, counted=counted)
+    collided = np.zeros(len(seen.children), dtype=bool)
+    collided[found.collisions.child] = True
+    values = np.where(found.values.defined, found.values.values, np.nan)
+    return _Children(driven=seen, values=values, collided=collided)
+
+
+def _recorded_to_end(scene: SeedScene, steps: int) -> BoolArray:
+    """(V,) vehicles with a recorded future of so many steps."""
+    if scene.future_valid is None or scene.future_valid.shape[1] < steps:
+        return np.zeros(scene.vehicles, dtype=bool)
+    whole: BoolArray = np.all(scene.future_valid[:, :steps], axis=1)
+    return whole
+
+
+def _children_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArray, BoolArray]]) -> pa.Table:
+    values = np.concatenate([part[1] for part in rows])
+    data = {"child": pa.array(np.concatenate([part[0] for part in rows]), pa.int32())}
+    for index, name in enumerate(columns):
+        data[name] = pa.array(values[:, index], mask=np.isnan(values[:, index]))
+    data["collision"] = pa.array(np.concatenate([part[2] for part in rows]))
+    return pa.table(data)

@@ -1,0 +1,189 @@
+"""Page of a validation: scores, reliability diagrams and ranks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.metrics.registry import known_metrics
+from scex_sumo.reports.page.charts import Plane, metric_title
+from scex_sumo.reports.page.html import Html, element
+from scex_sumo.reports.page.study import Table, card, plots, table, table_place, write_study
+from scex_sumo.reports.run_table import counted
+
+HTML = "validation.html"
+_BRIER = "95 % interval of the Brier score, recordings drawn with replacement"
+_RESOLUTION = "Part of the score: how different the outcomes of forecasts are; more is better"
+_AS_RECORDED = "Of children as they would have been recorded"
+_EVENT_HEADS = (
+    ("event", "event", "text", ""),
+    ("happened", "happened", "percent", "Share of the moments in which it was recorded"),
+    ("forecast", "forecast", "percent", "Mean probability that the children gave it"),
+    ("brier", "Brier", "real", "Mean squared error of the probabilities; 0 is perfect"),
+    ("brier_seen", "as recorded", "real", "Brier score of children as they would have been recorded"),
+    ("brier_low", "Brier from", "real", _BRIER),
+    ("brier_high", "to", "real", _BRIER),
+    ("reliability", "reliability", "real", "Part of the score: error of the probabilities; 0 is best"),
+    ("resolution", "resolution", "real", _RESOLUTION),
+    ("uncertainty", "uncertainty", "real", "Part of the score that no forecast can change"),
+    ("skill_base_rate", "better than the base rate", "real", "1: perfect, 0: no better, below: worse"),
+    ("skill_seed_moment", "than the moment itself", "real", "Forecast: what is so now stays so"),
+    ("skill_constant_velocity", "than constant velocity", "real", "Forecast: all go on as they do"),
+    ("calibration_error", "calibration error", "real", "Mean distance of the dots below from the line"),
+    ("roc_area", "ROC area", "real", "How often an event got more than no event; 0.5 is chance"),
+    ("precision_area", "PR area", "real", "Area under precision over recall"),
+)
+_VALUE_HEADS = (
+    ("column", "value", "text", ""),
+    ("count", "cases", "text", ""),
+    ("crps", "CRPS", "real", "Distance of the children's distribution from the recorded value, in its unit"),
+    ("crps_skill", "better than constant velocity", "real", "1: perfect, 0: no better, below: worse"),
+    ("crps_skill_seen", "as recorded", "real", _AS_RECORDED),
+    ("coverage_driven", "within 5 – 95 %", "percent", "Recorded values within the children's as driven"),
+    ("coverage", "as recorded", "percent", "Within the children's as they would have been recorded"),
+    ("coverage_low", "from", "percent", "95 % interval of that share"),
+    ("coverage_high", "to", "percent", "95 % interval of that share"),
+)
+_POSITION_HEADS = (
+    ("second", "after [s]", "text", ""),
+    ("moving", "moving", "text", "Whether only vehicles that move count"),
+    ("vehicles", "vehicles", "text", ""),
+    ("error_of_mean_m", "of the mean", "metres", "Distance of the children's mean from the recorded place"),
+    ("mean_error_m", "mean", "metres", "Mean distance of a child from the recorded place"),
+    ("least_error_m", "least", "metres", "Distance of the nearest child"),
+    ("constant_velocity_error_m", "constant velocity", "metres", "Distance where all go on as they do"),
+    ("along_coverage_driven", "along, within 5 – 95 %", "percent", "Recorded places within the children's"),
+    ("along_coverage", "as recorded", "percent", _AS_RECORDED),
+    ("across_coverage_driven", "across, within 5 – 95 %", "percent", "The same across the way"),
+    ("across_coverage", "as recorded", "percent", _AS_RECORDED),
+)
+_HEADS = {"events": _EVENT_HEADS, "values": _VALUE_HEADS, "positions": _POSITION_HEADS}
+
+
+def write_validation_page(
+    folder: Path, info: Mapping[str, Any], rows: Mapping[str, Sequence[Mapping[str, Any]]]
+) -> None:
+    """Write ``validation.html``.
+
+    Args:
+        info: content of ``validate.json``.
+        rows: events, values and positions, as `scex_sumo.studies.validate.scoring` gives them.
+    """
+    events, values = rows["events"], rows["values"]
+    usual = [row for row in events if 0.0 < row["happened"] < 1.0]
+    found = [
+        _summary(info),
+        card("Events", "How probable the children called what then happened, or not.", table_place("events")),
+        card(
+            "Do probabilities hold?",
+            "Where a forecast of 30 % came true 30 % of the time, the dot is on the line; its area is the "
+            "number of seed scenes.",
+            plots(*(_diagram(row) for row in usual)) if usual else "No event both happened and did not.",
+        ),
+        card(
+            "Values",
+            "As recorded: with errors like those of the boxes put onto the children, for what was "
+            "recorded carries such errors, too.",
+            table_place("values"),
+        ),
+        card(
+            "Is the spread right?",
+            "Ranks of the recorded value among the children: flat (the line) where the children are like "
+            "it, high at both ends where they spread too little, high at one where they are off.",
+            plots(*(_ranks(printed_name(row["column"]), row["ranks"]) for row in values)),
+        ),
+        card(
+            "Positions",
+            "How far the children are from where the vehicles really went.",
+            table_place("positions"),
+        ),
+        *_failures(info["failed"]),
+    ]
+    tables = {name: _table(heads, rows[name]) for name, heads in _HEADS.items()}
+    about = (
+        f"{counted(info['seeds'], 'seed scene')} of {counted(info['recordings'], 'recording')}, "
+        f"{info['children']} children each, part of the recordings: {info['part']}"
+    )
+    title = f"Validation of {', '.join(info['models'])}"
+    write_study(folder / HTML, title, about, *found, tables=tables)
+
+
+def _summary(info: Mapping[str, Any]) -> Html:
+    lines = (
+        f"Mean Brier score over the paper's thresholds {info['mean_brier']:.3f}; always saying the base rate "
+        f"gives {info['mean_brier_base_rate']:.3f}.",
+        f"P(collision) {collisions_in(info)}.",
+        f"Realism {_shown(info['realism'])}, after that of the Waymo Sim Agents Challenge, of 3 s and "
+        "without lights: to compare mixes with each other, not with that leaderboard.",
+    )
+    return card("In short", *(element("p", line) for line in lines))
+
+
+def _shown(value: float | None) -> str:
+    return "–" if value is None or math.isnan(value) else f"{value:.3f}"
+
+
+def _table(heads: Sequence[tuple[str, str, str, str]], rows: Sequence[Mapping[str, Any]]) -> Table:
+    return table([head[1:] for head in heads], [[_cell(row, head[0]) for head in heads] for row in rows])
+
+
+def collisions_in(info: Mapping[str, Any]) -> str:
+    """P(collision) in all seed scenes, and in those whose recorded future has no overlap."""
+    without = info["p_collision_without_overlap"]
+    where = "" if without is None else f", {without:.2%} where no recorded boxes overlap"
+    return f"{info['p_collision']:.2%}{where} (they do in {info['recorded_overlaps']:.2%} of the seed scenes)"
+
+
+def printed_name(column: str) -> str:
+    """Name of a metric column as it is printed; other values have names already."""
+    return metric_title(column) if column.removesuffix("_mean") in known_metrics() else column
+
+
+def _cell(row: Mapping[str, Any], key: str) -> Any:
+    value = row[key]
+    if key == "column":
+        return printed_name(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def _diagram(row: Mapping[str, Any]) -> Html:
+    """Reliability diagram of an event."""
+    total = sum(row["diagram_count"])
+    plane = Plane(x=(-0.1, 1.1), y=(-0.1, 1.1), width=180, height=180)  # the largest dots in the corners, too
+    whole = np.array([0.0, 1.0])
+    kinds = zip(row["diagram_forecast"], row["diagram_observed"], row["diagram_count"], strict=True)
+    dots = [
+        plane.dot(
+            p,
+            o,
+            "drawn",
+            radius=3 + 14 * math.sqrt(n / total),
+            title=f"{p:.0%} forecast, {o:.0%} came true, {n} scenes",
+        )
+        for p, o, n in kinds
+    ]
+    parts = [plane.line(whole, whole, "soft", dashed=True), *dots]
+    marks = [(share, f"{share:.0%}") for share in (0.0, 0.5, 1.0)]
+    return plane.figure(row["event"], *parts, marks=marks)
+
+
+def _ranks(name: str, counts: Sequence[int]) -> Html:
+    """Rank histogram; the line is the level of equal ranks."""
+    plane = Plane(x=(0.0, float(len(counts))), y=(0.0, 1.1 * max(*counts, 1)), width=180, height=70)
+    bars = [plane.box((k + 0.06, k + 0.94), (0.0, n), "drawn") for k, n in enumerate(counts)]
+    level = sum(counts) / len(counts)
+    line = plane.line(np.array(plane.x), np.full(2, level), "critical")
+    return plane.figure(name, *bars, line, marks=[(0.5, "low"), (len(counts) - 0.5, "high")])
+
+
+def _failures(failed: Mapping[str, str]) -> list[Html]:
+    if not failed:
+        return []
+    items = [element("li", f"{name}: {reason}") for name, reason in list(failed.items())[:50]]
+    return [card(f"{len(failed)} moments that could not be judged", element("ul", *items))]

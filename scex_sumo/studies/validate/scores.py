@@ -1,0 +1,199 @@
+"""Scores of forecasts against what happened: of probabilities, of samples, and of ranks.
+
+All but the areas under curves are strictly proper: the best forecast is the true probability.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class BrierParts:
+    """Brier score and its parts: score = reliability - resolution + uncertainty + within.
+
+    Attributes:
+        score: mean (p - o)².
+        reliability: distance of forecasts from the frequencies that followed them; 0 is best.
+        resolution: distance of those frequencies from the base rate; large is good.
+        uncertainty: base rate · (1 - base rate), the score of the base rate as forecast.
+        within: what the bins hide, 0 where all forecasts of a bin are equal.
+    """
+
+    score: float
+    reliability: float
+    resolution: float
+    uncertainty: float
+    within: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reliability:
+    """Reliability diagram: forecasts by bins of equal width, without empty ones.
+
+    Attributes:
+        forecast: (B,) mean forecast of each bin.
+        observed: (B,) how often the event happened.
+        count: (B,) forecasts.
+    """
+
+    forecast: FloatArray
+    observed: FloatArray
+    count: IntArray
+
+
+def brier(forecast: FloatArray, happened: BoolArray) -> float:
+    """Mean (p - o)² of probabilities p (N,) and outcomes o (N,). Source: Brier 1950."""
+    return float(np.mean((forecast - happened) ** 2))
+
+
+def brier_parts(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) -> BrierParts:
+    """Decompose the Brier score of forecasts (N,) and outcomes (N,) over bins of equal width.
+
+    Source: Murphy 1973; ``within`` is the two terms of Stephenson et al. 2008.
+    """
+    diagram, base = reliability(forecast, happened, bins=bins), float(np.mean(happened))
+    share = diagram.count / len(forecast)
+    off = float(share @ (diagram.forecast - diagram.observed) ** 2)
+    told = float(share @ (diagram.observed - base) ** 2)
+    score, unsure = brier(forecast, happened), base * (1 - base)
+    return BrierParts(
+        score=score,
+        reliability=off,
+        resolution=told,
+        uncertainty=unsure,
+        within=score - (off - told + unsure),
+    )
+
+
+def skill(score: float, reference: float) -> float:
+    """1 - score / reference: 1 is perfect, 0 no better; NaN where the reference is perfect."""
+    return 1.0 - score / reference if reference > 0 else float("nan")
+
+
+def reliability(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) -> Reliability:
+    """Forecasts (N,) and outcomes (N,) by bins of equal width over [0, 1]; empty bins are left out."""
+    bin_of = np.minimum((np.asarray(forecast) * bins).astype(np.int64), bins - 1)
+    count = np.bincount(bin_of, minlength=bins)
+    used = count > 0
+    mean = [np.bincount(bin_of, weights=w, minlength=bins)[used] / count[used] for w in (forecast, happened)]
+    return Reliability(forecast=mean[0], observed=mean[1], count=count[used].astype(np.int64))
+
+
+def calibration_error(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) -> float:
+    """Expected calibration error: mean |forecast - observed| over the bins of `reliability`, by their counts.
+
+    Source: Naeini, Cooper, Hauskrecht 2015.
+    """
+    diagram = reliability(forecast, happened, bins=bins)
+    return float(diagram.count @ np.abs(diagram.forecast - diagram.observed) / len(forecast))
+
+
+def roc_area(forecast: FloatArray, happened: BoolArray) -> float:
+    """P(forecast of an event > forecast of none) + ½ P(equal): the area under the ROC curve.
+
+    NaN where the event happened always or never. Source: Hanley and McNeil 1982.
+    """
+    events, others = np.sort(forecast[happened]), forecast[~happened]
+    if not len(events) or not len(others):
+        return float("nan")
+    above = len(events) - np.searchsorted(events, others, side="right")
+    equal = np.searchsorted(events, others, side="right") - np.searchsorted(events, others, side="left")
+    return float((above + equal / 2).sum() / (len(events) * len(others)))
+
+
+def precision_area(forecast: FloatArray, happened: BoolArray) -> float:
+    """Average precision, Σ (R_k - R_{k-1})·P_k over falling thresholds: the area under precision and recall.
+
+    NaN where the event never happened. Source: Davis and Goadrich 2006, without interpolation.
+    """
+    if not happened.any():
+        return float("nan")
+    order = np.argsort(-forecast, kind="stable")
+    hits = np.cumsum(happened[order])
+    last = np.flatnonzero(np.append(np.diff(forecast[order]) != 0, True))  # of equal forecasts
+    recall, precision = hits[last] / hits[-1], hits[last] / (last + 1)
+    return float(np.diff(recall, prepend=0.0) @ precision)
+
+
+def crps(samples: FloatArray, outcome: float) -> float:
+    """Continuous ranked probability score E|X - y| - ½ E|X - X'| of samples (C,), in the unit of y.
+
+    Source: Gneiting and Raftery 2007, of the empirical distribution.
+    """
+    x, n = np.sort(samples), len(samples)
+    spread = float((2 * np.arange(1, n + 1) - n - 1) @ x) / n**2
+    return float(np.abs(x - outcome).mean()) - spread
+
+
+def rank_among(samples: FloatArray, outcome: float, rng: np.random.Generator) -> float:
+    """Rank of the outcome among samples (C,), in (0, 1) and uniform where both have one distribution.
+
+    Ties are broken at random, and the rank is a random place in its interval of 1 / (C + 1).
+
+    Source: Hamill 2001; Czado, Gneiting, Held 2009 for the random place.
+    """
+    below, equal = int((samples < outcome).sum()), int((samples == outcome).sum())
+    return float((below + rng.random() * (equal + 1)) / (len(samples) + 1))
+
+
+def covered(samples: FloatArray, outcome: float, share: float = 0.9) -> bool:
+    """Whether an outcome lies within the central share of samples (C,), ends included.
+
+    Quantiles are at plotting positions k / (C + 1): an outcome of the samples' distribution lies between them
+    with this probability. Source: Hyndman and Fan 1996, definition 6.
+    """
+    low, high = np.quantile(samples, [(1 - share) / 2, (1 + share) / 2], method="weibull")
+    return bool(low <= outcome <= high)
+
+
+def histogram_log_likelihood(
+    samples: FloatArray, outcome: FloatArray, *, low: float, high: float, bins: int, pseudocount: float = 0.1
+) -> FloatArray:
+    """(N,) log probability of outcomes (N,) by histograms of samples (C, N) with additive smoothing.
+
+    Values beyond the ends count in the first and the last bin. Source: Montali et al. 2023.
+    """
+    width = (high - low) / bins
+
+    def bin_of(values: FloatArray) -> IntArray:
+        return np.clip(((values - low) / width).astype(np.int64), 0, bins - 1)
+
+    hits = (bin_of(samples) == bin_of(outcome)).sum(axis=0)
+    result: FloatArray = np.log((hits + pseudocount) / (len(samples) + bins * pseudocount))
+    return result
+
+
+def group_bootstrap(
+    statistic: Callable[[IntArray], float], groups: IntArray, *, draws: int = 400, seed: int = 0
+) -> tuple[float, float]:
+    """95 % interval of a statistic, from whole groups drawn with replacement.
+
+    Args:
+        statistic: of the indices (n,) of some rows; NaN where undefined.
+        groups: (N,) group of each row: neighbouring moments of a recording are not independent.
+
+    Returns:
+        Its 2.5 % and 97.5 % quantiles; NaN for a single group.
+
+    Source: Davison and Hinkley 1997, section 3.8.
+    """
+    names = np.unique(groups)
+    if len(names) < 2:
+        return float("nan"), float("nan")
+    members = [np.flatnonzero(groups == name) for name in names]
+    rng = np.random.default_rng(seed)
+    found = [
+        statistic(np.concatenate([members[k] for k in rng.integers(0, len(names), len(names))]))
+        for _ in range(draws)
+    ]
+    known = [value for value in found if np.isfinite(value)]
+    if not known:
+        return float("nan"), float("nan")
+    low, high = np.quantile(known, [0.025, 0.975])
+    return float(low), float(high)

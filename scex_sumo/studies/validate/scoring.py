@@ -1,0 +1,305 @@
+"""Scores of a validation: events, continuous values, positions, encounters and realism, as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.metrics.registry import THRESHOLDS, metric_of, side_of
+from scex_sumo.studies.moments.references import MomentRef
+from scex_sumo.studies.validate.moment import CONSTANT_VELOCITY, RECORDED, SEED_MOMENT, Forecast
+from scex_sumo.studies.validate.scores import (
+    brier,
+    brier_parts,
+    calibration_error,
+    covered,
+    crps,
+    group_bootstrap,
+    precision_area,
+    rank_among,
+    reliability,
+    roc_area,
+    skill,
+)
+
+COLLISION: Final = "collision"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Something that happens, or not, in a child or in what was recorded.
+
+    Attributes:
+        column: metric column, or ``collision``.
+        threshold: from which value on it has happened; unused for ``collision``.
+        paper: one of the four that the paper suggests.
+    """
+
+    name: str
+    column: str
+    threshold: float = 0.5
+    paper: bool = False
+
+    def happened(self, value: FloatArray) -> BoolArray:
+        """Whether it happened, from values of its column; undefined (NaN) is no event."""
+        if self.column == COLLISION:
+            return np.asarray(value > 0, dtype=bool)
+        with np.errstate(invalid="ignore"):
+            beyond = value <= self.threshold if side_of(self.column) == "left" else value >= self.threshold
+        return np.asarray(beyond, dtype=bool)
+
+
+def _paper(column: str, threshold: float) -> Event:
+    metric = metric_of(column)
+    sign = "≤" if side_of(column) == "left" else "≥"
+    return Event(
+        name=f"{metric.label or column} {sign} {threshold:.3g}",
+        column=column,
+        threshold=threshold,
+        paper=True,
+    )
+
+
+EVENTS: Final = (
+    *(_paper(column, threshold) for column, threshold in THRESHOLDS.items()),
+    Event(name="collision", column=COLLISION),
+    Event(name="THW < 1 s", column="thw", threshold=1.0),
+    Event(name="TTC on path < 4 s", column="ttc_path", threshold=0.25),
+    Event(name="PET < 2 s", column="pet", threshold=2.0),
+    Event(name="body gap < 1 m", column="gap", threshold=1.0),
+)
+"""All events, those of the paper first."""
+
+
+MIN_DEFINED = 0.5  # share of the children in which a metric must be defined to forecast its value
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Forecasts:
+    """All M moments of a validation.
+
+    Attributes:
+        columns: K metric columns, then ``collision``.
+        children: (M) values (C, K) of the children; NaN where undefined.
+        seen: (M) the same as they would have been recorded.
+        recorded: (M, K) what happened.
+        straight: (M, K) constant velocity.
+        now: (M, K) the seed moment itself.
+        group: (M,) number of each moment's recording.
+        vehicles: rows of all moments, with their group, like ``encounters``.
+        realism: (M,) score.
+    """
+
+    refs: Sequence[MomentRef]
+    columns: tuple[str, ...]
+    children: Sequence[FloatArray]
+    seen: Sequence[FloatArray]
+    recorded: FloatArray
+    straight: FloatArray
+    now: FloatArray
+    group: IntArray
+    vehicles: pa.Table
+    encounters: pa.Table
+    realism: FloatArray
+
+    def of(self, column: str) -> int:
+        """Index of a column."""
+        return self.columns.index(column)
+
+
+def gathered(found: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
+    """Join the forecasts of all moments."""
+    columns = tuple(name for name in found[0][1].children.column_names if name != "child")
+    names = sorted({ref.recording for ref, _ in found})
+    group = np.array([names.index(ref.recording) for ref, _ in found])
+    parts = [_matrix(forecast.children, columns) for _, forecast in found]
+
+    def row(number: int) -> FloatArray:
+        return np.stack([values[child == number][0] for child, values in parts])
+
+    def rows(tables: Sequence[pa.Table]) -> pa.Table:
+        marked = [
+            t.append_column("group", pa.array(np.full(len(t), g)))
+            for t, g in zip(tables, group, strict=True)
+            if len(t)
+        ]
+        return pa.concat_tables(marked) if marked else pa.table({})
+
+    return Forecasts(
+        refs=[ref for ref, _ in found],
+        columns=columns,
+        children=[values[child >= 0] for child, values in parts],
+        seen=[_matrix(forecast.seen, columns)[1] for _, forecast in found],
+        recorded=row(RECORDED),
+        straight=row(CONSTANT_VELOCITY),
+        now=row(SEED_MOMENT),
+        group=group,
+        vehicles=rows([forecast.vehicles for _, forecast in found]),
+        encounters=rows([forecast.encounters for _, forecast in found]),
+        realism=np.array([forecast.realism["realism"][0].as_py() for _, forecast in found], dtype=np.float64),
+    )
+
+
+def _matrix(table: pa.Table, columns: tuple[str, ...]) -> tuple[IntArray, FloatArray]:
+    values = [np.asarray(table[c].to_numpy(zero_copy_only=False), dtype=np.float64) for c in columns]
+    return np.asarray(table["child"], dtype=np.int64), np.stack(values, axis=1)
+
+
+def probability(found: Forecasts, event: Event) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """(M,) forecast probability of an event, as driven and as recorded, and whether it happened."""
+    column = found.of(event.column)
+    driven, seen = (
+        np.array([event.happened(values[:, column]).mean() for values in children])
+        for children in (found.children, found.seen)
+    )
+    return driven, seen, event.happened(found.recorded[:, column])
+
+
+def event_scores(found: Forecasts) -> list[dict[str, Any]]:
+    """One row for each event: Brier score with its parts, skills, calibration, areas under curves."""
+    rows = []
+    for event in EVENTS:
+        column = found.of(event.column)
+        p, seen, o = probability(found, event)
+        parts, base = brier_parts(p, o), float(o.mean())
+        straight = brier(event.happened(found.straight[:, column]).astype(np.float64), o)
+        now = brier(event.happened(found.now[:, column]).astype(np.float64), o)
+        low, high = group_bootstrap(_brier_of(p, o), found.group)
+        diagram = reliability(p, o)
+        rows.append(
+            {
+                "event": event.name,
+                "paper": event.paper,
+                "seeds": len(p),
+                "happened": base,
+                "forecast": float(p.mean()),
+                "brier": parts.score,
+                "brier_seen": brier(seen, o),
+                "brier_low": low,
+                "brier_high": high,
+                "reliability": parts.reliability,
+                "resolution": parts.resolution,
+                "uncertainty": parts.uncertainty,
+                "within_bins": parts.within,
+                "skill_base_rate": skill(parts.score, parts.uncertainty),
+                "skill_seed_moment": skill(parts.score, now),
+                "skill_constant_velocity": skill(parts.score, straight),
+                "calibration_error": calibration_error(p, o),
+                "roc_area": roc_area(p, o),
+                "precision_area": precision_area(p, o),
+                "diagram_forecast": diagram.forecast.tolist(),
+                "diagram_observed": diagram.observed.tolist(),
+                "diagram_count": diagram.count.tolist(),
+            }
+        )
+    return rows
+
+
+def _brier_of(p: FloatArray, o: BoolArray) -> Callable[[IntArray], float]:
+    return lambda index: brier(p[index], o[index])
+
+
+def value_scores(found: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]:
+    """One row for each metric column: CRPS, its skill against constant velocity, coverage, ranks."""
+    rng, rows = np.random.default_rng(seed), []
+    for column, name in enumerate(found.columns):
+        if name == COLLISION:
+            continue
+        cases: list[tuple[Any, ...]] = []
+        for m, values in enumerate(found.children):
+            sample, y, straight = values[:, column], found.recorded[m, column], found.straight[m, column]
+            noisy = found.seen[m][:, column]
+            sample, noisy = sample[np.isfinite(sample)], noisy[np.isfinite(noisy)]
+            least = MIN_DEFINED * len(values)
+            if not (np.isfinite(y) and np.isfinite(straight)) or min(len(sample), len(noisy)) < least:
+                continue
+            scores = crps(sample, y), crps(noisy, y), abs(straight - y), covered(sample, y), covered(noisy, y)
+            cases.append((*scores, rank_among(noisy, y, rng), found.group[m]))
+        if cases:
+            rows.append({"column": name, **_of_values(*zip(*cases, strict=True))})
+    return rows
+
+
+def _of_values(
+    score: Sequence[float],
+    score_seen: Sequence[float],
+    plain: Sequence[float],
+    driven: Sequence[bool],
+    seen: Sequence[bool],
+    rank: Sequence[float],
+    group: Sequence[int],
+) -> dict[str, Any]:
+    reference, hit = float(np.mean(plain)), np.array(seen, dtype=np.float64)
+    low, high = group_bootstrap(lambda index: float(hit[index].mean()), np.array(group))
+    return {
+        "count": len(score),
+        "crps": float(np.mean(score)),
+        "crps_skill": skill(float(np.mean(score)), reference),
+        "crps_skill_seen": skill(float(np.mean(score_seen)), reference),
+        "coverage_driven": float(np.mean(driven)),
+        "coverage": float(hit.mean()),
+        "coverage_low": low,
+        "coverage_high": high,
+        "ranks": np.histogram(rank, bins=10, range=(0.0, 1.0))[0].tolist(),
+    }
+
+
+def encounter_scores(found: Forecasts) -> list[dict[str, Any]]:
+    """Score the least body gap of encounters, as a row of `value_scores`; empty without encounters."""
+    table = found.encounters
+    if not len(table):
+        return []
+    names = ("crps_m", "crps_seen_m", "constant_velocity_error_m", "covered", "seen", "rank", "group")
+    return [
+        {"column": "least gap of an encounter", **_of_values(*(table[name].to_pylist() for name in names))}
+    ]
+
+
+def position_scores(found: Forecasts) -> list[dict[str, Any]]:
+    """One row for each second, of moving and of standing vehicles: errors in m, coverage, ranks."""
+    rows, table = [], found.vehicles
+    for second in sorted(set(table["second"].to_pylist())):
+        for moving in (True, False):
+            part = table.filter(pc.and_(pc.equal(table["second"], second), pc.equal(table["moving"], moving)))
+            if not len(part):
+                continue
+            means = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_velocity_error_m")
+            rows.append(
+                {
+                    "second": second,
+                    "moving": moving,
+                    "vehicles": len(part),
+                    **{name: float(np.mean(part[name].to_numpy())) for name in means},
+                    **{
+                        f"{way}_coverage{name}": float(np.mean(part[f"{way}_{column}"].to_pylist()))
+                        for way in ("along", "across")
+                        for name, column in (("", "seen"), ("_driven", "covered"))
+                    },
+                    "along_ranks": np.histogram(part["along_rank"].to_numpy(), 10, (0, 1))[0].tolist(),
+                }
+            )
+    return rows
+
+
+def summary(found: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The main figures."""
+    papers = [row for row in events if row["paper"]]
+    p, _, overlap = probability(found, next(event for event in EVENTS if event.column == COLLISION))
+    realism = found.realism[np.isfinite(found.realism)]
+    return {
+        "seeds": len(found.refs),
+        "recordings": len(set(found.group.tolist())),
+        "mean_brier": float(np.mean([row["brier"] for row in papers])),
+        "mean_brier_seen": float(np.mean([row["brier_seen"] for row in papers])),
+        "mean_brier_base_rate": float(np.mean([row["uncertainty"] for row in papers])),
+        "p_collision": float(p.mean()),
+        "p_collision_without_overlap": None if overlap.all() else float(p[~overlap].mean()),
+        "recorded_overlaps": float(overlap.mean()),
+        "realism": float(realism.mean()) if len(realism) else None,
+    }

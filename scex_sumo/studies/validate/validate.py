@@ -1,0 +1,196 @@
+"""Validate a mix of models on recordings: from datasets to the folder with tables and page."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scex_sumo.base.errors import TrackError
+from scex_sumo.base.files import replacing
+from scex_sumo.base.version import __version__
+from scex_sumo.converters.datasets.moment import Moment
+from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, find_recordings
+from scex_sumo.converters.datasets.split import Split
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.results.provenance import versions
+from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
+from scex_sumo.studies.moments.references import Failure, Listing, MomentRef
+from scex_sumo.studies.moments.run import MomentTask
+from scex_sumo.studies.moments.workers import MomentWorkers, moment_workers
+from scex_sumo.studies.validate.folder import ForecastFolder
+from scex_sumo.studies.validate.moment import ForecastTask, validate_moment
+from scex_sumo.studies.validate.noise import BoxNoise, box_noise
+from scex_sumo.studies.validate.page import write_validation_page
+from scex_sumo.studies.validate.scoring import (
+    encounter_scores,
+    event_scores,
+    gathered,
+    position_scores,
+    summary,
+    value_scores,
+)
+from scex_sumo.studies.validate.settings import ALL, ValidationSettings
+
+_AHEAD = 4  # seed scenes built before a worker asks for them
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Validation:
+    """A finished validation.
+
+    Attributes:
+        info: content of ``validate.json``.
+        tables: by name (events, values, positions), as in the folder.
+
+    Example:
+        >>> out = scex.validate(scex.example_path("roundabout"), out="validated", every=9, children=4)
+        >>> out.folder.name
+        'validated'
+    """
+
+    folder: Path
+    info: Mapping[str, Any]
+    tables: Mapping[str, pa.Table]
+
+
+def validate(
+    roots: str | Path | Sequence[str | Path],
+    *,
+    out: str | Path,
+    models: str = "likely",
+    children: int = 96,
+    every: float = 1.0,
+    min_vehicles: int = 2,
+    part: str = ALL,
+    seed: int = 0,
+    workers: int = 1,
+    cluster: str | None = None,
+    overwrite: bool = False,
+    command: Sequence[str] | None = None,
+    progress: Any = None,
+) -> Validation:
+    """Run moments of recordings with a mix of models, and score its forecasts against what happened.
+
+    Args:
+        roots: folders of recordings, or single files.
+        out: folder of the validation; an interrupted one goes on.
+        models: the mix.
+        children: of each moment.
+        every: as of `scex_sumo.studies.validate.settings.ValidationSettings`, like the next two.
+        workers: processes of this machine.
+        cluster: address of a Dask scheduler, whose workers are used instead.
+        overwrite: replace another validation in ``out``, or the same one once it is finished.
+        command: the command line, for ``validate.json``.
+        progress: called with (moments done, moments known).
+
+    Raises:
+        UsageError: an argument that makes no sense.
+        TrackError: no recordings, or no moment in them that can be judged.
+        ResultError: the folder cannot be written or holds something else.
+
+    Example:
+        >>> out = scex.validate(scex.example_path("roundabout"), out="validation", every=9, children=4)
+        >>> sorted(out.tables)
+        ['events', 'positions', 'values']
+    """
+    started = time.perf_counter()
+    settings = ValidationSettings(
+        run=RunSettings(models=models, children=children, seed=seed),
+        every=every,
+        min_vehicles=min_vehicles,
+        part=part,
+    )
+    recordings = find_recordings([roots] if isinstance(roots, str | Path) else roots)
+    identity = settings.to_json(recordings)
+    again = overwrite and (Path(out) / ForecastFolder.info).is_file()  # an interrupted one goes on
+    with (
+        closing(moment_workers(validate_moment, workers, cluster)) as pool,
+        ForecastFolder(Path(out), identity, settings, overwrite=overwrite) as folder,
+    ):
+        if again:
+            folder.restart()
+        refs = _run(recordings, settings, folder, pool, progress)
+        failures = folder.failures()
+        found = [(ref, folder.read(ref)) for ref in refs if folder.has(ref)]
+        if not found:
+            reason = next((failure.reason for failure in failures.values()), f"part {part} has no moments")
+            raise TrackError(f"no moment of {len(recordings)} recordings can be judged: {reason}")
+        forecasts = gathered(found)
+        rows = {
+            "events": event_scores(forecasts),
+            "values": [*value_scores(forecasts, seed=seed), *encounter_scores(forecasts)],
+            "positions": position_scores(forecasts),
+        }
+        tables = {name: pa.Table.from_pylist(part_rows) for name, part_rows in rows.items()}
+        for name, table in tables.items():
+            with replacing(folder.path / f"{name}.parquet") as file:
+                pq.write_table(table, file)
+        info = {
+            "scex_sumo": __version__,
+            "command": list(command) if command else None,
+            **identity,
+            **summary(forecasts, rows["events"]),
+            "failed": {name: failure.reason for name, failure in failures.items()},
+            "notes": pool.notes(),
+            "versions": versions(),
+            "seconds": round(time.perf_counter() - started, 1),
+        }
+        write_validation_page(folder.path, info, rows)
+        folder.finish(info)
+    return Validation(folder=Path(out), info=info, tables=tables)
+
+
+def _run(
+    recordings: Sequence[Recording],
+    settings: ValidationSettings,
+    folder: ForecastFolder,
+    workers: MomentWorkers,
+    progress: Any,
+) -> list[MomentRef]:
+    """Run the moments that have not run yet; return all moments."""
+    refs: list[MomentRef] = []
+    noise: dict[str, BoxNoise] = {}
+    done = 0
+
+    def tasks(items: Iterator[Item]) -> Iterator[ForecastTask]:
+        for item in items:
+            if isinstance(item, MomentTask):
+                yield ForecastTask.of(item, noise=noise[item.ref.recording])
+            elif isinstance(item, Failure):
+                folder.fail(item)
+            else:
+                refs.extend(item.moments)
+
+    def left(listing: Listing) -> list[MomentRef]:
+        failed = folder.failures()
+        return [ref for ref in listing.moments if not folder.has(ref) and ref.moment not in failed]
+
+    def chosen(loaded: LoadedRecording) -> Sequence[Moment]:
+        rows, split = loaded.table.vehicles, Split()
+        known = len(rows) and rows.stamps_ms[0] + (1 - split.validation - split.test) * np.ptp(rows.stamps_ms)
+        noise[loaded.recording.name] = box_noise(rows, float(known) / 1000)
+        return settings.moments(loaded)
+
+    children = range(settings.children)
+    cut = moment_tasks(recordings, {}, settings, children, wanted=left, choose=chosen)
+    items = read_ahead(cut, _AHEAD)
+    try:
+        for task, found in workers.run(tasks(items)):
+            if isinstance(found, Failure):
+                folder.fail(found)
+            else:
+                folder.append(task.ref, found)
+            done += 1
+            if progress is not None:
+                progress(done, max(len(refs), done))
+    finally:
+        items.close()
+    return refs

@@ -1,0 +1,161 @@
+"""Forecasts of positions after 1, 2, 3 s and of gaps of encounters, against the recording."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.scene import SeedScene, States
+from scex_sumo.studies.validate.scores import covered, crps, rank_among
+
+SECONDS = (1, 2, 3)
+MOVING_MPS = 0.5
+ENCOUNTER_M = 10.0  # a pair that comes this near in some child is an encounter
+
+_NUMBERS = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_velocity_error_m")
+POSITIONS = pa.schema(
+    [
+        (name, kind)
+        for kind, names in (
+            (pa.int64(), ("track_id",)),
+            (pa.bool_(), ("moving",)),
+            (pa.int64(), ("second",)),
+            (pa.float64(), _NUMBERS),
+            (pa.bool_(), ("along_covered", "across_covered", "along_seen", "across_seen")),
+            (pa.float64(), ("along_rank", "across_rank")),
+        )
+        for name in names
+    ]
+)
+ENCOUNTERS = pa.schema(
+    [
+        (name, kind)
+        for kind, names in (
+            (pa.int64(), ("first", "second")),
+            (pa.float64(), ("recorded_m",)),
+            (pa.bool_(), ("covered", "seen")),
+            (pa.float64(), ("rank", "crps_m", "crps_seen_m", "constant_velocity_error_m")),
+        )
+        for name in names
+    ]
+)
+
+
+def position_forecasts(
+    scene: SeedScene,
+    children: States,
+    seen: States,
+    straight: States,
+    judged: BoolArray,
+    rng: np.random.Generator,
+) -> pa.Table:
+    """One row of `POSITIONS` for each vehicle recorded to the end and each second.
+
+    Along and across the recorded heading: whether the recorded position is within the 5-95 % of the children
+    (``covered`` as driven, ``seen`` as recorded), and its rank among the latter in (0, 1).
+
+    Args:
+        children: (C, T, V).
+        seen: (C, T, V) children as they would have been recorded.
+        straight: (1, T, V) constant velocity.
+        judged: (V,) vehicles recorded to the end.
+    """
+    assert scene.future is not None
+    rows = []
+    for second in SECONDS:
+        step = 10 * second - 1
+        if step >= children.shape[1]:
+            continue
+        for v in np.flatnonzero(judged).tolist():
+            x, y, heading = (
+                float(a[v, step]) for a in (scene.future.x, scene.future.y, scene.future.heading)
+            )
+            dx, dy = children.x[:, step, v] - x, children.y[:, step, v] - y
+            off = np.hypot(dx, dy)
+            along, across = _in_frame(dx, dy, heading)
+            ways = _in_frame(seen.x[:, step, v] - x, seen.y[:, step, v] - y, heading)
+            rows.append(
+                {
+                    "track_id": int(scene.track_ids[v]),
+                    "moving": bool(scene.now.speed[v] > MOVING_MPS),
+                    "second": second,
+                    "error_of_mean_m": float(np.hypot(dx.mean(), dy.mean())),
+                    "mean_error_m": float(off.mean()),
+                    "least_error_m": float(off.min()),
+                    "constant_velocity_error_m": float(
+                        np.hypot(straight.x[0, step, v] - x, straight.y[0, step, v] - y)
+                    ),
+                    "along_covered": covered(along, 0.0),
+                    "across_covered": covered(across, 0.0),
+                    "along_seen": covered(ways[0], 0.0),
+                    "across_seen": covered(ways[1], 0.0),
+                    "along_rank": rank_among(ways[0], 0.0, rng),
+                    "across_rank": rank_among(ways[1], 0.0, rng),
+                }
+            )
+    return pa.Table.from_pylist(rows, schema=POSITIONS)
+
+
+def _in_frame(dx: FloatArray, dy: FloatArray, heading: float) -> tuple[FloatArray, FloatArray]:
+    """Offsets along and across a heading."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+def gap_forecasts(
+    scene: SeedScene,
+    children: States,
+    seen: States,
+    straight: States,
+    recorded: States,
+    judged: BoolArray,
+    rng: np.random.Generator,
+) -> pa.Table:
+    """One row of `ENCOUNTERS` for each pair that comes within 10 m in some child: its least body gap.
+
+    ``crps_m`` and ``covered`` are of the children as driven, ``crps_seen_m``, ``seen`` and ``rank`` of the
+    children as they would have been recorded. Arguments as of `position_forecasts`; ``recorded`` (1, T, V).
+    """
+    first, second = _near_pairs(children, judged)
+    gaps, noisy, plain, real = (
+        _least_gap(scene, states, first, second) for states in (children, seen, straight, recorded)
+    )
+    rows = [
+        {
+            "first": int(scene.track_ids[first[k]]),
+            "second": int(scene.track_ids[second[k]]),
+            "recorded_m": float(real[0, k]),
+            "covered": covered(gaps[:, k], float(real[0, k])),
+            "seen": covered(noisy[:, k], float(real[0, k])),
+            "rank": rank_among(noisy[:, k], float(real[0, k]), rng),
+            "crps_m": crps(gaps[:, k], float(real[0, k])),
+            "crps_seen_m": crps(noisy[:, k], float(real[0, k])),
+            "constant_velocity_error_m": float(abs(plain[0, k] - real[0, k])),
+        }
+        for k in np.flatnonzero(gaps.min(axis=0, initial=np.inf) <= ENCOUNTER_M).tolist()
+    ]
+    return pa.Table.from_pylist(rows, schema=ENCOUNTERS)
+
+
+def _near_pairs(children: States, judged: BoolArray) -> tuple[IntArray, IntArray]:
+    """Pairs whose centres come within 25 m, so that bodies of trucks may come within 10 m."""
+    vehicles = np.flatnonzero(judged)
+    a, b = np.triu_indices(len(vehicles), 1)
+    first, second = vehicles[a], vehicles[b]
+    near = np.zeros(len(first), dtype=bool)
+    for k in range(0, len(first), 256):
+        i, j = first[k : k + 256], second[k : k + 256]
+        dx, dy = children.x[:, ::5, i] - children.x[:, ::5, j], children.y[:, ::5, i] - children.y[:, ::5, j]
+        near[k : k + 256] = (np.hypot(dx, dy) < 25.0).any(axis=(0, 1))
+    return first[near], second[near]
+
+
+def _least_gap(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> FloatArray:
+    """(C, P) least distance of the rectangles of pairs over all steps, m."""
+    least = np.empty((states.shape[0], len(first)))
+    for k, pair in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
+        one, two = (Rectangles.of(states[:, :, v], scene.length[v], scene.width[v]) for v in pair)
+        least[:, k] = rectangle_distance(one, two).min(axis=1)
+    return least

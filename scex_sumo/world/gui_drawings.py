@@ -1,0 +1,264 @@
+"""Drawings in sumo-gui: tracks of vehicles, rings, titles of children, legend, ids."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.colors import Rgb
+from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
+from scex_sumo.world.tiles import WINDOW_ASPECT, tile_id
+
+Bounds = tuple[float, float, float, float]
+OTHER_RGB = (255, 0, 200)  # pedestrians and cyclists
+_LINE = 1.4  # from line to line of text, in heights of a letter
+_LETTER = 0.4  # width of a letter, in heights
+_LEGEND_COLUMNS = 3
+_WINDOW_ASPECTS = (1.2, 1.5, 1.8, 2.1)  # widths by heights of windows that people use
+_LETTER_SHARE = 0.03  # height of a letter in a window
+_AROUND_M = 25.0  # of the map to be seen around vehicles
+_RING_M, _RING_WIDTH_M, _RING_POINTS, _RING_RGB = 4.0, 0.3, 48, (214, 64, 58)
+_TRACK_LAYER = 30  # above the markings, below the vehicles
+
+LETTER_M = 2.0  # height of letters in the ids of vehicles; leaves the ends of a car free
+_WIDE_M = 2.6  # of an id with its background, to fit into a lane
+_ID_WIDTH, _ID_HEIGHT = 0.52, 1.1  # of sumo-gui's letters with their background, in heights of a letter
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChildView:
+    """Child scenario to be shown.
+
+    Attributes:
+        number: the child's number.
+        states: (V, T) from 0.1 s on: the past, the seed scene, the future.
+        models: (V,) the behaviour model of each vehicle.
+        title: text beside it, e.g. its most critical value.
+        past: number of past states; the last of them is the seed scene.
+        event: vehicles with a ring; if there are none, all are in view.
+        stop: index of the state to stop at; None: the last one.
+    """
+
+    number: int
+    states: States
+    models: Sequence[str]
+    title: str = ""
+    past: int = HISTORY_STEPS
+    event: Sequence[int] = ()
+    stop: int | None = None
+
+    @property
+    def looked_at(self) -> States:
+        """States to have in view: all, or those of the event at the stop."""
+        if not self.event:
+            return self.states
+        return self.states[list(self.event), self.stop_state : self.stop_state + 1]
+
+    @property
+    def stop_state(self) -> int:
+        """Index of the state to stop at."""
+        return self.states.shape[1] - 1 if self.stop is None else self.stop
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiledChild:
+    """Child and the tile that shows it.
+
+    Attributes:
+        slot: of its tile; None in a net without tiles.
+        offset: of its tile, m.
+    """
+
+    child: ChildView
+    slot: int | None
+    offset: tuple[int, int]
+
+    def id(self, name: str) -> str:
+        """Return an id in the tile."""
+        return name if self.slot is None else tile_id(self.slot, name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """Frame in view: tiles, titles above them and a legend below.
+
+    Attributes:
+        net: smallest x, y and largest x, y of all tiles, m; sumo-gui shows them at a zoom of 100 %.
+        view: the same of the part in view.
+        line_m: height of a letter, m.
+        entries: names and colours of the legend.
+    """
+
+    net: Bounds
+    view: Bounds
+    line_m: float
+    entries: tuple[tuple[str, Rgb], ...]
+
+    @property
+    def viewport(self) -> tuple[float, float, float]:
+        """Zoom of sumo-gui in percent, and the centre."""
+        rows = math.ceil(len(self.entries) / _LEGEND_COLUMNS)
+        left, bottom, right, top = self.view
+        top, bottom = top + 2.0 * self.line_m, bottom - (rows * _LINE + 1.0) * self.line_m
+        view = left, bottom, right, top
+        zoom = min(100.0 * _window_height(self.net, a) / _window_height(view, a) for a in _WINDOW_ASPECTS)
+        return zoom, (left + right) / 2, (top + bottom) / 2
+
+    @property
+    def exaggeration(self) -> float:
+        """Factor by which vehicles are drawn larger, 1 to 3, to be visible."""
+        return min(max(_window_height(self.view) / 200.0, 1.0), 3.0)
+
+    @property
+    def way_m(self) -> float:
+        """Width of visible lines, m."""
+        return max(0.25, 0.003 * _window_height(self.view))
+
+    def closer(self, states: States) -> Frame:
+        """Return the frame of the part of the map that has these states of vehicles."""
+        around = (
+            float(states.x.min()) - _AROUND_M,
+            float(states.y.min()) - _AROUND_M,
+            float(states.x.max()) + _AROUND_M,
+            float(states.y.max()) + _AROUND_M,
+        )
+        left, bottom, right, top = self.net
+        view = max(left, around[0]), max(bottom, around[1]), min(right, around[2]), min(top, around[3])
+        if view[0] >= view[2] or view[1] >= view[3]:  # all are off the map
+            view = around
+        return replace(self, view=view, line_m=_LETTER_SHARE * _window_height(view))
+
+
+def _window_height(bounds: Bounds, aspect: float = WINDOW_ASPECT) -> float:
+    """Return the height in m of a window with an aspect (width by height) that shows the bounds."""
+    left, bottom, right, top = bounds
+    return max(top - bottom, (right - left) / aspect)
+
+
+def frame_of(
+    bounds: Bounds,
+    offsets: Sequence[tuple[int, int]],
+    entries: Sequence[tuple[str, Rgb]],
+) -> Frame:
+    """Return the frame of tiles.
+
+    Args:
+        bounds: smallest x, y and largest x, y of the map, m.
+        offsets: of the tiles, m.
+    """
+    left, bottom, right, top = bounds
+    net = (
+        left + min(dx for dx, _ in offsets),
+        bottom + min(dy for _, dy in offsets),
+        right + max(dx for dx, _ in offsets),
+        top + max(dy for _, dy in offsets),
+    )
+    return Frame(net=net, view=net, line_m=_LETTER_SHARE * _window_height(net), entries=tuple(entries))
+
+
+def legend_entries(
+    scene: SeedScene, models: Sequence[str], colors: Mapping[str, Rgb]
+) -> list[tuple[str, Rgb]]:
+    """Return the models in alphabetical order, and pedestrians and cyclists if there are any."""
+    entries = [(model, colors[model]) for model in sorted(set(models))]
+    if scene.obstacles is not None and scene.obstacles.present.any():
+        entries.append(("pedestrians and cyclists", OTHER_RGB))
+    return entries
+
+
+def draw_children(shown: Sequence[TiledChild], colors: Mapping[str, Rgb], frame: Frame) -> str:
+    """Draw the track of each vehicle, rings, and the children's titles above their tiles."""
+    lines = []
+    for s in shown:
+        dx, dy = s.offset
+        for v, model in enumerate(s.child.models):
+            track = s.child.states[v, max(s.child.past - 1, 0) :]
+            way = zip((track.x + dx).tolist(), (track.y + dy).tolist(), strict=True)
+            shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in way)
+            lines.append(_poly(s.id(f"way.{v}"), shape, colors[model], line_m=frame.way_m))
+        title = f"child {s.child.number}" + (f" · {s.child.title}" if s.child.title else "")
+        x, y = frame.view[0] + dx, frame.view[3] + dy + 0.5 * frame.line_m
+        lines.append(_text(title, x, y, frame.line_m))
+        lines += [_ring(s, vehicle) for vehicle in s.child.event]
+    return "".join(lines)
+
+
+def _ring(shown: TiledChild, vehicle: int) -> str:
+    """Draw a ring around a vehicle of an event at the stop."""
+    x, y = (
+        float(v[vehicle, shown.child.stop_state]) + d
+        for v, d in zip((shown.child.states.x, shown.child.states.y), shown.offset, strict=True)
+    )
+    angles = [2 * math.pi * k / _RING_POINTS for k in range(_RING_POINTS + 1)]
+    shape = " ".join(f"{x + _RING_M * math.cos(a):.2f},{y + _RING_M * math.sin(a):.2f}" for a in angles)
+    return _poly(shown.id(f"ring.{vehicle}"), shape, _RING_RGB, line_m=_RING_WIDTH_M)
+
+
+def draw_ids(names: Sequence[str], x: FloatArray, y: FloatArray, line_m: float) -> str:
+    """Draw ids of ringed vehicles at x, y (N,) in m that overlap, each beside its ring.
+
+    ``line_m`` is the height of a letter.
+    """
+    order = np.argsort(x, kind="stable").tolist()
+    away = np.linspace(-1.0, 1.0, len(order)) * (_RING_M + line_m)
+    return "".join(
+        _text(names[n], x[n] + dx - 0.5 * _LETTER * len(names[n]) * line_m, y[n], line_m)
+        for n, dx in zip(order, away, strict=True)
+    )
+
+
+def draw_legend(frame: Frame) -> str:
+    """Draw the legend of colours below the tiles."""
+    lines, line_m = [], frame.line_m
+    widest = max((len(name) for name, _ in frame.entries), default=0)
+    for n, (name, rgb) in enumerate(frame.entries):
+        row, column = divmod(n, _LEGEND_COLUMNS)
+        x = frame.view[0] + column * (3.0 + widest * _LETTER) * line_m
+        y = frame.view[1] - (row + 1) * _LINE * line_m
+        corners = ((0.0, 0.0), (1.5, 0.0), (1.5, 0.8), (0.0, 0.8))
+        square = " ".join(f"{x + cx * line_m:.2f},{y + (cy - 0.4) * line_m:.2f}" for cx, cy in corners)
+        lines.append(_poly(f"legend.{n}", square, rgb))
+        lines.append(_text(name, x + 2.0 * line_m, y, line_m))
+    return "".join(lines)
+
+
+def _poly(key: str, shape: str, rgb: Rgb, *, line_m: float | None = None) -> str:
+    """Return a filled polygon, or a line with a width."""
+    color = ",".join(str(c) for c in rgb)
+    style = 'fill="1"' if line_m is None else f'fill="0" lineWidth="{line_m:.2f}"'
+    return f'    <poly id="{key}" color="{color}" {style} layer="{_TRACK_LAYER}" shape="{shape}"/>\n'
+
+
+def _text(text: str, x: float, y: float, line_m: float) -> str:
+    """Return text that begins at x: the id of an invisible point, on which sumo-gui centres it."""
+    middle = x + 0.5 * _LETTER * len(text) * line_m
+    # Ids in SUMO have no blanks but no-break ones, and no separators of lists.
+    key = re.sub(r"[|\\'\";,<>&]", "_", re.sub(r"\s", "\N{NO-BREAK SPACE}", text))
+    return (
+        f'    <poi id="{key}" color="0,0,0,0" layer="{_TRACK_LAYER}" x="{middle:.2f}" y="{y:.2f}"'
+        ' width="0.01" height="0.01"/>\n'
+    )
+
+
+def letter_height(names: Sequence[str]) -> float:
+    """Return the height of letters in m with which the longest id fits into a lane."""
+    longest = max((len(name) for name in names), default=1)
+    return min(LETTER_M, _WIDE_M / (_ID_WIDTH * longest))
+
+
+def readable(names: Sequence[str], x: FloatArray, y: FloatArray, letter_m: float) -> list[int]:
+    """Return the indices of the ids at x, y (N,) in m that overlap no earlier one."""
+    half = np.array([_ID_WIDTH * len(name) for name in names]) * letter_m / 2
+    kept: list[int] = []
+    for n in range(len(names)):
+        over = (np.abs(x[kept] - x[n]) < half[kept] + half[n]) & (
+            np.abs(y[kept] - y[n]) < _ID_HEIGHT * letter_m
+        )
+        if not over.any():
+            kept.append(n)
+    return kept

@@ -1,0 +1,35 @@
+"""Which rows are equal to the bit, and which entries are least."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scex_sumo.base import arrays
+from scex_sumo.base.arrays import distinct, least_of
+
+ROWS = np.array([[1.0, 2.0], [0.0, np.nan], [1.0, 2.0], [-0.0, np.nan], [0.0, np.nan]])
+
+
+@pytest.mark.parametrize("factor", [arrays._FACTOR, np.uint64(0)], ids=["sums differ", "sums are all equal"])
+def test_rows_are_told_apart_by_their_bits_in_the_order_of_their_first(
+    factor: np.uint64, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(arrays, "_FACTOR", factor)
+    first, kind = distinct(ROWS)
+    assert first.tolist() == [0, 1, 3]
+    assert kind.tolist() == [0, 1, 0, 2, 1]
+
+
+def test_of_no_rows_none_is_first() -> None:
+    first, kind = distinct(np.zeros((0, 3)))
+    assert (len(first), len(kind)) == (0, 0)
+
+
+def test_the_least_of_a_group_goes_by_its_keys_in_turn_and_of_equals_it_is_the_first() -> None:
+    group = np.array([4, 1, 4, 1, 1, 4])
+    first = np.array([2.0, 7.0, 2.0, np.inf, 7.0, 3.0])
+    second = np.array([5, 6, 4, 0, 6, 0])
+    assert least_of(group, first, second).tolist() == [1, 2]
+    assert least_of(group, first).tolist() == [1, 0]
+    assert least_of(group[:0], first[:0]).tolist() == []

@@ -1,0 +1,180 @@
+"""Two processes never write into one folder; one that ends, however, leaves it to the next."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from scex_sumo.base.errors import ResultError
+from scex_sumo.base.files import TemporaryFolder, lock, replacing, unlock, write_atomic, writing
+from scex_sumo.results.folder import ResultFolder
+from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.rank.settings import RankSettings
+
+HOLDING = """
+import sys
+from pathlib import Path
+from scex_sumo.base.files import lock
+lock(Path(sys.argv[1]))
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+def _another(folder: Path) -> subprocess.Popen[str]:
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLDING, str(folder)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None and process.stdout.readline() == "held\n"
+    return process
+
+
+def _lets_in(folder: Path) -> bool:
+    """Whether another process can hold the folder now."""
+    command = [sys.executable, "-c", HOLDING, str(folder)]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    return done.stdout == "held\n"
+
+
+def test_a_folder_that_another_process_writes_is_refused_until_that_dies(tmp_path: Path) -> None:
+    with _another(tmp_path) as other:
+        with pytest.raises(ResultError, match="another process is writing"):
+            ResultFolder(tmp_path, {"seed": 1})
+        assert not any(tmp_path.iterdir())
+        other.kill()
+    folder = ResultFolder(tmp_path, {"seed": 1})
+    assert not _lets_in(tmp_path)
+    folder.finish({})
+
+
+def test_two_rankings_never_write_one_folder(tmp_path: Path) -> None:
+    with _another(tmp_path) as other:
+        with pytest.raises(ResultError, match="another process is writing"):
+            RankFolder(tmp_path, {"seed": 1}, RankSettings())
+        assert not any(tmp_path.iterdir())
+        other.kill()
+    with RankFolder(tmp_path, {"seed": 1}, RankSettings()):
+        pass
+    assert _lets_in(tmp_path)
+
+
+def test_a_run_that_failed_can_be_repeated_in_the_same_process(tmp_path: Path) -> None:
+    failed = ResultFolder(tmp_path, {"seed": 1})
+    again = ResultFolder(tmp_path, {"seed": 1})
+    again.finish({})
+    assert again.identity == failed.identity
+    assert (tmp_path / "run.json").is_file()
+
+
+def test_a_finished_run_lets_others_in(tmp_path: Path) -> None:
+    ResultFolder(tmp_path, {"seed": 1}).finish({})
+    assert _lets_in(tmp_path)
+
+
+def test_letting_go_of_what_is_not_locked_does_nothing(tmp_path: Path) -> None:
+    unlock(tmp_path)
+    lock(tmp_path)
+    unlock(tmp_path)
+    unlock(tmp_path)
+    assert _lets_in(tmp_path)
+
+
+def test_what_fails_on_the_way_leaves_the_file_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "run.json"
+    write_atomic(path, b"before")
+    with pytest.raises(ValueError, match="on the way"), replacing(path) as temporary:
+        temporary.write_bytes(b"half")
+        raise ValueError("on the way")
+    assert path.read_bytes() == b"before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_error_while_writing_names_the_file(tmp_path: Path) -> None:
+    with pytest.raises(ResultError, match=r"missing/run\.json: cannot write: No such file"):
+        write_atomic(tmp_path / "missing" / "run.json", b"{}")
+
+
+def marked(folder: Path, process: int) -> Path:
+    """A folder as a process of that number leaves it when it is killed."""
+    folder.mkdir()
+    (folder / ".scex-sumo-temporary").write_text(f"scex-sumo process {process}\n")
+    (folder / "file").touch()
+    return folder
+
+
+@pytest.fixture
+def ended() -> int:
+    with subprocess.Popen(["true"]) as process:
+        process.wait()
+    return process.pid
+
+
+def test_temporary_folders_of_ended_processes_are_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    abandoned = marked(tmp_path / "scex-sumo-abc", ended)
+    own = marked(tmp_path / "scex-sumo-own", os.getpid())
+    with TemporaryFolder() as name:
+        assert Path(name).stat().st_mode & 0o777 == 0o700
+        assert not abandoned.exists()
+        assert (own / "file").exists()
+    assert not Path(name).exists()
+
+
+def test_folders_without_our_marker_survive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    names = ["scex-2026-thesis", f"scex-{ended}-abc", "scex-sumo-notes", "scex-sumo-other"]
+    for name in names:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "file").touch()
+    (tmp_path / "scex-sumo-other" / ".scex-sumo-temporary").write_text("2026")
+    linked = marked(tmp_path / "elsewhere", ended)
+    (tmp_path / "scex-sumo-link").symlink_to(linked)
+    TemporaryFolder().cleanup()
+    assert all((tmp_path / name / "file").exists() for name in [*names, "elsewhere"])
+
+
+def test_a_folder_of_another_user_survives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    theirs = marked(tmp_path / "scex-sumo-abc", ended)
+    monkeypatch.setattr(os, "getuid", lambda: os.geteuid() + 1)
+    TemporaryFolder().cleanup()
+    assert theirs.is_dir()
+
+
+def test_a_temporary_folder_that_is_locked_survives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
+) -> None:
+    """As in a container whose processes have other numbers."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    theirs = marked(tmp_path / "scex-sumo-abc", ended)
+    descriptor = os.open(theirs, os.O_RDONLY)
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    TemporaryFolder().cleanup()
+    assert theirs.is_dir()
+    os.close(descriptor)
+    TemporaryFolder().cleanup()
+    assert not theirs.exists()
+
+
+def test_what_cannot_be_written_is_named_though_the_system_names_nothing(tmp_path: Path) -> None:
+    with (
+        pytest.raises(ResultError, match=r"x\.svg: cannot write: No space left on device"),
+        writing(tmp_path / "x.svg"),
+    ):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -1,0 +1,71 @@
+"""Results cached in memory: made once for an owner, and freed with it."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+
+import numpy as np
+import pytest
+
+from scex_sumo.base import cache as module
+from scex_sumo.base.cache import MAX_OWNERS, owner_cache
+from scex_sumo.behaviors.driving.motion import curve_speeds
+from scex_sumo.behaviors.driving.paths import chosen_paths
+from scex_sumo.behaviors.guard.corridors import expected
+from scex_sumo.behaviors.learned.raster import raster_of
+from scex_sumo.behaviors.learned.surface import path_room
+from scex_sumo.behaviors.models.idm import desired_speeds
+from scex_sumo.behaviors.plug_in.inputs import lane_pieces
+from scex_sumo.behaviors.scene_graph.graph import scene_graph
+from tests.behaviors import roads
+
+
+class Owner:
+    pass
+
+
+@owner_cache
+def number(owner: Owner, start: int = 0) -> np.ndarray:
+    return np.array([start])
+
+
+def test_a_result_is_made_once_for_an_owner_and_its_arguments() -> None:
+    one, other = Owner(), Owner()
+    assert number(one) is number(one) and number(one, 1) is number(one, 1)
+    assert number(one) is not number(other) and number(one) is not number(one, 1)
+
+
+def test_the_owner_used_longest_ago_is_forgotten_first() -> None:
+    owners = [Owner() for _ in range(MAX_OWNERS)]
+    first = [number(owner) for owner in owners]
+    assert number(owners[0]) is first[0]  # used again, so the second is the oldest one
+    number(Owner()), number(latest := Owner())
+    assert number(latest) is number(latest)
+    assert number(owners[0]) is first[0]
+    assert number(owners[1]) is not first[1]
+
+
+def test_an_error_is_not_kept() -> None:
+    @owner_cache
+    def fails(owner: Owner) -> None:
+        raise ValueError(str(owner))
+
+    owner = Owner()
+    for _ in range(2):
+        with pytest.raises(ValueError):
+            fails(owner)
+
+
+def test_all_that_is_derived_from_a_road_a_scene_and_a_history_goes_with_them() -> None:
+    road, scene = roads.fork(), roads.scene_of((20.0, 0.0, 0.0, 10.0))
+    history = roads.present(scene)
+    paths, _ = chosen_paths(history, road, roads.every(history), "straight")
+    desired_speeds(paths, 0.0, 1.0), curve_speeds(paths, 1.0, 1.0), path_room(paths, road)
+    scene_graph(history, road), scene_graph(scene, road), expected(history, road)
+    raster_of(road), lane_pieces(road, 10, 2.0)
+    watched = [weakref.ref(owner) for owner in (road, scene, history, paths)]
+    assert {type(owner()) for owner in watched} <= set(module._by_owner)
+    del road, scene, history, paths
+    gc.collect()
+    assert [owner() for owner in watched] == [None] * 4

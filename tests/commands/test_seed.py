@@ -1,0 +1,35 @@
+"""What a command says about its seed scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scex_sumo.commands.seed import seed_scene
+from tests.converters import track_files
+from tests.converters.maps import straight, write_map
+
+
+@pytest.mark.parametrize(
+    ("beside", "said"),
+    [
+        (1, "note: 1 of 3 vehicles are on no mapped lane and will drive straight (3)\n"),
+        (
+            2,
+            "warning: 2 of 3 vehicles are on no mapped lane and will drive straight (2, 3); "
+            "check the origin\n",
+        ),
+    ],
+)
+def test_vehicles_beside_the_lanes_are_counted_and_many_of_them_are_a_warning(
+    beside: int, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    map_path = write_map(tmp_path / "road.osm", [straight(1, 0, 300)])
+    rows = []
+    for k in range(3):
+        rows += track_files.straight(k + 1, start=30.0 * k, y=1.75 + 20.0 * (k >= 3 - beside))
+    csv = track_files.write_rows(tmp_path / "road.csv", rows)
+    options = {"case": None, "time": 1.0, "synthetic": None, "origin": None, "seed": 0, "cache": False}
+    seed_scene(map_path, tracks=csv, **options)  # type: ignore[arg-type]
+    assert capsys.readouterr().err.endswith(said)

@@ -1,0 +1,95 @@
+"""A seed scene written as INTERACTION tracks is the same when read again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import ResultError
+from scex_sumo.converters.datasets.recordings import recorded_scene
+from scex_sumo.converters.datasets.writer import write_tracks
+from scex_sumo.scene import SeedScene, States
+from tests.converters.track_files import moving, straight, write_rows
+from tests.seeds import straight_seed
+
+
+def _same_states(a: States, b: States) -> None:
+    for name in ("x", "y", "heading"):
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=0, atol=1e-9, err_msg=name)
+    # speed goes through its components: two roundings
+    np.testing.assert_allclose(a.speed, b.speed, rtol=1e-12, atol=1e-12)
+
+
+def _same(a: SeedScene, b: SeedScene) -> None:
+    np.testing.assert_array_equal(a.track_ids, b.track_ids)
+    assert a.types == b.types
+    np.testing.assert_array_equal(a.length, b.length)
+    np.testing.assert_array_equal(a.width, b.width)
+    np.testing.assert_array_equal(a.recorded_steps, b.recorded_steps)
+    _same_states(a.history, b.history)
+    assert (a.future is None) == (b.future is None)
+    if a.future is not None and b.future is not None:
+        _same_states(a.future, b.future)
+        assert a.future_valid is not None
+        assert b.future_valid is not None
+        np.testing.assert_array_equal(a.future_valid, b.future_valid)
+    assert (a.obstacles is None) == (b.obstacles is None)
+    if a.obstacles is not None and b.obstacles is not None:
+        assert (a.obstacles.ids, a.obstacles.types) == (b.obstacles.ids, b.obstacles.types)
+        np.testing.assert_array_equal(a.obstacles.present, b.obstacles.present)
+        _same_states(a.obstacles.states, b.obstacles.states)
+
+
+def _turn(t: float) -> tuple[float, float]:
+    return 20.0 * np.sin(0.4 * t), 20.0 * (1.0 - np.cos(0.4 * t))
+
+
+def test_reading_what_was_written_gives_the_seed_back(tmp_path: Path) -> None:
+    rows = moving(_turn, 4, range(60), kind="truck", length=9.0, width=2.5) + straight(
+        11, range(16, 50), y=9.0
+    )
+    rows += straight(2, range(12, 30), y=40.0, speed=1.2, kind="bike") + straight(
+        7, range(60), y=60.0, speed=0.0
+    )
+    tracks = write_rows(tmp_path / "t.csv", rows)
+    scene = recorded_scene(tmp_path / "town.osm", tracks=tracks, time_s=2.0)
+    written = write_tracks(tmp_path / "seed.csv", scene)
+    again = recorded_scene(tmp_path / "town.osm", tracks=written)
+    _same(scene, again)
+    assert again.time_s == 1.0  # the clock of a case
+
+
+def test_a_seed_without_future_or_obstacles_comes_back_too(tmp_path: Path) -> None:
+    scene = straight_seed(3)
+    _same(scene, recorded_scene(tmp_path / "town.osm", tracks=write_tracks(tmp_path / "s.csv", scene)))
+
+
+def test_the_file_is_an_interaction_case(tmp_path: Path) -> None:
+    lines = write_tracks(tmp_path / "s.csv", straight_seed(1)).read_text().splitlines()
+    assert lines[0].replace('"', "") == (
+        "case_id,track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width"
+    )
+    assert lines[-1].startswith("1.0,0,10,1000,car,0")
+    assert len(lines) == 12
+
+
+def test_an_unwritable_place_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(ResultError, match=r"nowhere/s\.csv: cannot be written"):
+        write_tracks(tmp_path / "nowhere/s.csv", straight_seed(1))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("time_s", [12.0, 60.0, 101.0, 140.0])
+def test_scenes_of_k733_come_back(data: Path, tmp_path: Path, time_s: float) -> None:
+    the_map = data / "taf_bw/maps/k733_2020-09-15.osm"
+    scene = recorded_scene(the_map, time_s=time_s)
+    _same(scene, recorded_scene(the_map, tracks=write_tracks(tmp_path / "s.csv", scene)))
+
+
+def test_scenes_of_k729_come_back(data: Path, tmp_path: Path) -> None:
+    the_map = data / "taf_bw/maps/k729_2022-03-16.osm"
+    for path in sorted((data / "taf_bw/recorded_trackfiles/k729_2022-03-16").glob("vehicle_tracks_*.csv")):
+        scene = recorded_scene(the_map, tracks=path)
+        _same(scene, recorded_scene(the_map, tracks=write_tracks(tmp_path / "s.csv", scene)))

@@ -1,0 +1,83 @@
+"""Kept nets: the same as converted ones, found again only for the same map, whole, and not too many."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+import scex_sumo
+from scex_sumo.base.files import cache_folder
+from scex_sumo.converters.net import convert as converting
+from scex_sumo.converters.net.net_cache import converted
+from scex_sumo.converters.net.sumo_net import SumoNet
+from scex_sumo.road import Road
+from scex_sumo.scenarios import EXAMPLES
+
+
+@pytest.fixture
+def conversions(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
+    """The roads that were converted, from an empty cache on."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    real, made = converting.convert, []
+
+    def counted(road: Road, net_path: Path) -> SumoNet:
+        made.append(road.name)
+        return real(road, net_path)
+
+    monkeypatch.setattr(converting, "convert", counted)
+    return made
+
+
+def road_of(name: str = "roundabout") -> Road:
+    road = scex_sumo.read_seed(scex_sumo.example_path(name)).road
+    assert road is not None
+    return road
+
+
+def content(net: SumoNet) -> object:
+    folder = sorted(net.path.parent.iterdir())
+    files = {file.name: file.read_bytes() for file in folder if file.is_file()}
+    lanes = {lanelet: net.lanes.sumo_lanes(lanelet) for lanelet, _ in net.lanes.rows}
+    return files, net.extras is not None, net.lanes.rows, net.lanes.ends, lanes, net.notes
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_a_kept_net_is_the_converted_one(name: str, tmp_path: Path, conversions: list[str]) -> None:
+    contents = []
+    for number, keep in enumerate((False, True, True)):
+        folder = tmp_path / f"{number}"
+        folder.mkdir()
+        contents.append(content(converted(road_of(name), folder / "a.net.xml", keep=keep)))
+    assert len(conversions) == 2
+    assert contents[0] == contents[1] == contents[2]
+
+
+def test_another_road_is_converted_anew(tmp_path: Path, conversions: list[str]) -> None:
+    road = road_of()
+    first = next(iter(road.lanes))
+    faster = dataclasses.replace(road.lanes[first], speed_limit_mps=road.lanes[first].speed_limit_mps + 1)
+    converted(road, tmp_path / "a.net.xml")
+    converted(dataclasses.replace(road, lanes={**road.lanes, first: faster}), tmp_path / "b.net.xml")
+    assert len(conversions) == 2
+
+
+@pytest.mark.parametrize("damage", [b"<net", None], ids=["cut short", "edited at the same size"])
+def test_a_damaged_net_is_converted_anew(
+    damage: bytes | None, tmp_path: Path, conversions: list[str]
+) -> None:
+    before = converted(road_of(), tmp_path / "a.net.xml").path.read_bytes()
+    (place,) = (cache_folder() / "nets").iterdir()
+    place.write_bytes(damage or place.read_bytes().replace(b'speed=\\"8', b'speed=\\"9'))
+    for _ in range(2):
+        assert converted(road_of(), tmp_path / "a.net.xml").path.read_bytes() == before
+    assert len(conversions) == 2
+
+
+def test_a_cache_that_cannot_be_written_stops_nobody(
+    tmp_path: Path, conversions: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert converted(road_of(), tmp_path / "a.net.xml").path.is_file()

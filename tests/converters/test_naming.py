@@ -1,0 +1,76 @@
+"""Files by name and content: limits of packed ones, and what is neither a map nor a table."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import pytest
+
+import scex_sumo as scex
+from scex_sumo.base.errors import InputError, MapError, TrackError
+from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.naming import open_binary, open_text
+from tests.converters.track_files import straight, write_rows
+
+MAP = Path(scex.__file__).parent / "scenarios/data/roundabout.osm"
+
+
+@pytest.fixture
+def one_megabyte(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SCEX_MAX_UNPACKED_MB", "1")
+
+
+def packed(path: Path, content: bytes) -> Path:
+    path.write_bytes(gzip.compress(content))
+    return path
+
+
+@pytest.mark.usefixtures("one_megabyte")
+@pytest.mark.parametrize("name", ["a.osm.gz", "a.xml.gz", "a.net.xml.gz", "a.xodr.gz"])
+def test_a_packed_map_is_read_up_to_a_limit(name: str, tmp_path: Path) -> None:
+    path = packed(tmp_path / name, b"<osm>" + b" " * 3_000_000 + b"</osm>")
+    with pytest.raises(
+        InputError, match=r"more than 1 MB when unpacked; set SCEX_MAX_UNPACKED_MB=N"
+    ) as error:
+        scex.read_map(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.usefixtures("one_megabyte")
+@pytest.mark.parametrize("name", ["t.csv.gz", "t.fcd.xml.gz", "t.xml.gz"])
+def test_packed_tracks_are_read_up_to_a_limit(name: str, tmp_path: Path) -> None:
+    table = write_rows(tmp_path / "t.csv", straight(1)).read_bytes()
+    content = table + b"\n" * 3_000_000 if "csv" in name else b"<fcd-export>" + b" " * 3_000_000
+    with pytest.raises(InputError, match="more than 1 MB when unpacked"):
+        read_recorded([packed(tmp_path / name, content)])
+
+
+def test_what_is_within_the_limit_is_read_whole(tmp_path: Path) -> None:
+    content = bytes(range(256)) * 9000
+    path = packed(tmp_path / "a.gz", content)
+    with open_binary(path) as file:
+        assert file.read() == content
+    with open_binary(path) as file:
+        assert file.readline() + file.read(7) == content[:18]
+    with open_text(packed(tmp_path / "b.gz", b"\xef\xbb\xbfa\r\nb")) as text:
+        assert [*text] == ["a\r\n", "b"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "kind"),
+    [
+        ("a.json", b' {"a": 1}', "JSON"),
+        ("a.osm", b"[1, 2]", "JSON"),
+        ("a.pkl", b"\x80\x04\x95abc", "a Python pickle"),
+        ("a.mcap", b"\x89MCAP0\r\n", "an MCAP recording"),
+        ("a.bin", b"PK\x03\x04....", "a zip archive"),
+    ],
+)
+def test_what_is_no_map_and_no_table_is_named(name: str, content: bytes, kind: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(MapError, match=f"{kind}, not a map; give .osm, .xml"):
+        scex.read_map(path)
+    with pytest.raises(TrackError, match=f"{kind}, not CSV; INTERACTION tracks need track_id"):
+        scex.read_seed(MAP, tracks=path)

@@ -1,0 +1,62 @@
+"""A map format of another package is one file: run and inspected by the name of its maps."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tests.converters.track_files import straight, write_rows
+from tests.extensions.package import install, scex
+
+CODE = '''
+import numpy as np
+from scex_sumo import Lane, Road
+
+
+def is_mine(path):
+    return path.suffix == ".xyz"
+
+
+def read(path, **options):
+    """A line for each lane: its number, where it begins and ends along x, and the lane that follows."""
+    lanes = {}
+    for line in path.read_text().splitlines():
+        number, start, end, *after = map(int, line.split())
+        x = np.linspace(start, end, 20)
+        left, centre, right = (np.stack([x, np.full(20, y)], axis=1) for y in (1.75, 0.0, -1.75))
+        lanes[number] = Lane(
+            lane_id=number, centreline=centre, left_bound=left, right_bound=right, width_m=3.5,
+            speed_limit_mps=14.0, subtype="road", location="urban", successors=tuple(after),
+            predecessors=(number - 1,) if number > 1 else (),
+        )
+    return Road(name=path.stem, lanes=lanes)
+'''
+
+
+def a_map(folder: Path) -> Path:
+    path = folder / "mymap.xyz"
+    path.write_text("1 0 200 2\n2 200 400\n")
+    return path
+
+
+def test_a_map_of_another_packages_format_is_populated_and_run(tmp_path: Path) -> None:
+    install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger", code=CODE)
+    options = ("--synthetic", 2, "--children", 2, "--models", "constant_velocity", "-o", tmp_path / "out")
+    done = scex(tmp_path, "run", a_map(tmp_path), *options)
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "out/run.json").read_text())["seed_scene"]["location"] == "mymap"
+
+
+def test_a_map_of_another_packages_format_is_inspected_with_tracks_on_it(tmp_path: Path) -> None:
+    install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger", code=CODE)
+    tracks = write_rows(tmp_path / "tracks.csv", straight(1, range(61), start=10.0))
+    done = scex(tmp_path, "inspect", a_map(tmp_path), "--tracks", tracks)
+    assert done.returncode == 0, done.stderr
+    assert "mymap_tracks: 1 vehicles in 6.0 s" in done.stdout
+
+
+def test_a_map_format_that_cannot_be_used_is_left_out_with_a_warning(tmp_path: Path) -> None:
+    install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger", code="def is_mine(path): ...")
+    done = scex(tmp_path, "inspect", a_map(tmp_path))
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "warning: map format xyz is left out" in done.stderr and "has no function read" in done.stderr

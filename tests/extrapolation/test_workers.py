@@ -1,0 +1,80 @@
+"""Functions submitted to a worker: the result comes, the error is raised, the death is told."""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import ResultError
+from scex_sumo.converters.net.convert import convert
+from scex_sumo.extrapolation.engine import run_scene
+from scex_sumo.extrapolation.job import Job, batch_size
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.reference import add_reference
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.extrapolation.workers import Workers, succeeded
+from scex_sumo.scenarios import example_path
+from scex_sumo.scenarios.seeds import read_seed
+
+
+def refuse() -> None:
+    """Raise an error of ours."""
+    raise ResultError("disk: full")
+
+
+def test_a_worker_calls_it_and_takes_its_next_task() -> None:
+    with Workers(2) as workers:
+        first, second = workers.submit(os.getpid, where="once"), workers.submit(os.getpid, where="twice")
+        assert first is not None and second is not None
+        assert first.result() == second.result() != os.getpid()
+        assert succeeded(first) and workers.deaths == []
+
+
+def test_without_workers_nothing_is_submitted() -> None:
+    with Workers(1) as workers:
+        assert workers.submit(os.getpid, where="nowhere") is None
+
+
+def test_its_error_is_raised_where_it_is_waited_for() -> None:
+    with Workers(2) as workers:
+        done = workers.submit(refuse, where="over a disk")
+        assert done is not None
+        with pytest.raises(ResultError, match="disk: full"):
+            succeeded(done)
+
+
+def test_a_worker_that_dies_twice_leaves_it_to_others() -> None:
+    with Workers(2) as workers:
+        done = workers.submit(partial(os._exit, 3), where="over an exit")
+        assert done is not None and not succeeded(done)
+        assert workers.deaths == ["a worker died over an exit (exit status 3) and was replaced"]
+
+
+def test_run_and_reference_of_two_processes_have_the_same_bytes(tmp_path: Path) -> None:
+    scene = read_seed(example_path("motorway_merge"))
+    settings = RunSettings(models="rules", children=117, steps=3)
+    for processes in (1, 2):
+        with Workers(processes) as workers:
+            run = run_scene(scene, settings, out=tmp_path / str(processes), workers=workers)
+            assert add_reference(run, scene, "likely", settings, workers=workers).children == 117
+    files = [file.relative_to(tmp_path / "1") for file in (tmp_path / "1").rglob("*.parquet")]
+    assert len(files) > 15
+    for file in files:
+        assert (tmp_path / "1" / file).read_bytes() == (tmp_path / "2" / file).read_bytes(), file
+
+
+@pytest.mark.parametrize(("children", "batches"), [(385, 4), (40_000, 96)])
+def test_each_process_has_two_batches_of_few_enough_vehicles(
+    children: int, batches: int, tmp_path: Path
+) -> None:
+    scene = read_seed(example_path("motorway_merge"))
+    settings = RunSettings(models="rules", children=children)
+    assert scene.road is not None
+    net = convert(scene.road, tmp_path / "a.net.xml")
+    assignment = np.zeros((children, scene.vehicles), dtype=np.int64)
+    job = Job(scene, net, settings, ModelSet.of(settings), assignment, tmp_path)
+    assert -(-children // batch_size(job, processes=2)) == batches

@@ -1,0 +1,484 @@
+"""CommonRoad maps: what their lanelets, signs and lights become."""
+
+from __future__ import annotations
+
+import builtins
+import gzip
+import logging
+import random
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from scex_sumo.base.errors import MapError, MissingExtraError
+from scex_sumo.converters.maps import read_map
+from scex_sumo.converters.net.convert import convert
+from scex_sumo.formats.commonroad.reader import read_commonroad_road
+from scex_sumo.judge.report import check_net, drive_net
+from scex_sumo.road import Road
+from tests.formats.commonroad.commonroad_maps import (
+    Lanelet,
+    Sign,
+    StopLine,
+    scenario,
+    straight,
+    write_scenario,
+)
+
+SITES = ("MONA-East", "MONA-Merge", "MONA-West")
+
+
+def read(folder: Path, lanelets: list[Lanelet], **rest: Any) -> Road:
+    return read_commonroad_road(write_scenario(folder / "map.xml", lanelets, **rest))
+
+
+def side_by_side(left_marking: str, right_marking: str) -> list[Lanelet]:
+    """Lanelet 2 lies to the left of lanelet 1; the line between them as either of them has it."""
+    return [
+        straight(1, 0, 0, 50, left_of=(2, "same"), left_marking=right_marking),
+        straight(2, 0, 3, 50, right_of=(1, "same"), right_marking=left_marking),
+    ]
+
+
+def crossing(**east: Any) -> list[Lanelet]:
+    """Lanelet 1 runs east, lanelet 2 north; they cross at (50, 0)."""
+    north = Lanelet(2, left=[(48.5, -50), (48.5, 50)], right=[(51.5, -50), (51.5, 50)])
+    return [straight(1, 0, 0, 100, **east), north]
+
+
+def test_a_lanelet_keeps_its_bounds_and_its_centre_lies_between_them(tmp_path: Path) -> None:
+    left, right = [(0, 4), (10, 4), (30, 8)], [(0, 0), (12, 0), (32, 4)]
+    lane = read(tmp_path, [Lanelet(7, left, right)]).lanes[7]
+    assert_array_equal(lane.left_bound, left)
+    assert_array_equal(lane.right_bound, right)
+    assert_array_equal(lane.centreline, [(0, 2), (11, 2), (31, 6)])
+    assert (lane.kind, lane.subtype, lane.location) == ("vehicle", "road", "urban")
+
+
+def test_successors_are_known_to_both_lanelets_even_if_the_file_says_it_once(tmp_path: Path) -> None:
+    road = read(tmp_path, [straight(1, 0, 0, 50, successors=[2]), straight(2, 50, 0, 50)])
+    assert road.lanes[1].successors == (2,)
+    assert road.lanes[2].predecessors == (1,)
+    assert any("only one of the two lanelets knows, kept: 1-2" in note for note in road.notes)
+
+
+@pytest.mark.parametrize(
+    ("marking", "to_left", "to_right"),
+    [
+        ("", True, True),
+        ("dashed", True, True),
+        ("no_marking", True, True),
+        ("solid", False, False),
+        ("broad_solid", False, False),
+        ("curb", False, False),
+        ("dashed_solid", False, True),  # dashed for those on its left: they may cross to the right
+        ("solid_dashed", True, False),
+    ],
+)
+def test_lanes_are_changed_where_the_line_between_them_allows_it(
+    marking: str, to_left: bool, to_right: bool, tmp_path: Path
+) -> None:
+    lanes = read(tmp_path, side_by_side(marking, marking)).lanes
+    assert lanes[1].left == (2 if to_left else None)
+    assert lanes[2].right == (1 if to_right else None)
+    assert (lanes[1].adjacent_left, lanes[2].adjacent_right) == (2, 1)
+    assert (lanes[1].right, lanes[2].left) == (None, None)
+
+
+def test_a_line_that_one_lanelet_calls_solid_is_solid(tmp_path: Path) -> None:
+    lanes = read(tmp_path, side_by_side("dashed", "solid")).lanes
+    assert (lanes[1].left, lanes[2].right) == (None, None)
+
+
+def test_neighbours_in_the_opposite_direction_are_none(tmp_path: Path) -> None:
+    other = Lanelet(2, left=[(50, 1.5), (0, 1.5)], right=[(50, 4.5), (0, 4.5)], left_of=(1, "opposite"))
+    lanes = read(tmp_path, [straight(1, 0, 0, 50, left_of=(2, "opposite")), other]).lanes
+    assert (lanes[1].adjacent_left, lanes[2].adjacent_left) == (None, None)
+    assert lanes[1].conflicts == ()
+
+
+def test_neighbours_that_only_one_lanelet_knows_are_none_and_noted(tmp_path: Path) -> None:
+    road = read(tmp_path, [straight(1, 0, 0, 50, left_of=(2, "same")), straight(2, 0, 3, 50)])
+    assert road.lanes[1].adjacent_left is None
+    assert any(note.startswith("neighbours") and note.endswith(": 1-2") for note in road.notes)
+
+
+def test_neighbours_in_a_ring_are_none_and_noted(tmp_path: Path) -> None:
+    ring = [
+        straight(1, 0, 0, 50, left_of=(2, "same"), right_of=(2, "same")),
+        straight(2, 0, 3, 50, left_of=(1, "same"), right_of=(1, "same")),
+    ]
+    road = read(tmp_path, ring)
+    convert(road, tmp_path / "ring.net.xml")
+    assert any("in a ring" in note for note in road.notes)
+
+
+@pytest.mark.parametrize(
+    ("types", "users", "kind"),
+    [
+        (["urban"], [], "vehicle"),
+        (["unknown"], [], "vehicle"),
+        (["highway", "mainCarriageWay"], ["car", "truck"], "vehicle"),
+        (["sidewalk"], [], "pedestrian"),
+        (["crosswalk"], ["pedestrian", "bicycle"], "pedestrian"),
+        (["urban", "bicycleLane"], ["bicycle"], "bicycle"),
+        (["busLane"], ["bus", "taxi"], "bus"),
+        (["busLane"], ["car", "bus"], "vehicle"),
+        (["urban"], ["bicycle"], "bicycle"),
+        (["highway", "shoulder"], ["vehicle"], "other"),
+        (["restricted_area"], [], "other"),
+        (["urban"], ["train"], "other"),
+    ],
+)
+def test_types_and_users_decide_who_drives_there(
+    types: list[str], users: list[str], kind: str, tmp_path: Path
+) -> None:
+    lanelets = [straight(1, 0, 0, 50, types=types, one_way=users), straight(2, 0, 20, 50)]
+    road = read(tmp_path, lanelets)
+    assert road.lanes[1].kind == kind
+    assert [area.area_id for area in road.areas] == ([] if kind == "vehicle" else [1])
+
+
+def test_cars_neither_follow_onto_a_bicycle_lane_nor_change_to_it(tmp_path: Path) -> None:
+    lanelets = [
+        straight(1, 0, 0, 50, successors=[2], left_of=(3, "same")),
+        straight(2, 50, 0, 50, predecessors=[1], types=["bicycleLane"]),
+        straight(3, 0, 3, 50, right_of=(1, "same"), types=["bicycleLane"]),
+    ]
+    lane = read(tmp_path, lanelets).lanes[1]
+    assert (lane.successors, lane.left, lane.adjacent_left) == ((), None, None)
+
+
+def test_a_lanelet_that_cars_use_both_ways_is_two_lanes(tmp_path: Path) -> None:
+    """1 -> 2 <-> 3: the way back from 3 over 2 ends where 4 leads away beside 1."""
+    both = {"one_way": [], "both_ways": ["vehicle"]}
+    lanelets = [
+        straight(1, 0, 0, 50, successors=[2]),
+        straight(2, 50, 0, 50, predecessors=[1], successors=[3], **both),
+        straight(3, 100, 0, 50, predecessors=[2], **both),
+        Lanelet(4, left=[(50, -1.5), (0, -9)], right=[(50, 1.5), (0, -6)]),
+    ]
+    road = read(tmp_path, lanelets)
+    lanes = road.lanes
+    assert {i: lane.reverse_of for i, lane in lanes.items() if lane.reverse_of} == {5: 2, 6: 3}
+    assert_array_equal(lanes[5].centreline, [(100, 0), (50, 0)])
+    assert_array_equal(lanes[5].left_bound, [(100, -1.5), (50, -1.5)])
+    assert (lanes[6].successors, lanes[5].predecessors) == ((5,), (6,))
+    assert (lanes[5].successors, lanes[4].predecessors) == ((4,), (5,))
+    assert (lanes[1].successors, lanes[2].successors, lanes[3].successors) == ((2,), (3,), ())
+    assert lanes[2].conflicts == lanes[5].conflicts == ()
+    net = convert(road, tmp_path / "both.net.xml")
+    assert check_net(net.path, road, net.lanes).problems() == []
+
+
+def test_limits_are_the_lowest_of_the_signs_in_metres_per_second(tmp_path: Path) -> None:
+    signs = [Sign(90, "274", ["13.89"]), Sign(91, "274", ["8.33"])]
+    road = read(tmp_path, [straight(1, 0, 0, 50, signs=[90, 91])], signs=signs)
+    assert road.lanes[1].speed_limit_mps == 8.33
+    assert road.notes == ()
+
+
+def test_limits_of_old_files_stand_on_the_lanelet(tmp_path: Path) -> None:
+    road = read(tmp_path, [straight(1, 0, 0, 50, speed_limit="22.2")], version="2018b")
+    assert road.lanes[1].speed_limit_mps == 22.2
+
+
+@pytest.mark.parametrize(
+    ("types", "kmh"), [(["urban"], 50), (["country"], 100), (["highway"], 130), (["interstate"], 130)]
+)
+def test_without_a_limit_the_type_decides_and_a_note_says_so(
+    types: list[str], kmh: int, tmp_path: Path
+) -> None:
+    road = read(tmp_path, [straight(1, 0, 0, 50, types=types)])
+    assert_allclose(road.lanes[1].speed_limit_mps * 3.6, kmh)
+    assert road.notes == (f"1 of 1 lanelets have no speed limit: {kmh} km/h by their type",)
+
+
+@pytest.mark.parametrize("value", ["fast", "-3", "0", "nan", "120"])
+def test_a_limit_that_is_none_in_metres_per_second_is_left_out_and_noted(value: str, tmp_path: Path) -> None:
+    road = read(tmp_path, [straight(1, 0, 0, 50, signs=[90])], signs=[Sign(90, "274", [value])])
+    assert_allclose(road.lanes[1].speed_limit_mps * 3.6, 50)
+    assert "speed limits that are none in m/s, left out: 1" in road.notes
+
+
+def test_lanes_that_cross_conflict(tmp_path: Path) -> None:
+    lanes = read(tmp_path, crossing()).lanes
+    assert (lanes[1].conflicts, lanes[2].conflicts) == ((2,), (1,))
+
+
+def test_a_bridge_is_no_conflict(tmp_path: Path) -> None:
+    def level(lanelet: Lanelet, z: float) -> Lanelet:
+        left, right = ([(*p, z) for p in side] for side in (lanelet.left, lanelet.right))
+        return Lanelet(lanelet.lanelet_id, left, right)
+
+    below, above = crossing()
+    assert read(tmp_path, [level(below, 0.0), level(above, 5.0)]).lanes[1].conflicts == ()
+    assert read(tmp_path, [level(below, 0.0), level(above, 1.0)]).lanes[1].conflicts == (2,)
+
+
+def test_lanes_that_follow_or_touch_do_not_conflict(tmp_path: Path) -> None:
+    lanelets = [
+        straight(1, 0, 0, 50, successors=[2]),
+        straight(2, 49, 0, 50, predecessors=[1]),
+        straight(3, 0, 2.9, 50),  # reaches 0.1 m into lanelet 1, as inaccurate maps have it
+    ]
+    assert all(lane.conflicts == () for lane in read(tmp_path, lanelets).lanes.values())
+
+
+@pytest.mark.parametrize(
+    ("country", "written", "kind"),
+    [
+        ("DEU", "205", "yield"),
+        ("DEU", "206", "stop"),
+        ("ZAM", "206", "stop"),
+        ("USA", "R1-1", "stop"),
+        ("USA", "R1-3", "all_way_stop"),
+        ("ESP", "r1", "yield"),
+    ],
+)
+def test_signs_are_regulations_in_every_country(
+    country: str, written: str, kind: str, tmp_path: Path
+) -> None:
+    east = {"signs": [90], "stop_line": StopLine(points=[(45, 2), (45, -2)], signs=[90])}
+    road = read(tmp_path, crossing(**east), signs=[Sign(90, written)], benchmark=f"{country}_Test-1_1_T-1")
+    (rule,) = road.regulations
+    assert (rule.kind, rule.lanes, rule.yielding, rule.signs) == (kind, (1,), (1,), (written,))
+    assert_array_equal(rule.stop_lines[0], [(45, 2), (45, -2)])
+    assert [line.kind for line in road.markings] == ["stop_line"]
+
+
+def test_who_has_a_priority_sign_goes_before_who_has_none(tmp_path: Path) -> None:
+    road = read(tmp_path, crossing(signs=[90]), signs=[Sign(90, "306")], intersections={100: [[1], [2]]})
+    (rule,) = road.regulations
+    assert (rule.element_id, rule.kind) == (100, "right_of_way")
+    assert (rule.priority, rule.yielding) == ((1,), (2,))
+
+
+def test_a_light_belongs_to_the_lanelets_that_refer_to_it(tmp_path: Path) -> None:
+    road = read(tmp_path, crossing(lights=[80]), lights=[80, 81])
+    (rule,) = road.regulations
+    assert (rule.kind, rule.lanes, rule.lights) == ("traffic_light", (1,), (80,))
+
+
+def test_a_stop_line_without_points_lies_at_the_lanelets_end(tmp_path: Path) -> None:
+    road = read(tmp_path, crossing(signs=[90], stop_line=StopLine()), signs=[Sign(90, "206")])
+    assert_array_equal(road.regulations[0].stop_lines[0], [(100, 1.5), (100, -1.5)])
+
+
+def test_a_line_between_two_lanelets_is_drawn_once(tmp_path: Path) -> None:
+    markings = read(tmp_path, side_by_side("dashed", "dashed")).markings
+    assert [(line.kind, line.subtype) for line in markings] == [("line_thin", "dashed")]
+    assert_array_equal(markings[0].points, [(0, 1.5), (50, 1.5)])
+
+
+def test_the_origin_is_the_files_place_unless_one_is_given(tmp_path: Path) -> None:
+    path = write_scenario(tmp_path / "map.xml", [straight(1, 0, 0, 50)], place=(48.2, 11.6))
+    assert read_commonroad_road(path).origin == (48.2, 11.6)
+    moved = read_commonroad_road(path, origin=(49.0, 8.4))
+    assert moved.origin == (49.0, 8.4)
+    assert_array_equal(moved.lanes[1].centreline, [(0, 0), (50, 0)])
+    write_scenario(path, [straight(1, 0, 0, 50)], place=(999, 999))
+    assert read_commonroad_road(path).origin == (0.0, 0.0)
+
+
+def test_a_crossing_with_a_yield_sign_becomes_a_net_that_is_faithful(tmp_path: Path) -> None:
+    east = [
+        straight(1, -60, 0, 100, successors=[3], signs=[90]),
+        straight(3, 40, 0, 20, predecessors=[1], successors=[4]),
+        straight(4, 60, 0, 60, predecessors=[3]),
+    ]
+    north = [
+        Lanelet(
+            i,
+            left=[(48.5, low), (48.5, high)],
+            right=[(51.5, low), (51.5, high)],
+            successors=after,
+            predecessors=before,
+        )
+        for i, low, high, before, after in (
+            (5, -80, -10, [], [6]),
+            (6, -10, 10, [5], [7]),
+            (7, 10, 80, [6], []),
+        )
+    ]
+    road = read(tmp_path, east + north, signs=[Sign(90, "205")])
+    net = convert(road, tmp_path / "crossing.net.xml")
+    report = check_net(net.path, road, net.lanes)
+    assert report.problems() == []
+    assert (report["crossing"], report["free_foes"]) == (1, ())
+    states = {link.get("state") for link in ElementTree.parse(net.path).iter("connection") if link.get("via")}
+    assert states == {"m", "M"}  # one gives way, one goes first
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_a_recorded_site_becomes_a_net_that_is_faithful(site: str, data: Path, tmp_path: Path) -> None:
+    path = sorted((data / "mona" / site).glob("*.xml.gz"))[0]
+    road = read_map(path)
+    assert road.name == path.name.removesuffix(".xml.gz")
+    net = convert(road, tmp_path / "site.net.xml")
+    report = check_net(net.path, road, net.lanes)
+    assert report.problems() == []
+    assert report["deviation_max_m"] <= 0.10
+    assert report["deviation_p95_m"] <= 0.01
+    driving = drive_net(net.path)
+    assert (driving.arrived, driving.teleports, driving.overlapping_pairs) == (120, 0, 0)
+
+
+def test_a_compressed_file_is_the_same_map(tmp_path: Path) -> None:
+    text = scenario(crossing())
+    (tmp_path / "a.xml").write_text(text, encoding="utf-8")
+    (tmp_path / "a.xml.gz").write_bytes(gzip.compress(text.encode()))
+    plain, packed = read_map(tmp_path / "a.xml"), read_map(tmp_path / "a.xml.gz")
+    assert plain.name == packed.name == "a"
+    assert_array_equal(plain.lanes[1].centreline, packed.lanes[1].centreline)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.xml", "<net/>", "it is a SUMO net already"),
+        ("a.xml", "<osm/>", "rename it to .osm"),
+        ("a.xml", "<OpenDRIVE/>", "it is OpenDRIVE"),
+        ("a.xml", "<html/>", "its root is <html>"),
+        ("a.xml", "no xml", "not XML"),
+        ("a.xml", "", "not XML"),
+        ("a.xml", '<commonRoad commonRoadVersion="2024"/>', "version '2024'"),
+        ("a.xml", '<commonRoad commonRoadVersion="2020a"/>', "without lanelets"),
+        (
+            "a.xml",
+            '<commonRoad commonRoadVersion="2020a"><lanelet id="1"/></commonRoad>',
+            "no usable lanelet",
+        ),
+        ("a.xml.gz", "\x1f\x8b broken", "not XML"),
+        ("a.xodr", "<OpenDRIVE/>", "netconvert"),
+    ],
+)
+def test_what_is_no_commonroad_map_is_refused_in_one_line(
+    name: str, content: str, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text(content, encoding="utf-8")
+    with pytest.raises(MapError) as refused:
+        read_map(tmp_path / name)
+    assert said in str(refused.value)
+    assert str(tmp_path / name) in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_damaged_archive_a_folder_and_a_missing_file_are_refused(tmp_path: Path) -> None:
+    packed = gzip.compress(scenario(crossing()).encode())
+    (tmp_path / "short.xml.gz").write_bytes(packed[: len(packed) // 2])
+    (tmp_path / "folder.xml").mkdir()
+    for name, said in (
+        ("short.xml.gz", "cannot be unpacked"),
+        ("folder.xml", "is a folder"),
+        ("missing.xml", "no such map"),
+    ):
+        with pytest.raises(MapError, match=said):
+            read_map(tmp_path / name)
+
+
+def test_without_commonroad_io_the_error_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_scenario(tmp_path / "map.xml", [straight(1, 0, 0, 50)])
+    real_import = builtins.__import__
+
+    def no_commonroad(name: str, *rest: Any, **named: Any) -> Any:
+        if name.startswith("commonroad"):
+            raise ImportError(f"No module named {name!r}")
+        return real_import(name, *rest, **named)
+
+    monkeypatch.setattr(builtins, "__import__", no_commonroad)
+    with pytest.raises(MissingExtraError, match=r"pip install 'scex-sumo\[formats\]'"):
+        read_commonroad_road(path)
+
+
+BROKEN = {
+    "id used twice": ([straight(1, 0, 9, 50)], "ids used twice, the first lanelet kept: 1"),
+    "no id": ([Lanelet("x", [(0, 9), (9, 9)], [(0, 6), (9, 6)])], "id is no positive number: x"),
+    "negative id": ([straight(-4, 0, 9, 50)], "id is no positive number: -4"),
+    "no bound": ([Lanelet(5, [], [(0, 6), (9, 6)])], "shorter than two points: 5"),
+    "one place": ([Lanelet(5, [(0, 9), (0, 9)], [(0, 6), (9, 6)])], "shorter than two points: 5"),
+    "no number": ([Lanelet(5, [(0, float("nan")), (9, 9)], [(0, 6), (9, 6)])], "no usable coordinates: 5"),
+    "far away": ([Lanelet(5, [(0, 1e12), (9, 9)], [(0, 6), (9, 6)])], "no usable coordinates: 5"),
+    "unknown type": ([straight(5, 0, 9, 50, types=["rail"])], "a laneletType that CommonRoad does not have"),
+    "successor": ([straight(5, 0, 9, 50, successors=[77])], "a successor that is not there, dropped: 5"),
+    "itself": ([straight(5, 0, 9, 50, successors=[5])], "a successor that is not there, dropped: 5"),
+    "neighbour": ([straight(5, 0, 9, 50, left_of=(77, "same"))], "an? adjacentLeft that is not there"),
+    "sign": ([straight(5, 0, 9, 50, signs=[77])], "a trafficSignRef that is not there, dropped: 5"),
+    "far successor": ([straight(5, 0, 9, 50, successors=[1])], "more than 1 m from the end: 5-1"),
+    "stop line": (
+        [straight(5, 0, 9, 50, stop_line=StopLine(points=[(0, 0)]))],
+        "an unusable stop line, left out: 5",
+    ),
+    "no length between": (
+        [Lanelet(5, [(0, 9), (9, 9)], [(9, 9), (0, 9)])],
+        "left out, no length between their bounds: 5",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_what_is_broken_is_mended_or_left_out_and_named(name: str, tmp_path: Path) -> None:
+    broken, said = BROKEN[name]
+    road = read(tmp_path, [straight(1, 0, 0, 50), *broken])
+    assert_array_equal(road.lanes[1].centreline, [(0, 0), (50, 0)])
+    assert any(said.replace("an?", "a") in note for note in road.notes), road.notes
+    convert(road, tmp_path / "map.net.xml")
+
+
+def test_bounds_with_unequally_many_points_get_points_in_between(tmp_path: Path) -> None:
+    left, right = [(0, 3), (40, 3)], [(0, 0), (10, 0), (40, 0)]
+    lane = read(tmp_path, [Lanelet(1, left, right)]).lanes[1]
+    assert_allclose(lane.centreline, [(0, 1.5), (10, 1.5), (40, 1.5)], atol=1e-9)
+
+
+def test_an_unknown_sign_is_left_out_without_a_word_on_the_terminal(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        road = read(tmp_path, crossing(signs=[90]), signs=[Sign(90, "4711")], benchmark="XYZ_Test-1_1_T-1")
+    assert road.regulations == ()
+    assert "signs that commonroad-io does not know, left out: 90" in road.notes
+    assert caplog.records == []
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_damaged_files_are_read_or_refused_in_one_line(seed: int, tmp_path: Path) -> None:
+    """Whatever is cut out of a scenario or overwritten in it: a road that converts, or a MapError."""
+    draw = random.Random(seed)
+    text = scenario(
+        [
+            *side_by_side("dashed", "solid"),
+            straight(3, 50, 0, 40, predecessors=[1], signs=[90], stop_line=StopLine(signs=[90])),
+            *[Lanelet(4, [(60, -40), (60, 40)], [(64, -40), (64, 40)], lights=[80])],
+        ],
+        signs=[Sign(90, "274", ["13.9"]), Sign(91, "205")],
+        lights=[80],
+        intersections={100: [[3], [4]]},
+    )
+    pieces = text.replace("<", "\n<").split("\n")[1:]
+    for _ in range(draw.randint(1, 4)):
+        k = draw.randrange(3, len(pieces))
+        kind = draw.randrange(3)
+        if kind == 0:
+            pieces[k] = draw.choice(pieces)
+        elif kind == 1 and ">" in pieces[k]:
+            pieces[k] = pieces[k].split(">")[0] + ">" + draw.choice(["", "x", "-1", "nan", "1e300", "7"])
+        else:
+            old = draw.choice("0123456789")
+            pieces[k] = pieces[k].replace(old, draw.choice(["", "-", "9999999999", "3", "2"]))
+    path = tmp_path / "damaged.xml"
+    path.write_text("".join(pieces), encoding="utf-8")
+    try:
+        road = read_commonroad_road(path)
+    except MapError as error:
+        assert "\n" not in str(error)
+        return
+    assert all(np.isfinite(lane.centreline).all() for lane in road.lanes.values())
+    if road.vehicle_lanes:
+        convert(road, tmp_path / "damaged.net.xml")

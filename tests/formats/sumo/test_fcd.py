@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from scex_sumo.base.errors import TrackError
+from scex_sumo.formats.sumo.fcd import read_fcd
+
+
+def fcd(times: list[float], *, angle: float = 90.0, kind: str = "passenger", name: str = "7") -> str:
+    """A vehicle at 10 m/s eastwards whose front bumper is at x = 10 t."""
+    rows = "".join(
+        f'<timestep time="{t}"><vehicle id="{name}" x="{10 * t}" y="5" angle="{angle}" type="{kind}" '
+        f'speed="10" pos="0" lane="a_0" slope="0"/></timestep>'
+        for t in times
+    )
+    return f"<fcd-export>{rows}</fcd-export>"
+
+
+def test_centres_lie_half_a_length_behind_the_front_and_angles_count_from_the_east(tmp_path: Path) -> None:
+    file = tmp_path / "a.fcd.xml"
+    file.write_text(fcd([0.0, 0.1, 0.2]))
+    table, findings = read_fcd(file)
+    rows = table.vehicles
+    np.testing.assert_allclose(rows.x, [-2.5, -1.5, -0.5])  # SUMO's passenger car is 5 m long
+    np.testing.assert_allclose(rows.y, 5.0)
+    np.testing.assert_allclose(rows.psi_rad, 0.0, atol=1e-12)
+    assert (rows.labels, rows.types, table.step_s) == (("7",), ("car",), pytest.approx(0.1))
+    assert findings == ("sizes are SUMO's for the classes that the types' names speak of",)
+
+
+def test_north_is_a_quarter_turn_to_the_left(tmp_path: Path) -> None:
+    file = tmp_path / "a.fcd.xml.gz"
+    file.write_bytes(gzip.compress(fcd([0.0, 0.1], angle=0.0, kind="truck_big").encode()))
+    rows = read_fcd(file)[0].vehicles
+    np.testing.assert_allclose(rows.psi_rad, np.pi / 2)
+    np.testing.assert_allclose(rows.y, 5.0 - 7.1 / 2)
+    assert rows.types == ("truck",)
+
+
+def test_whole_seconds_are_filled_in_along_the_motion(tmp_path: Path) -> None:
+    file = tmp_path / "a.fcd.xml"
+    file.write_text(fcd([0.0, 1.0, 2.0]))
+    table, findings = read_fcd(file)
+    assert len(table.vehicles) == 21 and table.step_s == pytest.approx(0.1)
+    np.testing.assert_allclose(table.vehicles.x, np.arange(21) - 2.5, atol=1e-9)
+    assert "simulated in steps of 1 s" in findings[-1]
+
+
+def test_names_that_are_no_numbers_are_numbered(tmp_path: Path) -> None:
+    file = tmp_path / "a.fcd.xml"
+    file.write_text(fcd([0.0, 0.1], name="flow.0"))
+    table, findings = read_fcd(file)
+    assert table.vehicles.labels == ("1",) and "numbered in the order" in findings[-1]
+
+
+def test_parquet_is_read_alike(tmp_path: Path) -> None:
+    columns = {
+        "timestep_time": [0.0, 0.1],
+        "vehicle_id": ["3", "3"],
+        "vehicle_x": [0.0, 1.0],
+        "vehicle_y": [0.0, 0.0],
+        "vehicle_angle": [90.0, 90.0],
+        "vehicle_speed": [10.0, 10.0],
+        "vehicle_type": ["bus", "bus"],
+    }
+    pq.write_table(pa.table(columns), tmp_path / "a.parquet")
+    rows = read_fcd(tmp_path / "a.parquet")[0].vehicles
+    np.testing.assert_allclose(rows.x, [-6.0, -5.0])
+    assert rows.types == ("bus",)
+
+
+def test_what_is_no_fcd_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "a.fcd.xml"
+    file.write_text("<fcd-export></fcd-export>")
+    with pytest.raises(TrackError, match="no vehicle in it"):
+        read_fcd(file)
+    file.write_text("<fcd-export><timestep")
+    with pytest.raises(TrackError, match="cannot be read as SUMO's fcd-output"):
+        read_fcd(file)
+    file.write_text('<?xml version="1.0" encoding="UTF-1"?><fcd-export/>')
+    with pytest.raises(TrackError, match="unknown encoding"):
+        read_fcd(file)
+    pq.write_table(pa.table({"time": [0.0]}), tmp_path / "b.parquet")
+    with pytest.raises(TrackError, match="no column id"):
+        read_fcd(tmp_path / "b.parquet")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('y="5"', 'y="nan"', "y of vehicle 7 at 0 s is missing"),
+        ('x="0.0"', 'x="1e300"', r"x of vehicle 7 at 0 s is 1e\+300"),
+        ('time="0.1"', 'time="60"', "simulated in steps of 60 s, 0.001 to 2 s are read"),
+    ],
+)
+def test_implausible_data_are_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
+    file = tmp_path / "a.fcd.xml"
+    file.write_text(fcd([0.0, 0.1]).replace(old, new, 1))
+    with pytest.raises(TrackError, match=words):
+        read_fcd(file)
+
+
+def test_a_broken_archive_is_refused(tmp_path: Path) -> None:
+    packed = bytearray(gzip.compress(fcd([k / 10 for k in range(100)]).encode()))
+    packed[30:60] = bytes(30)
+    (tmp_path / "a.fcd.xml").write_bytes(packed)
+    with pytest.raises(TrackError, match="cannot be read as SUMO's fcd-output"):
+        read_fcd(tmp_path / "a.fcd.xml")

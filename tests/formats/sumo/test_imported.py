@@ -1,0 +1,126 @@
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import MapError
+from scex_sumo.base.files import cache_folder
+from scex_sumo.converters.maps import read_map
+from scex_sumo.exporters.opendrive.file import opendrive_text
+from scex_sumo.formats.sumo import imported
+from scex_sumo.formats.sumo.imported import is_open_street_map
+from scex_sumo.geometry.polylines import distances, samples
+from scex_sumo.scenarios import example_path
+
+STREETS = """<osm version="0.6">
+ <node id="1" lat="49.0" lon="8.4"/><node id="2" lat="49.0" lon="8.402"/>
+ <node id="3" lat="49.001" lon="8.402"/>
+ <way id="9"><nd ref="1"/><nd ref="2"/><nd ref="3"/><tag k="highway" v="residential"/></way>
+</osm>"""
+
+
+def test_opendrive_of_this_project_comes_back_within_decimetres(tmp_path: Path) -> None:
+    road = read_map(example_path("motorway_merge"))
+    (tmp_path / "merge.xodr").write_text(opendrive_text(road))
+    back = read_map(tmp_path / "merge.xodr")
+    lines = [lane.centreline for lane in back.vehicle_lanes.values()]
+    for lane in road.vehicle_lanes.values():
+        points = samples(lane.centreline, 1.0)[1]
+        near = np.min([distances(points, line) for line in lines], axis=0)
+        assert np.median(near) < 0.1  # netconvert gives lanes one width, so borders and middles shift
+    assert back.net is not None and "read by way of netconvert" in back.notes[0]
+
+
+def test_open_street_map_is_told_from_lanelet2_and_becomes_a_net(tmp_path: Path) -> None:
+    file = tmp_path / "town.osm"
+    file.write_text(STREETS)
+    assert is_open_street_map(file) and not is_open_street_map(example_path("roundabout"))
+    road = read_map(file)
+    assert road.name == "town" and len(road.vehicle_lanes) >= 2
+
+
+def test_what_netconvert_refuses_is_said(tmp_path: Path) -> None:
+    file = tmp_path / "bad.xodr"
+    file.write_text("<OpenDRIVE>")
+    with pytest.raises(MapError, match=r"bad.xodr: netconvert cannot read it"):
+        read_map(file)
+
+
+def nets_kept() -> list[Path]:
+    return sorted((cache_folder() / "imported").rglob("*.net.xml"))
+
+
+@pytest.fixture
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+@pytest.mark.usefixtures("own_cache")
+def test_a_damaged_net_in_the_cache_is_made_again(tmp_path: Path) -> None:
+    file = tmp_path / "town.osm"
+    file.write_text(STREETS)
+    first = read_map(file)
+    [kept] = nets_kept()
+    assert stat.S_IMODE(kept.parent.parent.stat().st_mode) == 0o700
+    whole = kept.read_bytes()
+    for damaged in (whole[:-40], whole.replace(b'speed="13.89"', b'speed="99.99"'), b""):
+        kept.write_bytes(damaged)
+        again = read_map(file)
+        assert kept.read_bytes() != damaged and kept.read_bytes().endswith(b"</net>\n")
+        assert [x.speed_limit_mps for x in again.lanes.values()] == [
+            x.speed_limit_mps for x in first.lanes.values()
+        ]
+
+
+@pytest.mark.usefixtures("own_cache")
+@pytest.mark.parametrize("trap", ["link", "open to all"])
+def test_a_cache_that_somebody_else_could_write_into_is_not_used(
+    trap: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    temporary, elsewhere = tmp_path / "tmp", tmp_path / "elsewhere"
+    for folder in (temporary, elsewhere, cache_folder()):
+        folder.mkdir(parents=True)
+    if trap == "link":
+        (cache_folder() / "imported").symlink_to(elsewhere)
+    else:
+        (cache_folder() / "imported").mkdir()
+        (cache_folder() / "imported").chmod(0o777)
+    (temporary / f"scex-sumo-nets-{os.getuid()}").symlink_to(elsewhere)
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    file = tmp_path / "town.osm"
+    file.write_text(STREETS)
+    road = read_map(file)
+    assert not nets_kept() and not [*elsewhere.iterdir()]
+    assert road.net is not None
+    private = road.net.parent.parent
+    assert private.parent == temporary and stat.S_IMODE(private.stat().st_mode) == 0o700
+    imported._temporary_folder().cleanup()
+    imported._temporary_folder.cache_clear()
+
+
+@pytest.mark.usefixtures("own_cache")
+def test_a_net_cut_by_a_full_disk_is_an_error_and_not_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut = tmp_path / "netconvert"
+    cut.write_text("#!/bin/sh\nprintf '<net><edge' > made.net.xml\n")  # as netconvert does, with status 0
+    cut.chmod(0o755)
+    monkeypatch.setattr(imported, "program", lambda name: str(cut))
+    file = tmp_path / "town.osm"
+    file.write_text(STREETS)
+    with pytest.raises(MapError, match=r"town\.osm: netconvert's net is cut short; make room in "):
+        read_map(file)
+    assert not nets_kept()
+
+
+@pytest.mark.parametrize("word", ["DOCTYPE osm SYSTEM '/etc/passwd'", "DOCTYPE osm [<!ENTITY a 'b'>]"])
+def test_maps_that_declare_a_document_type_are_refused(word: str, tmp_path: Path) -> None:
+    file = tmp_path / "town.osm"
+    file.write_text(f"<!{word}>{STREETS}")
+    with pytest.raises(MapError, match="declares a document type"):
+        read_map(file)

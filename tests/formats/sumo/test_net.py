@@ -1,0 +1,215 @@
+from __future__ import annotations
+
+import gzip
+import re
+import subprocess
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import MapError
+from scex_sumo.base.programs import environment, program
+from scex_sumo.converters.maps import read_map
+from scex_sumo.converters.net.convert import convert
+from scex_sumo.converters.net.sumo_net import open_net
+from scex_sumo.extrapolation.extrapolate import extrapolate
+from scex_sumo.formats.sumo.net import beside
+from scex_sumo.geometry.polylines import distances, samples
+from scex_sumo.road import Road
+from scex_sumo.scenarios import example_path
+from scex_sumo.scenarios.seeds import synthetic_seed
+
+NODES = """<nodes>
+ <node id="c" x="0" y="0" type="priority"/><node id="e" x="100" y="0"/><node id="w" x="-100" y="0"/>
+ <node id="s" x="0" y="-100"/>
+</nodes>"""
+EDGES = """<edges>
+ <edge id="in" from="w" to="c" numLanes="2" speed="13.9" priority="2"/>
+ <edge id="out" from="c" to="e" numLanes="2" speed="13.9" priority="2"/>
+ <edge id="ramp" from="s" to="c" numLanes="1" speed="8.3" priority="1"/>
+</edges>"""
+
+
+def generate(path: Path, *options: str) -> Path:
+    subprocess.run([program("netgenerate"), *options, "-o", str(path)], check=True, capture_output=True)
+    return path
+
+
+@pytest.fixture(scope="module")
+def merge(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two lanes from the west to the east, joined by a ramp from the south that gives way."""
+    folder = tmp_path_factory.mktemp("merge")
+    (folder / "n.nod.xml").write_text(NODES)
+    (folder / "n.edg.xml").write_text(EDGES)
+    command = [program("netconvert"), "-n", "n.nod.xml", "-e", "n.edg.xml", "-o", "merge.net.xml"]
+    subprocess.run(
+        [*command, "--offset.disable-normalization"],
+        cwd=folder,
+        check=True,
+        capture_output=True,
+        env=environment(),
+    )
+    return folder / "merge.net.xml"
+
+
+def by_name(road: Road) -> dict[str, int]:
+    return {lane.subtype: i for i, lane in road.lanes.items()}
+
+
+def test_lanes_of_an_edge_are_neighbours_and_lead_through_the_junction(merge: Path) -> None:
+    road = read_map(merge)
+    names = by_name(road)
+    right, left = road.lanes[names["in_0"]], road.lanes[names["in_1"]]
+    assert (right.left, right.right, left.right) == (left.lane_id, None, right.lane_id)
+    assert right.speed_limit_mps == 13.9 and right.width_m == 3.2
+    np.testing.assert_allclose(left.centreline[0] - right.centreline[0], [0.0, 3.2], atol=0.01)
+    (inside,) = left.successors
+    (after,) = road.lanes[inside].successors
+    assert road.lanes[inside].subtype.startswith(":") and after == names["out_1"]
+    assert road.lanes[after].predecessors == (inside,)
+
+
+def test_the_ramp_gives_way_to_the_lane_that_it_enters(merge: Path) -> None:
+    road = read_map(merge)
+    names = by_name(road)
+    (ramp,) = road.lanes[names["ramp_0"]].successors
+    rules = [rule for rule in road.regulations if ramp in rule.yielding]
+    assert rules and all(rule.kind == "right_of_way" for rule in rules)
+    assert {names["in_0"]} <= {i for rule in rules for j in rule.priority for i in road.lanes[j].predecessors}
+    assert road.lanes[ramp].conflicts  # the ways come together
+
+
+def test_a_packed_net_is_the_same_road(merge: Path, tmp_path: Path) -> None:
+    packed = tmp_path / "merge.net.xml.gz"
+    packed.write_bytes(gzip.compress(merge.read_bytes()))
+    road = read_map(packed)
+    assert road.name == "merge" and list(road.lanes) == list(read_map(merge).lanes)
+
+
+def test_borders_lie_half_a_width_beside_and_corners_do_not_reach_out() -> None:
+    corner = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]])
+    np.testing.assert_allclose(beside(corner, 1.0), [[0, 1], [9, 1], [9, 10]], atol=1e-12)
+    back = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 0.01]])
+    assert np.hypot(*(beside(back, 1.0)[1] - back[1])) < 3.0
+
+
+def test_a_file_that_is_no_net_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "x.net.xml"
+    file.write_text("<routes/>")
+    with pytest.raises(MapError, match="no SUMO net, its root element is <routes>"):
+        read_map(file)
+    file.write_text("<net")
+    with pytest.raises(MapError, match="build the net again"):
+        read_map(file)
+
+
+@pytest.mark.parametrize("name", ["motorway_merge", "roundabout", "urban_intersection"])
+def test_a_converted_map_read_as_any_net_is_the_same_road(name: str, tmp_path: Path) -> None:
+    check(read_map(example_path(name)), tmp_path)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "interaction/maps/DR_DEU_Merging_MT.osm",
+        "interaction/maps/DR_DEU_Roundabout_OF.osm",
+        "taf_bw/maps/k729_2022-03-16.osm",
+        "taf_bw/maps/k733_2020-09-15.osm",
+    ],
+)
+def test_real_maps_read_as_any_nets_are_the_same_roads(name: str, data: Path, tmp_path: Path) -> None:
+    check(read_map(data / name), tmp_path)
+
+
+def check(road: Road, folder: Path) -> None:
+    """Centrelines within 1 cm; successors and neighbours the same, by the lane table.
+
+    Without what the net says of the lanelets under its lanes: its own lanes are compared.
+    """
+    net = convert(road, folder / f"{road.name}.net.xml")
+    net.path.write_text(re.sub("<param [^>]*>", "", net.path.read_text()))
+    back = read_map(net.path)
+    own = road.vehicle_lanes
+    lines = [lane.centreline for lane in back.lanes.values()]
+    for lane in own.values():
+        points = samples(lane.centreline, 0.25)[1]
+        assert np.min([distances(points, line) for line in lines], axis=0).max() < 0.01
+    following, beside_left = set(), set()
+    for lane in back.lanes.values():
+        here = net.lanes.lanelets(lane.subtype)
+        following |= set(pairwise(here))
+        for j in lane.successors:
+            there = net.lanes.lanelets(back.lanes[j].subtype)
+            if here and there and here[-1] != there[0]:
+                following.add((here[-1], there[0]))
+        if lane.left is not None:
+            beside_left |= {(a, b) for a in here for b in net.lanes.lanelets(back.lanes[lane.left].subtype)}
+    assert following == {(i, j) for i, lane in own.items() for j in lane.successors if j in own}
+    assert beside_left == {(i, lane.left) for i, lane in own.items() if lane.left is not None}
+
+
+def test_the_net_itself_is_used_and_its_table_names_its_lanes(merge: Path, tmp_path: Path) -> None:
+    road = read_map(merge)
+    net = convert(road, tmp_path / "copy.net.xml")
+    assert net.path.read_bytes() == merge.read_bytes()
+    names = by_name(road)
+    way = [names["in_1"], *road.lanes[names["in_1"]].successors, names["out_1"]]
+    assert open_net(net.path).lanes.edges(way) == ["in", "out"]
+
+
+@pytest.mark.parametrize("kind", ["merge", "grid", "spider", "lights"])
+def test_nets_of_every_shape_are_populated_and_run_on(kind: str, merge: Path, tmp_path: Path) -> None:
+    options = {
+        "grid": ("--grid", "--grid.number", "3", "--grid.length", "80"),
+        "spider": ("--spider", "--spider.arm-number", "4", "--spider.circle-number", "2"),
+        "lights": ("--grid", "--grid.number", "2", "--grid.attach-length", "120", "-j", "traffic_light"),
+    }
+    path = merge if kind == "merge" else generate(tmp_path / f"{kind}.net.xml", *options[kind])
+    scene = synthetic_seed(path, vehicles=4)
+    run = extrapolate(scene, children=4, models=["standard_driver", "sumo:EIDM"], out=tmp_path / "out")
+    assert run.children == 4 and run.scene.vehicles == 4
+    assert all(np.isfinite(run.states(child).x).all() for child in range(4))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('shape="', 'shape="1e300,0 '),
+        ('speed="', 'speed="nan" was="'),
+        ('" type="priority"', 'x" type="priority"'),
+    ],
+)
+def test_a_net_that_sumolib_stumbles_over_is_refused(merge: Path, tmp_path: Path, old: str, new: str) -> None:
+    path = tmp_path / "n.net.xml"
+    path.write_text(merge.read_text().replace(old, new))
+    with pytest.raises(MapError, match=r"sumolib cannot read it: .*; build it again with netconvert"):
+        read_map(path)
+
+
+def test_a_net_that_sumo_itself_dies_of_is_refused_before_libsumo_does(tmp_path: Path) -> None:
+    net = generate(tmp_path / "g.net.xml", "--grid", "--grid.number", "3")
+    lines = net.read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if "<connection" in line and "via=" in line)
+    net.write_text("\n".join(lines[:first] + lines[first + 1 :]))
+    with pytest.raises(MapError, match="SUMO dies of this net"):
+        read_map(net)
+
+
+def test_encodings_that_nobody_knows_are_told(tmp_path: Path) -> None:
+    net = tmp_path / "g.net.xml"
+    net.write_text('<?xml version="1.0" encoding="UTF-1"?><net/>')
+    with pytest.raises(MapError, match="unknown encoding"):
+        read_map(net)
+
+
+def test_conditions_of_lights_are_named_in_a_note(tmp_path: Path) -> None:
+    net = convert(read_map(example_path("roundabout")), tmp_path / "a.net.xml").path
+    text = net.read_text()
+    light = '<tlLogic id="tl1" type="actuated" programID="0" offset="0"><phase duration="9" state="r"/>'
+    light += '<condition id="Busy" value="z:loop > 3"/></tlLogic>'
+    first = text.index("    <junction")
+    net.write_text(text[:first] + light + text[first:])
+    (note,) = convert(read_map(net), tmp_path / "b.net.xml").notes
+    assert note.startswith("traffic lights with conditions: tl1; ")

@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+import gzip
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import TrackError
+from scex_sumo.base.programs import environment, program
+from scex_sumo.formats.commonroad.file import is_commonroad
+from scex_sumo.formats.sumo.fcd import is_fcd, read_fcd
+from scex_sumo.formats.sumo.state import is_state, read_state
+from scex_sumo.scenarios.seeds import read_seed
+
+ROUTES = """<routes>
+ <vType id="car" vClass="passenger"/><vType id="truck" vClass="truck"/>
+ <flow id="f" type="car" begin="0" end="60" period="3" from="A0A1" to="C1C2" departLane="best"/>
+ <flow id="t" type="truck" begin="0" end="60" period="7" from="C0B0" to="A1A2"/>
+</routes>"""
+
+
+@pytest.fixture(scope="module")
+def simulation(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Traffic on a grid: its state at 25 s, and its floating car data."""
+    folder = tmp_path_factory.mktemp("simulation")
+    (folder / "r.rou.xml").write_text(ROUTES)
+    grid = ["--grid", "--grid.number", "3", "--grid.length", "80", "-L", "2", "-o", "g.net.xml"]
+    files = ["-n", "g.net.xml", "-r", "r.rou.xml", "--fcd-output", "g.fcd.xml", "--save-state.files", "s.xml"]
+    times = ["--save-state.times", "25", "--end", "26", "--step-length", "0.5", "--lateral-resolution", "0.8"]
+    for name, options in (("netgenerate", grid), ("sumo", [*files, *times, "--precision", "6"])):
+        command = [program(name), *options]
+        subprocess.run(command, cwd=folder, check=True, capture_output=True, env=environment())
+    return folder
+
+
+def test_vehicles_are_where_floating_car_data_had_them_before_the_state_was_saved(simulation: Path) -> None:
+    state, findings = read_state(simulation / "s.xml", simulation / "g.net.xml")
+    data, _ = read_fcd(simulation / "g.fcd.xml")
+    assert len(findings) == 2  # sizes of types that give none, and numbers for names
+    (before,) = {round(float(t)) for t in data.vehicles.timestamp_ms if abs(t - 24_500.0) < 1.0}
+    then = np.abs(data.vehicles.timestamp_ms - before) < 1.0
+    assert len(state.vehicles) == then.sum() > 5  # state's time is when the step begins, that of data its end
+    mine = np.lexsort((state.vehicles.y, state.vehicles.x))
+    other = np.flatnonzero(then)[np.lexsort((data.vehicles.y[then], data.vehicles.x[then]))]
+    for column in ("x", "y"):
+        ours, theirs = getattr(state.vehicles, column)[mine], getattr(data.vehicles, column)[other]
+        np.testing.assert_allclose(ours, theirs, atol=0.02)  # states are written in centimetres
+    np.testing.assert_allclose(state.vehicles.speed[mine], data.vehicles.speed[other], atol=0.01)
+
+
+def test_a_state_is_a_seed_scene_without_a_past_packed_or_not(simulation: Path, tmp_path: Path) -> None:
+    packed = tmp_path / "s.xml.gz"
+    packed.write_bytes(gzip.compress((simulation / "s.xml").read_bytes()))
+    for file in (simulation / "s.xml", packed):
+        assert is_state(file) and not is_fcd(file) and not is_commonroad(file)
+        scene = read_seed(simulation / "g.net.xml", tracks=file)
+        assert scene.vehicles > 5 and scene.time_s == 25.0 and not scene.recorded_steps.any()
+        assert "car" in scene.types and "truck" in scene.types
+        assert any("constant velocity before" in note for note in scene.notes)
+
+
+def test_a_state_of_another_net_or_without_one_is_refused(simulation: Path, tmp_path: Path) -> None:
+    with pytest.raises(TrackError, match="give that as the map"):
+        read_state(simulation / "s.xml", None)
+    net = tmp_path / "other.net.xml"
+    net.write_text((simulation / "g.net.xml").read_text().replace('<lane id="A0A1', '<lane id="else'))
+    with pytest.raises(TrackError, match="give the net that was simulated"):
+        read_state(simulation / "s.xml", net)
+    empty = tmp_path / "empty.xml"
+    empty.write_text('<snapshot type="micro" time="3.00"></snapshot>')
+    with pytest.raises(TrackError, match="no vehicle on the road"):
+        read_state(empty, simulation / "g.net.xml")
+    empty.write_text("<snapshot")
+    with pytest.raises(TrackError, match="cannot be read as a saved state"):
+        read_state(empty, simulation / "g.net.xml")
+    empty.write_text('<?xml version="1.0" encoding="UTF-1"?><snapshot/>')
+    with pytest.raises(TrackError, match="unknown encoding"):
+        read_state(empty, simulation / "g.net.xml")

@@ -1,0 +1,174 @@
+"""README: every command and every Python block of it runs as it stands there, with fewer futures."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import scex_sumo as scex
+from scex_sumo.base.programs import environment, program
+from tests.conftest import shared_data
+from tests.formats.levelx.levelx_files import Mover, write_highd
+from tests.formats.levelx.test_dataset import intersection
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+RUN = "import sys; sys.path.pop(0); from scex_sumo.cli import main; main()"  # as a console script does
+
+
+def blocks(kind: str) -> list[str]:
+    """The fenced blocks of a kind."""
+    return re.findall(rf"^```{kind}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+
+
+def rows(heading: str) -> dict[str, str]:
+    """First cell and first command of each row of the table under a heading."""
+    part = README.split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    cells = [line.split("|")[1:3] for line in part.splitlines() if line.startswith("| ") and "`" in line]
+    return {first.strip(): re.findall(r"`([^`]+)`", second)[0] for first, second in cells}
+
+
+def command(text: str, where: Path, *more: str) -> str:
+    """Run a command line of the README in a folder and return what it prints."""
+    full = [sys.executable, "-c", RUN, *shlex.split(text, comments=True)[1:], *more]
+    done = subprocess.run(full, cwd=where, capture_output=True, text=True, timeout=240, check=False)
+    assert done.returncode == 0, (text, done.stdout, done.stderr)
+    return done.stdout
+
+
+@pytest.fixture
+def clone(tmp_path: Path) -> Path:
+    """A folder with the example seeds where a clone has them."""
+    place = tmp_path / "scex_sumo" / "scenarios"
+    shutil.copytree(ROOT / "scex_sumo" / "scenarios" / "data", place / "data")
+    return tmp_path
+
+
+def test_the_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 160
+
+
+def test_every_link_of_the_readme_leads_to_a_file() -> None:
+    links = re.findall(r"\]\(([^)#]+)", README)
+    assert links and not [link for link in links if "://" not in link and not (ROOT / link).exists()]
+
+
+def test_the_make_targets_exist() -> None:
+    targets = re.findall(r"^make (\w+)", "\n".join(blocks("sh")), re.MULTILINE)
+    makefile = (ROOT / "Makefile").read_text()
+    assert set(targets) == {"demo", "test"} and all(f"\n{target}:" in makefile for target in targets)
+
+
+def test_the_commands_run_and_the_driver_drives(clone: Path) -> None:
+    driver, script = blocks("python")
+    (clone / "my_driver.py").write_text(driver)
+    commands = [line for line in "\n".join(blocks("sh")).splitlines() if line.startswith("scex-sumo ")]
+    assert len(commands) == 2
+    for line in commands:
+        command(line, clone, "--children", "3", "--no-report")
+    assert "my_driver:Coasting" in (clone / "out" / "coasting" / "run.json").read_text()
+    short = script.replace("children=385", "children=5")
+    done = subprocess.run(
+        [sys.executable, "-c", short], cwd=clone, capture_output=True, text=True, timeout=120, check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "wttc_mean" in done.stdout and (clone / "out" / "python" / "run.json").is_file()
+
+
+def test_the_answer_shown_is_that_of_the_command(clone: Path) -> None:
+    (shown,) = blocks("text")
+    (line,) = [line for line in "\n".join(blocks("sh")).splitlines() if line.endswith("-o out/roundabout")]
+    words = [*shlex.split(line)[1:], "--no-report"]
+    done = subprocess.run(
+        [sys.executable, "-c", RUN, *words],
+        cwd=clone,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
+    printed = [row.rstrip() for row in done.stdout.splitlines() if not row.startswith("report: ")]
+    assert [row for row in shown.splitlines() if not row.startswith("report: ")] == printed
+
+
+def published_interaction(folder: Path) -> None:
+    """The example roundabout in the folders of an INTERACTION download, v1.0 and v1.2."""
+    for path in (folder / "maps", folder / "train", folder / "recorded_trackfiles" / "NAME"):
+        path.mkdir(parents=True)
+    example = scex.example_path("roundabout")
+    shutil.copy(example, folder / "maps" / "NAME.osm")
+    shutil.copy(
+        example.with_suffix(".csv"), folder / "recorded_trackfiles" / "NAME" / "vehicle_tracks_000.csv"
+    )
+    with example.with_suffix(".csv").open() as file:
+        recorded = list(csv.DictReader(file))
+    with (folder / "train" / "NAME_train.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, ["case_id", *recorded[0]])
+        writer.writeheader()
+        for row in recorded:
+            frame = int(row["frame_id"]) - 35  # the moment of the example becomes frame 10 of a case
+            if 1 <= frame <= 40:
+                writer.writerow({"case_id": 1, **row, "frame_id": frame, "timestamp_ms": 100 * frame})
+
+
+def published_levelx(folder: Path) -> None:
+    """Recordings of inD and highD as published, of a few vehicles in straight motion."""
+    intersection(folder, [Mover(number=1, x=105.0, y=400.0, frames=126, speed=5.0)])
+    shutil.copy(folder / "maps" / "lanelets" / "04" / "location4.osm", folder / "maps" / "MAP.osm")
+    write_highd(
+        folder / "data", [Mover(number=k, x=20.0 * k, y=-23.0, speed=25.0, frames=126) for k in (1, 2)]
+    )
+
+
+def simulated(folder: Path) -> None:
+    """A net and floating car data of a SUMO simulation."""
+    net, routes = folder / "mine.net.xml", folder / "mine.rou.xml"
+    quiet = {"check": True, "capture_output": True, "cwd": folder, "env": environment()}
+    subprocess.run([program("netgenerate"), "--grid", "--grid.number", "3", "-o", net.name], **quiet)  # type: ignore[call-overload]
+    flows = "".join(
+        f'<flow id="{edge}" from="{edge}" to="{to}" begin="0" end="90" period="4"/>'
+        for edge, to in (("A0A1", "C1C2"), ("C2C1", "A1A0"), ("A2B2", "C0B0"))
+    )
+    routes.write_text(f"<routes>{flows}</routes>")
+    fcd = ["--fcd-output", "mine.fcd.xml.gz", "--step-length", "0.1", "--end", "65", "--no-step-log", "true"]
+    subprocess.run([program("sumo"), "-n", net.name, "-r", routes.name, *fcd], **quiet)  # type: ignore[call-overload]
+
+
+@pytest.mark.parametrize("dataset", rows("Your data"))
+def test_the_command_of_each_dataset_runs_as_written(dataset: str, tmp_path: Path) -> None:
+    text, data = rows("Your data")[dataset], shared_data()
+    source = {"TAF-BW": "taf_bw", "CommonRoad": "ngsim"}.get(dataset)
+    if source is not None:
+        if data is None:
+            pytest.skip("real maps and recordings are not here; set SCEX_DATA to their folder")
+        for entry in (data / source).iterdir():
+            (tmp_path / entry.name).symlink_to(entry)
+    elif dataset.startswith("INTERACTION"):
+        published_interaction(tmp_path)
+    elif "D" in dataset and dataset != "SUMO simulation":
+        published_levelx(tmp_path)
+    elif dataset == "SUMO simulation":
+        simulated(tmp_path)
+    else:
+        shutil.copy(scex.example_path("roundabout"), tmp_path / "MAP.osm")
+    recorded = re.sub(r" --time \d+", "", text)  # the files of the test have less than a minute
+    command(recorded, tmp_path, "--children", "3", "--no-report")
+    (out,) = (tmp_path / "out").iterdir()
+    assert (out / "run.json").is_file()
+
+
+def test_the_other_commands_exist_with_these_options() -> None:
+    for text in rows("Other commands").values():
+        name = shlex.split(text)[1]
+        options = [word for word in shlex.split(text) if word.startswith("--")]
+        shown = command(f"scex-sumo {name} --help", ROOT)
+        assert all(option in shown for option in options), (text, shown)

@@ -1,0 +1,27 @@
+"""Packed data of a page read as its JavaScript reads it. For tests alone."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def unpack(text: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return the information, and the arrays by name."""
+    whole = zlib.decompress(base64.b64decode(text))
+    start = 4 + int.from_bytes(whole[:4], "little")
+    head = json.loads(whole[4:start])
+    arrays: dict[str, NDArray[Any]] = {}
+    for entry in head["arrays"]:
+        kind = np.dtype("<" + entry["type"])
+        count = int(np.prod(entry["shape"], dtype=np.int64))
+        stop = start + count * kind.itemsize
+        planes = np.frombuffer(whole[start:stop], np.uint8).reshape(kind.itemsize, count)
+        arrays[entry["name"]] = np.ascontiguousarray(planes.T).view(kind).reshape(entry["shape"])
+        start = stop
+    return head["info"], arrays

@@ -1,0 +1,112 @@
+"""Pictures and summary of a run show what the tables hold, undefined and one-sided cases included."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
+from scex_sumo.reports.figure import draw_figure
+from scex_sumo.reports.run_table import print_summary, summary_table
+from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
+from scex_sumo.results.run import Run, open_run
+from tests.results.test_folder import part_of
+from tests.seeds import straight_seed
+
+CHILDREN = 40
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """Forty children whose distance is 0.25 m times their number; gap time defined in none, TTC in half."""
+    folder = ResultFolder(tmp_path / "out", {})
+    values = np.repeat(0.25 * np.arange(CHILDREN)[:, None], len(COLUMNS), axis=1)
+    defined = np.ones(values.shape, dtype=bool)
+    defined[:, COLUMNS.index("gap_time")] = False
+    defined[::2, COLUMNS.index("ttc")] = False
+    folder.write_table("metrics.parquet", values_table(COLUMNS, values, defined, np.arange(CHILDREN)))
+    folder.write_table("recorded.parquet", values_table(COLUMNS, values[8:9], defined[8:9]))
+    part = part_of(list(range(CHILDREN)), steps=4)
+    folder.write_table("tracks.parquet", tracks_table(straight_seed(), part))
+    scene = {"name": "hand made", "vehicles": 2}
+    folder.finish({"seed_scene": scene, "steps": 4, "thresholds": dict(THRESHOLDS)})
+    return open_run(tmp_path / "out")
+
+
+def test_the_share_of_critical_children_counts_those_up_to_the_threshold(run: Run) -> None:
+    # 0.25 m times 0 to 20 is at most 5 m.
+    assert run.p_critical("distance").value == pytest.approx(21 / CHILDREN)
+    assert run.p_critical("distance", threshold=0.1).value == pytest.approx(1 / CHILDREN)
+
+
+def test_undefined_children_are_no_samples(run: Run) -> None:
+    assert len(run.samples("ttc")) == CHILDREN / 2
+    assert len(run.samples("gap_time")) == 0
+
+
+def test_the_most_critical_child_is_on_the_critical_side(run: Run) -> None:
+    assert run.most_critical("distance") == 0
+    assert run.most_critical("tq") == CHILDREN - 1
+    with pytest.raises(ResultError, match="gap_time is defined in none of 40 children"):
+        run.most_critical("gap_time")
+
+
+def test_unknown_metrics_and_missing_thresholds_name_the_known(run: Run) -> None:
+    with pytest.raises(UsageError, match="unknown metric 'speed'; nearest: "):
+        run.samples("speed")
+    with pytest.raises(UsageError, match="pttc: has no threshold; those that have: distance"):
+        run.p_critical("pttc")
+
+
+def test_plots_say_what_is_defined_and_mark_the_recorded_value(run: Run, tmp_path: Path) -> None:
+    svg, png = (draw_figure(run, "density", tmp_path / f"densities{end}") for end in (".svg", ".png"))
+    text = svg.read_text()
+    assert "defined in no child" in text
+    assert "20/40" in text
+    assert "recorded future" in text
+    assert png.stat().st_size > 10_000
+
+
+def test_the_same_run_is_drawn_in_the_same_bytes(run: Run, tmp_path: Path) -> None:
+    first = draw_figure(run, "cumulative", tmp_path / "first.svg").read_bytes()
+    assert draw_figure(run, "cumulative", tmp_path / "second.svg").read_bytes() == first
+
+
+@pytest.mark.parametrize("width", [60, 80])
+def test_a_narrow_terminal_cuts_nothing_off_the_summary(run: Run, width: int) -> None:
+    console = Console(width=width)
+    with console.capture() as capture:
+        print_summary(run, console)
+    lines = capture.get().splitlines()
+    assert "…" not in capture.get()
+    assert any(line.startswith("traffic quality") and line.rstrip().endswith("40/40") for line in lines)
+    assert max(map(len, lines)) < 80  # a terminal of the usual width holds a line
+
+
+def test_the_summary_shows_shares_and_dashes(run: Run) -> None:
+    console = Console(width=110, record=True)
+    with console.capture() as capture:
+        console.print(summary_table(run))
+    rows = {line.split("│")[1].strip(): line for line in capture.get().splitlines() if line.startswith("│")}
+    assert "52.5%" in rows["distance [m]"]
+    assert "2.00" in rows["distance [m]"]  # recorded
+    assert "0/40" in rows["gap time [s]"]
+    assert "20/40" in rows["1/TTC [1/s]"]
+
+
+def test_pictures_leave_the_users_matplotlib_alone(run: Run, tmp_path: Path) -> None:
+    code = (
+        "import sys, matplotlib; matplotlib.use('svg'); from pathlib import Path\n"
+        "from scex_sumo.reports import figure\n"
+        "from scex_sumo.results.run import open_run\n"
+        "figure.draw_figure(open_run(Path(sys.argv[1])), 'density', Path(sys.argv[2]))\n"
+        "assert matplotlib.get_backend() == 'svg' and 'matplotlib.pyplot' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code, str(run.folder), str(tmp_path / "densities.png")], check=True)
+    assert (tmp_path / "densities.png").exists()

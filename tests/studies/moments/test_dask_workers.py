@@ -1,0 +1,164 @@
+"""``rank`` over a Dask cluster: a scheduler and two workers on this machine, one of which dies."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+import scex_sumo
+from scex_sumo.base.errors import UsageError
+from scex_sumo.studies.moments.workers import DaskWorkers
+from scex_sumo.studies.rank.children import run_moment
+
+distributed = pytest.importorskip("distributed")
+
+OPTIONS = ("--every", "2", "--first", "4", "--children", "8", "--top", "2")
+
+
+def started(command: str, *arguments: object) -> subprocess.Popen[str]:
+    line = [sys.executable, "-m", "scex_sumo", command, *map(str, arguments)]
+    return subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def rank(*arguments: object) -> subprocess.Popen[str]:
+    return started("rank", *arguments)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def dask(*arguments: object) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "dask", *map(str, arguments), "--no-dashboard"]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@dataclass
+class Cluster:
+    address: str
+    scheduler: subprocess.Popen[bytes]
+    workers: list[subprocess.Popen[bytes]]
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    address = f"tcp://127.0.0.1:{free_port()}"
+    host, port = address.removeprefix("tcp://").split(":")
+    scheduler = dask("scheduler", "--host", host, "--port", port)
+    options = ("--nthreads", 1, "--no-nanny", "--local-directory", tmp_path / "dask")
+    workers = [dask("worker", address, *options) for _ in range(2)]
+    with distributed.Client(address, timeout=60, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+    yield Cluster(address, scheduler, workers)
+    for process in (*workers, scheduler):
+        process.kill()
+        process.wait()
+
+
+def result_of(folder: Path) -> dict[str, bytes]:
+    files = [f for f in sorted(folder.rglob("*")) if f.is_file() and f.name != "rank.json"]
+    return {str(f.relative_to(folder)): f.read_bytes() for f in files}
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    folder = tmp_path / "dataset"
+    folder.mkdir()
+    for suffix in (".osm", ".csv"):
+        shutil.copy(scex_sumo.example_path("roundabout").with_suffix(suffix), folder)
+    return folder
+
+
+def begun(folder: Path) -> None:
+    """Wait until the first seed has come back."""
+    deadline = time.monotonic() + 60
+    while not list(folder.glob("children/*/*/*.parquet")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+
+
+def test_a_worker_killed_in_the_middle_changes_no_byte(
+    cluster: Cluster, dataset: Path, tmp_path: Path
+) -> None:
+    ranking = rank(dataset, *OPTIONS, "--cluster", cluster.address, "-o", tmp_path / "cluster")
+    begun(tmp_path / "cluster")
+    cluster.workers[0].kill()
+    _, err = ranking.communicate(timeout=120)
+    assert (ranking.returncode, err) == (0, "")
+    assert (tmp_path / "cluster" / "rank.json").exists()
+
+    alone = rank(dataset, *OPTIONS, "-o", tmp_path / "alone")
+    _, err = alone.communicate(timeout=120)
+    assert alone.returncode == 0, err
+    assert result_of(tmp_path / "cluster") == result_of(tmp_path / "alone")
+    table = pq.read_table(tmp_path / "cluster" / "ranking.parquet")
+    assert table["failure"].null_count == table.num_rows == 7
+
+
+def test_a_validation_over_the_cluster_is_that_of_this_machine(
+    cluster: Cluster, dataset: Path, tmp_path: Path
+) -> None:
+    told = {}
+    for name, option in (("cluster", ("--cluster", cluster.address)), ("alone", ())):
+        folder = tmp_path / name
+        validation = started(
+            "validate", dataset, "--every", "2", "--children", "4", "--seed", "3", *option, "-o", folder
+        )
+        _, err = validation.communicate(timeout=120)
+        assert validation.returncode == 0, err
+        told[name] = {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.parquet")}
+    assert told["cluster"] == told["alone"]
+
+
+def test_when_the_scheduler_goes_away_one_line_says_how_to_go_on(
+    cluster: Cluster, dataset: Path, tmp_path: Path
+) -> None:
+    ranking = rank(dataset, *OPTIONS, "--cluster", cluster.address, "-o", tmp_path / "out")
+    begun(tmp_path / "out")
+    cluster.scheduler.kill()
+    _, err = ranking.communicate(timeout=120)
+    assert ranking.returncode == 1
+    assert err == "error: the Dask scheduler went away; finished seeds are kept, the same command goes on\n"
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [("nonsense", "needs the address"), (f"tcp://127.0.0.1:{free_port()}", "no Dask scheduler answers")],
+    ids=["no address", "a free port"],
+)
+def test_an_address_where_nobody_answers_is_refused(tmp_path: Path, address: str, words: str) -> None:
+    ranking = rank(scex_sumo.example_path("roundabout"), "--cluster", address, "-o", tmp_path / "out")
+    _, err = ranking.communicate(timeout=60)
+    assert ranking.returncode == 2, err
+    (line,) = err.splitlines()
+    assert line.startswith(f"error: --cluster {address}: ")
+    assert words in line
+
+
+def test_tls_without_a_certificate_is_refused_in_one_line() -> None:
+    """Dask would try for 40 s, with a traceback."""
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        address = f"tls://127.0.0.1:{listening.getsockname()[1]}"
+        with pytest.raises(UsageError, match="no certificate for TLS; name ca-file, cert and key"):
+            DaskWorkers(address, run_moment)
+
+
+def test_no_scheduler_of_the_docs_is_open_to_everybody() -> None:
+    """Whoever reaches a scheduler runs code: each listens on this machine alone, or asks for certificates."""
+    text = (Path(__file__).parents[3] / "docs" / "cluster.md").read_text()
+    schedulers = [line for line in text.splitlines() if line.startswith("dask scheduler")]
+    assert len(schedulers) == 2
+    assert all("--host 127.0.0.1" in line or "--protocol tls" in line for line in schedulers)

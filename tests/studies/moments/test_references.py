@@ -1,0 +1,77 @@
+"""Which seeds a recording is cut into, and what they are called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scex_sumo.base.errors import TrackError, reason_of
+from scex_sumo.converters.datasets.moment import Moment
+from scex_sumo.converters.datasets.recordings import Recording
+from scex_sumo.studies.moments.cut import list_moments, unreadable
+from scex_sumo.studies.moments.references import Failure, moment_name
+from scex_sumo.studies.rank.folder import RankFolder
+from tests.studies.rank.parts import SETTINGS
+
+RECORDING = Recording(
+    name="k733_000", site="k733", dataset="taf_bw", map_path=Path("k733.osm"), track_paths=(Path("t.csv"),)
+)
+
+
+@pytest.mark.parametrize(
+    ("case", "time_s", "name"),
+    [
+        ("", 60.0, "r_t60.0"),
+        ("", 60.04, "r_t60.040"),
+        ("12.0", 1.0, "r_case12.0_t1.0"),
+        ("a/b c", 1.0, "r_casea-b-c_t1.0"),
+    ],
+)
+def test_names_tell_recording_case_and_time(case: str, time_s: float, name: str) -> None:
+    assert moment_name("r", case, time_s) == name
+
+
+def test_moments_need_vehicles_that_move_and_cases_vehicles() -> None:
+    moments = [
+        Moment(case="", time_s=1.0, vehicles=9, complete=1),
+        Moment(case="", time_s=2.0, vehicles=9, complete=2),
+        Moment(case="7", time_s=1.0, vehicles=2, complete=0),
+        Moment(case="8", time_s=1.0, vehicles=1, complete=1),
+    ]
+    listing = list_moments(RECORDING, moments, min_vehicles=2)
+    assert [ref.moment for ref in listing.moments] == ["k733_000_t2.0", "k733_000_case7_t1.0"]
+    assert [ref.vehicles for ref in listing.moments] == [9, 2]
+    assert {ref.location for ref in listing.moments} == {"k733"}
+
+
+def test_listings_and_failures_survive_their_files(tmp_path: Path) -> None:
+    moments = [Moment(case="", time_s=0.1 * i, vehicles=3, complete=3) for i in range(50)]
+    listing, failure = (
+        list_moments(RECORDING, moments, min_vehicles=2),
+        unreadable(RECORDING, "no map\nthere"),
+    )
+    with RankFolder(tmp_path / "out", {}, SETTINGS) as folder:
+        folder.save_listing(listing)
+        folder.fail(failure)
+        assert folder.listing(RECORDING.name) == listing
+        assert folder.failures() == {RECORDING.name: failure}
+
+
+def test_reasons_are_one_line_and_name_the_kind_of_a_foreign_error() -> None:
+    assert reason_of(TrackError("t.csv: bad\n  rows")) == "t.csv: bad rows"
+    assert reason_of(IndexError("out of bounds")) == "IndexError: out of bounds"
+    assert reason_of(ValueError()) == "ValueError: no message"
+
+
+def test_a_failure_keeps_the_seeds_name() -> None:
+    (ref,) = list_moments(
+        RECORDING, [Moment(case="", time_s=1.0, vehicles=3, complete=3)], min_vehicles=1
+    ).moments
+    failure = Failure.of(ref, "off the map")
+    assert (failure.moment, failure.time_s, failure.reason, failure.died) == (
+        ref.moment,
+        1.0,
+        "off the map",
+        False,
+    )

@@ -1,0 +1,173 @@
+"""Worker processes: what they answer, and what is known when one dies."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import scex_sumo
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.scene import SeedScene
+from scex_sumo.studies.moments.references import Failure, MomentRef
+from scex_sumo.studies.moments.run import pack_road
+from scex_sumo.studies.moments.workers import LocalWorkers
+from scex_sumo.studies.rank.children import MomentPart, RankTask, run_moment
+from scex_sumo.studies.rank.settings import RankSettings
+
+SETTINGS = RankSettings(run=RunSettings(models="standard_driver,risky_driver", children=96))
+
+
+class Deadly:
+    """Takes the place of a road, and whoever unpacks it with it; the first time only, where told so."""
+
+    def __init__(self, unless: Path | None = None) -> None:
+        self._unless = unless
+
+    def __reduce__(self) -> Any:
+        if self._unless is None:
+            return os._exit, (3,)
+        code = (
+            f"import os, pathlib; mark = pathlib.Path({str(self._unless)!r})\n"
+            "if not mark.exists(): mark.touch(); os.kill(os.getpid(), 9)"
+        )
+        return exec, (code,)
+
+
+@pytest.fixture(scope="module")
+def scene() -> SeedScene:
+    return scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
+
+
+def task(scene: SeedScene, name: str, *, children: int = 4, road: Any = None, **changed: Any) -> RankTask:
+    ref = MomentRef(moment=name, location="l", recording="r", case="", time_s=1.0, vehicles=scene.vehicles)
+    assert scene.road is not None
+    return RankTask(
+        ref=ref,
+        scene=dataclasses.replace(scene, road=None),
+        road=pack_road(scene.road) if road is None else road,
+        children=range(children),
+        spare=children,
+        settings=dataclasses.replace(SETTINGS, **changed),
+    )
+
+
+@pytest.fixture
+def workers() -> Iterator[LocalWorkers]:
+    with closing(LocalWorkers(1, run_moment)) as processes:
+        yield processes
+
+
+def part_of(workers: LocalWorkers, asked: RankTask) -> MomentPart:
+    ((_, found),) = workers.run([asked])
+    assert isinstance(found, MomentPart), found.reason
+    return found
+
+
+def failure_of(found: MomentPart | Failure) -> Failure:
+    assert isinstance(found, Failure)
+    return found
+
+
+def test_a_seed_gives_what_extrapolate_gives(workers: LocalWorkers, scene: SeedScene, tmp_path: Path) -> None:
+    part = part_of(workers, task(scene, "s", keep="all"))
+    run = scex_sumo.extrapolate(scene, models=list(SETTINGS.models), children=4, out=tmp_path / "out")
+    for column in SETTINGS.run.columns:
+        expected = run.metrics[column].to_numpy(zero_copy_only=False)
+        values = part.children[column].to_numpy(zero_copy_only=False)
+        assert np.array_equal(values, expected, equal_nan=True), column
+    assert part.tracks is not None
+    assert part.tracks.equals(run.tracks)
+    assert part.children["model"].to_pylist() == [run.models_of(child) for child in range(4)]
+
+
+def test_later_children_are_those_of_a_longer_run(workers: LocalWorkers, scene: SeedScene) -> None:
+    whole = task(scene, "s", children=6)
+    later = dataclasses.replace(whole, children=range(4, 6))
+    all_of_them, last = (part_of(workers, asked) for asked in (whole, later))
+    assert last.children["child"].to_pylist() == [4, 5]
+    assert last.children.equals(all_of_them.children.slice(4))
+
+
+def test_what_is_wrong_with_a_seed_is_its_outcome_and_the_next_one_runs(
+    workers: LocalWorkers, scene: SeedScene
+) -> None:
+    away = dataclasses.replace(scene, history=dataclasses.replace(scene.history, x=scene.history.x + 5000.0))
+    other = dataclasses.replace(task(scene, "other"), version="0.0.0")
+    found = {
+        asked.ref.moment: what
+        for asked, what in workers.run([task(away, "away"), other, task(scene, "good")])
+    }
+    assert "on a mapped lane" in failure_of(found["away"]).reason
+    assert "needs 0.0.0" in failure_of(found["other"]).reason
+    assert isinstance(found["good"], MomentPart)
+    assert not any(failure_of(found[name]).died for name in ("away", "other"))
+
+
+def test_the_seed_of_a_worker_that_died_is_done_again_and_that_is_said(
+    workers: LocalWorkers, scene: SeedScene, tmp_path: Path
+) -> None:
+    mark = tmp_path / "died"
+    ((_, found),) = workers.run([task(scene, "s", road=Deadly(unless=mark))])
+    assert mark.exists()
+    failure = failure_of(found)
+    assert not failure.died  # the second worker answered: that None is no road
+    assert "no road" in failure.reason
+    assert workers.notes() == ["a worker died at s (signal 9) and was replaced"]
+
+
+def test_a_seed_that_kills_its_workers_is_given_up_and_the_next_one_runs(
+    workers: LocalWorkers, scene: SeedScene
+) -> None:
+    (bad, first), (_, second) = workers.run([task(scene, "bad", road=Deadly()), task(scene, "good")])
+    failure = failure_of(first)
+    assert (bad.ref.moment, failure.died) == ("bad", True)
+    assert "died 2 times (exit status 3, exit status 3)" in failure.reason
+    assert isinstance(second, MomentPart)
+
+
+def test_tasks_are_not_taken_before_there_is_a_worker_for_them(
+    workers: LocalWorkers, scene: SeedScene
+) -> None:
+    taken: list[int] = []
+
+    def tasks() -> Iterator[RankTask]:
+        for number in range(3):
+            taken.append(number)
+            yield task(scene, str(number), children=1)
+
+    found = workers.run(tasks())
+    next(found)
+    assert taken == [0]
+    assert len(list(found)) == 2
+
+
+LAZY = """
+import numpy as np
+
+
+def lazy(history):
+    \"\"\"Stays where it is; has no plan for the first vehicle.\"\"\"
+    plan = np.zeros((len(history), 30, 2))
+    plan[0] = np.nan
+    return plan
+"""
+
+
+def test_plans_that_are_not_the_models_own_are_counted(
+    scene: SeedScene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One vehicle without a plan, at each of the 6 replans of each of the 2 children."""
+    (tmp_path / "lazy_drivers.py").write_text(LAZY)
+    monkeypatch.syspath_prepend(tmp_path)
+    with closing(LocalWorkers(1, run_moment)) as workers:
+        part = part_of(
+            workers, task(scene, "s", children=2, run=RunSettings(models="lazy_drivers:lazy", children=96))
+        )
+    assert part.children["fallbacks"].to_pylist() == [6, 6]

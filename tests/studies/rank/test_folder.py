@@ -1,0 +1,189 @@
+"""The folder of a ranking: whole parts, found again, and nobody else's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow.dataset as pds
+import pyarrow.parquet as pq
+import pytest
+
+from scex_sumo.base.errors import ResultError
+from scex_sumo.metrics.registry import COLUMNS
+from scex_sumo.studies.moments.references import Failure, Listing
+from scex_sumo.studies.rank.children import pairs_of
+from scex_sumo.studies.rank.folder import RankFolder
+from tests.studies.rank.parts import DRIVERS, SETTINGS, moment_part, moment_ref
+
+PLAN = {"children": 4, "seed": 0}
+ONE, TWO = moment_ref("one_t1.0"), moment_ref("two_t1.0", "there")
+
+
+@pytest.fixture
+def filled(tmp_path: Path) -> Path:
+    """Two seeds of two sites, one with a second part."""
+    with RankFolder(tmp_path / "out", PLAN, SETTINGS) as folder:
+        folder.append(ONE, moment_part(0, 4))
+        folder.append(ONE, moment_part(4, 8))
+        folder.append(TWO, moment_part(0, 4))
+    return tmp_path / "out"
+
+
+def test_parts_are_found_again(filled: Path) -> None:
+    with RankFolder(filled, PLAN, SETTINGS) as folder:
+        assert folder.has(ONE, 0)
+        assert folder.has(ONE, 4)
+        assert not folder.has(TWO, 4)
+        assert folder.read(ONE, 4)["child"].to_pylist() == [4, 5, 6, 7]
+
+
+def test_a_part_tells_values_models_and_what_is_undefined(filled: Path) -> None:
+    with RankFolder(filled, PLAN, SETTINGS) as folder:
+        table = folder.read(ONE, 0)
+    assert table.column_names == [
+        "child",
+        *COLUMNS,
+        *("fallbacks", "kept", "track_id", "model", "critical_pairs"),
+    ]
+    assert table[COLUMNS[1]].to_pylist() == [1.0, 101.0, 201.0, 301.0]
+    assert table[COLUMNS[-1]].to_pylist() == [None, 111.0, 211.0, 311.0]
+    assert table["track_id"].to_pylist() == [[7, 8, 9]] * 4
+    assert table["model"].to_pylist() == [list(DRIVERS)] * 4
+    assert [rows.tolist() for rows in pairs_of(table)] == [[[7, 9, 1, 500]], [[7, 9, 0, 0]]] * 2
+
+
+def test_a_part_that_is_there_is_never_written_again(filled: Path) -> None:
+    (file,) = filled.glob("children/location=there/seed=two_t1.0/*.parquet")
+    before = file.stat().st_mtime_ns
+    with RankFolder(filled, PLAN, SETTINGS) as folder:
+        folder.append(TWO, moment_part(0, 4))
+    assert file.stat().st_mtime_ns == before
+
+
+def test_a_part_cut_off_in_the_writing_does_not_count(filled: Path) -> None:
+    (file,) = filled.glob("children/location=there/seed=two_t1.0/*.parquet")
+    file.rename(file.with_name(f".{file.name}.writing"))
+    with RankFolder(filled, PLAN, SETTINGS) as folder:
+        assert not folder.has(TWO, 0)
+        folder.append(TWO, moment_part(0, 4))
+    assert [path.name for path in file.parent.iterdir()] == [file.name]
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1"])
+def test_a_damaged_part_runs_again(filled: Path, content: bytes) -> None:
+    (file,) = filled.glob("children/location=there/seed=two_t1.0/*.parquet")
+    file.write_bytes(content)
+    with RankFolder(filled, PLAN, SETTINGS) as folder:
+        assert not folder.has(TWO, 0)
+        folder.append(TWO, moment_part(0, 4))
+        assert folder.read(TWO, 0)["child"].to_pylist() == [0, 1, 2, 3]
+
+
+def test_a_damaged_listing_or_failure_is_looked_at_again(filled: Path) -> None:
+    with RankFolder(filled, PLAN, SETTINGS) as folder:
+        folder.save_listing(Listing(recording="r", moments=(ONE,)))
+        folder.fail(Failure.of(ONE, "broken"))
+    for file in (*filled.glob("seeds/*.json"), *filled.glob("failed/*.json")):
+        file.write_bytes(file.read_bytes()[:9])
+    with RankFolder(filled, PLAN, SETTINGS) as folder:
+        assert folder.listing("r") is None
+        assert folder.failures() == {}
+
+
+def test_a_listing_of_which_one_letter_was_changed_is_looked_at_again(filled: Path) -> None:
+    with RankFolder(filled, PLAN, SETTINGS) as folder:
+        folder.save_listing(Listing(recording="r", moments=(ONE,)))
+    (file,) = filled.glob("seeds/*.json")
+    file.write_text(file.read_text().replace("one_t1.0", "one_t7.0"))
+    with RankFolder(filled, PLAN, SETTINGS) as folder:
+        assert folder.listing("r") is None
+
+
+def test_another_ranking_is_kept_unless_told_otherwise(filled: Path) -> None:
+    with pytest.raises(ResultError, match="holds another ranking"):
+        RankFolder(filled, {**PLAN, "seed": 1}, SETTINGS)
+    with RankFolder(filled, {**PLAN, "seed": 1}, SETTINGS, overwrite=True) as folder:
+        assert not folder.has(ONE, 0)
+    assert not list(filled.glob("children/*"))
+
+
+def test_a_folder_with_other_things_in_it_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("")
+    with pytest.raises(ResultError, match="not empty"):
+        RankFolder(tmp_path, PLAN, SETTINGS, overwrite=True)
+    assert (tmp_path / "thesis.tex").exists()
+
+
+def test_an_unwritable_place_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResultError, match="cannot write the ranking"):
+        RankFolder(tmp_path / "file" / "out", PLAN, SETTINGS)
+
+
+def test_failures_and_listings_are_kept(tmp_path: Path) -> None:
+    failure = Failure.of(ONE, "off the map")
+    listing = Listing(recording="recording", moments=(ONE, TWO))
+    with RankFolder(tmp_path / "out", PLAN, SETTINGS) as folder:
+        folder.fail(failure)
+        folder.save_listing(listing)
+    with RankFolder(tmp_path / "out", PLAN, SETTINGS) as folder:
+        assert folder.failures() == {ONE.moment: failure}
+        assert folder.listing("recording") == listing
+        assert folder.listing("another") is None
+        folder.clear_failure(ONE.moment)
+        assert folder.failures() == {}
+
+
+def test_finished_it_says_so(filled: Path) -> None:
+    with RankFolder(filled, PLAN, SETTINGS) as folder:
+        assert (filled / "incomplete.json").exists()
+        folder.finish({"seeds": 2})
+    assert not (filled / "incomplete.json").exists()
+    assert '"seeds": 2' in (filled / "rank.json").read_text()
+    RankFolder(filled, PLAN, SETTINGS).close()  # and the same ranking may go on there
+
+
+def test_tracks_come_before_the_children_they_belong_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So that children that are there have their tracks, whenever a run is cut off."""
+    tracks = pq.read_table(_tracks(tmp_path / "t.parquet"))
+    written: list[str] = []
+    replace = Path.replace
+    monkeypatch.setattr(Path, "replace", lambda path, to: written.append(to.parts[-4]) or replace(path, to))
+    with RankFolder(tmp_path / "out", PLAN, SETTINGS) as folder:
+        folder.append(ONE, moment_part(0, 4, tracks=tracks))
+    assert written[-2:] == ["tracks", "children"]
+
+
+def _tracks(path: Path) -> Path:
+    import pyarrow as pa
+
+    pq.write_table(pa.table({"case_id": [0, 1], "x": [0.0, 1.0]}), path)
+    return path
+
+
+def test_pyarrow_reads_all_children_in_one_line(filled: Path) -> None:
+    table = pds.dataset(filled / "children", partitioning="hive").to_table()
+    assert table.num_rows == 12
+    assert set(table["seed"].to_pylist()) == {"one_t1.0", "two_t1.0"}
+
+
+def test_pandas_reads_all_children_in_one_line(filled: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.read_parquet(filled / "children")
+    assert len(frame) == 12
+    assert frame.groupby("seed", observed=True).size().to_dict() == {"one_t1.0": 8, "two_t1.0": 4}
+
+
+def test_polars_reads_all_children_in_one_line(filled: Path) -> None:
+    polars = pytest.importorskip("polars")
+    frame = polars.read_parquet(filled / "children" / "**" / "*.parquet", hive_partitioning=True)
+    assert frame.height == 12
+    assert frame.filter(polars.col("location") == "there")["child"].to_list() == [0, 1, 2, 3]
+
+
+def test_duckdb_reads_all_children_in_one_line(filled: Path) -> None:
+    duckdb = pytest.importorskip("duckdb")
+    query = f"FROM '{filled}/children/**/*.parquet' SELECT seed, count(*) GROUP BY seed ORDER BY seed"
+    assert duckdb.sql(query).fetchall() == [("one_t1.0", 8), ("two_t1.0", 4)]

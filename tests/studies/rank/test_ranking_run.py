@@ -1,0 +1,215 @@
+"""The rounds of a ranking with workers that answer at once: what is run, kept, and gone on with."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import hashlib
+import itertools
+import shutil
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import scex_sumo
+from scex_sumo.converters.datasets.recordings import Recording, find_recordings
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.studies.moments.references import Failure
+from scex_sumo.studies.moments.workers import Done
+from scex_sumo.studies.rank.children import MomentPart, RankTask, children_table, choose_kept, score_of
+from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.rank.places import distinct_moments
+from scex_sumo.studies.rank.ranking_run import RankingRun
+from scex_sumo.studies.rank.settings import RankSettings
+
+ONE_MODEL = RunSettings(models="standard_driver", children=96)
+
+
+class Instant:
+    """Workers that make up values from the moment's name and the child's number.
+
+    Attributes:
+        asked: moment and first child of every task.
+    """
+
+    def __init__(
+        self, *, back_to_front: int = 1, bad: str = "", died: bool = False, stop: int = 10**9
+    ) -> None:
+        self.asked: list[tuple[str, int]] = []
+        self._size, self._bad, self._died, self._stop = back_to_front, bad, died, stop
+
+    def notes(self) -> list[str]:
+        return []
+
+    def run(self, tasks: Iterable[RankTask]) -> Iterator[Done]:
+        waiting = iter(tasks)
+        while group := list(itertools.islice(waiting, self._size)):
+            for task in reversed(group):
+                if len(self.asked) == self._stop:
+                    raise KeyboardInterrupt
+                self.asked.append((task.ref.moment, task.children.start))
+                if task.ref.moment == self._bad:
+                    yield task, Failure.of(task.ref, "bad luck", died=self._died)
+                else:
+                    yield task, made_up(task)
+
+    def close(self) -> None:
+        pass
+
+
+def made_up(task: RankTask) -> MomentPart:
+    children = np.array(task.children)
+    number = int.from_bytes(hashlib.sha256(task.ref.moment.encode()).digest()[:4], "big")
+    columns = task.settings.run.columns
+    values = np.stack([np.random.default_rng([number, c]).random(len(columns)) for c in children])
+    # The more often vehicles 1 and 2 collide, at 3 m/s, the greater the moment's number.
+    hit = values[:, 0] * 7 < number % 7
+    pairs = tuple(np.array([[1, 2, 1, 300]] if h else np.zeros((0, 4)), dtype=np.int64) for h in hit)
+    table = children_table(
+        children,
+        columns=columns,
+        values=values,
+        defined=np.ones(values.shape, dtype=bool),
+        fallbacks=np.zeros(len(children), dtype=np.int64),
+        kept=choose_kept(score_of(pairs), task.settings.keep, task.spare),
+        track_ids=task.scene.track_ids,
+        models=(("standard_driver",) * task.scene.vehicles,) * len(children),
+        pairs=pairs,
+    )
+    return MomentPart(children=table, tracks=None)
+
+
+@pytest.fixture(scope="module")
+def recordings() -> tuple[Recording, ...]:
+    return find_recordings([scex_sumo.example_path("roundabout"), scex_sumo.example_path("motorway_merge")])
+
+
+def ranked(
+    recordings: tuple[Recording, ...], path: Path, workers: Instant, *, keep: str = "none", top: int = 1
+) -> RankingRun:
+    settings = RankSettings(run=ONE_MODEL, every=2.0, top=top, keep=keep)
+    with RankFolder(path, {"plan": 1}, settings) as folder:
+        result = RankingRun(recordings, settings, folder, workers)
+        result.run()
+    return result
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    return {str(f.relative_to(path)): f.read_bytes() for f in sorted(path.rglob("*")) if f.is_file()}
+
+
+def test_every_seed_has_its_first_children_and_some_have_more(
+    recordings: tuple[Recording, ...], tmp_path: Path
+) -> None:
+    workers = Instant()
+    found = ranked(recordings, tmp_path / "out", workers)
+    assert {ref.location for ref in found.refs} == {"roundabout", "motorway_merge"}
+    first = [seed for seed, child in workers.asked if child == 0]
+    assert first == [ref.moment for ref in found.listed]
+    more = [seed for seed, child in workers.asked if child == 32]
+    assert 0 < len(more) < len(first)
+    assert {seed for seed, child in workers.asked if child == 64} <= set(more)
+
+
+def test_nothing_is_run_twice(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
+    workers, again = Instant(), Instant()
+    ranked(recordings, tmp_path / "out", workers)
+    assert len(set(workers.asked)) == len(workers.asked)
+    ranked(recordings, tmp_path / "out", again)
+    assert again.asked == []
+
+
+@pytest.mark.parametrize("size", [2, 5, 100])
+def test_the_order_in_which_seeds_finish_changes_no_byte(
+    recordings: tuple[Recording, ...], tmp_path: Path, size: int
+) -> None:
+    ranked(recordings, tmp_path / "one", Instant())
+    ranked(recordings, tmp_path / "other", Instant(back_to_front=size))
+    assert contents(tmp_path / "one") == contents(tmp_path / "other")
+
+
+@pytest.mark.parametrize("stop", [0, 1, 7, 15, 17])
+def test_wherever_it_is_interrupted_it_goes_on_to_the_same_bytes(
+    recordings: tuple[Recording, ...], tmp_path: Path, stop: int
+) -> None:
+    whole, cut, rest = Instant(), Instant(stop=stop), Instant()
+    ranked(recordings, tmp_path / "whole", whole)
+    with pytest.raises(KeyboardInterrupt):
+        ranked(recordings, tmp_path / "cut", cut)
+    ranked(recordings, tmp_path / "cut", rest)
+    assert contents(tmp_path / "cut") == contents(tmp_path / "whole")
+    assert sorted(cut.asked + rest.asked) == sorted(whole.asked)
+
+
+def test_a_seed_that_fails_is_recorded_and_not_tried_again(
+    recordings: tuple[Recording, ...], tmp_path: Path
+) -> None:
+    bad = "roundabout_t6.1"
+    found = ranked(recordings, tmp_path / "out", Instant(bad=bad))
+    assert found.failures[bad].reason == "bad luck"
+    assert bad not in {ref.moment for ref in found.refs}
+    again = Instant()
+    assert ranked(recordings, tmp_path / "out", again).failures == found.failures
+    assert again.asked == []
+
+
+def test_a_seed_whose_workers_died_is_tried_again(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
+    bad = "roundabout_t6.1"
+    ranked(recordings, tmp_path / "out", Instant(bad=bad, died=True))
+    again = Instant()
+    found = ranked(recordings, tmp_path / "out", again)
+    assert again.asked[0] == (bad, 0)
+    assert found.failures == {}
+    assert not list((tmp_path / "out" / "failed").iterdir())
+
+
+def test_at_most_five_children_of_a_seed_are_kept(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
+    found = ranked(recordings, tmp_path / "out", Instant(), keep="critical")
+    kept = [sum(tally.kept for tally in found.tallies[ref.moment]) for ref in found.refs]
+    assert max(kept) == 5
+
+
+def test_a_recording_that_cannot_be_read_stops_no_other(
+    recordings: tuple[Recording, ...], tmp_path: Path
+) -> None:
+    broken = dataclasses.replace(recordings[0], name="broken", track_paths=(tmp_path / "nowhere.csv",))
+    found = ranked((broken, *recordings), tmp_path / "out", Instant())
+    assert "nowhere.csv" in found.unreadable["broken"].reason
+    assert len(found.refs) > 0
+
+
+def test_progress_ends_where_everything_is_done(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
+    seen: list[tuple[int, int]] = []
+    workers, settings = Instant(), RankSettings(run=ONE_MODEL, every=2.0, top=1)
+    with RankFolder(tmp_path / "out", {"plan": 1}, settings) as folder:
+        RankingRun(recordings, settings, folder, workers, lambda *tick: seen.append(tick)).run()
+    assert all(done <= total for done, total in seen)
+    assert seen[-1] == (32 * len(workers.asked), 32 * len(workers.asked))
+
+
+def test_every_case_of_a_file_of_cases_is_a_seed(tmp_path: Path) -> None:
+    """Four cases of 4 s each, cut from the recording of 18 s; each case is its own situation."""
+    source = scex_sumo.example_path("roundabout")
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "train").mkdir()
+    shutil.copy(source, tmp_path / "maps" / "roundabout.osm")
+    with source.with_suffix(".csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    with (tmp_path / "train" / "roundabout_train.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, ["case_id", *rows[0]])
+        writer.writeheader()
+        for case in range(4):
+            for row in rows:
+                frame = int(row["frame_id"]) - 40 * case
+                if 1 <= frame <= 40:
+                    own = {"case_id": f"{case + 1}.0", "frame_id": frame, "timestamp_ms": 100 * frame}
+                    writer.writerow(row | own)
+    workers = Instant()
+    found = ranked(find_recordings([tmp_path]), tmp_path / "out", workers, top=4)
+    assert [ref.case for ref in found.refs] == ["1.0", "2.0", "3.0", "4.0"]
+    assert {ref.time_s for ref in found.refs} == {1.0}
+    assert len({ref.moment for ref in found.refs}) == 4
+    assert found.failures == {}
+    assert len(distinct_moments(found.refs, range(4), 4)) == 4

@@ -1,0 +1,198 @@
+"""Scores of moments: what a forecast of known children is worth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from scex_sumo.base.errors import ResultError
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.scene import States
+from scex_sumo.studies.moments.references import Failure, MomentRef
+from scex_sumo.studies.validate.folder import ForecastFolder
+from scex_sumo.studies.validate.moment import (
+    CONSTANT_VELOCITY,
+    RECORDED,
+    SEED_MOMENT,
+    Forecast,
+    asked_of,
+)
+from scex_sumo.studies.validate.page import write_validation_page
+from scex_sumo.studies.validate.realism import FEATURES, realism, realism_score
+from scex_sumo.studies.validate.scoring import (
+    EVENTS,
+    encounter_scores,
+    event_scores,
+    gathered,
+    position_scores,
+    probability,
+    summary,
+    value_scores,
+)
+from scex_sumo.studies.validate.settings import ValidationSettings
+from scex_sumo.studies.validate.vehicles import ENCOUNTERS
+from tests.behaviors import roads
+
+
+def settings(children: int) -> ValidationSettings:
+    return ValidationSettings(run=RunSettings(models="standard_driver", children=children))
+
+
+COLUMNS = asked_of(settings(1)).columns
+
+
+def ref(number: int) -> MomentRef:
+    return MomentRef(
+        moment=f"m{number}", location="here", recording=f"r{number % 2}", case="", time_s=number, vehicles=2
+    )
+
+
+def forecast(distance: list[float], recorded: float, error: float = 0.0) -> Forecast:
+    child = [*range(len(distance)), RECORDED, CONSTANT_VELOCITY, SEED_MOMENT]
+    values = [*distance, recorded, 20.0, 20.0]
+    table = {"child": pa.array(child, pa.int32())}
+    for column in COLUMNS:
+        table[column] = pa.array(values if column == "distance" else [None] * len(child), pa.float64())
+    table["collision"] = pa.array([False] * len(child))
+    seen = {name: values[: len(distance)] for name, values in table.items()}
+    vehicles = pa.Table.from_pylist(
+        [
+            {
+                "track_id": 1, "moving": True, "second": 3, "error_of_mean_m": 1.0, "mean_error_m": 2.0,
+                "least_error_m": 0.5, "constant_velocity_error_m": 3.0, "along_covered": True,
+                "across_covered": False, "along_seen": True, "across_seen": True,
+                "along_rank": 0.5, "across_rank": 0.99,
+            }
+        ]
+    )  # fmt: skip
+    return Forecast(
+        children=pa.table(table),
+        seen=pa.table({**seen, "distance": pa.array([d + error for d in distance])}),
+        vehicles=vehicles,
+        encounters=ENCOUNTERS.empty_table(),
+        realism=pa.table({name: [0.7] for name in ("realism", *FEATURES)}),
+    )
+
+
+FOUND = [(ref(0), forecast([4.0, 4.0, 6.0, 8.0], 4.5)), (ref(1), forecast([9.0, 9.5, 10.0, 12.0], 9.8))]
+
+
+def test_the_probability_of_an_event_is_its_share_of_the_children() -> None:
+    p, seen, o = probability(gathered(FOUND), EVENTS[0])
+    assert p.tolist() == seen.tolist() == [0.5, 0.0]
+    assert o.tolist() == [True, False]
+
+
+def test_an_event_is_scored_against_base_rate_and_constant_velocity() -> None:
+    row = event_scores(gathered(FOUND))[0]
+    assert row["brier"] == pytest.approx(0.125)
+    assert row["skill_base_rate"] == pytest.approx(0.5)
+    assert row["skill_constant_velocity"] == pytest.approx(0.75)
+
+
+def test_a_value_is_scored_by_crps_against_constant_velocity() -> None:
+    row = next(row for row in value_scores(gathered(FOUND)) if row["column"] == "distance")
+    assert row["count"] == 2
+    assert row["coverage"] == 1.0
+    assert 0.8 < row["crps_skill"] < 1.0
+
+
+def test_children_as_they_would_have_been_recorded_are_scored_beside_those_driven() -> None:
+    found = gathered([(ref(0), forecast([4.0, 4.0, 4.1, 4.2], 3.0, error=-1.0))])
+    row = next(row for row in value_scores(found) if row["column"] == "distance")
+    assert (row["coverage_driven"], row["coverage"]) == (0.0, 1.0)
+    assert row["crps_skill_seen"] > row["crps_skill"]
+    p, seen, _ = probability(found, EVENTS[0])
+    assert (p.tolist(), seen.tolist()) == ([1.0], [1.0])
+
+
+def test_positions_are_averaged_over_vehicles() -> None:
+    (row,) = position_scores(gathered(FOUND))
+    assert (row["vehicles"], row["error_of_mean_m"], row["along_coverage"]) == (2, 1.0, 1.0)
+
+
+def test_the_page_is_one_file_with_all_tables(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    found = gathered(FOUND)
+    rows = {"events": event_scores(found), "values": value_scores(found), "positions": position_scores(found)}
+    info = {"models": ["likely"], "children": 4, "part": "all", "failed": {"m9": "no <vehicle>"}}
+    write_validation_page(tmp_path, {**info, **summary(found, rows["events"])}, rows)
+    page = (tmp_path / "validation.html").read_text()
+    assert "distance" in page and "no &lt;vehicle&gt;" in page and "://" not in page
+    assert not encounter_scores(found)
+
+
+def test_a_folder_gives_back_what_was_added_and_takes_no_other_validation(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "v"
+    with ForecastFolder(path, {"a": 1}, settings(4)) as folder:
+        folder.append(*FOUND[0])
+        assert folder.has(ref(0)) and not folder.has(ref(1))
+    with ForecastFolder(path, {"a": 1}, settings(4)) as folder:
+        assert folder.read(ref(0)).children.equals(FOUND[0][1].children)
+    with ForecastFolder(path, {"a": 1}, settings(4)) as folder:
+        folder.restart()
+        assert not folder.has(ref(0))
+    with pytest.raises(ResultError, match="another validation"):
+        ForecastFolder(path, {"a": 2}, settings(4))
+
+
+def motion(speed: float, children: int) -> States:
+    steps = 0.1 * speed * np.arange(1, 31)
+    x = np.broadcast_to(100 + steps[None, :, None], (children, 30, 1)).copy()
+    return States(x=x, y=np.zeros_like(x), heading=np.zeros_like(x), speed=np.full_like(x, speed))
+
+
+def test_who_drives_as_recorded_is_more_real_than_who_does_not() -> None:
+    size, judged, where = np.array([4.5]), np.array([True]), roads.straight()
+    width = np.array([1.8])
+    same = realism(motion(10.0, 8), motion(10.0, 1), size, width, judged, where)
+    other = realism(motion(2.0, 8), motion(10.0, 1), size, width, judged, where)
+    assert realism_score(same) > realism_score(other)
+    assert same["collision_indication"] == pytest.approx(8.001 / 8.002)
+
+
+def test_realism_of_nobody_is_unknown() -> None:
+    found = realism(
+        motion(1.0, 2), motion(1.0, 1), np.ones(1), np.ones(1), np.array([False]), roads.straight()
+    )
+    assert np.isnan(realism_score(found))
+
+
+@pytest.mark.parametrize("name", ["children", "vehicles"])
+def test_a_moment_of_which_a_table_is_broken_runs_again(tmp_path: Path, name: str) -> None:
+    with ForecastFolder(tmp_path / "out", {"seed": 1}, settings(2)) as folder:
+        for number in (0, 1):
+            folder.append(ref(number), forecast([1.0, 2.0], 3.0))
+        folder.fail(Failure.of(ref(2), "broken"))
+    table = tmp_path / "out/moments/m1" / f"{name}.parquet"
+    content = bytearray(table.read_bytes())
+    content[len(content) // 5] ^= 0xFF
+    table.write_bytes(content)
+    (tmp_path / "out/failed/m2.json").write_text("{")
+    with ForecastFolder(tmp_path / "out", {"seed": 1}, settings(2)) as folder:
+        assert folder.has(ref(0)) and not folder.has(ref(1))
+        assert folder.failures() == {}
+        folder.append(ref(1), forecast([1.0, 2.0], 3.0))
+        assert folder.read(ref(1)).children.num_rows == 5
+
+
+@pytest.mark.parametrize("name", ["vehicles", "encounters", "realism", "seen", "children"])
+@pytest.mark.parametrize("how", ["no column", "text", "rows", "gone"])
+def test_a_moment_of_which_a_table_was_edited_runs_again(tmp_path: Path, name: str, how: str) -> None:
+    with ForecastFolder(tmp_path / "out", {"seed": 1}, settings(2)) as folder:
+        folder.append(ref(0), forecast([1.0, 2.0], 3.0))
+    file = tmp_path / "out/moments/m0" / f"{name}.parquet"
+    table = pq.read_table(file)
+    if how == "no column":
+        pq.write_table(table.drop_columns(table.column_names[-1:]), file)
+    elif how == "text":
+        pq.write_table(table.set_column(0, table.column_names[0], pa.array(["x"] * len(table))), file)
+    elif how == "rows" and name in ("realism", "seen", "children"):
+        pq.write_table(table.slice(1), file)
+    else:
+        file.unlink()
+    with ForecastFolder(tmp_path / "out", {"seed": 1}, settings(2)) as folder:
+        assert not folder.has(ref(0))

@@ -1,0 +1,43 @@
+"""Public face: the example in the docstring of every public name runs as it stands there."""
+
+from __future__ import annotations
+
+import doctest
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import scex_sumo as scex
+from scex_sumo.behaviors import registry as models
+from scex_sumo.metrics import registry as metrics
+
+NEEDS = {"to_hetero_data": "torch_geometric", "to_networkx": "networkx"}
+
+
+@pytest.fixture(scope="module")
+def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What the examples use: the package, NumPy, a seed scene, a run of it."""
+    scene = scex.read_seed(scex.example_path("roundabout"))
+    run = scex.extrapolate(scene, children=4, seed=1, out=tmp_path_factory.mktemp("run") / "out")
+    return {"scex": scex, "np": np, "Path": Path, "scene": scene, "run": run}
+
+
+@pytest.mark.filterwarnings("ignore:Implicitly cleaning up:ResourceWarning")
+@pytest.mark.parametrize("name", [name for name in scex.__all__ if name != "__version__"])
+def test_the_example_runs(
+    name: str, names: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if name in NEEDS and importlib.util.find_spec(NEEDS[name]) is None:
+        pytest.skip(f"{NEEDS[name]} is not installed")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(models, "_registered", dict(models._registered))
+    monkeypatch.setattr(metrics, "_registered", dict(metrics._registered))
+    text = getattr(scex, name).__doc__
+    example = doctest.DocTestParser().get_doctest(text, dict(names), name, None, 0)
+    assert example.examples, "the docstring has no example"
+    said: list[str] = []
+    failed = doctest.DocTestRunner(verbose=False).run(example, out=said.append).failed
+    assert not failed, "".join(said)
