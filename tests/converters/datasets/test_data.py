@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.converters.datasets.test_recordings import same
 
 from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.datasets.recordings import (
@@ -21,6 +20,7 @@ from scex_sumo.converters.datasets.recordings import (
 from scex_sumo.formats.commonroad.tracks import read_commonroad_tracks
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.studies.dataset_report import track_quality
+from tests.converters.datasets.test_recordings import same
 
 
 def load(root: Path) -> LoadedRecording:
