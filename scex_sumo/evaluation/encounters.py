@@ -212,11 +212,11 @@ def in_words(row: Mapping[str, Any]) -> str:
         name = max(names, key=lambda n: float(row[n]))
         text = f"{names[name]} in {_percent(row, name)}"
     elif row["gap_p05"] is None:
-        return head + "never within 10 m in 95 % of the children"
+        return head + "never within 10 m in 95 % of the futures"
     else:
         usual = "more than 10" if row["gap_p50"] is None else f"{row['gap_p50']:.1f}"
         return (
-            head + f"{row['gap_p05']:.1f} m apart or less in 5 % of the children, {usual} m in half of them"
+            head + f"{row['gap_p05']:.1f} m apart or less in 5 % of the futures, {usual} m in half of them"
         )
     if not row["models"]:
         return head + text
