@@ -1,6 +1,6 @@
-"""CommonRoad 2020a: the road as lanelets with signs and lights, vehicles as obstacles, a planning problem.
+"""CommonRoad 2020a scenario: lanelets, vehicles as obstacles, a planning problem.
 
-The XML is written without commonroad-io, whose interface changes with its releases; tests read it with it.
+The XML is written without commonroad-io, whose interface changes; tests read it with it.
 """
 
 from __future__ import annotations
@@ -24,10 +24,9 @@ _TYPES = {"van": "car", "tram": "train"}  # CommonRoad's words, where they diffe
 
 
 def write_commonroad(request: Request) -> list[Path]:
-    """Write a scenario for each child; an ego also gets the task to drive from its seed state to its end.
+    """Write a scenario for each child; an ego also gets a planning problem from its seed state to its end.
 
-    Without an ego time step 0 is the first logged frame. With one, it is the seed scene: the file has no past
-    and no obstacle for the ego.
+    Time step 0 is the first logged frame; with an ego, it is the seed scene, and the ego is no obstacle.
     """
     ego, files = request.ego_index(), []
     for child in request.children:
@@ -46,7 +45,7 @@ def write_commonroad(request: Request) -> list[Path]:
 
 
 def _benchmark(road: str, child: int) -> str:
-    """Return CommonRoad's name of a scenario; ZAM stands for no country, the child is the configuration."""
+    """Return CommonRoad's name of a scenario; ZAM is no country, the child is the configuration."""
     letters = "".join(c for c in road.title() if c.isalnum())
     return f"ZAM_{letters}-1_{child + 1}_T-1"
 
@@ -113,7 +112,6 @@ def _state(element: ET.Element, row: FloatArray, step: int) -> None:
 
 
 def _task(request: Request, child: int, ego: int, number: int) -> ET.Element:
-    """Return the task to drive from the ego's seed state to its last place, in the same time."""
     states = request.run.states(child)[ego]
     steps = states.shape[0] - LOGGED_HISTORY
     now, end = states[LOGGED_HISTORY - 1], states[-1]

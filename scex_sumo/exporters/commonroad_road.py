@@ -1,4 +1,4 @@
-"""Road network of a CommonRoad scenario: lanelets, signs and lights, and the XML helpers of the format."""
+"""Road network of a CommonRoad scenario: lanelets, signs, lights, intersections."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SPEED, _YIELD, _STOP = "274", "205", "206"  # Germany's numbers, which are Comm
 
 
 def add(parent: ET.Element, tag: str, text: str | None = None) -> ET.Element:
-    """Append an element with a text, and return it."""
+    """Append an element, and return it."""
     child = ET.SubElement(parent, tag)
     child.text = text
     return child
@@ -32,31 +32,26 @@ def number_text(value: float) -> str:
 
 @dataclass(kw_only=True, eq=False)
 class _Signals:
-    """Signs, lights and stop lines: their elements, and the references of each lane."""
+    """Signs, lights and stop lines: their elements, and references by lane."""
 
     elements: list[ET.Element] = field(default_factory=list)
     of_lane: dict[int, list[tuple[str, int]]] = field(default_factory=dict)
     stop_lines: dict[int, tuple[FloatArray, str, int]] = field(default_factory=dict)
 
     def refer(self, lanes: list[int], tag: str, number: int) -> None:
-        """Add a reference to a sign or light to lanes."""
         for i in lanes:
             self.of_lane.setdefault(i, []).append((tag, number))
 
 
 def lanelet_numbers(road: Road, taken: Collection[int] = ()) -> dict[int, int]:
-    """Return lanelet ids by lane: the map's own if all are positive, else new ones above those taken."""
+    """Return lanelet ids by lane: the map's own if all are positive, else new ones above ``taken``."""
     lanes = [i for i, lane in road.lanes.items() if lane.reverse_of is None]
     first = 0 if all(i > 0 for i in lanes) else max([0, *taken]) + 1
     return {i: first + k if first else i for k, i in enumerate(lanes)}
 
 
 def road_elements(road: Road, taken: Collection[int] = ()) -> tuple[list[ET.Element], set[int]]:
-    """Return the lanelets, signs and lights of a road, and all their ids.
-
-    Args:
-        taken: ids of obstacles, which no new lanelet id repeats.
-    """
+    """Return the elements of a road, and all their ids; ``taken`` are ids of obstacles."""
     numbers = lanelet_numbers(road, taken)
     signals = _signals(road, numbers)
     both_ways = {lane.reverse_of for lane in road.lanes.values()} - {None}
@@ -66,7 +61,7 @@ def road_elements(road: Road, taken: Collection[int] = ()) -> tuple[list[ET.Elem
 
 
 def point_by_point(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two borders with equally many points, which include all of their own."""
+    """Return two borders with equally many points, all of their own included."""
     if len(left) == len(right):
         return left, right
     arcs = [arc_lengths(line) for line in (left, right)]

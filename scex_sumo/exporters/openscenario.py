@@ -1,6 +1,6 @@
-"""OpenSCENARIO XML: one scenario for each child, with the road as OpenDRIVE.
+"""OpenSCENARIO XML: a scenario for each child, with the road as OpenDRIVE.
 
-OpenSCENARIO's reference point of a vehicle is the middle of its rear axle, not its centre.
+The reference point of a vehicle is the middle of its rear axle.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _README = """# {name}: {count} child scenario(s) for OpenSCENARIO players
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Participant:
-    """Road user: name, recorded type, size, model, and (T,) times with states of the centre."""
+    """Road user with (T,) times and states of its centre."""
 
     name: str
     kind: str
@@ -68,7 +68,7 @@ class _Participant:
 
 
 def write_openscenario(request: Request) -> list[Path]:
-    """Write the road, one scenario for each child, and a README about playing them."""
+    """Write the road, a scenario for each child, and a README."""
     try:
         from scenariogeneration import xosc
     except ImportError as error:
@@ -135,7 +135,7 @@ def _scenario_text(xosc: Any, request: Request, child: int, road_file: str) -> s
 
 
 def _written(file: Path) -> datetime:
-    """Return when the run was finished, so that the same export has the same bytes."""
+    """Return when the run was finished, for reproducible bytes."""
     moment = datetime.fromtimestamp(int(file.stat().st_mtime), tz=timezone.utc)
     return moment.replace(tzinfo=None)
 

@@ -1,4 +1,4 @@
-"""Picture of a seed scene from above with its scene graph."""
+"""Picture of a seed scene with its scene graph."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ _BEND = 0.16  # of the straight distance: edges over a common lane do not hide o
 def plot_scene_graph(
     scene: SeedScene, path: str | Path, *, road: Road | None = None, radius: float = RADIUS_M, title: str = ""
 ) -> Path:
-    """Draw a seed scene from above with the edges of its scene graph, and return the file.
+    """Draw a seed scene from above with its scene graph, and return the file.
 
-    A longitudinal edge is an arrow from the vehicle behind to the one ahead; lateral and intersecting edges
-    have no head. Vehicles without an edge are grey, pedestrians and cyclists magenta dots, numbers track ids.
+    Longitudinal edges are arrows from the vehicle behind to the one ahead. Vehicles without an edge are grey,
+    pedestrians and cyclists magenta dots; numbers are track ids.
 
     Args:
-        road: the map; None takes that of the seed scene.
+        road: None takes that of the seed scene.
         radius: of the graph, m.
-        title: above the picture; empty takes the scene's name and the number of vehicles.
+        title: empty takes the scene's name and number of vehicles.
 
     Raises:
         UsageError: there is no road.
@@ -63,7 +63,7 @@ def plot_scene_graph(
 
 
 def scene_graph_panel(axes: Axes, road: Road, scene: SeedScene, graph: SceneGraph) -> None:
-    """Draw road, vehicles and edges of the first child of a graph, with a legend."""
+    """Draw road, vehicles, edges of the first child, and a legend."""
     draw_road(axes, road)
     _draw_edges(axes, scene, graph)
     mine = graph.child == 0
@@ -87,7 +87,7 @@ def scene_graph_panel(axes: Axes, road: Road, scene: SeedScene, graph: SceneGrap
 
 
 def _draw_edges(axes: Axes, scene: SeedScene, graph: SceneGraph) -> None:
-    """Draw each relation of the first child once, longitudinal ones on top."""
+    """Draw each relation once, longitudinal ones on top."""
     source, target = graph.edge_index
     for kind, (_, color, line) in reversed(_STYLES.items()):
         chosen = (graph.edge_kind == kind) & (target < scene.vehicles)

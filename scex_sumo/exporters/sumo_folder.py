@@ -1,4 +1,4 @@
-"""SUMO folder: net, vehicle types, routes and a state from which SUMO's own models continue a child."""
+"""SUMO folder: net, vehicle types, routes and a state from which SUMO continues a child."""
 
 from __future__ import annotations
 

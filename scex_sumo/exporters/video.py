@@ -1,4 +1,4 @@
-"""Video of a child from above, as MP4 (with PyAV) or GIF, drawn by matplotlib."""
+"""Video of a child from above: MP4 (PyAV) or GIF, drawn by matplotlib."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _WINDSCREEN = np.array([[0.24, 0.4], [0.12, 0.36], [0.12, -0.36], [0.24, -0.4]])
 
 
 def write_mp4(request: Request) -> list[Path]:
-    """Write each child as an MP4 file (H.264) in real time; several go into a folder.
+    """Write each child as MP4 (H.264) in real time; several into a folder.
 
     Raises:
         UsageError: PyAV is not installed.
@@ -56,7 +56,7 @@ def write_mp4(request: Request) -> list[Path]:
 
 
 def write_gif(request: Request) -> list[Path]:
-    """Write each child as an animated GIF in real time; several go into a folder."""
+    """Write each child as animated GIF in real time; several into a folder."""
     return _write(request, "gif", _encode_gif)
 
 
@@ -95,7 +95,7 @@ def _encode_gif(path: Path, request: Request, child: int) -> None:
 
 
 def _pictures(request: Request, child: int, size: tuple[int, int], rate: int) -> Iterator[Any]:
-    """Yield (height, width, 3) pictures of a child from its first frame to its last, which stays."""
+    """Yield (height, width, 3) pictures of a child; the last one stays."""
     film = Film(request, child, size)
     last = LOGGED_HISTORY - 1 + int(request.run.info["steps"])
     for frame in np.arange(0, last + 1e-9, _FRAME_RATE / rate):
@@ -106,14 +106,10 @@ def _pictures(request: Request, child: int, size: tuple[int, int], rate: int) ->
 
 
 class Film:
-    """A child drawn from above at any time: the ground once, what moves in every picture."""
+    """Film of a child from above: the ground is drawn once."""
 
     def __init__(self, request: Request, child: int, size: tuple[int, int]) -> None:
-        """Draw the ground: road, title and legend.
-
-        Args:
-            request: names the run; its vehicles of an encounter or a critical event are ringed.
-        """
+        """Draw road, title and legend; vehicles of an encounter or critical event are ringed."""
         run, self._scene = request.run, request.scene
         tracks, words = event_of(run, child, critical=request.critical, encounter=request.encounter)
         self._names = [str(track) for track in self._scene.track_ids]
@@ -135,7 +131,7 @@ class Film:
         self._ground = self._canvas.copy_from_bbox(figure.bbox)
 
     def picture(self, frame: float) -> Any:
-        """Return the child at a frame, or between two frames, as (height, width, 3) bytes."""
+        """Return (height, width, 3) bytes of a child at a frame, which may lie between two."""
         self._canvas.restore_region(self._ground)
         states = _between(self._states, frame)
         time_s = (frame - LOGGED_HISTORY + 1) * STEP_S
@@ -154,7 +150,7 @@ class Film:
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
     def _view(self, size: tuple[int, int]) -> tuple[FloatArray, FloatArray, float]:
-        """Return the lower left and upper right corner of what is in view, m, and pixels per m."""
+        """Return the lower left and upper right corner in view, m, and pixels per m."""
         states = self._states[self._pair] if self._pair else self._states
         places = np.stack([states.x, states.y])[:, :, LOGGED_HISTORY - 1 :].reshape(2, -1)
         low, high = places.min(axis=1), places.max(axis=1)
@@ -185,7 +181,7 @@ class Film:
         return [Circle(place, 4 / self._scale, **style) for place in zip(here.x, here.y, strict=True)]
 
     def _ids(self, states: States) -> Iterator[Artist]:
-        """Yield the ids of vehicles that overprint no other, and rings around a pair with ids beside them."""
+        """Yield readable ids, and rings around a pair with ids beside them."""
         rest = [v for v in range(len(self._names)) if v not in self._pair]
         names = [self._names[v] for v in rest]
         wide = np.array([_LETTER * _ID_PX * len(name) for name in names]) / self._scale
@@ -208,7 +204,7 @@ class Film:
         return Text(x, y, words, color=color, fontsize=size, transform=self._axes.transData, **style)
 
     def _corner_text(self, side: float, words: str) -> Artist:
-        """Return words in the upper left or right corner, at a share of the width."""
+        """Return words in an upper corner, at a share of the width."""
         style: dict[str, Any] = {"ha": "right" if side > 0.5 else "left", "va": "top", "color": _INK}
         box = {"facecolor": "white", "linewidth": 0, "pad": 6}
         return Text(side, 0.985, words, fontsize=_TITLE_PX, bbox=box, transform=self._axes.transAxes, **style)
@@ -250,7 +246,7 @@ def _between(states: States, frame: float) -> States:
 
 
 def _apart(states: States) -> FloatArray:
-    """Return (N, 2) directions of vehicles away from their middle, or along their headings in one place."""
+    """Return (N, 2) directions of vehicles from their middle, or along their headings in one place."""
     places = np.stack([states.x, states.y], axis=1)
     away = places - places.sum(axis=0) / max(len(places), 1)
     length = np.linalg.norm(away, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Traffic demand for any SUMO net: random routes from border to border of the map, random drivers."""
+"""Random traffic demand for a SUMO net: routes from border to border, random drivers."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ Place: TypeAlias = tuple[str, int]
 
 @dataclass(frozen=True, kw_only=True)
 class Trip:
-    """One vehicle of the demand.
+    """Vehicle of the demand.
 
     Attributes:
-        depart_s: when it wants to enter.
-        lane: index of the lane it enters on.
+        depart_s: wanted time of entry.
+        lane: index of the entered lane.
         kind: ``car`` or ``truck``.
-        driver: attributes of the ``vType`` element.
+        driver: ``vType`` attributes.
     """
 
     depart_s: float
@@ -52,10 +52,10 @@ class Trip:
 
 
 class Network:
-    """Lanes of a SUMO net that cars may use, and random routes over them.
+    """Car lanes of a SUMO net, and random routes over them.
 
     Attributes:
-        origins: (edge, index) of the lanes into the map; none that begins on another lane.
+        origins: lanes into the map; none begins on another lane.
     """
 
     def __init__(self, net_path: Path) -> None:
@@ -79,7 +79,7 @@ class Network:
             self.origins = sorted(self._lanes if self._endless else roads)
 
     def random_route(self, origin: Place, rng: np.random.Generator) -> tuple[str, ...] | None:
-        """Return the edges of a random route from a lane to the map's border, each fork equally likely."""
+        """Return the edges of a random route to the map's border, each fork equally likely."""
         longest = ROUND_TRIP if self._endless else MAX_ROUTE
         for _ in range(ROUTE_TRIES):
             edges, here = [origin[0]], origin
@@ -94,7 +94,7 @@ class Network:
         return None
 
     def _next(self, here: Place, done: list[str]) -> list[Place]:
-        """Return one lane for each edge that can come next."""
+        """Return one lane for each possible next edge."""
         # Without room for a lane change, only the vehicle's own lane counts, unless it ends here.
         room = self._lanes[here].length_m >= CHANGE_M or not self._onward[here]
         choices: dict[str, Place] = {}
@@ -105,7 +105,7 @@ class Network:
         return list(choices.values())
 
     def _reachable(self, here: Place) -> Iterator[Place]:
-        """Yield the lanes of an edge that can be reached from one of them, itself first."""
+        """Yield the lanes of an edge in reach of one of them, itself first."""
         yield here
         for step, may_change in ((1, "change_left"), (-1, "change_right")):
             edge, index = here
@@ -120,8 +120,8 @@ def random_trips(
     """Return random vehicles by time of departure.
 
     Args:
-        every_s: mean time between vehicles on a lane into the map, at the beginning and at the end; it
-            changes geometrically, and differs between lanes at random.
+        every_s: mean time between vehicles on an entry lane at the beginning and at the end; it changes
+            geometrically and differs between lanes.
 
     Raises:
         SimulationError: the net has no route through it.
@@ -166,7 +166,7 @@ def write_trips(path: Path, trips: list[Trip]) -> None:
 
 
 def write_curve_limits(net_path: Path, target: Path) -> None:
-    """Copy a net with every lane's speed limited to what its curves allow; SUMO itself ignores curves."""
+    """Copy a net with speed limits for its curves, which SUMO ignores."""
     tree = ElementTree.parse(net_path)
     for lane in tree.getroot().iter("lane"):
         sharpest = _sharpest(points_of(lane.get("shape", "")))
@@ -181,7 +181,7 @@ def _place(name: str) -> Place:
 
 
 def _inside(net: NetContent, starts: list[Place], exits: set[str]) -> set[Place]:
-    """Return the lanes that begin on other lanes: a vehicle that enters there stands in traffic."""
+    """Return lanes that begin on other lanes: vehicles there would enter into traffic."""
     edges = {edge for edge, _ in starts}
     apart = {f"{edge}_{index}": set(net.edges[edge]) for edge, index in starts}
     for link in net.links:
@@ -193,7 +193,7 @@ def _inside(net: NetContent, starts: list[Place], exits: set[str]) -> set[Place]
 
 
 def _sharpest(shape: FloatArray) -> float:
-    """Return the largest curvature of a polyline over stretches of a car's length, 1/m."""
+    """Return the largest curvature of a polyline over a car's length, 1/m."""
     step = np.diff(shape, axis=0)
     length = np.hypot(step[:, 0], step[:, 1])
     step, length = step[length > 1e-6], length[length > 1e-6]

@@ -1,4 +1,4 @@
-"""Recording of random traffic that SUMO drives over a net."""
+"""Recording of random traffic that SUMO drives."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ JUMP_M = 0.5  # more than driven in one step: SUMO moved the vehicle by other me
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drive:
-    """Vehicles of one SUMO run, step by step.
+    """Vehicles of a SUMO run.
 
     Attributes:
-        number: (K,) of each vehicle among all trips, ascending.
-        trips: (K,) the vehicles that entered the map.
-        present: (T, K) on the map at the step.
-        front: (T, K, 2) front bumper, m; NaN where not present.
+        number: (K,) index among all trips, ascending.
+        trips: (K,) vehicles that entered the map.
+        present: (T, K).
+        front: (T, K, 2) front bumper, m; NaN where absent.
         angle: (T, K) SUMO's heading as ours, rad.
         speed: (T, K) SUMO's speed, m/s.
     """
@@ -47,14 +47,14 @@ class Drive:
 
     @cached_property
     def driven(self) -> BoolArray:
-        """Whether a vehicle is present and came to its place by driving, (T, K)."""
+        """Whether a vehicle came to its place by driving, (T, K)."""
         moved = np.hypot(*np.moveaxis(np.diff(self.front, axis=0), -1, 0))
         fine = self.present.copy()
         fine[1:] &= ~(moved > self.speed[1:] * STEP_S + JUMP_M)
         return fine
 
     def steady(self) -> BoolArray:
-        """Return whether a vehicle drove for the last 10 steps and was present before them, (T, K)."""
+        """Return whether a vehicle drove for the last 10 steps and was present before, (T, K)."""
         fine = self.driven
         ready = fine.copy()
         for back in range(1, HISTORY_STEPS):
@@ -64,18 +64,18 @@ class Drive:
         return ready
 
     def drive(self, vehicle: int, step: int) -> tuple[int, States]:
-        """Return a vehicle's uninterrupted drive around a step: its first step, and its states."""
+        """Return first step and states of a vehicle's uninterrupted drive around a step."""
         steps = np.flatnonzero(self.stretch[:, vehicle] == self.stretch[step, vehicle])
         return int(steps[0]), self.states[steps, vehicle]
 
     @property
     def stretch(self) -> IntArray:
-        """Number of the uninterrupted drive that a vehicle is on, (T, K); -1 where it drives none."""
+        """Number of a vehicle's uninterrupted drive, (T, K); -1 without one."""
         return self._drives[0]
 
     @property
     def states(self) -> States:
-        """Poses of the vehicles on their drives, (T, K); NaN elsewhere."""
+        """States of the vehicles on their drives, (T, K); NaN elsewhere."""
         return self._drives[1]
 
     @cached_property
@@ -112,7 +112,7 @@ def record(
 
     Args:
         at_most: vehicles on the map at any time; others wait outside.
-        every_s: mean time between vehicles on a lane into the map, at the beginning and at the end.
+        every_s: mean time between vehicles on an entry lane, at the beginning and at the end.
 
     Raises:
         SimulationError: SUMO refused the net.

@@ -1,4 +1,4 @@
-"""Synthetic seed scenes: a converted map, populated by SUMO's own demand and car-following."""
+"""Synthetic seed scenes: a net, populated by SUMO's demand and car-following."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def synthetic_scene(
     name: str,
     progress: Callable[[int, int], None] | None = None,
 ) -> SeedScene:
-    """Populate a road's SUMO net and take one moment, with 10 steps of history and up to 100 of future.
+    """Populate a road's SUMO net and return one moment, with 10 steps of history and up to 100 of future.
 
-    Traffic enters on all lanes into the map at random, ever denser, and follows random routes with different
-    drivers (EIDM). After the warm-up a moment is drawn among those with just enough vehicles present for a
-    second, in the faster half. If all moments have more vehicles, those of the seed are drawn from them.
+    Ever denser traffic enters on all lanes into the map, with random routes and drivers (EIDM). The moment is
+    drawn among the faster half of those with just enough vehicles present for a second. If all have more, the
+    seed's vehicles are drawn from them.
 
     Args:
         progress: called with the moments tried and the most that will be.
@@ -86,7 +86,7 @@ def synthetic_scene(
 
 
 def _scene(recording: Drive, step: int, chosen: IntArray, *, name: str, location: str) -> SeedScene:
-    """Return the seed scene of the chosen vehicles (V,) at a step; all are present for the last 10 steps."""
+    """Return the seed scene of vehicles (V,), present for the last 10 steps."""
     steps = np.arange(step - HISTORY_STEPS, step + FUTURE_STEPS + 1)[:, None]
     driven = recording.stretch[steps, chosen] == recording.stretch[step, chosen]
     last = driven.sum(axis=0) - 1
@@ -121,9 +121,9 @@ def _scene(recording: Drive, step: int, chosen: IntArray, *, name: str, location
 def _moments(
     recording: Drive, ready: BoolArray, vehicles: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, IntArray]]:
-    """Yield moments with enough vehicles and the chosen ones, by surplus, else in random order.
+    """Yield moments with enough vehicles and the chosen ones, by surplus, then at random.
 
-    Only the faster half: on a full map most moments are standing queues.
+    Only the faster half: on a full map most moments are queues.
     """
     steps = np.arange(round(WARM_UP_S / STEP_S), len(ready) - FUTURE_STEPS)
     steps = steps[ready[steps].sum(axis=1) >= vehicles]
@@ -141,7 +141,7 @@ def _moments(
 
 
 def _sharpest(scene: SeedScene) -> float:
-    """Return the largest curvature that a moving vehicle drives, 1/m; maps have kinks no car can follow."""
+    """Return the largest curvature of a moving vehicle, 1/m; maps have kinks no car can follow."""
     assert scene.future is not None
     states = States.concatenate([scene.history, scene.future], 1)
     turned = np.abs(np.angle(np.exp(1j * np.diff(states.heading))))
@@ -152,8 +152,7 @@ def _sharpest(scene: SeedScene) -> float:
 def _overlap(scene: SeedScene) -> bool:
     """Return whether two vehicles overlap from 1 s before the moment to 3 s after it.
 
-    SUMO looks for collisions along lanes only: if a net's junctions hide a conflict, cars pass through each
-    other.
+    SUMO looks for collisions along lanes only, and misses conflicts that a junction hides.
     """
     assert scene.future is not None
     states = States.concatenate([scene.history, scene.future[:, :CHECKED_STEPS]], 1)[:, ::CHECKED_STRIDE]

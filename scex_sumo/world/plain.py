@@ -1,6 +1,6 @@
-"""Plain world of arrays, and the checked world, which compares it with SUMO's.
+"""Plain world of arrays, and checked world, which compares it with SUMO's.
 
-Where SUMO drives nobody, a plain world holds the same as libsumo after each step, to the bit.
+Where SUMO drives nobody, a plain world equals libsumo after each step, to the bit.
 """
 
 from __future__ import annotations
@@ -25,14 +25,13 @@ class PlainWorld:
     def __init__(self, children: int, vehicles: int, *, length: FloatArray | None = None) -> None:
         """Make a world without states.
 
-        Args:
-            length: (V,) m, to round as SUMO, which stores front bumpers and degrees; None rounds nothing.
+        ``length`` (V,), m, rounds as SUMO, which stores front bumpers and degrees; None rounds nothing.
         """
         self._states = States.empty((children, vehicles))
         self._length = length
 
     def move(self, states: States, mask: BoolArray) -> None:
-        """Set the next states (C, V) of the vehicles in the mask."""
+        """Set the next states (C, V) where ``mask`` is True."""
         states = states.map(lambda values: np.where(mask, values, np.nan))
         speed = np.where(states.speed < 0, 0.0, states.speed)  # SUMO has no negative speeds
         if self._length is not None:
@@ -43,7 +42,7 @@ class PlainWorld:
         self._states = replace(states, heading=heading, speed=speed)
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
-        """Do nothing: behaviour models read obstacles from the seed scene."""
+        """Do nothing: models read obstacles from the seed scene."""
 
     def step(self) -> None:
         """Do nothing."""
@@ -65,7 +64,7 @@ class PlainSimulator:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Close nothing."""
+        """Do nothing."""
 
     def begin(self, batch: BatchStart) -> World:
         """Return a plain world."""
@@ -112,8 +111,7 @@ class CheckedWorld:
 class CheckedSimulator:
     """Simulator of checked worlds.
 
-    Where SUMO drives vehicles or shows them, SUMO alone simulates all. Where nothing is to be compared, the
-    world is plain.
+    SUMO simulates all children if it drives or shows vehicles. Without a comparison the world is plain.
     """
 
     has_sumo = True

@@ -1,7 +1,7 @@
-"""Tiles: copies of a SUMO net side by side, one for each child scenario of a batch.
+"""Tiles: copies of a SUMO net side by side, one for each child of a batch.
 
-A tile is the net with prefixed ids and coordinates moved by whole metres, so that decimals stay exact. The
-offset depends on the slot alone: a child has the same numbers in its slot, whatever is simulated beside it.
+A tile has prefixed ids and coordinates moved by whole metres, so that decimals stay exact. Its offset depends
+on the slot alone: a child has the same numbers, whatever else is simulated.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ _PREFIX = "\x01"  # stands for the prefix in a template; no character of XML 1.0
 
 
 def tile_prefix(slot: int) -> str:
-    """Return the prefix of a tile's ids, e.g. ``t12_``."""
+    """Return the id prefix of a tile, e.g. ``t12_``."""
     return f"t{slot}_"
 
 
 def tile_id(slot: int, name: str) -> str:
-    """Return an id in a tile; SUMO's internal edges and lanes keep their leading colon."""
+    """Return an id in a tile; a leading colon stays in front."""
     return f":{tile_prefix(slot)}{name[1:]}" if name.startswith(":") else tile_prefix(slot) + name
 
 
@@ -63,8 +63,8 @@ class TileLayout:
     """Positions of tiles: slot 0 at the map's own coordinates, the others to its east and north.
 
     Attributes:
-        pitch_x: whole metres from a tile to its eastern neighbour.
-        pitch_y: whole metres from a tile to its northern neighbour; negative for rows that go south.
+        pitch_x: whole metres between columns.
+        pitch_y: whole metres between rows; negative for rows that go south.
     """
 
     pitch_x: int
@@ -72,22 +72,19 @@ class TileLayout:
     columns: int = TILE_COLUMNS
 
     def offset(self, slot: int) -> tuple[int, int]:
-        """Return the offset of a slot in whole metres."""
+        """Return the offset of a slot, whole metres."""
         row, column = divmod(slot, self.columns)
         return column * self.pitch_x, row * self.pitch_y
 
 
 class TileTemplate:
-    """Net or additional file, parsed once for all its copies."""
+    """Net or additional file (``poly``, ``poi``), parsed once for all copies."""
 
     def __init__(self, path: Path) -> None:
         """Read the file.
 
-        Args:
-            path: SUMO net, or additional file with ``poly`` and ``poi`` elements.
-
         Raises:
-            SimulationError: the file cannot be read, or holds an element that cannot be copied.
+            SimulationError: the file cannot be read, or an element cannot be copied.
         """
         try:
             root = ElementTree.parse(path).getroot()
@@ -126,7 +123,7 @@ class TileTemplate:
 
     @property
     def plainest_edge(self) -> str:
-        """Id of the edge with the fewest points, because SUMO scans a vehicle's route at every move.
+        """Id of the edge with the fewest points: SUMO scans a vehicle's route at every move.
 
         Raises:
             SimulationError: the file holds no edges.
@@ -217,7 +214,7 @@ class TileTemplate:
 
 
 def template_of(path: Path) -> TileTemplate:
-    """Return the template of a net; the last one is reused for a file with the same content."""
+    """Return the template of a net; the last one is reused for the same content."""
     content = path.read_bytes() if path.is_file() else b""
     if not _last or _last[0][0] != content:
         _last[:] = [(content, TileTemplate(path))]
