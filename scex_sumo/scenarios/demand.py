@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -115,19 +115,31 @@ class Network:
 
 
 def random_trips(
-    network: Network, *, until_s: float, every_s: tuple[float, float], rng: np.random.Generator
+    network: Network,
+    *,
+    until_s: float,
+    every_s: tuple[float, float],
+    rng: np.random.Generator,
+    most_origins: int = 1_000,
+    check: Callable[[], None] = lambda: None,
 ) -> list[Trip]:
     """Return random vehicles by time of departure.
 
     Args:
         every_s: mean time between vehicles on an entry lane at the beginning and at the end; it changes
             geometrically and differs between lanes.
+        most_origins: number of entry lanes, drawn at random if the net has more.
+        check: called often; may raise.
 
     Raises:
         SimulationError: the net has no route through it.
     """
     trips: list[Trip] = []
-    for origin in network.origins:
+    origins = network.origins
+    if len(origins) > most_origins:
+        origins = [origins[k] for k in np.sort(rng.choice(len(origins), most_origins, replace=False))]
+    for origin in origins:
+        check()
         share, clock = rng.uniform(0.6, 1.6), 0.0
         while True:
             mean = every_s[0] * (every_s[1] / every_s[0]) ** (clock / until_s)

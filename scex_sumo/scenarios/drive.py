@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, States
 
 LANE_CHANGE_S = 4.0
 TELEPORT_S = 20.0
+MIN_ORIGINS = 60
 MAX_DELAY_S = 15.0
 JUMP_M = 0.5  # more than driven in one step: SUMO moved the vehicle by other means
 
@@ -107,38 +110,38 @@ def record(
     every_s: tuple[float, float],
     rng: np.random.Generator,
     also: Sequence[Trip] = (),
+    check: Callable[[], None] = lambda: None,
 ) -> Drive:
     """Record random traffic that SUMO drives over a net.
 
     Args:
         at_most: vehicles on the map at any time; others wait outside.
         every_s: mean time between vehicles on an entry lane, at the beginning and at the end.
+        check: called often; may raise.
 
     Raises:
         SimulationError: SUMO refused the net.
     """
-    trips = random_trips(Network(net_path), until_s=duration_s, every_s=every_s, rng=rng)
+    origins = max(MIN_ORIGINS, at_most // 2)
+    trips = random_trips(
+        Network(net_path), until_s=duration_s, every_s=every_s, rng=rng, most_origins=origins, check=check
+    )
     trips = sorted([*trips, *also], key=lambda trip: trip.depart_s)
     with TemporaryFolder() as folder:
         net, routes, fcd = (Path(folder) / name for name in ("map.net.xml", "traffic.rou.xml", "fcd.csv"))
         write_curve_limits(net_path, net)
         write_trips(routes, trips)
-        _simulate(net, routes, fcd, at_most=at_most, duration_s=duration_s, seed=int(rng.integers(2**31)))
+        options = {"end": duration_s, "seed": int(rng.integers(2**31)), "max-num-vehicles": at_most}
+        _simulate(Path(folder), {"net-file": net, "route-files": routes, "fcd-output": fcd} | options, check)
         return _read(fcd, trips, round(duration_s / STEP_S) + 1)
 
 
-def _simulate(net: Path, routes: Path, fcd: Path, *, at_most: int, duration_s: float, seed: int) -> None:
-    options = {
-        "net-file": net.name,
-        "route-files": routes.name,
-        "fcd-output": fcd.name,
+def _simulate(folder: Path, options: dict[str, Any], check: Callable[[], None]) -> None:
+    options |= {
         "fcd-output.attributes": "x,y,angle,speed",
         "precision": 6,
         "begin": 0,
-        "end": duration_s,
         "step-length": STEP_S,
-        "seed": seed,
-        "max-num-vehicles": at_most,
         "max-depart-delay": MAX_DELAY_S,
         "lanechange.duration": LANE_CHANGE_S,
         "time-to-teleport": TELEPORT_S,
@@ -152,12 +155,23 @@ def _simulate(net: Path, routes: Path, fcd: Path, *, at_most: int, duration_s: f
         program("sumo"),
         *(word for key, value in options.items() for word in (f"--{key}", str(value))),
     ]
-    done = subprocess.run(
-        command, capture_output=True, text=True, check=False, env=environment(), cwd=net.parent
-    )
-    if done.returncode:
-        said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
-        raise SimulationError(f"{net.name}: SUMO cannot populate it ({said[0] if said else done.returncode})")
+    with (
+        (folder / "said.txt").open("w+", encoding="utf-8", errors="replace") as said,
+        subprocess.Popen(command, stdout=said, stderr=said, env=environment()) as sumo,
+    ):
+        try:
+            while sumo.poll() is None:
+                check()
+                with suppress(subprocess.TimeoutExpired):
+                    sumo.wait(0.2)
+        except BaseException:
+            sumo.kill()
+            raise
+        said.seek(0)
+        errors = [line.strip() for line in said if line.startswith("Error")]
+    if sumo.returncode:
+        reason = errors[0] if errors else f"exit status {sumo.returncode}"
+        raise SimulationError(f"{options['net-file'].name}: SUMO cannot populate it: {reason}")
 
 
 def _read(fcd: Path, trips: list[Trip], steps: int) -> Drive:

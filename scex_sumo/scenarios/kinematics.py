@@ -21,8 +21,8 @@ def body_states(
 ) -> list[States]:
     """Return states of vehicles whose front bumper follows a path.
 
-    The rear axle follows a tractrix of the front. SUMO puts both bumpers on the lane, which jumps at kinks and
-    lane changes.
+    The rear axle follows a tractrix of the front. SUMO puts both bumpers on the lane, which jumps at kinks
+    and lane changes.
 
     Args:
         fronts: (T, 2) front bumper of each vehicle, m; T differs between vehicles.
@@ -56,7 +56,7 @@ def body_states(
 def _even(front: FloatArray) -> FloatArray:
     """Smooth a drive over the map's kinks, by less than a tracker does.
 
-    Steps are centimetres too long or short where lanes meet, and lanes are polylines. So arc length is averaged
+    Where lanes meet, steps are centimetres too long or short, and lanes have kinks. So arc length is averaged
     over time, and the path over arc length.
     """
     s = arc_lengths(front)

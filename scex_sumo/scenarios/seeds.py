@@ -29,7 +29,7 @@ def read_seed(
     Args:
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
         tracks: a track file in INTERACTION format, a CommonRoad scenario, or a folder with the chunks of a
-            CommonRoad recording; None: the place in the dataset's folder layout, or a CommonRoad map's vehicles.
+            CommonRoad recording; None: the dataset's folder layout, or a CommonRoad map's vehicles.
         case: of a file with ``case_id``; None: the busiest one.
         time: seconds in the recording; None: frame 10 of a case, or the moment with most moving vehicles
             recorded from 1 s before to 3 s after.
@@ -77,11 +77,11 @@ def synthetic_seed(
         origin: latitude and longitude of the map's coordinates; None looks beside the map, else takes its
             south-west corner.
         cache: keep road, net and scene in ``~/.cache/scex-sumo``.
-        progress: called with the moments tried and the most that will be.
+        progress: called with the seconds spent and their limit.
 
     Raises:
         MapError: the map cannot be read.
-        SimulationError: the map cannot hold so many vehicles.
+        SimulationError: the map cannot hold so many vehicles, or is not populated within 10 s.
 
     Example:
         >>> scex.synthetic_seed(scex.example_path("roundabout"), vehicles=3).vehicles

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -24,6 +25,7 @@ CHECKED_STEPS, CHECKED_STRIDE = 30, 2
 MAX_CURVATURE = 0.25  # 1/m; a passenger car's turning circle has 5 m radius
 SLOW_M = 0.1  # per step: 1 m/s
 MAX_VEHICLES = 5_000
+LIMIT_S = 10
 
 
 def synthetic_scene(
@@ -42,11 +44,11 @@ def synthetic_scene(
     seed's vehicles are drawn from them.
 
     Args:
-        progress: called with the moments tried and the most that will be.
+        progress: called with the seconds spent and their limit.
 
     Raises:
         UsageError: fewer than one vehicle.
-        SimulationError: SUMO refused the net, or the map cannot hold so many vehicles.
+        SimulationError: SUMO refused the net, the map cannot hold so many vehicles, or time is up.
     """
     if vehicles < 1:
         raise UsageError(f"a synthetic seed needs at least 1 vehicle, not {vehicles}")
@@ -55,17 +57,27 @@ def synthetic_scene(
     if seed < 0:
         raise UsageError(f"--seed: got {seed}, needs 0 or more")
     rng = np.random.default_rng([seed, vehicles])
-    most, tried, spare = 0, 0, None
+    most, tried, spare, begun = 0, 0, None, time.monotonic()
+
+    def check() -> None:
+        spent = time.monotonic() - begun
+        if progress is not None:
+            progress(min(int(spent), LIMIT_S), LIMIT_S)
+        if spent > LIMIT_S:
+            raise SimulationError(
+                f"{road.name}: no moment with {vehicles} vehicles within {LIMIT_S} s ({tried} tried); "
+                "ask for fewer, or give a smaller map"
+            )
+
     for duration_s, every_s in _ATTEMPTS:
         at_most = vehicles + max(3, vehicles // 2)  # more would only take time
-        recording = record(net, at_most=at_most, duration_s=duration_s, every_s=every_s, rng=rng)
+        recording = record(net, at_most=at_most, duration_s=duration_s, every_s=every_s, rng=rng, check=check)
         ready = recording.steady()
         usable = ready[int(WARM_UP_S / STEP_S) : len(ready) - FUTURE_STEPS]
         most = max(most, int(usable.sum(axis=1).max(initial=0)))
         for step, chosen in _moments(recording, ready, vehicles, rng):
             tried += 1
-            if progress is not None:
-                progress(tried, len(_ATTEMPTS) * MAX_MOMENTS)
+            check()
             scene = _scene(recording, step, chosen, name=name, location=road.name)
             sharp = _sharpest(scene) > MAX_CURVATURE
             if (sharp and spare is not None) or _overlap(scene):
