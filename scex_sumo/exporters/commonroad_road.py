@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -14,6 +15,8 @@ from scex_sumo.road import Lane, Regulation, Road
 
 _TYPES = {"vehicle": "urban", "bus": "busLane", "bicycle": "bicycleLane", "other": "border"}
 _USERS = {"bicycle": "bicycle", "pedestrian": "pedestrian", "bus": "bus"}
+_ORDER = ("incomingLanelet", "successorsRight", "successorsStraight", "successorsLeft")
+_STRAIGHT_RAD = np.pi / 6
 _SPEED, _YIELD, _STOP = "274", "205", "206"  # Germany's numbers, which are CommonRoad's for no country
 
 
@@ -56,8 +59,10 @@ def road_elements(road: Road, taken: Collection[int] = ()) -> tuple[list[ET.Elem
     signals = _signals(road, numbers)
     both_ways = {lane.reverse_of for lane in road.lanes.values()} - {None}
     lanelets = [_lanelet(road.lanes[i], numbers, signals, both=i in both_ways) for i in numbers]
-    used = {int(element.get("id", "0")) for element in signals.elements}
-    return [*lanelets, *signals.elements], used | set(numbers.values())
+    signs = {int(element.get("id", "0")) for element in signals.elements}
+    crossings = _intersections(road, numbers, max([*numbers.values(), *signs, *taken]) + 1)
+    elements = [*lanelets, *signals.elements, *crossings]
+    return elements, {int(part.get("id", "0")) for e in elements for part in (e, *e.iter("incoming"))}
 
 
 def point_by_point(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -101,6 +106,48 @@ def _signals(road: Road, numbers: Mapping[int, int]) -> _Signals:
     lights = [element for element in signals.elements if element.tag == "trafficLight"]
     signals.elements = [element for element in signals.elements if element.tag != "trafficLight"] + lights
     return signals
+
+
+def _intersections(road: Road, numbers: Mapping[int, int], first: int) -> list[ET.Element]:
+    """Return groups of overlapping lanes that are entered on several lanes; ids begin at ``first``."""
+    lanes = {i: lane for i, lane in road.vehicle_lanes.items() if i in numbers}
+    elements, ids, left = [], count(first), [i for i, lane in lanes.items() if lane.conflicts]
+    while left:
+        inside, reached = set[int](), [left[0]]
+        while reached:
+            lane = reached.pop()
+            if lane in lanes and lane not in inside:
+                inside.add(lane)
+                reached += lanes[lane].conflicts
+        left = [i for i in left if i not in inside]
+        entries = sorted({p for i in inside for p in lanes[i].predecessors if p in lanes} - inside)
+        if len(entries) < 2:
+            continue
+        element = ET.Element("intersection", id=str(next(ids)))
+        elements.append(element)
+        arms = {entry: add(element, "incoming") for entry in entries if not _beside(lanes[entry], entries)}
+        for entry in entries:
+            leftmost = entry
+            while leftmost not in arms:
+                leftmost = _beside(lanes[leftmost], entries)[0]
+            add(arms[leftmost], "incomingLanelet").set("ref", str(numbers[entry]))
+            for i in lanes[entry].successors:
+                if i in inside:
+                    add(arms[leftmost], f"successors{_turn(lanes[i])}").set("ref", str(numbers[i]))
+        for arm in arms.values():
+            arm.set("id", str(next(ids)))
+            arm[:] = sorted(arm, key=lambda part: _ORDER.index(part.tag))
+    return elements
+
+
+def _beside(lane: Lane, entries: list[int]) -> list[int]:
+    return [i for i in (lane.left, lane.adjacent_left) if i is not None and i in entries]
+
+
+def _turn(lane: Lane) -> str:
+    begin, end = np.diff(lane.centreline, axis=0)[[0, -1]] @ (1, 1j)
+    angle = float(np.angle(end / begin))
+    return "Straight" if abs(angle) < _STRAIGHT_RAD else "Left" if angle > 0 else "Right"
 
 
 def _bound(rule: Regulation) -> tuple[int, ...]:

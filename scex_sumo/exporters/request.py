@@ -105,14 +105,11 @@ def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:
     Raises:
         UsageError: the metric is unknown, or defined in no child.
     """
-    try:
-        column = run.column(column)
-    except UsageError:
-        raise UsageError(f"--critical {column}: unknown metric; known: {', '.join(run.columns)}") from None
+    column = run.column(column)
     order = most_critical(run, run.children, column)
     defined = order[~np.isnan(run.values(column)[order])][:count]
     if not len(defined):
-        raise UsageError(f"--critical {column}: defined in none of {run.children} children")
+        raise UsageError(f"--critical {column}: defined in none of {run.children} futures")
     return tuple(int(run.metrics["child"][int(i)].as_py()) for i in defined)
 
 
