@@ -1,6 +1,6 @@
 """Blocks of scenes: rows of tracks as arrays of (case, step, vehicle).
 
-Short cases are stacked. Long recordings are cut into windows with the history and the future that metrics need.
+Short cases are stacked. Long recordings are cut into windows with the history and future of metrics.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scex_sumo.scene import States
 
 WINDOW_STEPS = 64
 STACKED_STEPS = 200  # longer cases are cut into windows
-SILENT_STEPS = 600  # limit for gaps without any vehicle; no metric looks further
+SILENT_STEPS = 600  # limit of gaps without vehicles
 STACKED_VALUES = 1 << 20  # largest (case, step, vehicle, vehicle) of stacked cases
 
 
@@ -68,14 +68,14 @@ def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = N
     longest = STACKED_STEPS
     short, sizes = [], []
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        # Children are never cut: a run evaluates them whole, and a window would end their tracks early.
+        # Children stay whole, as in a run.
         if plans is not None or timed.step[start:end].max() < STACKED_STEPS:
             longest = max(longest, int(timed.step[start:end].max()) + 1)
             short.append((start, end))
             sizes.append(len(np.unique(timed.rows.track[start:end])))
         else:
             yield from _windows(timed, start, end, history)
-    # Cases of similar size in one stack waste little memory.
+    # Cases of similar size waste little memory.
     order = np.argsort(np.array(sizes, dtype=np.int64), kind="stable")
     while order.size:
         largest = sizes[order[-1]]
@@ -92,7 +92,7 @@ def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
     which = which.reshape(-1)
     new_case = np.diff(scenes[:, 0], prepend=-1) != 0
     ahead = np.rint(np.diff(scenes[:, 1], prepend=0) / (1000 * step_s))
-    # Summed step by step, so that rounded stamps do not drift off the grid.
+    # Step by step: rounded stamps must not drift off the grid.
     count = np.cumsum(np.where(new_case, 0, np.clip(ahead, 1, SILENT_STEPS)))
     start = count[np.flatnonzero(new_case)][np.cumsum(new_case) - 1]
     follows = np.diff(rows.track, prepend=-1) == 0
@@ -173,7 +173,7 @@ def _fill(
     present = np.zeros(shape, dtype=bool)
     present[at] = True
     per_track = (child, vehicle)
-    # Rows are in ascending time: written backwards, a track's first size stays.
+    # Backwards: a track's first size stays.
     backwards = np.arange(len(index))[::-1]
     length, width = np.ones((2, children, shape[2]))
     types = np.full((children, shape[2]), "", dtype=f"U{max(map(len, rows.types), default=1)}")

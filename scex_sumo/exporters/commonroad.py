@@ -18,9 +18,9 @@ from scex_sumo.exporters.commonroad_road import add, number_text, road_elements
 from scex_sumo.exporters.request import Request
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
-_GOAL_M = (8.0, 4.0)  # length and width of the goal around the ego's last place
-_GOAL_STEPS = 5  # the goal counts from so many steps before the end on
-_TYPES = {"van": "car", "tram": "train"}  # CommonRoad's words, where they differ from ours
+_GOAL_M = (8.0, 4.0)  # length and width around the ego's last place
+_GOAL_STEPS = 5  # before the end
+_TYPES = {"van": "car", "tram": "train"}  # where CommonRoad differs
 
 
 def write_commonroad(request: Request) -> list[Path]:
@@ -59,7 +59,7 @@ def _root(name: str, source: str) -> ET.Element:
         affiliation="",
         source=source,
         benchmarkID=name,
-        date="2020-01-01",  # fixed: the same export has the same bytes
+        date="2020-01-01",  # fixed, for reproducible bytes
     )
     location = add(root, "location")
     for tag, value in (("geoNameId", "-999"), ("gpsLatitude", "999"), ("gpsLongitude", "999")):

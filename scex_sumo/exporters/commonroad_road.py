@@ -17,7 +17,7 @@ _TYPES = {"vehicle": "urban", "bus": "busLane", "bicycle": "bicycleLane", "other
 _USERS = {"bicycle": "bicycle", "pedestrian": "pedestrian", "bus": "bus"}
 _ORDER = ("incomingLanelet", "successorsRight", "successorsStraight", "successorsLeft")
 _STRAIGHT_RAD = np.pi / 6
-_SPEED, _YIELD, _STOP = "274", "205", "206"  # Germany's numbers, which are CommonRoad's for no country
+_SPEED, _YIELD, _STOP = "274", "205", "206"  # Germany's, CommonRoad's default
 
 
 def add(parent: ET.Element, tag: str, text: str | None = None) -> ET.Element:
@@ -198,7 +198,7 @@ def _lanelet(lane: Lane, numbers: Mapping[int, int], signals: _Signals, *, both:
     walked = "crosswalk" if lane.subtype == "crosswalk" else "sidewalk"
     add(element, "laneletType", walked if lane.kind == "pedestrian" else _TYPES.get(lane.kind, "unknown"))
     add(element, "userBidirectional" if both else "userOneWay", _USERS.get(lane.kind, "vehicle"))
-    # In the order of the format: signs before lights.
+    # The format wants signs before lights.
     for tag, number in sorted(signals.of_lane.get(lane.lane_id, ()), key=lambda ref: ref[0], reverse=True):
         add(element, tag).set("ref", str(number))
     return element

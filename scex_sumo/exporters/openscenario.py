@@ -23,7 +23,7 @@ from scex_sumo.exporters.request import Request
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
 _MINOR_VERSION = 2
-_WHEELBASE = 0.58  # of a vehicle's length; the axles have equal distances from its centre
+_WHEELBASE = 0.58  # of the length, around the centre
 _KINDS = {  # OpenSCENARIO's category, height in m, mass in kg
     "motorcycle": ("motorbike", 1.5, 250.0),
     "bicycle": ("bicycle", 1.7, 90.0),
@@ -36,14 +36,14 @@ _KINDS = {  # OpenSCENARIO's category, height in m, mass in kg
 _WALKER = (1.75, 80.0)  # height in m, mass in kg
 _MAX_MPS, _MAX_MPS2 = 80.0, 12.0
 
-_README = """# {name}: {count} child scenario(s) for OpenSCENARIO players
+_README = """# {name}: {count} future(s) for OpenSCENARIO players
 
-- `*.xosc`: OpenSCENARIO XML 1.{minor}, one child each. `{road}.xodr`: the road, OpenDRIVE 1.7, in the map's
+- `*.xosc`: OpenSCENARIO XML 1.{minor}, one future each. `{road}.xodr`: the road, OpenDRIVE 1.7, in the map's
   own coordinates.
 - Play one: `esmini --osc FILE.xosc --window 60 60 800 400 --fixed_timestep 0.1 {options}`.
   Without `--traj_filter 0` esmini merges vertices closer than 0.1 m: vehicles slower than 1 m/s then jump.
   Without `--pline_interpolation segment` vehicles are up to 0.143 m off between vertices.
-- Time 0 is the first logged frame; the seed scene is at {moment:.1f} s; the child ends at {end:.1f} s.
+- Time 0 is the first logged frame; the seed scene is at {moment:.1f} s; the future ends at {end:.1f} s.
 - A vertex is the middle of the **rear axle**. The centre of the vehicle is its bounding box's centre, that
   far ahead along the heading. Lengths and widths are as recorded; wheelbases are {axles:.0%} of the length,
   heights and masses are usual ones.
@@ -161,7 +161,7 @@ def _participants(request: Request, child: int) -> Iterator[_Participant]:
     for o, name in enumerate(others.ids):
         present = np.flatnonzero(others.present[o, frames])
         if len(present):
-            # A gap in a track is bridged by a straight line.
+            # Straight lines bridge gaps in a track.
             yield _Participant(
                 name=f"other{name}",
                 kind=others.types[o],

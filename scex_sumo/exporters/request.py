@@ -72,7 +72,7 @@ class Request:
         """Folder to write, made if missing."""
         path = self.out if self.out is not None else Path(f"{self.name}_export")
         if path.exists() and not path.is_dir():
-            raise UsageError(f"-o {path}: this format needs a folder, and that is a file")
+            raise UsageError(f"-o {path}: is a file; this format needs a folder")
         path.mkdir(parents=True, exist_ok=True)
         return path
 

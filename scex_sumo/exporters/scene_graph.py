@@ -11,15 +11,13 @@ from scex_sumo.behaviors.scene_graph.graph import KINDS, SceneGraph
 
 if TYPE_CHECKING:
     from networkx import DiGraph
-
-if TYPE_CHECKING:
     from torch_geometric.data import HeteroData
 
 
 def to_networkx(graph: SceneGraph, child: int = 0) -> DiGraph[int]:
     """Convert the graph of one child, an index into the batch, to a `networkx.DiGraph`.
 
-    Nodes are indices of vehicles, with `SceneGraph.node_columns`, ``history`` (11, 5), ``lane_id`` and ``arc``
+    Nodes are vehicle indices, with `SceneGraph.node_columns`, ``history`` (11, 5), ``lane_id`` and ``arc``
     (None off the road). Edges have ``kind`` (of `KINDS`) and `SceneGraph.edge_columns`.
 
     Raises:
@@ -69,8 +67,8 @@ def to_hetero_data(graph: SceneGraph) -> HeteroData:
     """Convert the graphs of all children to one `torch_geometric.data.HeteroData`.
 
     Nodes ``vehicle`` have ``x`` (N, F), ``history`` (N, 11, 5), ``child`` (N,), ``vehicle`` (N,). Edges
-    ``("vehicle", kind, "vehicle")`` have ``edge_index`` (2, E), ``edge_attr`` (E, G). Floats are float32. Names
-    of columns: ``node_columns``, ``history_columns``, ``edge_columns``.
+    ``("vehicle", kind, "vehicle")`` have ``edge_index`` (2, E), ``edge_attr`` (E, G). Floats are float32.
+    Names of columns: ``node_columns``, ``history_columns``, ``edge_columns``.
 
     Raises:
         MissingExtraError: torch or torch-geometric is not installed.

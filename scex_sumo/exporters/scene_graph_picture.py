@@ -16,7 +16,7 @@ from scex_sumo.reports.drawing import draw_road, draw_vehicles, look_at, sheet, 
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 
-# Each relation once per pair: `ahead` is `behind` from the other end, the other two are mutual.
+# Each relation once per pair: `ahead` is the reverse of `behind`.
 _STYLES: dict[int, tuple[str, str, Any]] = {
     0: ("longitudinal", "#1f6fb4", "-"),
     2: ("lateral", "#2e9a5b", "-"),
@@ -24,7 +24,7 @@ _STYLES: dict[int, tuple[str, str, Any]] = {
 }
 _BOX, _ALONE = "#8fa3b8", "#c4c4c4"  # vehicles with edges, and without
 _MARGIN_M = 12.0
-_BEND = 0.16  # of the straight distance: edges over a common lane do not hide one another
+_BEND = 0.16  # keeps edges over a common lane apart
 
 
 def plot_scene_graph(
@@ -49,7 +49,7 @@ def plot_scene_graph(
     """
     graph = scene_graph(scene, road, radius=radius)
     road = scene.road if road is None else road
-    assert road is not None  # or there would be no graph
+    assert road is not None
     centres = np.column_stack([scene.now.x, scene.now.y])
     low, high = centres.min(axis=0) - _MARGIN_M, centres.max(axis=0) + _MARGIN_M
     wide, tall = (high - low) * 9 / max(high - low)

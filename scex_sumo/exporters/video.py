@@ -30,14 +30,14 @@ from scex_sumo.views.children import colors_of, event_of
 from scex_sumo.views.road_lines import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
 from scex_sumo.world.gui_drawings import OTHER_RGB, readable
 
-_MP4_SIZE, _MP4_RATE = (1280, 720), 30  # pixels; pictures a second, in real time
+_MP4_SIZE, _MP4_RATE = (1280, 720), 30  # px; pictures per s
 _GIF_SIZE, _GIF_RATE, _GIF_COLORS = (800, 450), 10, 64
 _FRAME_RATE = 10  # of a child
 _STILL_S = 1.0  # the last picture stays
-_DPI = 72  # so that a point is a pixel
+_DPI = 72  # a point is a pixel
 _MARGIN_M, _PAIR_MARGIN_M, _MIN_HEIGHT_M = 12.0, 25.0, 50.0
 _RING_M = 4.5
-_TITLE_PX, _ID_PX, _LETTER = 16, 12, 0.6  # heights of letters; width of a letter as a share of its height
+_TITLE_PX, _ID_PX, _LETTER = 16, 12, 0.6  # heights, and width by height
 _GRASS, _ASPHALT, _PAINT, _CURB = "#e2e6e0", "#b2b8bf", "#fafafa", "#8c949c"
 _INK, _RING = "#181e26", "#d02828"
 _BODY = np.array([[0.36, 0.5], [0.5, 0.3], [0.5, -0.3], [0.36, -0.5], [-0.5, -0.5], [-0.5, 0.5]])
@@ -118,7 +118,7 @@ class Film:
         self._colors = [_shares(colors[model]) for model in models]
         low, high, self._scale = self._view(size)
         figure = Figure(figsize=(size[0] / _DPI, size[1] / _DPI), dpi=_DPI, facecolor=_GRASS)
-        canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
+        canvas: Any = FigureCanvasAgg(figure)
         self._canvas = canvas
         self._axes = figure.add_axes((0, 0, 1, 1), xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         self._axes.set_axis_off()
@@ -186,7 +186,7 @@ class Film:
         names = [self._names[v] for v in rest]
         wide = np.array([_LETTER * _ID_PX * len(name) for name in names]) / self._scale
         long = self._scene.length[rest]
-        beside = np.where(long < 1.3 * wide, (long + wide) / 2, 0.0)  # of vehicles that are too small
+        beside = np.where(long < 1.3 * wide, (long + wide) / 2, 0.0)  # of small vehicles
         x, y = states.x[rest] + beside, states.y[rest]
         for k in readable(names, x, y, _ID_PX / self._scale):
             yield self._text(x[k], y[k], names[k], _INK, _ID_PX)

@@ -15,11 +15,11 @@ from scex_sumo.base.errors import SimulationError
 from scex_sumo.converters.net.reader import NetContent, points_of, read_net
 from scex_sumo.geometry.polylines import begin_inside
 
-LATERAL_MPS2 = 2.5  # comfortable in a curve; most drivers stay between 2 and 3
-CURVE_WINDOW_M = 6.0  # shorter bends than a car are the map's, not the road's
+LATERAL_MPS2 = 2.5  # usual in curves: 2 to 3
+CURVE_WINDOW_M = 6.0  # shorter bends are kinks of the map
 MIN_LIMIT_MPS = 4.0
-CHANGE_M = 40.0  # shorter edges leave no room for a planned lane change
-MIN_ROAD_M = 30.0  # shorter single roads hold no traffic
+CHANGE_M = 40.0  # for a planned lane change
+MIN_ROAD_M = 30.0  # of a single road
 MAX_ROUTE = 80  # edges
 ROUND_TRIP = 12  # edges of a route in a net without exits
 ROUTE_TRIES = 40
@@ -95,7 +95,7 @@ class Network:
 
     def _next(self, here: Place, done: list[str]) -> list[Place]:
         """Return one lane for each possible next edge."""
-        # Without room for a lane change, only the vehicle's own lane counts, unless it ends here.
+        # Without room for a lane change the vehicle stays on its lane, unless it ends.
         room = self._lanes[here].length_m >= CHANGE_M or not self._onward[here]
         choices: dict[str, Place] = {}
         for place in self._reachable(here) if room else [here]:
@@ -231,7 +231,7 @@ def _trip(depart_s: float, lane: int, edges: tuple[str, ...], rng: np.random.Gen
         "minGap": f"{np.clip(rng.normal(2.2, 0.5), 1.2, 4.0):.2f}",
         "speedFactor": f"{np.clip(rng.normal(0.98, 0.1), 0.75, 1.25):.3f}",
         "maxSpeed": f"{TRUCK_TOP_MPS if truck else 60.0:.1f}",
-        # Cars change lanes by driving, not by sliding: lateral speed in proportion to speed.
+        # Lateral speed in proportion to speed: cars do not slide.
         "lcMaxSpeedLatStanding": "0",
         "lcMaxSpeedLatFactor": "0.15",
         "jmTimegapMinor": f"{np.clip(rng.normal(1.0, 0.3), 0.4, 2.0):.2f}",

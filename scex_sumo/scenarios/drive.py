@@ -25,7 +25,7 @@ LANE_CHANGE_S = 4.0
 TELEPORT_S = 20.0
 MIN_ORIGINS = 60
 MAX_DELAY_S = 15.0
-JUMP_M = 0.5  # more than driven in one step: SUMO moved the vehicle by other means
+JUMP_M = 0.5  # beyond the driven way: SUMO moved the vehicle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,7 +86,7 @@ class Drive:
         ranges = []
         for vehicle, driven in enumerate(self.driven.T):
             for first, last in runs(driven):
-                jumped = first > 0 and self.present[first - 1, vehicle]  # SUMO moved it to where it began
+                jumped = first > 0 and self.present[first - 1, vehicle]
                 ranges.append((vehicle, first - 1 if jumped else first, last + 1))
         states = body_states(
             [self.front[first:end, vehicle] for vehicle, first, end in ranges],
@@ -177,7 +177,7 @@ def _simulate(folder: Path, options: dict[str, Any], check: Callable[[], None]) 
 def _read(fcd: Path, trips: list[Trip], steps: int) -> Drive:
     with fcd.open(encoding="utf-8") as file:
         names = file.readline().strip().split(";")
-        rows = [line for line in file if ";;" not in line]  # empty: nothing drives at this step
+        rows = [line for line in file if ";;" not in line]  # steps without vehicles
     wanted = ("timestep_time", "vehicle_id", "vehicle_x", "vehicle_y", "vehicle_angle", "vehicle_speed")
     columns = [names.index(name) for name in wanted]
     values = np.loadtxt(rows, delimiter=";", usecols=columns, ndmin=2) if rows else np.empty((0, 6))
@@ -186,7 +186,7 @@ def _read(fcd: Path, trips: list[Trip], steps: int) -> Drive:
     front = np.full((steps, len(number), 2), np.nan)
     angle, speed = np.full(front.shape[:2], np.nan), np.full(front.shape[:2], np.nan)
     front[step, vehicle] = values[:, 2:4]
-    # SUMO angles: 0 = north, clockwise, degrees; ours: 0 = east, counter-clockwise.
+    # SUMO: degrees clockwise from north; ours: counter-clockwise from east.
     angle[step, vehicle] = np.pi / 2 - np.radians(values[:, 4])
     speed[step, vehicle] = values[:, 5]
     return Drive(

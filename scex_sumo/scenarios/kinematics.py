@@ -10,7 +10,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.scene import STEP_S, States
 
-REAR_AXLE_SHARE = 0.8  # rear axle behind the front bumper, in vehicle lengths
+REAR_AXLE_SHARE = 0.8  # behind the front bumper, in lengths
 SUBSTEPS = 4
 EVEN_STEPS = 3  # on either side
 PATH_STEP_M, PATH_STEPS = 0.25, 8  # 2 m on either side
@@ -33,7 +33,7 @@ def body_states(
     """
     fronts = [_even(front) for front in fronts]
     steps = max(map(len, fronts), default=0)
-    # All vehicles at once; those with shorter paths stand at the end of theirs.
+    # Vehicles with shorter paths stand at the end of theirs.
     path = np.stack([np.pad(front, ((0, steps - len(front)), (0, 0)), "edge") for front in fronts], axis=1)
     angles = np.empty(path.shape[:2])
     angles[0] = headings

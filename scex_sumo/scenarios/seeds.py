@@ -53,7 +53,7 @@ def read_seed(
     try:
         track_path = Path(tracks) if tracks is not None else find_tracks(map_path)
     except TrackError:
-        read_map(map_path)  # a file that is no map is the likelier reason, and says so
+        read_map(map_path)  # no map is the likelier reason
         raise
     road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False, keep=cache)
     scene = recorded_scene(map_path, tracks=track_path, case=case, time_s=time, road=road, align=align)

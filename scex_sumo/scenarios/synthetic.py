@@ -17,12 +17,11 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
 WARM_UP_S = 30.0
 FUTURE_STEPS = 100
-# Traffic grows until the map holds enough: duration, and time between vehicles on a lane into the map at the
-# beginning and at the end. The second attempt is as much as fits.
+# Duration, and time between vehicles on an entry lane at the beginning and at the end, s.
 _ATTEMPTS = ((150.0, (40.0, 3.0)), (240.0, (6.0, 1.5)))
-MAX_MOMENTS, MAX_ALIKE = 500, 100  # tried in an attempt, and of these with the same number of vehicles
+MAX_MOMENTS, MAX_ALIKE = 500, 100  # per attempt, and per number of vehicles
 CHECKED_STEPS, CHECKED_STRIDE = 30, 2
-MAX_CURVATURE = 0.25  # 1/m; a passenger car's turning circle has 5 m radius
+MAX_CURVATURE = 0.25  # 1/m; a car's turning radius is 5 m
 SLOW_M = 0.1  # per step: 1 m/s
 MAX_VEHICLES = 5_000
 LIMIT_S = 10
@@ -70,7 +69,7 @@ def synthetic_scene(
             )
 
     for duration_s, every_s in _ATTEMPTS:
-        at_most = vehicles + max(3, vehicles // 2)  # more would only take time
+        at_most = vehicles + max(3, vehicles // 2)
         recording = record(net, at_most=at_most, duration_s=duration_s, every_s=every_s, rng=rng, check=check)
         ready = recording.steady()
         usable = ready[int(WARM_UP_S / STEP_S) : len(ready) - FUTURE_STEPS]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,13 +16,12 @@ from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.base import SumoDriven
 from scex_sumo.world.tiles import tile_id
 
-# moveToXY's keepRoute: where SUMO looks for the lane of a vehicle, whose exact position is kept (2).
-# 1 = only along the vehicle's route; 4 = lanes of any permission.
+# moveToXY's keepRoute: 1 = lane on the route, 2 = exact position, 4 = lane of any permission.
 ANY_LANE = 2 + 4
 _OWN_ROUTE = 2 + 1
 
-_MAX_GAIN_MPS = 1.0  # no driver of SUMO's gains more speed in one step
-_ARRIVAL_M = 0.2  # SUMO removes a vehicle 0.1 m before the end of its route
+_MAX_GAIN_MPS = 1.0  # in one step
+_ARRIVAL_M = 0.2  # SUMO removes vehicles 0.1 m before the end
 
 
 def vehicle_ids(slots: Sequence[int], track_ids: IntArray) -> list[str]:
@@ -56,8 +55,7 @@ class Pose:
     def ahead(self) -> Pose:
         """Return the pose after one step, straight on at constant speed."""
         heading, way = math.radians(90.0 - self.angle), self.speed * STEP_S
-        x, y = self.x + way * math.cos(heading), self.y + way * math.sin(heading)
-        return Pose(key=self.key, x=x, y=y, angle=self.angle, speed=self.speed)
+        return replace(self, x=self.x + way * math.cos(heading), y=self.y + way * math.sin(heading))
 
 
 class SharedVehicles:
@@ -198,8 +196,8 @@ class RunningBatch:
         mixed = {slot for slot, m in zip(self.slots, self.mixed, strict=True) if m}
         if shared := sorted(slot for slot in mixed if count[slot] > 1):
             raise SimulationError(
-                f"slots {shared} hold several children, one of them with drivers of SUMO's or shown in "
-                "sumo-gui; give each a slot of its own"
+                f"slots {shared} hold several children, one with SUMO drivers or shown in sumo-gui; "
+                "give each its own slot"
             )
 
     def refuse_losses(self, held: Sequence[str]) -> None:
@@ -230,8 +228,7 @@ def new_batch(
     overridden = np.ones(start.shape, dtype=bool)
     for d in driven:
         overridden[d.child, d.vehicle] = False
-    # Looking for lanes takes three quarters of the time. Only SUMO's drivers need it, to see vehicles on
-    # their lanes; elsewhere SUMO need not look beyond one lane.
+    # Looking for lanes takes three quarters of the time, and only SUMO's drivers need it.
     mixed = np.full(len(slots), watched) | ~overridden.all(axis=1)
     children, vehicles = start.shape
     own = np.arange(children * vehicles).reshape(start.shape)

@@ -16,18 +16,18 @@ from scex_sumo.world.tiles import WINDOW_ASPECT, tile_id
 
 Bounds = tuple[float, float, float, float]
 OTHER_RGB = (255, 0, 200)  # pedestrians and cyclists
-_LINE = 1.4  # from line to line of text, in heights of a letter
+_LINE = 1.4  # line height, in letters
 _LETTER = 0.4  # width of a letter, in heights
 _LEGEND_COLUMNS = 3
-_WINDOW_ASPECTS = (1.2, 1.5, 1.8, 2.1)  # widths by heights of windows that people use
-_LETTER_SHARE = 0.03  # height of a letter in a window
-_AROUND_M = 25.0  # of the map to be seen around vehicles
+_WINDOW_ASPECTS = (1.2, 1.5, 1.8, 2.1)  # usual widths by heights
+_LETTER_SHARE = 0.03  # of the window's height
+_AROUND_M = 25.0  # vehicles
 _RING_M, _RING_WIDTH_M, _RING_POINTS, _RING_RGB = 4.0, 0.3, 48, (214, 64, 58)
-_TRACK_LAYER = 30  # above the markings, below the vehicles
+_TRACK_LAYER = 30  # between markings and vehicles
 
-LETTER_M = 2.0  # height of letters in the ids of vehicles; leaves the ends of a car free
-_WIDE_M = 2.6  # of an id with its background, to fit into a lane
-_ID_WIDTH, _ID_HEIGHT = 0.52, 1.1  # of sumo-gui's letters with their background, in heights of a letter
+LETTER_M = 2.0  # letters of vehicle ids
+_WIDE_M = 2.6  # widest id in a lane
+_ID_WIDTH, _ID_HEIGHT = 0.52, 1.1  # of sumo-gui's letters, in heights
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,7 +128,7 @@ class Frame:
         )
         left, bottom, right, top = self.net
         view = max(left, around[0]), max(bottom, around[1]), min(right, around[2]), min(top, around[3])
-        if view[0] >= view[2] or view[1] >= view[3]:  # all are off the map
+        if view[0] >= view[2] or view[1] >= view[3]:
             view = around
         return replace(self, view=view, line_m=_LETTER_SHARE * _window_height(view))
 
@@ -226,7 +226,7 @@ def _poly(key: str, shape: str, rgb: Rgb, *, line_m: float | None = None) -> str
 def _text(text: str, x: float, y: float, line_m: float) -> str:
     """Return text that begins at x: the id of an invisible point; sumo-gui centres it there."""
     middle = x + 0.5 * _LETTER * len(text) * line_m
-    # Ids in SUMO have no blanks but no-break ones, and no separators of lists.
+    # SUMO's ids have no blanks and no separators.
     key = re.sub(r"[|\\'\";,<>&]", "_", re.sub(r"\s", "\N{NO-BREAK SPACE}", text))
     return (
         f'    <poi id="{key}" color="0,0,0,0" layer="{_TRACK_LAYER}" x="{middle:.2f}" y="{y:.2f}"'

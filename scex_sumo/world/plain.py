@@ -16,7 +16,7 @@ from scex_sumo.world.base import BatchStart, World, WorldRequest
 from scex_sumo.world.frame import angle_read_back, from_sumo, to_sumo
 from scex_sumo.world.sumo import SumoSimulator
 
-SAMPLE = 2  # children of a batch that SUMO simulates, too, in a checked world
+SAMPLE = 2  # children of a checked batch in SUMO
 
 
 class PlainWorld:
@@ -71,15 +71,13 @@ class PlainSimulator:
         return PlainWorld(len(batch.slots), self.scene.vehicles, length=self.scene.length)
 
 
-class CheckedWorld:
-    """Plain world whose first children run in SUMO's world, too; both must hold the same, to the bit."""
+class _CheckedWorld:
+    """Plain world whose first children run in SUMO's world, too; both must be equal, to the bit."""
 
     def __init__(self, plain: World, sumo: World, sample: int) -> None:
-        """Join two worlds that are set to the seed scene; SUMO's has the first ``sample`` children."""
         self._plain, self._sumo, self._sample = plain, sumo, sample
 
     def move(self, states: States, mask: BoolArray) -> None:
-        """Set the next states (C, V) of the vehicles in the mask."""
         self._plain.move(states, mask)
         self._sumo.move(states[: self._sample], mask[: self._sample])
 
@@ -87,16 +85,10 @@ class CheckedWorld:
         """Do nothing: behaviour models read obstacles from the seed scene."""
 
     def step(self) -> None:
-        """Advance both by 0.1 s."""
         self._plain.step()
         self._sumo.step()
 
     def read(self) -> States:
-        """Return the states (C, V) in the plain world.
-
-        Raises:
-            SimulationError: SUMO's states differ.
-        """
         held, theirs = self._plain.read(), self._sumo.read()
         for name in ("x", "y", "heading", "speed"):
             ours, sumos = getattr(held, name)[: self._sample], getattr(theirs, name)
@@ -135,4 +127,4 @@ class CheckedSimulator:
         if self._needs_sumo:
             return self._sumo.begin(batch)
         some = BatchStart(slots=batch.slots[:SAMPLE], assignment=batch.assignment[:SAMPLE])
-        return CheckedWorld(self._plain.begin(batch), self._sumo.begin(some), len(some.slots))
+        return _CheckedWorld(self._plain.begin(batch), self._sumo.begin(some), len(some.slots))

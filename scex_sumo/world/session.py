@@ -25,18 +25,17 @@ from scex_sumo.world.vehicle_types import TypeBook
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 
-ANY_ROUTE = "anywhere"  # moved vehicles need a route, and never follow it
+ANY_ROUTE = "anywhere"  # moved vehicles never follow it
 
-# Tiles in sumo-gui stand close together, to be seen at a glance.
 _GUI_MARGIN_M = 30.0
 
 _OPTIONS = (
     *("--step-length", str(STEP_S), "--seed", "0", "--xml-validation", "never"),
     *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true"),
-    # SUMO must not remove, stop or push vehicles that were moved.
+    # SUMO must not remove, stop or push moved vehicles.
     *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
     *("--default.speeddev", "0"),
-    # SUMO's drivers change lanes in this many seconds instead of jumping sideways.
+    # Seconds; else SUMO's drivers jump sideways.
     *("--lanechange.duration", "3"),
 )
 
@@ -146,8 +145,8 @@ class SumoSession:
                 self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
             return self._sumo
         self.stop()
-        # SUMO gives each lane a random generator by its number. With all tiles and as many generators as
-        # lanes, a random driver gets the same numbers in its slot, whatever else is simulated.
+        # SUMO has a random generator for each lane, by number. All tiles with all generators: a random
+        # driver gets the same numbers in its slot, whatever else is simulated.
         self.slots = list(range(TILE_SLOTS)) if self._types.random else self.slots
         generators = self._template.lanes * TILE_SLOTS if self._types.random else 1
         with writing(self._folder):

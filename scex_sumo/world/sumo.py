@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 
 __all__ = ["TILE_SLOTS", "SumoDriven", "SumoSimulator", "SumoWorld"]
-# Distance at which SUMO matches a vehicle to a lane, m. Faster than the default of 100 m. On all maps tried,
-# 20 m finds the right one of two forking lanes; 5 m does not always.
+# Distance of a vehicle to its lane. Faster than SUMO's 100 m; 5 m misses some forking lanes.
 _MATCH_M = 20.0
 _NO_LANE = -1
 
@@ -79,7 +78,7 @@ class SumoWorld:
         self._length = np.asarray(scene.length, dtype=np.float64)
         self._sumo: Any = None
         self._running: RunningBatch | None = None
-        self._speeds: list[tuple[str, float, float]] = []  # to be set after the next step
+        self._speeds: list[tuple[str, float, float]] = []
         self._routes = 0
 
     def __enter__(self) -> SumoWorld:
@@ -250,8 +249,8 @@ class SumoWorld:
     def _advance(self, batch: RunningBatch) -> None:
         """Run one step of SUMO, count the vehicles, and set the speeds of moved vehicles.
 
-        SUMO takes the motion along the lane for the speed, which is wrong at an angle to it. SUMO continues with
-        the speed set here, and its drivers see it. Children without SUMO drivers do not need it.
+        SUMO takes the motion along the lane for the speed, which is wrong at an angle to it. SUMO's drivers
+        see the speed that is set here.
         """
         with self._session.refusals("advance"):
             self._sumo.simulation.step()
@@ -278,7 +277,7 @@ class SumoWorld:
             else:
                 self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.overridden(v))
                 if batch.mixed[child]:
-                    # Else SUMO makes others give way to lane changes that this vehicle never makes.
+                    # Else others give way to lane changes that never happen.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)
 
 

@@ -19,11 +19,11 @@ from scex_sumo.base.errors import SimulationError, listed
 from scex_sumo.converters.net.allowed import prune
 
 TILE_SLOTS = 64
-"""Number of tile slots; a child i with a tile of its own is always in slot ``i % TILE_SLOTS``."""
+"""Number of tile slots; a child i with its own tile is in slot ``i % TILE_SLOTS``."""
 
 TILE_COLUMNS = 8
-WINDOW_ASPECT = 1.5  # width by height of what is visible in a window of sumo-gui
-TILE_MARGIN_M = 1000.0  # a vehicle at 50 m/s needs 20 s from the edge of one map to the next
+WINDOW_ASPECT = 1.5  # width by height of sumo-gui's view
+TILE_MARGIN_M = 1000.0  # 20 s at 50 m/s
 
 # Attributes with ids, per element.
 _IDS: dict[str, tuple[str, ...]] = {
@@ -89,7 +89,7 @@ class TileTemplate:
             root = ElementTree.parse(path).getroot()
         except (OSError, ElementTree.ParseError) as error:
             raise SimulationError(f"{path}: cannot be read as a SUMO file: {error}") from error
-        if left_out := prune(root):  # SUMO loads roads, lights and drawings only
+        if left_out := prune(root):
             raise SimulationError(f"{path}: {listed(left_out)} cannot be copied to tiles; remove it")
         self._path = path
         self._root = root.tag

@@ -18,8 +18,7 @@ from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import SumoNet, convert
 from scex_sumo.road import Road
-from scex_sumo.scenarios import EXAMPLES, example_path
-from scex_sumo.scenarios import synthetic
+from scex_sumo.scenarios import EXAMPLES, example_path, synthetic
 from scex_sumo.scenarios.synthetic import LIMIT_S, synthetic_scene
 from scex_sumo.scene import SeedScene, States
 from tests.behaviors import roads as roads_of_tests

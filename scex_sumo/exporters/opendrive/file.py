@@ -19,7 +19,7 @@ from scex_sumo.road import Lane, Regulation, Road
 LANE_CODE = "scex_sumo_lane"  # user data of a lane: its id in the map
 _TYPES = {"vehicle": "driving", "bus": "bus", "bicycle": "biking", "pedestrian": "sidewalk"}
 _MARK_M = 0.12
-_STEP_M = 0.5  # between the places of a lane that are tried for a signal
+_STEP_M = 0.5  # between tried places of a signal
 _LIGHT = ("1000001", "OpenDRIVE")
 _YIELD, _STOP, _PRIORITY = ("205", "DE"), ("206", "DE"), ("306", "DE")
 

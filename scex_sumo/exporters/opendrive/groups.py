@@ -12,7 +12,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import distances
 from scex_sumo.road import Lane
 
-_SHARED_M = 0.02  # neighbours with borders farther apart become two roads
+_SHARED_M = 0.02  # else neighbours become two roads
 
 Group: TypeAlias = tuple[int, ...]  # lane ids, leftmost first
 Chain: TypeAlias = tuple[Group, ...]  # groups that follow one another, lane by lane

@@ -20,7 +20,7 @@ from scex_sumo.exporters.opendrive.groups import (
 from scex_sumo.exporters.opendrive.ribbons import MAX_ERROR_M, Ribbon, RoadEnd, fitting_groups, ribbon_of
 from scex_sumo.road import Lane
 
-_MAX_HEAD_M = 20.0  # longest connecting road that is only a part of a chain
+_MAX_HEAD_M = 20.0  # of a connecting road cut from a chain
 
 
 @dataclass(frozen=True, kw_only=True)

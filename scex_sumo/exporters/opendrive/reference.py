@@ -15,9 +15,9 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import along, arc_lengths, length_of
 
 _MAX_PIECE_M, _MAX_PIECE_RAD = 5.0, 0.1  # length and turn of a piece
-_MIN_PIECES = 3  # of each group, so that a road can be cut into two or three
-_MIN_EDGE_M = 0.5  # narrower edges have no reliable direction
-_MAX_SKEW_RAD = math.radians(75)  # more skewed edges are ignored
+_MIN_PIECES = 3  # per group, for cuts
+_MIN_EDGE_M = 0.5  # for a reliable direction
+_MAX_SKEW_RAD = math.radians(75)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,19 +36,11 @@ class Curve:
 
     def at(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return points (N, 2) and unit tangents (N, 2) at arc lengths (N,)."""
-        k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
-        size = np.diff(self.s)[k][:, None]
-        u = (s - self.s[k])[:, None] / size
-        p, q = self.points[k], self.points[k + 1]
-        v, w = size * self.tangents[k], size * self.tangents[k + 1]
-        place = (
-            (2 * u**3 - 3 * u**2 + 1) * p
-            + (u**3 - 2 * u**2 + u) * v
-            + (3 * u**2 - 2 * u**3) * q
-            + (u**3 - u**2) * w
-        )
-        slope = 6 * (u**2 - u) * (p - q) + (3 * u**2 - 4 * u + 1) * v + (3 * u**2 - 2 * u) * w
-        return place, np.asarray(slope / np.hypot(slope[:, 0], slope[:, 1])[:, None])
+        from scipy.interpolate import CubicHermiteSpline
+
+        spline = CubicHermiteSpline(self.s, self.points, self.tangents)
+        slope = spline(s, 1)
+        return spline(s), np.asarray(slope / np.hypot(slope[:, 0], slope[:, 1])[:, None])
 
     def part(self, first: int, last: int) -> Curve:
         """Return the curve between two knots."""

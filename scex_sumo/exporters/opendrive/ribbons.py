@@ -18,11 +18,11 @@ from scex_sumo.road import Lane
 MAX_ERROR_M = 0.12
 _GOOD_ERROR_M = 0.03
 _STATION_M = 0.25
-_MAX_OFFSET_M = 0.004  # between a border and the straight lines between stations
+_MAX_OFFSET_M = 0.004  # of straight lines between stations
 _EXTENSION_M = 5.0  # of borders at both ends
 _MIN_COSINE = math.cos(math.radians(15.0))
 _ZERO_M = 1e-6
-_SAME_M = 0.06  # a border extended to a kink snaps to the nearest border within this
+_SAME_M = 0.06  # extended borders snap to a border's end
 _TRIALS = ((3.0, True), (1.5, True), (6.0, True), (12.0, True), (3.0, False), (8.0, False))
 """Spacing of the reference line in m, and whether it ends at right angles to the edges."""
 
@@ -66,7 +66,7 @@ class RoadEnd:
         line, onward = (line, self.direction) if end else (line[::-1], -self.direction)
         ahead = (line - self.point) @ onward
         inside = int(np.flatnonzero(ahead < -_ZERO_M)[-1]) if (ahead < -_ZERO_M).any() else 0
-        first = min(inside, len(line) - 2)  # the last piece is extended straight
+        first = min(inside, len(line) - 2)
         step = line[first + 1] - line[first]
         rise = float(step @ onward)
         tip = line[inside] - step * (ahead[inside] / rise) if rise > 0 else line[-1]
