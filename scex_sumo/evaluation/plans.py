@@ -69,12 +69,9 @@ class StoredPlans:
     def paths(
         self, cases: NDArray[np.str_], track_ids: IntArray, there: BoolArray, steps: int
     ) -> PlannedPaths:
-        """Return the planned paths of children.
+        """Return the planned paths of children ``cases`` (C,) and vehicles (C, V) in any order.
 
-        Args:
-            cases: (C,) numbers of the children, as in the tracks.
-            track_ids: (C, V) in any order.
-            there: (C, V) False where a child has fewer vehicles.
+        ``there`` (C, V) is False where a child has fewer vehicles.
 
         Raises:
             ResultError: a vehicle has no plan.

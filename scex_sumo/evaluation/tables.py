@@ -130,7 +130,6 @@ def _other_ids(ids: IntArray | None, count: int) -> pa.Array:
 def _pair_rows(
     block: Block, metrics: Sequence[Metric], options: dict[str, Any], *, outcomes: bool
 ) -> list[pa.Table]:
-    """Return one table per metric, with the case's index as ``case``."""
     hits = find_collisions(block.tracks) if outcomes else None
     values = evaluate_pairs(block.tracks, block.planned, **options)
     tables = []
@@ -154,7 +153,6 @@ def _pair_rows(
 
 
 def _sorted_pairs(tables: Sequence[pa.Table], names: pa.Array, metrics: int) -> pa.Table:
-    """Sort rows by case, time, metric, track and other."""
     if not tables:
         types = {"case": pa.int64(), "timestamp_ms": pa.int64(), "metric": pa.string()}
         types |= {"track_id": pa.int64(), "other_id": pa.int64(), "value": pa.float64()}

@@ -35,8 +35,6 @@ def number_text(value: float) -> str:
 
 @dataclass(kw_only=True, eq=False)
 class _Signals:
-    """Signs, lights and stop lines: their elements, and references by lane."""
-
     elements: list[ET.Element] = field(default_factory=list)
     of_lane: dict[int, list[tuple[str, int]]] = field(default_factory=dict)
     stop_lines: dict[int, tuple[FloatArray, str, int]] = field(default_factory=dict)

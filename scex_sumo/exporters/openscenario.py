@@ -55,8 +55,6 @@ _README = """# {name}: {count} future(s) for OpenSCENARIO players
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Participant:
-    """Road user with (T,) times and states of its centre."""
-
     name: str
     kind: str
     length: float

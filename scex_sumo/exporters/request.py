@@ -21,7 +21,6 @@ class Request:
     """Export request.
 
     Attributes:
-        children: numbers, at least one.
         out: file or folder; None: the exporter names it.
         ego: track id of the vehicle with the planning task.
         critical: metric by which the children were chosen.

@@ -87,7 +87,6 @@ def scene_graph_panel(axes: Axes, road: Road, scene: SeedScene, graph: SceneGrap
 
 
 def _draw_edges(axes: Axes, scene: SeedScene, graph: SceneGraph) -> None:
-    """Draw each relation once, longitudinal ones on top."""
     source, target = graph.edge_index
     for kind, (_, color, line) in reversed(_STYLES.items()):
         chosen = (graph.edge_kind == kind) & (target < scene.vehicles)

@@ -72,6 +72,5 @@ def _write_child(request: Request, child: int, folder: Path) -> Path:
 
 
 def _at_the_end(request: Request, child: int) -> SeedScene:
-    """Return the child's last second as a seed scene without pedestrians and cyclists."""
     states = request.run.states(child)[:, -HISTORY_STEPS - 1 :]
     return replace(request.scene, history=states, future=None, future_valid=None, obstacles=None)

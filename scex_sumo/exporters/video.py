@@ -95,7 +95,6 @@ def _encode_gif(path: Path, request: Request, child: int) -> None:
 
 
 def _pictures(request: Request, child: int, size: tuple[int, int], rate: int) -> Iterator[Any]:
-    """Yield (height, width, 3) pictures of a child; the last one stays."""
     film = Film(request, child, size)
     last = LOGGED_HISTORY - 1 + int(request.run.info["steps"])
     for frame in np.arange(0, last + 1e-9, _FRAME_RATE / rate):
@@ -181,7 +180,6 @@ class Film:
         return [Circle(place, 4 / self._scale, **style) for place in zip(here.x, here.y, strict=True)]
 
     def _ids(self, states: States) -> Iterator[Artist]:
-        """Yield readable ids, and rings around a pair with ids beside them."""
         rest = [v for v in range(len(self._names)) if v not in self._pair]
         names = [self._names[v] for v in rest]
         wide = np.array([_LETTER * _ID_PX * len(name) for name in names]) / self._scale
@@ -198,13 +196,11 @@ class Film:
             yield self._text(x0 + dx, y0 + dy, self._names[v], _RING, _TITLE_PX)
 
     def _text(self, x: float, y: float, words: str, color: str, size: int) -> Artist:
-        """Return words around a place, readable on any ground."""
         halo = [withStroke(linewidth=4, foreground="white")]
         style: dict[str, Any] = {"ha": "center", "va": "center", "clip_on": True, "path_effects": halo}
         return Text(x, y, words, color=color, fontsize=size, transform=self._axes.transData, **style)
 
     def _corner_text(self, side: float, words: str) -> Artist:
-        """Return words in an upper corner, at a share of the width."""
         style: dict[str, Any] = {"ha": "right" if side > 0.5 else "left", "va": "top", "color": _INK}
         box = {"facecolor": "white", "linewidth": 0, "pad": 6}
         return Text(side, 0.985, words, fontsize=_TITLE_PX, bbox=box, transform=self._axes.transAxes, **style)

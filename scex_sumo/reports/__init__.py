@@ -1,4 +1,1 @@
-"""Reports: figures and terminal tables; the only package with matplotlib.
-
-May import extrapolation and all below; no commands, no wing.
-"""
+"""Reports: figures and terminal tables; the only package with matplotlib."""

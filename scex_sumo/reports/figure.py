@@ -116,7 +116,6 @@ def _fill(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, line: Fl
 
 
 def _write(axes: Axes, height: float, words: str, color: str = "#666666") -> None:
-    """Write words at the right edge of a panel; a height of 0 is its bottom, 1 its top."""
     place = "top" if height > 0.5 else "baseline"
     ground: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 1}
     style: dict[str, Any] = {"ha": "right", "va": place, "bbox": ground, "zorder": 5, "fontsize": 7}

@@ -94,7 +94,6 @@ class Network:
         return None
 
     def _next(self, here: Place, done: list[str]) -> list[Place]:
-        """Return one lane for each possible next edge."""
         # Without room for a lane change the vehicle stays on its lane, unless it ends.
         room = self._lanes[here].length_m >= CHANGE_M or not self._onward[here]
         choices: dict[str, Place] = {}

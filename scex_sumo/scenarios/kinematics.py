@@ -73,7 +73,6 @@ def _even(front: FloatArray) -> FloatArray:
 
 
 def _averaged(values: FloatArray, reach: int) -> FloatArray:
-    """Return weighted means over ``reach`` neighbours on either side; the ends stay."""
     ends = np.arange(1, reach + 1)
     before = values[0] - ends[::-1] * (values[1] - values[0])
     after = values[-1] + ends * (values[-1] - values[-2])
@@ -84,7 +83,6 @@ def _averaged(values: FloatArray, reach: int) -> FloatArray:
 
 
 def _speeds(centre: FloatArray, headings: FloatArray) -> FloatArray:
-    """Return the speed along the mean heading of each step, never negative, m/s."""
     if len(centre) < 2:
         return np.zeros(len(centre))
     step = np.diff(centre, axis=0)

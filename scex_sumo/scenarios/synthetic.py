@@ -39,8 +39,7 @@ def synthetic_scene(
     """Populate a road's SUMO net and return one moment, with 10 steps of history and up to 100 of future.
 
     Ever denser traffic enters on all lanes into the map, with random routes and drivers (EIDM). The moment is
-    drawn among the faster half of those with just enough vehicles present for a second. If all have more, the
-    seed's vehicles are drawn from them.
+    drawn among the faster half of those with just enough vehicles; if all have more, vehicles are drawn.
 
     Args:
         progress: called with the seconds spent and their limit.
@@ -97,7 +96,6 @@ def synthetic_scene(
 
 
 def _scene(recording: Drive, step: int, chosen: IntArray, *, name: str, location: str) -> SeedScene:
-    """Return the seed scene of vehicles (V,), present for the last 10 steps."""
     steps = np.arange(step - HISTORY_STEPS, step + FUTURE_STEPS + 1)[:, None]
     driven = recording.stretch[steps, chosen] == recording.stretch[step, chosen]
     last = driven.sum(axis=0) - 1

@@ -1,4 +1,1 @@
-"""Views of children in plain sumo-gui.
-
-May import world, results and all below; not behaviors.
-"""
+"""Views of children in plain sumo-gui."""

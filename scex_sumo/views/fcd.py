@@ -32,8 +32,6 @@ class FcdTracks:
     """Tracks of N vehicles in one tile.
 
     Attributes:
-        ids: (N,) SUMO's ids.
-        types: (N,) ids of vehicle types.
         length: (N,) m.
         states: (N, T) centres in the net's coordinates.
         present: (N, T) from first to last appearance.
@@ -71,11 +69,7 @@ class LaneFinder:
     ) -> tuple[list[str], FloatArray]:
         """Return (n) lane ids of places, and (n,) positions along the lanes, m.
 
-        Args:
-            x: (n,) m.
-            y: (n,) m.
-            heading: (n,) rad.
-            first: (n,) first place of a vehicle.
+        ``first`` (n,) marks the first place of a vehicle.
         """
         places = shapely.points(x, y)
         place, lane = self._tree.query(places, predicate="dwithin", distance=_NEAR_M)

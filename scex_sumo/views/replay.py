@@ -64,16 +64,11 @@ def write_view(
     snapshots: tuple[tuple[float, str], ...] = (),
     again: ReadNet | None = None,
 ) -> Path:
-    """Write files that show one child in sumo-gui, or several side by side in reading order.
+    """Write files that show one child in sumo-gui, or several side by side, and return the file to open.
 
     Args:
-        folder: the net is referred to by a relative path.
-        colors: of behaviour models, 0 to 255.
         snapshots: times in s and picture names for sumo-gui.
         again: the net, if already read for one child.
-
-    Returns:
-        File to open: ``child_NUMBER.sumocfg``, or ``grid_N.sumocfg``.
     """
     grid = len(children) > 1
     name = f"grid_{len(children)}" if grid else f"child_{children[0].number:04d}"
@@ -197,7 +192,6 @@ def _type_id(model: str, vehicle: int) -> str:
 
 
 def _types(scene: SeedScene, children: Sequence[ChildView], colors: Mapping[str, Rgb]) -> str:
-    """Return a SUMO type for each vehicle and model."""
     lines = []
     for v in range(scene.vehicles):
         size = scene.types[v], float(scene.length[v]), float(scene.width[v])

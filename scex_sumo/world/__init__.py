@@ -1,4 +1,1 @@
-"""Worlds of children: SUMO (libsumo, sumo-gui) or plain arrays; the only package with libsumo and traci.
-
-May import converters, roads and all below; not behaviors.
-"""
+"""Worlds of children: SUMO (libsumo, sumo-gui) or plain arrays; the only package with libsumo and traci."""

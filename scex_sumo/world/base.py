@@ -46,12 +46,11 @@ class World(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class SumoDriven:
-    """Vehicle with a car-following model of SUMO.
+    """Vehicle with a car-following model of SUMO, e.g. ``EIDM``.
 
     Attributes:
         vehicle: index in the seed scene.
-        model: SUMO's name, e.g. ``EIDM``.
-        parameters: ``vType`` attributes, e.g. ``{"tau": "1.2"}``.
+        parameters: ``vType`` attributes.
         edges: route; the vehicle is on the first edge.
     """
 
@@ -69,8 +68,6 @@ class WorldRequest:
     Attributes:
         models: names of behaviour models.
         slots: tile slots of all children.
-        sumo_drives: whether SUMO drives some vehicles.
-        gui: show the run in sumo-gui.
         compared: whether a checked world is compared with SUMO's.
     """
 

@@ -36,15 +36,7 @@ def vehicle_ids(slots: Sequence[int], track_ids: IntArray) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Pose of a vehicle in SUMO's frame.
-
-    Attributes:
-        key: SUMO's id.
-        x: front bumper, m.
-        y: front bumper, m.
-        angle: degrees, 0 = north, clockwise.
-        speed: m/s.
-    """
+    """Pose of a vehicle in SUMO's frame: front bumper in m, degrees clockwise from north, m/s."""
 
     key: str
     x: float
@@ -60,8 +52,6 @@ class Pose:
 
 class SharedVehicles:
     """Vehicles of N with bit-equal poses so far, which share one vehicle in SUMO.
-
-    In the example roundabout the 5 390 vehicles of 385 children take 336 different ways.
 
     Attributes:
         held: (k,) vehicles in SUMO, ascending; none leaves.
@@ -106,8 +96,6 @@ class RunningBatch:
     """Running batch of C children.
 
     Attributes:
-        slots: (C) tile slots.
-        ids: (C × V) SUMO's ids.
         offset: (2, C, 1) of the tiles, m.
         overridden: (C, V) False where SUMO drives.
         mixed: (C,) True with SUMO drivers or a watcher.
@@ -169,7 +157,7 @@ class RunningBatch:
         return new
 
     def hand_over(self, driven: Sequence[SumoDriven], sumo: Any) -> None:
-        """Let SUMO drive from now on; a vehicle on none of its lanes goes straight on."""
+        """Let SUMO drive from now on; a vehicle on no lane goes straight on."""
         for d in driven:
             key = self.id_of(d.child, d.vehicle)
             if sumo.vehicle.getLaneID(key):

@@ -37,7 +37,6 @@ class ChildView:
     Attributes:
         states: (V, T) from 0.1 s on: past, seed scene, future.
         models: (V,) behaviour models.
-        title: text beside it, e.g. its most critical value.
         past: number of past states; the last one is the seed scene.
         event: vehicles with a ring; without them all are in view.
         stop: index of the state to stop at; None: the last one.
@@ -87,7 +86,7 @@ class Frame:
     """Visible frame: tiles, titles above them, legend below.
 
     Attributes:
-        net: smallest x, y and largest x, y of all tiles, m; shown at a zoom of 100 %.
+        net: smallest x, y and largest x, y of all tiles, m.
         view: the same of the visible part.
         line_m: height of a letter, m.
         entries: names and colours of the legend.
@@ -134,7 +133,6 @@ class Frame:
 
 
 def _window_height(bounds: Bounds, aspect: float = WINDOW_ASPECT) -> float:
-    """Return the height in m of a window that shows the bounds; ``aspect`` is width by height."""
     left, bottom, right, top = bounds
     return max(top - bottom, (right - left) / aspect)
 

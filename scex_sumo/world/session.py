@@ -110,11 +110,7 @@ class SumoSession:
         delay_ms: int,
         legend: Sequence[tuple[str, Rgb]],
     ) -> None:
-        """Read the net; other arguments are those of `SumoWorld`.
-
-        Args:
-            types: drivers may be entered later.
-            folder: for SUMO's files.
+        """Read the net; ``folder`` is for SUMO's files, drivers may be entered into ``types`` later.
 
         Raises:
             SimulationError: the net cannot be read.
@@ -172,7 +168,6 @@ class SumoSession:
             raise SimulationError(f"SUMO refused to {what}: {reason}") from error
 
     def _write_files(self) -> list[str]:
-        """Write SUMO's input files, and return the options that name them."""
         if "," in str(self._folder):
             raise SimulationError(f"{self._folder}: SUMO splits paths at commas; set TMPDIR to one without")
         self._folder.mkdir(parents=True, exist_ok=True)

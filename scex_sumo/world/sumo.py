@@ -1,7 +1,6 @@
 """SUMO's world: vehicles in tiles of libsumo or sumo-gui, moved to their planned states and read back.
 
-libsumo runs one simulation per process: a world opens its tiles once for all batches. Each batch begins at
-time 0 with new vehicles and so depends on no other batch (EIDM depends on the time).
+A world opens its tiles once. Each batch begins at time 0 with new vehicles, independent of other batches.
 """
 
 from __future__ import annotations
@@ -56,7 +55,7 @@ class SumoWorld:
 
         Args:
             slots: tile slots of all batches, each below ``TILE_SLOTS``.
-            gui: show sumo-gui. Its tiles stand closer together: the last bits of positions may differ.
+            gui: show sumo-gui; the last bits of positions may differ.
             legend: names and colours for sumo-gui.
 
         Raises:
@@ -226,7 +225,6 @@ class SumoWorld:
         return self._running
 
     def _poses(self, states: States) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return x and y of the front bumpers in their tiles, and angles, each (C, V)."""
         front_x, front_y, angle = to_sumo(states, self._length)
         return front_x + self._batch.offset[0], front_y + self._batch.offset[1], angle
 
@@ -263,7 +261,6 @@ class SumoWorld:
         batch.held = np.where(batch.speed < 0, 0.0, batch.speed)
 
     def _add_vehicles(self, new: IntArray, driven: Sequence[SumoDriven] = ()) -> None:
-        """Add vehicles to SUMO by flat index."""
         batch, vehicles = self._batch, self._scene.vehicles
         by_sumo = {d.child * vehicles + d.vehicle: d for d in driven}
         for index in new.tolist():

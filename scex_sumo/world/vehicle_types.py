@@ -35,7 +35,6 @@ def given_type(
 def _driven_type(
     name: str, kind: str, length: float, width: float, model: str, parameters: Mapping[str, str]
 ) -> str:
-    """Return the ``vType`` of SUMO-driven vehicles; trucks and buses get SUMO's limits."""
     shape = gui_shape(kind)
     attributes = {"vClass": _CLASSES.get(shape, "passenger"), "guiShape": shape, "carFollowModel": model}
     attributes |= dict.fromkeys(RANDOM_PARAMETERS, "0")

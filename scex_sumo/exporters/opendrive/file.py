@@ -153,7 +153,6 @@ def _linked(link: RoadLink | None, lane: int) -> list[int]:
 
 
 def _lines(parent: ET.Element, tag: str, s: FloatArray, values: FloatArray, at: str) -> None:
-    """Add straight lines between stations, except those that continue the previous one."""
     slope = np.diff(values) / np.diff(s)
     written: tuple[float, float, float] | None = None
     for start, value, rise in zip(s[:-1], values[:-1], slope, strict=True):
@@ -209,7 +208,6 @@ def _exact(value: float) -> str:
 
 
 def _placed_signals(road: Road, pieces: Sequence[Piece]) -> dict[int, list[ET.Element]]:
-    """Return lights and signs by road number, one of each kind for a lane."""
     signals: dict[int, list[ET.Element]] = {}
     seen: set[tuple[int, tuple[str, str]]] = set()
     for rule in road.regulations:
@@ -263,7 +261,6 @@ def _where(pieces: Sequence[Piece], lane: Lane, rule: Regulation) -> tuple[Piece
 
 
 def _nearest(piece: Piece, section: Section, place: FloatArray) -> tuple[float, float]:
-    """Return the arc length on a section nearest to a place, and the distance, m."""
     s = np.linspace(section.s[0], section.s[-1], max(2, round(np.ptp(section.s) / _STEP_M)))
     gap = np.hypot(*(piece.ribbon.curve.at(s)[0] - place).T)
     return float(s[gap.argmin()]), float(gap.min())

@@ -75,7 +75,6 @@ def road_network(lanes: Mapping[int, Lane]) -> list[Piece]:
 def _on_common_edges(
     lanes: Mapping[int, Lane], cuts: Sequence[Cut], ribbons: Mapping[Chain, Ribbon]
 ) -> dict[Chain, Ribbon]:
-    """Return ribbons that end or begin on the edge of a road with several lanes."""
     edges: dict[Chain, list[RoadEnd | None]] = {}
     for cut in cuts:
         sides = [(chain, True) for chain in cut.ends] + [(chain, False) for chain in cut.starts]
@@ -143,7 +142,6 @@ class _Network:
         _join(before, after, _lane_pairs(cut, cut.ends[0], cut.starts[0]))
 
     def _link_junction(self, cut: Cut, junction: int) -> None:
-        """Link both sides of a cut; connecting roads join its junction."""
         for start in cut.starts:
             for end in cut.ends:
                 pairs = _lane_pairs(cut, end, start)

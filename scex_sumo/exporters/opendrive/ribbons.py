@@ -174,7 +174,6 @@ def border_points(curve: Curve, s: FloatArray, offset: FloatArray) -> FloatArray
 
 
 def _directions(lines: Sequence[Sequence[FloatArray]]) -> list[FloatArray]:
-    """Return driving directions at the first edge and at the end of each group, averaged in between."""
     directions = [edge_direction(lines[0], end=False)]
     for before, after in pairwise(lines):
         both = edge_direction(before, end=True) + edge_direction(after, end=False)

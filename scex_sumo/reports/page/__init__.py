@@ -1,4 +1,1 @@
-"""Report pages: self-contained HTML files; their JavaScript is in ``assets``.
-
-May import results, views and reports' tables and all below; no matplotlib.
-"""
+"""Report pages: self-contained HTML files with the JavaScript of ``assets``; no matplotlib."""

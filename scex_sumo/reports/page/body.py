@@ -142,7 +142,6 @@ def _focus_options(info: Mapping[str, Any]) -> Html:
 
 
 def _copies(info: Mapping[str, Any]) -> Html:
-    """Return buttons that copy a command; the page replaces CHILD."""
     folder = shlex.quote(info["folder"])
     commands = {
         "open in sumo-gui": f"scex-sumo view {folder} --child CHILD",

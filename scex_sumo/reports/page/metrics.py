@@ -119,8 +119,7 @@ def curve_words(curves: Curves, likely: Curves | None, column: str) -> dict[str,
     """Return atoms and scales of a metric's curves.
 
     Returns:
-        ``atoms`` and ``likely_atoms`` with their shares, half-width ``band``, largest density ``peak``,
-        largest share of an atom ``most``.
+        Shares of atoms, half-width ``band``, largest density ``peak``, largest share of an atom ``most``.
     """
     rows = [part[column] for part in (curves, likely) if part is not None]
     atoms = [

@@ -131,7 +131,6 @@ def _road_svg(group: Mapping[str, Any]) -> Html:
 
 
 def _paths_svg(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> list[Html]:
-    """Return a line for each different trajectory, in the colour of one of its models."""
     which, levels = arrays["which"], arrays["levels"]
     rows, first = np.unique(which, return_index=True)
     moved = second_sums(arrays["motion"])[rows][:, ::3, :2] * POSITION_M
