@@ -15,6 +15,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.metrics.registry import COLUMNS, columns_of, metrics_named
+from tests.command import scex
 
 BOTH = columns_of(metrics_named(["paper", "path"]))
 TABLES = (
@@ -23,12 +24,6 @@ TABLES = (
 )
 ROUNDABOUT = scex_sumo.example_path("roundabout")
 MAP_HEAD = '<?xml version="1.0"?>\n<osm version="0.6">\n'
-
-
-def scex(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run the command line in a process of its own, as libsumo runs one simulation per process."""
-    command = [sys.executable, "-m", "scex_sumo", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=120, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -377,8 +372,7 @@ def test_a_result_with_a_colon_in_its_relative_name_is_read_and_evaluated(name: 
     """Arrow takes such a name for a URI."""
 
     def here(*arguments: object) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "scex_sumo", *map(str, arguments)]
-        return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+        return scex(*arguments, cwd=tmp_path)
 
     for arguments in (
         ("run", ROUNDABOUT, "--children", 2, "--steps", 5, "--keep-plans", "-o", name),
