@@ -1,4 +1,4 @@
-"""Tracks and planned paths as input of criticality metrics, and the metrics' parameters.
+"""Tracks and planned paths as input of metrics, and the metrics' parameters.
 
 Axes: C (child), T (step), V (vehicle), R (replan), H (planned step), P (unordered pairs), N (rows).
 """
@@ -17,14 +17,14 @@ from scex_sumo.base.errors import InputError
 from scex_sumo.scene import STEP_S, States
 
 MAX_MAGNITUDE: Final = 1e12
-"""Largest coordinate, heading, speed or size; squares of larger ones may overflow in a formula."""
+"""Largest coordinate, heading, speed or size; squares of larger ones may overflow."""
 
 R = TypeVar("R", bound="Rows")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rows:
-    """Table of arrays of one length; a column that is None stays None."""
+    """Table of arrays of one length; a column may be None."""
 
     def take(self: R, index: IntArray) -> R:
         """Select rows by index."""
@@ -32,7 +32,7 @@ class Rows:
 
     @classmethod
     def join(cls: type[R], parts: Sequence[R]) -> R:
-        """Concatenate the rows of one or more tables."""
+        """Concatenate the rows of tables."""
         columns = zip(*(part._columns() for part in parts), strict=True)
         arrays = {column[0][0]: [array for _, array in column] for column in columns}
         return cls(**{name: None if a[0] is None else np.concatenate(a) for name, a in arrays.items()})
@@ -42,7 +42,7 @@ class Rows:
 
 
 def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: float) -> FloatArray:
-    """Derive (C, T, V) accelerations: backward difference of the speed since a vehicle's previous sample.
+    """Return (C, T, V) backward differences of the speed since a vehicle's previous sample, m/s².
 
     0 for the first sample of a track and where a vehicle is absent.
     """
@@ -69,9 +69,9 @@ class SceneTracks:
         states: (C, T, V); any value where ``present`` is False.
         length: (V,) or (C, V) m; ``width`` too.
         present: (C, T, V); None if all vehicles are always present.
-        first: number of history steps; they serve derived values and are not evaluated.
+        first: number of history steps, which are not evaluated.
         types: (V,) or (C, V) lower case; None if unknown.
-        acceleration: (C, T, V) m/s², for parts of longer tracks; None derives it from these steps.
+        acceleration: (C, T, V) m/s²; None derives it from these steps.
     """
 
     states: States
@@ -121,7 +121,7 @@ class SceneTracks:
         return self.states.shape[1] - self.first
 
     def children(self, part: slice) -> SceneTracks:
-        """Select some of the children."""
+        """Select some children."""
         types = self.types
         return replace(
             self,
@@ -143,7 +143,7 @@ class PlannedPaths:
 
     Attributes:
         x: (C, R, V, H) centre, m; NaN without a plan. Straight lines bridge gaps.
-        index: (T,) number of the current plan at each evaluated step.
+        index: (T,) number of the current plan.
         column: (T,) first column of that plan that is still ahead; H if none is.
         driven: the plan is the track itself, one column per step.
     """
@@ -177,8 +177,7 @@ class PlannedPaths:
         """Build from the plans of a run; the newest plan is the current one.
 
         Args:
-            x: (C, R, V, H) m; column 0 is the step after the plan was made.
-            y: (C, R, V, H) m.
+            x: (C, R, V, H) m; column 0 is the step after the plan was made. ``y`` too.
             made_at: (R,) step of each plan, ascending; 0 is the seed scene.
             steps: evaluated steps, 1 to ``steps``.
         """
@@ -189,7 +188,7 @@ class PlannedPaths:
 
     @classmethod
     def from_tracks(cls, tracks: SceneTracks) -> PlannedPaths:
-        """Build from recordings: the planned path is the track driven from each step on."""
+        """Build from recordings: the planned path is the track from each step on."""
         x, y = tracks.states.x, tracks.states.y
         if tracks.present is not None:
             x, y = np.where(tracks.present, x, np.nan), np.where(tracks.present, y, np.nan)
@@ -212,7 +211,7 @@ class PlannedPaths:
             )
 
     def children(self, part: slice) -> PlannedPaths:
-        """Select some of the children."""
+        """Select some children."""
         return replace(self, x=self.x[part], y=self.y[part])
 
 
@@ -224,9 +223,9 @@ class MetricParameters:
         following_angle: largest difference of headings of a car-following pair, rad.
         max_acceleration: of one vehicle in any direction, for WTTC, m/s².
         max_acceleration_by_type: exceptions by vehicle type, e.g. ``{"truck": 4.0}``.
-        standing_speed: at or below it a vehicle has no gap time and no time headway, m/s.
+        standing_speed: up to it a vehicle has no gap time and no time headway, m/s.
         path_extension: least straight extension of planned paths in the search for leaders, m.
-        path_extension_time: the extension as a time at present speed, s; the longer one counts.
+        path_extension_time: the same as a time at present speed, s; the longer one counts.
     """
 
     following_angle: float = np.pi / 6

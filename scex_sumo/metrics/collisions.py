@@ -1,8 +1,7 @@
-"""Collisions of vehicles: which pair, when, which kind, at which speed; exact between steps.
+"""Collisions of vehicles: pair, time, kind, speed; exact between steps.
 
-Two vehicles collide if their rectangles overlap by more than 0.1 m² at some time after the seed moment, but
-not at the seed moment. Between steps, positions move in straight lines and headings turn along the shorter
-arc.
+Two vehicles collide if their rectangles overlap by more than 0.1 m² after the seed moment, but not at it.
+Between steps, positions move in straight lines and headings turn along the shorter arc.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ _PAIRS_AT_ONCE = 1 << 12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Collisions(Rows):
-    """The first collision of every pair of vehicles of every child, sorted by child, time and pair.
+    """The first collision of every pair in every child, sorted by child, time and pair.
 
     Attributes:
         step: first step at or after the impact, history included.
@@ -81,7 +80,7 @@ class Collisions(Rows):
 def find_collisions(tracks: SceneTracks) -> Collisions:
     """Find the first collision of every pair in every child.
 
-    The seed moment is the last step of the history, or the first step if there is none.
+    The seed moment is the last step of the history, or the first step without one.
     """
     start = max(tracks.first - 1, 0)
     moves = _contacts(near_moves(tracks, start))
@@ -116,7 +115,7 @@ class Moves:
         return Moves(self.tracks, *columns)
 
     def at_step(self, step: IntArray) -> Moves:
-        """Return the moves of the same pairs during other steps."""
+        """Return the same pairs during other steps."""
         return replace(self, step=step)
 
     def pose(self, vehicle: IntArray, share: FloatArray) -> Rectangles:
@@ -144,7 +143,7 @@ class Moves:
         return self.pose(self.first, share), self.pose(self.second, share)
 
     def separation(self, share: FloatArray) -> FloatArray:
-        """Return (N,) m; 0 or less where the outlines touch."""
+        """Return (N,) m; at most 0 where the outlines touch."""
         return separation(*self.poses(share))
 
     def overlap(self, share: FloatArray) -> FloatArray:
@@ -180,10 +179,7 @@ class Moves:
 
 
 def near_moves(tracks: SceneTracks, start: int) -> Moves:
-    """Find all moves from a step on in which the circles around two present vehicles meet.
-
-    A first test of bounding boxes keeps many vehicles cheap.
-    """
+    """Find all moves from a step on in which the circles around two present vehicles meet."""
     x, y = tracks.states.x[:, start:], tracks.states.y[:, start:]
     radius = np.hypot(tracks.length, tracks.width) / 2
     radius = np.broadcast_to(radius, (x.shape[0], x.shape[2]))
@@ -199,7 +195,7 @@ def near_moves(tracks: SceneTracks, start: int) -> Moves:
         meet &= (low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])
     child, pair = np.nonzero(meet)
     first, second = one[pair].astype(np.int64), two[pair].astype(np.int64)
-    # Time last and contiguous: (pairs, steps).
+    # time last and contiguous: (pairs, steps)
     tx, ty = np.ascontiguousarray(x.transpose(0, 2, 1)), np.ascontiguousarray(y.transpose(0, 2, 1))
     parts = []
     for begin in range(0, child.size, _PAIRS_AT_ONCE):
@@ -228,7 +224,7 @@ def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
 
 
 def _contacts(moves: Moves) -> Moves:
-    """Select moves in which the outlines may touch: the gaps at both ends are smaller than the way."""
+    """Select moves whose outlines may touch: the gaps at both ends are smaller than the way."""
     gap_way, _ = moves.way()
     zero = np.zeros(moves.child.shape)
     ends = moves.separation(zero) + moves.separation(zero + 1)
@@ -236,10 +232,10 @@ def _contacts(moves: Moves) -> Moves:
 
 
 def _exceeding(moves: Moves) -> tuple[FloatArray, IntArray]:
-    """Find the moves whose overlap exceeds `OVERLAP_M2`: (F,) a share of the step, and (F,) their indices.
+    """Find the moves whose overlap exceeds `OVERLAP_M2`: (F,) share of the step, (F,) index.
 
-    Branch and bound: a part of a step is halved while the overlaps at its ends and the way between them allow
-    more than the limit.
+    Branch and bound: halve a part of a step while the overlaps at its ends and the way between
+    allow more than the limit.
     """
     count = moves.child.size
     share = np.full(count, np.inf)
@@ -257,7 +253,7 @@ def _exceeding(moves: Moves) -> tuple[FloatArray, IntArray]:
         part, middle = moves.take(move), low + width
         area, gap = part.overlap(middle), part.separation(middle)
         np.minimum.at(share, move[area > OVERLAP_M2], middle[area > OVERLAP_M2])
-        # A pair that is apart in the middle by more than half the way does not touch in this part.
+        # A pair apart in the middle by more than half the way does not touch in this part.
         close = gap <= gap_way[move] * width
         rise = growth[move] * width
         left, right = (close & (e + area + rise > 2 * OVERLAP_M2) for e in ends)
@@ -291,7 +287,7 @@ def _first_of_pair(moves: Moves, share: FloatArray, which: IntArray) -> tuple[Fl
 
 
 def _is_seen_first(moves: Moves) -> BoolArray:
-    """Return (N,) whether the earlier step is the pair's first: the seed moment, or both are new."""
+    """Return (N,) whether the earlier step is the pair's first."""
     before = moves.step - 1
     seen = before >= max(moves.tracks.first - 1, 0)
     present = moves.tracks.present
@@ -302,7 +298,7 @@ def _is_seen_first(moves: Moves) -> BoolArray:
 
 
 def _impact(hits: Moves, share: FloatArray) -> tuple[Moves, FloatArray]:
-    """Find the move and the share of it at which the contact began that grew to a collision.
+    """Find the move and share at which the contact began that grew to a collision.
 
     A pair that touches from its first step on collides where it exceeds the limit.
     """
@@ -329,7 +325,6 @@ def _impact(hits: Moves, share: FloatArray) -> tuple[Moves, FloatArray]:
 
 
 def _described(impact: Moves, share: FloatArray, hits: Moves, at: FloatArray, start: int) -> Collisions:
-    """Add kind, sides, speed and place to the impacts."""
     one, two = impact.poses(share)
     sides = _touched(impact, share)
     angle = np.abs(wrap(two.heading - one.heading))
@@ -360,7 +355,7 @@ def _described(impact: Moves, share: FloatArray, hits: Moves, at: FloatArray, st
 
 
 def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return (N,) sides of both vehicles that touch first, indices into ``SIDES``."""
+    """Return (N,) sides of both vehicles that touch first."""
     one, two = impact.poses(share)
     gaps = axis_separations(one, two)
     # For parallel outlines two axes differ only by rounding.
@@ -369,7 +364,7 @@ def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
     for index, pair in enumerate(((one, two), (two, one))):
         x, y, cos, sin = relative_pose(*pair)
         own_axis = (axis >= 2) == bool(index)
-        # The contact's direction in the own frame: the own axis, or the other's axis turned by (cos, sin).
+        # direction of the contact in the own frame: the own axis, or the other's turned by (cos, sin)
         lengthwise = axis % 2 == 0
         cos, sin = np.where(own_axis, 1.0, cos), np.where(own_axis, 0.0, sin)
         normal_x, normal_y = np.where(lengthwise, cos, -sin), np.where(lengthwise, sin, cos)

@@ -1,4 +1,4 @@
-"""Evaluation of metrics: values of pairs, their extrema per scene, microscopic values per child."""
+"""Evaluation of metrics: values of pairs, extrema per scene, microscopic values per child."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ PAPER_PRESET: Final = "paper"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScenarioValues:
-    """Microscopic values: two per child and metric, and their origin.
+    """Microscopic values, two per child and metric, and their origin.
 
     Attributes:
         columns: (M,) names.
         values: (C, M); NaN where undefined.
         scene: by metric, the extremum of every evaluated step.
         worst: by metric, the step and the vehicles of the extremum.
-        preset: car-following rule that was used.
+        preset: car-following rule.
     """
 
     columns: tuple[str, ...]
@@ -41,7 +41,7 @@ class ScenarioValues:
     preset: str
 
     def column(self, name: str) -> tuple[FloatArray, BoolArray]:
-        """Return (C,) values and mask of one column."""
+        """Return (C,) values and mask of a column."""
         index = self.columns.index(name)
         return self.values[:, index], self.defined[:, index]
 
@@ -53,7 +53,7 @@ class PairValues(Rows):
     Attributes:
         step: on the step axis of the tracks, history included.
         other: the second vehicle; None for metrics of single vehicles.
-        value: ``ttc`` in s, not inverted; inf allowed.
+        value: ``ttc`` in s, not inverted; inf is a value.
     """
 
     child: IntArray
@@ -76,10 +76,9 @@ def evaluate(
     """Evaluate metrics of every child: most critical value and mean of the scenes' most critical values.
 
     Args:
-        tracks: of the vehicles; steps before ``tracks.first`` are history.
-        planned: planned paths; gap time is undefined without them.
+        planned: gap time is undefined without planned paths.
         preset: car-following rule of metrics without one of their own.
-        metrics: names or metrics; the paper's six by default.
+        metrics: names or metrics; None for the paper's six.
         vehicles: only values that involve one of these indices; None for all.
         also: called with each batch's first child and scenes, while derived values are still there.
     """
@@ -129,11 +128,7 @@ def evaluate_pairs(
 
 
 def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entries:
-    """Evaluate a metric; ``quick`` may leave out pairs that cannot be a scene's extremum.
-
-    Raises:
-        InputError: the metric's function returned something else than it has to.
-    """
+    """Evaluate a metric; ``quick`` may leave out pairs that cannot be a scene's extremum."""
     function = metric.quick if quick and metric.quick is not None else metric.evaluate
     samples = function(scenes if metric.preset is None else scenes.under(preset_named(metric.preset)))
     if isinstance(samples, Entries):
@@ -150,12 +145,10 @@ def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entrie
 
 
 def _dense(samples: Samples | Entries, scenes: Scenes) -> Samples:
-    """Return arrays of all rows, children and steps."""
     return scenes.scattered(samples.where, samples.value) if isinstance(samples, Entries) else samples
 
 
 def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: Scenes) -> Samples:
-    """Select the rows that involve one of some vehicles."""
     samples = _dense(samples, scenes)
     wanted = np.array(sorted(vehicles), dtype=np.int64)
     keep: BoolArray = np.isin(samples.row, wanted)

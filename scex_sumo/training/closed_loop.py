@@ -1,4 +1,4 @@
-"""Closed loop without SUMO: samples from where a driver drifts to when it drives itself."""
+"""Closed loop without SUMO: samples from places to which a driver drifts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from scex_sumo.training.train import Drift
 
 REPLAN = 5
-DRIFT_STEPS = (5, 10, 20)  # after so much driving by itself a driver is asked what it should have done
+DRIFT_STEPS = (5, 10, 20)  # that a driver drives before a sample is made
 MAX_SCENES = 10  # of a site and round
 EVERY_S = 1.0
 
@@ -60,7 +60,7 @@ def closed_loop(
 
 
 def driver(kind: str, file: Path) -> Behavior:
-    """Build the behaviour model that drives with a file of weights, on its likeliest path."""
+    """Build the model that drives with a file of weights, on its likeliest path."""
     if kind == "graph":
         return GraphPredictor(GraphPredictorProfile(path="likeliest", weights=str(file)))
     return GraphImagePredictor(GraphImagePredictorProfile(path="likeliest", weights=str(file)))
@@ -69,9 +69,9 @@ def driver(kind: str, file: Path) -> Behavior:
 def drifted_samples(
     scene: SeedScene, road: Road, model: Behavior, perturbation: Perturbation, rng: np.random.Generator
 ) -> list[TrainingSamples]:
-    """Make samples where a driver gets to by itself; the target is the way back to the recorded drivers.
+    """Make samples where a driver drifts to; the target is the way back to the recorded drivers.
 
-    Where standing vehicles are in the way, the target is to stop behind them.
+    If standing vehicles are in the way, the target is to stop behind them.
     """
     starts = [(replace(scene, history=perturbed(scene.history, perturbation, rng)), None)]
     stop = add_obstacles(scene, road, learnable(scene, max(DRIFT_STEPS)), rng)
@@ -88,7 +88,7 @@ def drifted_samples(
 
 
 def drive_all(scene: SeedScene, road: Road, model: Behavior, *, steps: int, held: int = 0) -> States:
-    """Let one model drive all vehicles of a seed scene; the last ``held`` vehicles keep their velocity.
+    """Let one model drive all vehicles; the last ``held`` ones keep their velocity.
 
     Returns:
         (1, steps, V) states after each step.

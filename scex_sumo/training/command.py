@@ -95,7 +95,7 @@ def train_command(
     except KeyboardInterrupt:
         warn([f"{folder}: has the checkpoint after epoch {run.epoch}; go on with --resume"])
         raise
-    words = [  # the command line without what the result does not depend on
+    words = [  # the options on which the result depends
         f"scex-sumo train {kind}",
         *(f"--data {root.name}" for root in data or ()),
         f"--seed {seed}",
@@ -123,7 +123,7 @@ def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, 
     missing = next((root for root in roots if not root.exists()), None)
     if missing is not None:
         raise UsageError(f"--data {missing}: no such folder")
-    goes_on = resume and _checkpoints(out).exists()  # a finished training has none
+    goes_on = resume and _checkpoints(out).exists()  # a finished training has no checkpoints
     if out.exists() and not (overwrite or goes_on):
         raise ResultError(f"{out}: exists; --overwrite replaces it")
     if not out.parent.is_dir():
@@ -132,14 +132,12 @@ def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, 
 
 
 def _checkpoints(out: Path) -> Path:
-    """The folder of a training under way."""
     return out.with_name(out.name + ".training")
 
 
 def _recordings(
     roots: Sequence[Path], leave_out: Sequence[str], validation: Sequence[str]
 ) -> tuple[Recording, ...]:
-    """What to train on, and what to choose by."""
     from scex_sumo.converters.datasets.recordings import find_recordings
 
     recordings = find_recordings(roots)

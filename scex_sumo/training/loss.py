@@ -1,8 +1,7 @@
-"""Loss that a network is trained for.
+"""Loss: the mode nearest to the recorded future, and mode 0, are pulled to it (soft winner takes all).
 
-The mode nearest to the recorded future is pulled there, the others a little (soft winner takes all), and mode
-0, the expected one, always. Probabilities of modes: cross-entropy against how near each came. Paths:
-cross-entropy over a vehicle's candidates. Hard accelerations and jerks cost.
+Probabilities of modes: cross-entropy against how near each came. Paths: cross-entropy over a vehicle's
+candidates. Hard accelerations and jerks cost.
 """
 
 from __future__ import annotations
@@ -29,10 +28,9 @@ class LossWeights:
         final: weight of the last step besides the mean over all.
         sharp_m: difference of errors that separates two modes, m.
         round_m: smaller errors count by their square, m.
-        acceleration: per (m/s²)² beyond `hard`.
+        acceleration: per (m/s²)² beyond `hard`, m/s².
         jerk: per (m/s³)².
         sideways: per (m/s²)² of the second change of the offset.
-        hard: accelerations up to it cost nothing, m/s².
     """
 
     expected: float = 1.0
@@ -51,7 +49,7 @@ class LossWeights:
 
 
 def displacement(speed: Tensor, acceleration: Tensor) -> Tensor:
-    """(n, M, H) m along the path, as `motion.drive` moves: a vehicle stops, and does not reverse.
+    """Return (n, M, H) m along the path; vehicles stop instead of reversing, as in `motion.drive`.
 
     Args:
         speed: (n,) m/s now.
@@ -66,14 +64,14 @@ def displacement(speed: Tensor, acceleration: Tensor) -> Tensor:
 
 
 def trajectory_errors(ahead: Tensor, aside: Tensor, weights: LossWeights) -> Tensor:
-    """(n, M) rounded errors of trajectories (n, M, H), m: mean over the steps, plus the last one."""
+    """Return (n, M) rounded errors of trajectories (n, M, H), m: mean over the steps, plus the last one."""
     r = weights.round_m
     distance = torch.sqrt(ahead**2 + aside**2 + r**2) - r
     return distance.mean(2) + weights.final * distance[..., -1]
 
 
 def loss(modes: ModeTensors, batch: Batch, weights: LossWeights) -> tuple[Tensor, dict[str, float]]:
-    """Return the loss of a batch, and its parts by name for the log."""
+    """Return the loss of a batch, and its parts for the log."""
     share, total = batch.share, batch.share.sum().clamp(min=1e-6)
     way = displacement(batch.start[:, 0], modes.acceleration)
     aside = torch.zeros_like(way) if modes.offset is None else modes.offset - batch.d[:, None]
@@ -98,19 +96,18 @@ def _mean(values: Tensor, share: Tensor, total: Tensor) -> Tensor:
 
 
 def _winner(off: Tensor, weights: LossWeights) -> Tensor:
-    """(n,) error of the nearest mode, and a little of all."""
+    """Return (n,) errors of the nearest mode, and a little of all."""
     nearest = off.min(1).values
     return (1 - weights.relaxed) * nearest + weights.relaxed * off.mean(1)
 
 
 def _mode_entropy(logits: Tensor, off: Tensor, weights: LossWeights) -> Tensor:
-    """(n,) cross-entropy against the probability of each mode given how near it came."""
     wanted = torch.softmax(-off.detach() / weights.sharp_m, 1)
     return -(wanted * log_softmax(logits, 1)).sum(1)
 
 
 def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
-    """Cross-entropy of the right paths together among their vehicle's candidates, mean over vehicles."""
+    """Return the cross-entropy of the right paths together among their vehicle's candidates."""
     node = batch.path.node
     count = int(node.max()) + 1 if len(node) else 0
     highest = torch.full((count,), -torch.inf, device=logit.device, dtype=logit.dtype)
@@ -125,7 +122,7 @@ def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
 
 
 def _roughness(modes: ModeTensors, weights: LossWeights) -> Tensor:
-    """(n,) cost of hard accelerations, of jerk and of jerky steering, mean over modes and steps."""
+    """Return (n,) costs of hard accelerations, jerk and jerky steering, mean over modes and steps."""
     a = modes.acceleration
     cost = weights.acceleration * (relu(a.abs() - weights.hard) ** 2).mean((1, 2))
     jerk = torch.diff(a, dim=2) / STEP_S

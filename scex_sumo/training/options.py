@@ -1,4 +1,4 @@
-"""Options of a training run, and their effect: learning rate, weights of sites, regularisation."""
+"""Options of a training run, and their effects."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ class TrainOptions:
     Attributes:
         seed: of the first weights, the order of batches and all draws.
         minutes: stop before the epoch that would end later than this; 0 does not.
-        rounds: rounds in closed loop, evenly spread over the epochs.
+        rounds: in closed loop, evenly spread over the epochs.
         patience: stop after so many epochs without a better validation.
         nodes: vehicles per batch, about.
         rate: highest learning rate; falls to zero like a cosine.
-        average: share of the running mean of the weights that stays at each step; the mean is what is kept.
-        dropout: share of hidden values that is dropped in training.
-        noise: spread of the noise on all scaled inputs, in their standard deviations.
+        average: share of the running mean of the weights that stays at each step; the mean is kept.
+        dropout: share of hidden values that is dropped.
+        noise: spread of the noise on scaled inputs, in standard deviations.
         balance: a site counts like the number of its vehicles to the power of 1 minus this.
-        unlinked: share of the graph's edges that is dropped in training.
-        mirror: share of the batches that are mirrored in training.
+        unlinked: share of the graph's edges that is dropped.
+        mirror: share of the batches that are mirrored.
         sizes: numbers of `Architecture` that differ from the shipped ones.
         weights: of the parts of the loss.
     """
@@ -74,7 +74,7 @@ class TrainOptions:
 
 
 def site_weights(dataset: Dataset, balance: float) -> FloatArray:
-    """(S,) weights of a site's vehicles, 1 on average over sites of one size; see `TrainOptions.balance`."""
+    """Return (S,) weights of a site's vehicles; see `TrainOptions.balance`."""
     train = dataset.train
     site = np.repeat(train.site, train.pairs)[train.right]
     count = np.bincount(site, minlength=len(dataset.sites))
@@ -84,13 +84,13 @@ def site_weights(dataset: Dataset, balance: float) -> FloatArray:
 
 
 def learning_rate(options: TrainOptions, done: float) -> float:
-    """Learning rate after a share of the training: a short rise, then a cosine down."""
+    """Return the learning rate after a share of the training: a short rise, then a cosine down."""
     rise = min(1.0, (done * options.epochs + 0.02) / 1.0)
     return options.rate * rise * 0.5 * (1 + math.cos(math.pi * done))
 
 
 def weight_groups(net: nn.Module, decay: float) -> list[dict[str, Any]]:
-    """Parameters for the optimizer; only matrices decay."""
+    """Return parameters for the optimizer; only matrices decay."""
     matrices = [p for p in net.parameters() if p.dim() >= 2]
     others = [p for p in net.parameters() if p.dim() < 2]
     return [{"params": matrices, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
@@ -102,7 +102,7 @@ def copied(net: Net) -> Net:
 
 
 def roughen(net: Net, options: TrainOptions) -> None:
-    """Add dropout after every ReLU and noise on scaled inputs, as hooks that act in training only."""
+    """Add dropout after every ReLU and noise on scaled inputs, in training only."""
 
     def drop(module: nn.Module, given: Any, out: Tensor) -> Tensor:
         return nn.functional.dropout(out, options.dropout, module.training)

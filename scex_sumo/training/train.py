@@ -1,4 +1,4 @@
-"""Train a learned driver: epochs over samples, rounds in closed loop, checkpoints."""
+"""Training of a learned driver: epochs over samples, rounds in closed loop, checkpoints."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ STATE = {"identity", "best", *_MODULES, *_NUMBERS}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Progress:
-    """One epoch, for the log and the progress bar."""
+    """One epoch, for the log."""
 
     epoch: int
     epochs: int
@@ -59,7 +59,7 @@ class Progress:
 
 
 def device_of(name: str) -> torch.device:
-    """Return the device of a name; ``auto`` takes a GPU where there is one.
+    """Return a device by name; ``auto`` takes a GPU if there is one.
 
     Raises:
         UsageError: it cannot be used here.
@@ -123,7 +123,6 @@ class Trainer:
             parts = self._epoch(tick)
             self.epoch += 1
             score = score_network(self.predict_mean, self.validation, options.weights)
-            # Samples from closed loop make the task harder, not the validation: patience starts anew.
             better = score.loss < self.best_loss
             if better:
                 self.best_loss, self.best_epoch = score.loss, self.epoch
@@ -139,7 +138,7 @@ class Trainer:
                 return
 
     def _round(self) -> None:
-        """In some epochs, drive with the present weights first, and learn from where that leads to."""
+        """Drive with the present weights before some epochs, and learn from where that leads to."""
         options = self.options
         due = [round((k + 1) * options.epochs / (options.rounds + 1)) for k in range(options.rounds)]
         if self.drift is None or self.folder is None or self.epoch not in due:
@@ -153,14 +152,14 @@ class Trainer:
             if samples is not None:
                 self.drifted.append(samples)
                 self._use_drifted()
-        self.best_loss = math.inf  # what was best before has not learned to come back
+        self.best_loss = math.inf  # the best so far has not learned to come back
 
     def _use_drifted(self) -> None:
         whole = TrainingSamples.concatenate([self.dataset.train, *self.drifted])
         self.train = Batches(whole, self.site_weight, self.device)
 
     def _epoch(self, tick: Callable[[int, int], None] | None) -> dict[str, float]:
-        """One pass over the samples; all draws follow from seed and epoch alone, so that runs resume."""
+        """Train one epoch; all draws follow from seed and epoch alone, so that runs resume."""
         options = self.options
         rng = np.random.default_rng([options.seed, self.epoch])
         torch.manual_seed(options.seed * 100_003 + self.epoch)
@@ -188,7 +187,7 @@ class Trainer:
         return sums
 
     def _groups(self, rng: np.random.Generator) -> list[Any]:
-        """Batches of an epoch; those of the hybrid have one site each, for a map costs the same for all."""
+        """Return batches of an epoch; those of the hybrid have one site each, which shares the map's cost."""
         order = rng.permutation(len(self.train.samples))
         if self.images is None:
             return self.train.groups(order, self.options.nodes)
@@ -219,7 +218,7 @@ class Trainer:
 
     @torch.no_grad()
     def _average(self, step: int) -> None:
-        """Move the running mean of the weights a little towards the present ones."""
+        """Move the running mean of the weights towards the present ones."""
         keep = min(self.options.average, (1 + step) / (10 + step))
         for mean, present in zip(self.mean.parameters(), self.net.parameters(), strict=True):
             mean.lerp_(present, 1 - keep)
@@ -231,7 +230,7 @@ class Trainer:
         return net.cpu().eval()
 
     def resume(self) -> bool:
-        """Go on from the checkpoint in the folder; False where there is none.
+        """Go on from the checkpoint in the folder; return False if there is none.
 
         Raises:
             ResultError: it belongs to another run.
@@ -248,12 +247,11 @@ class Trainer:
         return True
 
     def identity(self) -> dict[str, Any]:
-        """What a checkpoint must agree in with the run that goes on from it."""
+        """Return what a checkpoint and the run that goes on from it have in common."""
         code = hashlib.sha256(code_key()).hexdigest()
         return {"dataset": self.dataset.digest, "code": code, **asdict(self.options), "minutes": 0.0}
 
     def _state(self) -> dict[str, Any]:
-        """Return what a checkpoint holds, see `STATE`."""
         modules = {name: getattr(self, name).state_dict() for name in _MODULES}
         numbers = {name: getattr(self, name) for name in _NUMBERS}
         return {"identity": self.identity(), "best": self.best, **modules, **numbers}

@@ -1,7 +1,7 @@
 """Metrics of crossing paths: gap time of planned paths, post-encroachment time (PET) of driven tracks.
 
-Paths cross at a point that both reach. Paths on the same line (one vehicle behind the other) do not.
-Undefined without a crossing ahead of both. Preset ``path`` uses conflict areas instead of points.
+Paths cross at a point that both reach; one vehicle behind the other is no crossing. Undefined without a
+crossing ahead of both. Preset ``path`` uses conflict areas instead of points.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from scex_sumo.metrics.pairs.scenes import Entries, Scenes
 def gap_time(scenes: Scenes) -> Entries:
     """Compute the difference of arrival times at the first crossing, at present speed, of ordered pairs, s.
 
-    Undefined where one vehicle stands. With conflict areas: the time from the first vehicle's exit to the
-    second one's entry; 0 where both would be inside at the same time. Source: Allen et al. 1978.
+    Undefined where one vehicle stands. With conflict areas: from the first vehicle's exit to the second one's
+    entry; 0 if both would be inside at the same time. Source: Allen et al. 1978.
     """
     if scenes.planned is None or len(scenes.pairs[0]) == 0:
         return _nothing()
@@ -51,7 +51,7 @@ def _next_crossings(scenes: Scenes) -> tuple[Crossings, FloatArray, FloatArray]:
 def _area_reach(scenes: Scenes, crossing: Crossings) -> tuple[FloatArray, FloatArray]:
     """Return (N,) half the conflict area's length plus half the vehicle's along both paths, m.
 
-    The area is the overlap of strips as wide as the vehicles; angles below the following angle count as it.
+    The area is the overlap of strips as wide as the vehicles; angles are at least the following angle.
     """
     pair, scene = np.divmod(crossing.where, scenes.count)
     sine = np.maximum(crossing.sine, np.sin(min(scenes.parameters.following_angle, np.pi / 2)))
@@ -69,9 +69,9 @@ def _area_reach(scenes: Scenes, crossing: Crossings) -> tuple[FloatArray, FloatA
 def pet(scenes: Scenes) -> Entries:
     """Compute the time between the first vehicle's exit and the second one's arrival, of ordered pairs, s.
 
-    It uses the tracks driven from each step on, in child scenarios too. Preset ``path`` leaves out tracks
-    that cross below the following angle, because a follower weaves across its leader's track. Undefined where
-    the recording ends before the first vehicle has left. Source: Allen et al. 1978.
+    It uses driven tracks, in child scenarios too. Preset ``path`` leaves out tracks that cross below the
+    following angle, because a follower weaves across its leader's track. Undefined where the recording ends
+    before the first vehicle has left. Source: Allen et al. 1978.
     """
     if len(scenes.pairs[0]) == 0:
         return _nothing()
@@ -111,7 +111,6 @@ def _time_between(
 
 
 def _driven_paths(scenes: Scenes) -> PathsAhead:
-    """Return the tracks driven from each step on."""
     planned = scenes.planned
     driven = planned if planned is not None and planned.driven else PlannedPaths.from_tracks(scenes.tracks)
     return PathsAhead(scenes, driven, moving_only=False)

@@ -1,4 +1,4 @@
-"""Distance of the centres of two vehicles, and body gap: the distance of their outlines."""
+"""Distance of the centres of two vehicles, and of their outlines (body gap)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scex_sumo.metrics.base import Rows
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 MARGIN = 1e-6  # for rounding, so that the nearest pair is never lost
-CHUNK = 1 << 13  # pairs at a time: the working arrays stay in the processor's cache
+CHUNK = 1 << 13  # pairs at a time: fits the processor's cache
 
 
 def distance(scenes: Scenes) -> Samples:
@@ -22,7 +22,7 @@ def distance(scenes: Scenes) -> Samples:
 
 
 def gap(scenes: Scenes) -> Samples:
-    """Compute the body gap of all pairs, m; 0 where the outlines overlap."""
+    """Compute the body gap of all pairs, m; 0 on overlap."""
     return scenes.of_all_pairs(gaps_of)
 
 
@@ -49,12 +49,12 @@ class OutlinePairs(Rows):
 
     @property
     def own(self) -> tuple[FloatArray, FloatArray]:
-        """(N,) half length and half width of the first rectangle, m."""
+        """(N,) half length and width of the first, m."""
         return self.half_length_1, self.half_width_1
 
     @property
     def other(self) -> tuple[FloatArray, FloatArray]:
-        """(N,) half length and half width of the second rectangle, m."""
+        """(N,) half length and width of the second, m."""
         return self.half_length_2, self.half_width_2
 
 

@@ -1,8 +1,8 @@
-"""Worst time to collision (WTTC) of outlines: rectangles that keep their headings, not circles around them.
+"""Worst time to collision (WTTC) of outlines: rectangles that keep their headings.
 
 It is the first t at which the distance of the rectangles, each moved by its present velocity, is ½ A t². The
-distance is convex in t, so its tangent bounds it from below. Where the tangent meets the parabola is never
-late. Repeated from there, the times approach the first contact from the left.
+distance is convex in t, so the time at which its tangent meets the parabola is never late. Repeated from
+there, the times approach the first contact from the left.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def worst_time_of_outlines(pairs: OutlinePairs, acceleration: FloatArray) -> Flo
 
 
 def _distance_at(pairs: OutlinePairs, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Compute (N,) distance of the outlines at a time, m, and its slope, m/s; both 0 where they touch."""
+    """Compute (N,) distances of the outlines at a time, m, and their slopes, m/s; both 0 on contact."""
     cos_1, sin_1, cos_2, sin_2 = pairs.cos_1, pairs.sin_1, pairs.cos_2, pairs.sin_2
     dx, dy = pairs.dx + pairs.dvx * time, pairs.dy + pairs.dvy * time
     cos, sin = cos_1 * cos_2 + sin_1 * sin_2, cos_1 * sin_2 - sin_1 * cos_2
@@ -53,7 +53,7 @@ def _distance_at(pairs: OutlinePairs, time: FloatArray) -> tuple[FloatArray, Flo
     square_2, bx, by = _corner_to_box(x_2, y_2, cos, -sin, *own, *other)
     apart = separated(x_1, y_1, cos, sin, *other, *own) | separated(x_2, y_2, cos, sin, *own, *other)
     from_1 = square_1 <= square_2
-    # The vector from the first outline to the second one, in the map's frame.
+    # from the first outline to the second one, in the map's frame
     wx = np.where(from_1, ax * cos_1 - ay * sin_1, bx * cos_2 - by * sin_2)
     wy = np.where(from_1, ax * sin_1 + ay * cos_1, bx * sin_2 + by * cos_2)
     distance = np.where(apart, np.sqrt(np.minimum(square_1, square_2)), 0.0)
@@ -107,7 +107,6 @@ def wttc_path(scenes: Scenes) -> Samples:
 
 
 def _worst_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
-    """Compute the WTTC of (N,) pairs in scenes given by flat index into (C, T), s."""
     limit = scenes.max_acceleration
 
     def of_chunk(pair: IntArray, scene: IntArray) -> FloatArray:
@@ -121,8 +120,8 @@ def _worst_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
 def least_wttc_path(scenes: Scenes) -> Samples:
     """Compute the WTTC of the outlines of the pairs that can have the shortest one of their scene, s.
 
-    Along the line of the centres, the outlines approach no faster than their extents along it: a lower bound.
-    The pair with the smallest bound is evaluated first. Only pairs with a bound below its time can be faster.
+    Lower bound: along the line of the centres, the outlines approach no faster than their extents. The pair
+    with the smallest bound is evaluated first; only pairs with a bound below its time can be faster.
     """
     bound = scenes.of_pairs(_lower_bounds)
     if not bound.size:

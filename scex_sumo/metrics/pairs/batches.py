@@ -1,7 +1,4 @@
-"""Batches of scenes: a few children at a time; equal tracks of several children are evaluated once.
-
-Tracks of a vehicle are often equal in many children: they differ only where models of nearby vehicles do.
-"""
+"""Batches of scenes: a few children at a time; equal tracks of several children are evaluated once."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ MAX_DIFFERENT = 0.9  # share of different pairs above which the search for equal
 def scene_batches(
     tracks: SceneTracks, planned: PlannedPaths | None, *, preset: str, parameters: MetricParameters
 ) -> Iterator[tuple[int, Scenes]]:
-    """Yield scenes of a few children at a time, each with the number of its first child.
+    """Yield scenes of a few children, each with the number of its first child.
 
     The next batch drops all values derived from the previous one.
     """
@@ -57,7 +54,7 @@ def track_pairs(
 ) -> TrackPairs | None:
     """Find the pairs of tracks that differ by a bit, plans included; None if few pairs are equal.
 
-    Sizes and types that depend on the child give None too.
+    None too if sizes or types depend on the child.
     """
     children, _, vehicles = tracks.states.shape
     sizes = tracks.length, tracks.width, np.empty(0) if tracks.types is None else tracks.types
@@ -87,7 +84,7 @@ def track_pairs(
 
 
 def _all_values(tracks: SceneTracks, planned: PlannedPaths | None, vehicle: int) -> FloatArray:
-    """Return (C, K) states, presence and plans of a vehicle in each child."""
+    """Return (C, K) states, presence and plans of a vehicle."""
     states = tracks.states
     parts = [values[:, :, vehicle] for values in (states.x, states.y, states.heading, states.speed)]
     if tracks.present is not None:
@@ -110,6 +107,5 @@ def _tracks_of(tracks: SceneTracks, child: IntArray, vehicle: IntArray) -> Scene
 
 
 def _plans_of(planned: PlannedPaths, child: IntArray, vehicle: IntArray) -> PlannedPaths:
-    """Return the planned paths of (U,) vehicles of (U,) children as one child."""
     x, y = (np.ascontiguousarray(v[child, :, vehicle].swapaxes(0, 1)[None]) for v in (planned.x, planned.y))
     return replace(planned, x=x, y=y)

@@ -97,13 +97,13 @@ class PathsAhead:
 
     @cached_property
     def next_crossings(self) -> Crossings:
-        """The crossing point that comes first on each ordered pair's own path."""
+        """The first crossing point on each ordered pair's own path."""
         return self.first_crossings()
 
     def first_crossings(self, *, min_sine: float = 0.0) -> Crossings:
-        """Find the crossing point that comes first on each ordered pair's own path, at large enough angles.
+        """Find the first crossing point on each ordered pair's own path, at large enough angles.
 
-        Vehicles on one lane weave across each other's tracks all the time. Blocks of pairs limit the memory.
+        Vehicles on one lane weave across each other's tracks. Blocks of pairs limit the memory.
         """
         children, replans, _, columns = self.planned.x.shape
         (first, second), count = self.scenes.pairs, self.scenes.count
@@ -223,8 +223,7 @@ def meeting_pairs(
 
     Args:
         pairs: (N,) first and (N,) second vehicle.
-        own: (4, 2, V, C, T) octagons of vehicles as first of a pair.
-        others: (4, 2, V, C, T) octagons as second of a pair.
+        own: (4, 2, V, C, T) octagons of vehicles as first of a pair; ``others`` as second.
         present: (V, C, T) where both octagons exist.
     """
     row, other = pairs
@@ -232,7 +231,7 @@ def meeting_pairs(
     if not present.all():  # octagons of absent vehicles meet nothing
         own, others = own.copy(), others.copy()
         own[0, 0][~present] = others[0, 0][~present] = np.inf
-    # First whether they meet over all steps together, then at each step.
+    # First over all steps together, then at each step.
     whole = [
         np.stack([b[:, 0].min(axis=-1, initial=np.inf), b[:, 1].max(axis=-1, initial=-np.inf)], axis=1)
         for b in (own, others)
@@ -250,7 +249,6 @@ def meeting_pairs(
 
 
 def _first_on_own_path(crossings: Crossings, size: int) -> Crossings:
-    """Select each ordered pair's crossing point that comes first on its own vehicle's path."""
     nearest = np.full(size, np.inf)
     np.minimum.at(nearest, crossings.where, crossings.own)
     same = crossings.take(np.flatnonzero(crossings.own <= nearest[crossings.where] + SAME_POINT_M))

@@ -1,6 +1,6 @@
 """Batch of scenes laid out for evaluation, and the values that metrics return for it.
 
-Vehicles and pairs are the first axis; the contiguous axes, children and steps, are long and fast.
+Vehicles and pairs are the first axis; children and steps are long, contiguous and fast.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class PairRows(Rows):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Entries(PairRows):
-    """Nanoscopic values of ordered pairs where they are defined, in the metric's unit; inf is a value."""
+    """Nanoscopic values of ordered pairs where they are defined; inf is a value."""
 
     value: FloatArray
 
@@ -72,7 +72,6 @@ class Preset:
     """Rules that the metrics' definitions leave open.
 
     Attributes:
-        name: as written on the command line.
         conflict_area: crossings are areas as wide as the vehicles, not points.
     """
 
@@ -104,13 +103,13 @@ class Scenes:
     def _evaluated(self, array: FloatArray) -> FloatArray:
         array = array[:, self.tracks.first :]
         if self.tracks.present is not None:
-            # Absent vehicles may hold NaN; zeros keep arithmetic quiet, the masks keep them out.
+            # Absent vehicles may hold NaN; zeros keep arithmetic quiet.
             array = np.where(self.tracks.present[:, self.tracks.first :], array, 0.0)
         return np.ascontiguousarray(array.transpose(2, 0, 1))
 
     @property
     def vehicles(self) -> int:
-        """Number of vehicles V."""
+        """V."""
         return self.tracks.states.shape[2]
 
     @property
@@ -120,7 +119,7 @@ class Scenes:
 
     @property
     def count(self) -> int:
-        """Number of scenes, C times T; 1 for none, so that flat indices can be divided by it."""
+        """Number of scenes, C times T; 1 for none, because flat indices are divided by it."""
         return max(self.shape[0] * self.shape[1], 1)
 
     @cached_property
@@ -140,12 +139,12 @@ class Scenes:
 
     @cached_property
     def cos(self) -> FloatArray:
-        """(V, C, T) x component of the heading's direction."""
+        """(V, C, T) of the heading."""
         return np.cos(self._evaluated(self.tracks.states.heading))
 
     @cached_property
     def sin(self) -> FloatArray:
-        """(V, C, T) y component of the heading's direction."""
+        """(V, C, T) of the heading."""
         return np.sin(self._evaluated(self.tracks.states.heading))
 
     @cached_property
@@ -182,7 +181,7 @@ class Scenes:
 
     @cached_property
     def max_acceleration(self) -> FloatArray:
-        """(V, C or 1, 1) largest acceleration by type, m/s²."""
+        """(V, C or 1, 1) by type, m/s²."""
         limit = self.parameters.accelerations(self.tracks.types, self.vehicles)
         return np.atleast_2d(limit).T[:, :, None]
 
@@ -223,7 +222,7 @@ class Scenes:
 
     @property
     def following(self) -> Following:
-        """The car-following pairs by the preset's rule."""
+        """Car-following pairs by the preset's rule."""
         return self.once(self.preset.leaders)
 
     def under(self, preset: Preset) -> Scenes:
@@ -238,14 +237,14 @@ class Scenes:
         return made
 
     def once(self, make: Callable[[Scenes], T]) -> T:
-        """Return ``make(self)``, computed at most once for all metrics."""
+        """Return ``make(self)``, computed once for all metrics."""
         if make not in self._derived:
             self._derived[make] = make(self)
         made: T = self._derived[make]
         return made
 
     def release(self) -> None:
-        """Drop derived values that refer to these scenes; reference cycles would keep the memory."""
+        """Drop derived values that refer to these scenes, because reference cycles keep the memory."""
         self._derived.clear()
 
     def of_pairs(self, make: Callable[[Scenes], FloatArray]) -> FloatArray:
@@ -274,12 +273,12 @@ class Scenes:
         return self.shared.at(values, self.shared.row[pair, child], step)
 
     def of_all_pairs(self, values: PairValues) -> Samples:
-        """Return samples of all pairs, from a function of pairs and scenes."""
+        """Return samples of all pairs."""
         table = self.at_pairs(values, *np.divmod(np.arange(self.distance.size), self.count))
         return self.unordered(table.reshape(self.distance.shape))
 
     def of_some_pairs(self, values: PairValues, wanted: BoolArray) -> Samples:
-        """Return samples of the (P, C, T) wanted pairs, from a function of pairs and scenes."""
+        """Return samples of the (P, C, T) wanted pairs."""
         table = np.zeros(wanted.shape)
         at = np.flatnonzero(wanted)
         table.reshape(-1)[at] = self.at_pairs(values, *np.divmod(at, self.count))
@@ -324,7 +323,7 @@ class TrackPairs:
 
     Attributes:
         scenes: one child with all different tracks, and the pairs of them that occur in a child.
-        row: (P, C) number of each pair of vehicles of a batch of children among those pairs.
+        row: (P, C) number of each pair of vehicles among those pairs.
     """
 
     scenes: Scenes

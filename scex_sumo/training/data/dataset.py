@@ -1,4 +1,4 @@
-"""Training and validation samples of many recordings, made once and kept in a cache."""
+"""Training and validation samples of many recordings, kept in a cache."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from scex_sumo.training.data.obstacles import add_obstacles
 from scex_sumo.training.data.perturb import Perturbation, measured, perturbed
 from scex_sumo.training.data.samples import TrainingSamples, learnable, load_samples, scene_samples
 
-MAX_MOMENTS = 800  # moments of a short recording are denser, up to so many, at least so far apart:
+MAX_MOMENTS = 800  # of a short recording, whose moments are denser, but at least so far apart:
 MIN_APART_S = 0.2
 SAME_MAP_M = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class SampleOptions:
-    """How samples are made from recordings.
+    """Options of the samples.
 
     Attributes:
-        every_s: between two moments of a long recording; shorter in a short one, see `MAX_MOMENTS`.
+        every_s: between two moments of a long recording.
         copies: perturbed copies of each training scene.
         stops: further copies with standing vehicles in the way.
-        perturbation: how far vehicles are put off in them.
-        split: which time is for what.
+        perturbation: of the vehicles in both.
+        split: of the recordings' time.
     """
 
     every_s: float = 0.5
@@ -60,9 +60,9 @@ class Dataset:
 
     Attributes:
         sites: (S) names; `TrainingSamples.site` counts them.
-        kinds: (S) the dataset that each site belongs to.
-        roads: (S) their maps.
-        validation: without.
+        kinds: (S) dataset of each site.
+        roads: (S) maps.
+        validation: without copies.
         digest: of the recordings and options.
     """
 
@@ -130,7 +130,9 @@ def make_dataset(
 
 
 def map_shift(road: Road, other: Road) -> FloatArray:
-    """(2,) m from a place on a map to the same place on another of the site: NGSIM's have different origins.
+    """Return (2,) m from a place on a map to the same place on another of the site.
+
+    NGSIM's maps have different origins.
 
     Raises:
         MapError: they are different maps.
@@ -172,7 +174,7 @@ def part_scenes(
 
 
 def _moments_of(every: list[Moment], part: Part, split: Split, name: str) -> list[Moment]:
-    """Moments of a part of a recording: cut by time, or as a whole where it is short."""
+    """Return moments of a part of a recording: cut by time; a short recording as a whole."""
     whole = None if not every or every[0].case else split.whole_part(name, every[-1].time_s - every[0].time_s)
     if whole is None:
         return split_moments(every, split)[part]
@@ -193,7 +195,7 @@ def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
 
 
 def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> TrainingSamples | None:
-    """Make samples of one part; training scenes get perturbed copies. None where there are none."""
+    """Make samples of one part; training scenes get perturbed copies. None if there are none."""
     rng = np.random.default_rng([options.seed, zlib.crc32(loaded.recording.name.encode())])
     copies = options.copies if part == "train" else 0
     road, found = loaded.road, []
@@ -216,7 +218,6 @@ def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> Traini
 
 
 def _key(recording: Recording, options: SampleOptions) -> str:
-    """Digest of a recording's files and of the options."""
     digest = hashlib.sha256(repr(sorted(asdict(options).items())).encode())
     for path in (recording.map_path, *recording.track_paths):
         digest.update(path.read_bytes())

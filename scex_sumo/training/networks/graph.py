@@ -1,4 +1,4 @@
-"""Networks of the learned drivers in training: graph branch, head, and the Graph Predictor."""
+"""Networks in training: graph branch, head, and the Graph Predictor."""
 
 from __future__ import annotations
 
@@ -25,14 +25,7 @@ from scex_sumo.training.networks.layers import EdgeAttentionModule, ScalerModule
 
 
 class SceneBatch(NamedTuple):
-    """Scene graphs of a batch as tensors, see `SceneGraph`.
-
-    Attributes:
-        node: (N, F).
-        history: (N, 11, 5).
-        edge_index: (2, E) source, target.
-        edge: (E, G).
-    """
+    """Scene graphs of a batch as tensors, see `SceneGraph`."""
 
     node: Tensor
     history: Tensor
@@ -41,19 +34,14 @@ class SceneBatch(NamedTuple):
 
 
 class PathBatch(NamedTuple):
-    """Pairs of a vehicle and a path, see `PathInputs`.
-
-    Attributes:
-        node: (n,) row of the scene batch.
-        features: (n, P) raw.
-    """
+    """Pairs of a vehicle and a path as tensors, see `PathInputs`."""
 
     node: Tensor
     features: Tensor
 
 
 class ModeTensors(NamedTuple):
-    """Modes of n pairs as tensors, see `scex_sumo.behaviors.learned.networks.head.Modes`."""
+    """Modes of n pairs as tensors, see `scex_sumo.behaviors.learned.networks.Modes`."""
 
     logits: Tensor
     acceleration: Tensor
@@ -63,7 +51,7 @@ class ModeTensors(NamedTuple):
 
 
 class SceneModule(nn.Module):
-    """Vectors of vehicles: history and properties of each, then attention along the scene graph."""
+    """Vectors of vehicles, as `SceneEncoder`."""
 
     def __init__(self, sizes: Architecture) -> None:
         super().__init__()
@@ -79,7 +67,7 @@ class SceneModule(nn.Module):
         self.norm = nn.ModuleList(nn.LayerNorm(sizes.hidden) for _ in range(layers + 1))
 
     def forward(self, scene: SceneBatch, wanted: Tensor) -> Tensor:
-        """(n, hidden) of (n,) wanted nodes; nodes that do not reach them through the layers are left out."""
+        """Return (n, hidden) of (n,) wanted nodes; nodes that do not reach them are left out."""
         needed = torch.zeros(len(scene.node), dtype=torch.bool, device=wanted.device)
         needed[wanted] = True
         reach = [needed]
@@ -102,12 +90,12 @@ class SceneModule(nn.Module):
 
 
 def _numbers(some: Tensor) -> Tensor:
-    """(N,) number of each node among those for which (N,) ``some`` is true."""
+    """Return (N,) numbers of nodes among those for which (N,) ``some`` is true."""
     return torch.cumsum(some, 0) - 1
 
 
 class PlanHeadModule(nn.Module):
-    """Modes from one vector per pair: knots every 0.5 s, linear between."""
+    """Modes from one vector per pair, as `PlanHead`."""
 
     between: Tensor
 
@@ -121,7 +109,7 @@ class PlanHeadModule(nn.Module):
         self.register_buffer("between", torch.from_numpy(interpolation()), persistent=False)
 
     def forward(self, h: Tensor, features: Tensor) -> ModeTensors:
-        """Modes of (n, inner) vectors; `features` are the raw ones of the pairs."""
+        """Return modes of (n, inner) vectors and the raw `features` of the pairs."""
         h = torch.relu(self.body(h))
         choice = self.choice(h)
         knots = self.knots(h).unflatten(1, (self.modes, -1))
@@ -136,8 +124,6 @@ class PlanHeadModule(nn.Module):
         return ModeTensors(logits, acceleration, offset, path[:, 0], free)
 
     def _acceleration(self, knots: Tensor, present: Tensor) -> Tensor:
-        # What the vehicle does now fades within half a second, so that it need not be learned; but how far
-        # its speeds can be trusted is.
         fading = torch.exp(-torch.arange(KNOTS, dtype=knots.dtype, device=knots.device))
         wanted = knots + present[:, None, None] * fading
         bounded = torch.where(
@@ -159,7 +145,7 @@ class PlanHeadModule(nn.Module):
 
 
 class GraphPredictorNet(nn.Module):
-    """Plans along a path from the scene graph, the vehicle's history and the path ahead."""
+    """Network of the Graph Predictor, as `GraphNet`."""
 
     kind = "graph"
 
@@ -169,11 +155,10 @@ class GraphPredictorNet(nn.Module):
         self.scene = SceneModule(sizes)
         self.path_scale = ScalerModule(sizes.path_columns)
         self.path = mlp(sizes.path_columns, 2 * sizes.hidden, sizes.hidden)
-        # Drivers keep their place in the lane: returned to the centreline they would be 0.4 m off after 3 s.
         self.head = PlanHeadModule(replace(sizes, free=False), 2 * sizes.hidden, steers=True)
 
     def forward(self, scene: SceneBatch, path: PathBatch) -> ModeTensors:
-        """Modes of n pairs."""
+        """Return modes of n pairs."""
         way = torch.relu(self.path(self.path_scale(path.features)))
         h = torch.cat([self.scene(scene, path.node), way], 1)
         modes: ModeTensors = self.head(h, path.features)

@@ -35,12 +35,7 @@ from scex_sumo.training.networks.layers import ScalerModule, mlp
 
 
 class MapTensors(NamedTuple):
-    """One map.
-
-    Attributes:
-        raster: (7, R, C), see `Raster`.
-        corner: (2,) m, of the raster's first pixel.
-    """
+    """One map: (7, R, C) raster and (2,) corner, see `Raster`."""
 
     raster: Tensor
     corner: Tensor
@@ -51,7 +46,7 @@ class ImageBatch(NamedTuple):
 
     Attributes:
         site: (K,) index into ``maps``.
-        pose: (K, 3) x, y, heading in the map's coordinates; float64, since maps may lie far from the origin.
+        pose: (K, 3) x, y, heading on the map; float64, because maps may lie far from the origin.
         place: (n,) row of ``pose`` for each pair of a vehicle and a path.
     """
 
@@ -62,7 +57,7 @@ class ImageBatch(NamedTuple):
 
 
 class ImageModule(nn.Module):
-    """Vectors of the road around vehicles: convolutions of each map once, then samples per vehicle."""
+    """Vectors of the road around vehicles, as `ImageEncoder`."""
 
     ahead: Tensor
     aside: Tensor
@@ -81,7 +76,7 @@ class ImageModule(nn.Module):
         self.register_buffer("aside", grid[:, 1].contiguous(), persistent=False)
 
     def forward(self, image: ImageBatch) -> Tensor:
-        """(K, hidden) of the places."""
+        """Return (K, hidden) of the places."""
         dtype = self.ahead.dtype
         x, y, heading = image.pose.unbind(1)
         cos, sin = torch.cos(heading), torch.sin(heading)
@@ -97,7 +92,7 @@ class ImageModule(nn.Module):
         return read
 
     def _sample(self, where: MapTensors, px: Tensor, py: Tensor) -> Tensor:
-        """(k, channels, points) of raster and features, bilinear; 0 beyond the map."""
+        """Return (k, channels, points) of raster and features, bilinear; 0 beyond the map."""
         features = self.convolve(where.raster[None])[0]
         u, v = (px - where.corner[0]) / PIXEL_M, (py - where.corner[1]) / PIXEL_M
         parts = []
@@ -111,7 +106,7 @@ class ImageModule(nn.Module):
         return torch.cat(parts).transpose(0, 1)
 
     def _turned(self, seen: Tensor, cos: Tensor, sin: Tensor) -> Tensor:
-        """Directions of lanes relative to the vehicle's."""
+        """Turn directions of lanes to the vehicle's frame."""
         turned = seen.clone()
         turned[:, COS] = cos[:, None] * seen[:, COS] + sin[:, None] * seen[:, SIN]
         turned[:, SIN] = cos[:, None] * seen[:, SIN] - sin[:, None] * seen[:, COS]
@@ -119,11 +114,7 @@ class ImageModule(nn.Module):
 
 
 class GraphImagePredictorNet(nn.Module):
-    """Plans from the scene graph and the road seen from above, weighed by the user: [w·g ; (1-w)·m].
-
-    g knows the scene graph, the path ahead and its vehicles; m knows the road seen from above, the path ahead
-    and the own motion, but no other vehicle.
-    """
+    """Network of the Graph Image Predictor, as `GraphImageNet`."""
 
     kind = "hybrid"
 
@@ -142,7 +133,7 @@ class GraphImagePredictorNet(nn.Module):
     def forward(
         self, scene: SceneBatch, path: PathBatch, image: ImageBatch, attention: Tensor
     ) -> ModeTensors:
-        """Modes of n pairs; `attention` is w, (n,) in [0, 1]: 1 looks at the graph alone."""
+        """Return modes of n pairs; `attention` is w, (n,) in [0, 1]: 1 uses the graph alone."""
         features = self.path_scale(path.features)
         alone = features[:, : -len(LEADER_COLUMNS)]
         way, own = torch.relu(self.path(features)), torch.relu(self.own(alone))

@@ -1,4 +1,4 @@
-"""Building blocks of the networks in training: scaling, linear layers, attention along edges (GATv2)."""
+"""Building blocks of the networks in training: scaling, linear layers, attention along edges."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scex_sumo.behaviors.learned.architecture import SCALED_LIMIT, SLOPE
 
 
 class ScalerModule(nn.Module):
-    """Scales raw inputs to about zero mean and unit spread, bounded; the figures come from training data."""
+    """Scales raw inputs to about zero mean and unit spread, bounded."""
 
     mean: Tensor
     spread: Tensor
@@ -29,15 +29,12 @@ class ScalerModule(nn.Module):
         self.spread.copy_(torch.where(spread > 1e-6, spread, torch.ones_like(spread)))
 
     def forward(self, values: Tensor) -> Tensor:
-        """(N, heads * each) from (N, inner) nodes, (2, E) sources and targets, and (E, columns) edges.
-
-        ``asking`` (N, inner) are the targets' own vectors where these are not among the nodes.
-        """
+        """Return (n, columns) scaled."""
         return ((values - self.mean) / self.spread).clamp(-SCALED_LIMIT, SCALED_LIMIT)
 
 
 def mlp(*sizes: int) -> nn.Sequential:
-    """Linear layers with ReLU between them, none after the last."""
+    """Return linear layers with ReLU between them."""
     layers: list[nn.Module] = []
     for index, (inner, outer) in enumerate(pairwise(sizes)):
         layers += [nn.ReLU()] if index else []
@@ -46,10 +43,9 @@ def mlp(*sizes: int) -> nn.Sequential:
 
 
 class EdgeAttentionModule(nn.Module):
-    """Attention of several heads over the edges to a node, with the numbers of PyTorch Geometric's layer."""
+    """Attention of several heads over the edges to a node (GATv2), with the numbers of PyTorch Geometric."""
 
     def __init__(self, inner: int, each: int, *, heads: int, edge_columns: int) -> None:
-        """Draw the weights."""
         super().__init__()
         self.lin_l = nn.Linear(inner, heads * each)
         self.lin_r = nn.Linear(inner, heads * each)
@@ -63,9 +59,13 @@ class EdgeAttentionModule(nn.Module):
         _draw(self.att)
 
     def forward(self, node: Tensor, edge_index: Tensor, edge: Tensor, asking: Tensor | None = None) -> Tensor:
-        """(N, heads * each) from (N, inner) nodes, (2, E) sources and targets, and (E, columns) edges.
+        """Return (K, heads * each) of nodes that ask.
 
-        With ``asking``, (N, inner) of those nodes that targets are among, it is theirs that is returned.
+        Args:
+            node: (N, inner).
+            edge_index: (2, E) source among the nodes, target among those that ask.
+            edge: (E, columns).
+            asking: (K, inner).
         """
         heads, each = self.att.shape[1:]
         source, target = edge_index
@@ -87,7 +87,7 @@ def _draw(weight: Tensor) -> None:
 
 
 def _softmax(score: Tensor, target: Tensor, nodes: int) -> Tensor:
-    """(E, heads) weights that add up to 1 over the edges to each node."""
+    """Return (E, heads) weights that add up to 1 over the edges to each node."""
     at = target.view(-1, 1).expand_as(score)
     largest = score.new_zeros(nodes, score.shape[1])
     largest = largest.scatter_reduce(0, at, score.detach(), "amax", include_self=False)
@@ -97,6 +97,6 @@ def _softmax(score: Tensor, target: Tensor, nodes: int) -> Tensor:
 
 
 def _sum(values: Tensor, target: Tensor, nodes: int) -> Tensor:
-    """(N, ...) sums of (E, ...) values over the edges to each node."""
+    """Return (N, ...) sums of (E, ...) values over the edges to each node."""
     at = target.view(-1, *[1] * (values.dim() - 1)).expand_as(values)
     return values.new_zeros(nodes, *values.shape[1:]).scatter_add(0, at, values)
