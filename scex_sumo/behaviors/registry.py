@@ -74,22 +74,14 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], Any, str]] = {
     "standard_driver": (
         IdmDriver,
         IdmProfile(
-            comfort_deceleration=3.0,
-            time_headway=3.1,
-            minimum_gap=9.0,
-            max_acceleration=1.5,
-            clearance=5.0,
+            comfort_deceleration=3.0, time_headway=3.1, minimum_gap=9.0, max_acceleration=1.5, clearance=5.0
         ),
         "Intelligent Driver Model, the paper's standard profile",
     ),
     "risky_driver": (
         IdmDriver,
         IdmProfile(
-            comfort_deceleration=8.0,
-            time_headway=2.1,
-            minimum_gap=5.0,
-            max_acceleration=3.0,
-            clearance=5.0,
+            comfort_deceleration=8.0, time_headway=2.1, minimum_gap=5.0, max_acceleration=3.0, clearance=5.0
         ),
         "Intelligent Driver Model, the paper's risky profile: close and fast",
     ),

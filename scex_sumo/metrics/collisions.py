@@ -260,10 +260,7 @@ def _exceeding(moves: Moves) -> tuple[FloatArray, IntArray]:
         move, low, ends = (
             np.concatenate([move[left], move[right]]),
             np.concatenate([low[left], middle[right]]),
-            (
-                np.concatenate([ends[0][left], area[right]]),
-                np.concatenate([area[left], ends[1][right]]),
-            ),
+            (np.concatenate([ends[0][left], area[right]]), np.concatenate([area[left], ends[1][right]])),
         )
         keep = low < share[move]
         move, low, ends = move[keep], low[keep], (ends[0][keep], ends[1][keep])

@@ -28,13 +28,7 @@ _BY_HEADING = (
     Metric(name="pttc", unit="s", critical="min", evaluate=pttc, finite=True, harmonic=True, label="PTTC"),
     Metric(name="wttc", unit="s", critical="min", evaluate=wttc, threshold=0.26, label="WTTC"),
     Metric(
-        name="ttc",
-        unit="s",
-        critical="max",
-        evaluate=ttc,
-        inverse=True,
-        threshold=1 / 1.5,
-        label="1/TTC",
+        name="ttc", unit="s", critical="max", evaluate=ttc, inverse=True, threshold=1 / 1.5, label="1/TTC"
     ),
 )
 _ON_PATHS = (

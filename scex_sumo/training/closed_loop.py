@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
-from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
+from scex_sumo.behaviors.learned.weights import MODELS
 from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
 from scex_sumo.extrapolation.rollout import Batch, roll_out
@@ -40,7 +39,7 @@ def closed_loop(
 
     def drift(file: Path, number: int) -> TrainingSamples | None:
         rng, model = np.random.default_rng([options.seed, number, 1]), driver(options.kind, file)
-        found = []
+        parts = []
         for index, site in enumerate(dataset.sites):
             here: list[SeedScene] = []
             for recording in recordings:
@@ -53,17 +52,15 @@ def closed_loop(
                 assert road is not None
                 samples = drifted_samples(here[k], road, model, sampling.perturbation, rng)
                 shift = map_shift(dataset.roads[index], road)
-                found += [one.at(index, shift) for one in samples]
-        return TrainingSamples.concatenate(found) if found else None
+                parts += [one.at(index, shift) for one in samples]
+        return TrainingSamples.concatenate(parts) if parts else None
 
     return drift
 
 
 def driver(kind: str, file: Path) -> Behavior:
     """Build the model that drives with a file of weights, on its likeliest path."""
-    if kind == "graph":
-        return GraphPredictor(GraphPredictorProfile(path="likeliest", weights=str(file)))
-    return GraphImagePredictor(GraphImagePredictorProfile(path="likeliest", weights=str(file)))
+    return build(ModelSpec(name=MODELS[kind], parameters={"path": "likeliest", "weights": str(file)}))
 
 
 def drifted_samples(
@@ -75,7 +72,7 @@ def drifted_samples(
     """
     starts = [(replace(scene, history=perturbed(scene.history, perturbation, rng)), None)]
     stop = add_obstacles(scene, road, learnable(scene, max(DRIFT_STEPS)), rng)
-    found = []
+    drifted = []
     for start, blocked in [*starts, *([] if stop is None else [stop])]:
         held = start.vehicles - scene.vehicles
         driven = drive_all(start, road, model, steps=max(DRIFT_STEPS), held=held).swapaxes(1, 2)
@@ -83,8 +80,8 @@ def drifted_samples(
         for step in DRIFT_STEPS:
             window = whole[:, :, step : step + HISTORY_STEPS + 1]
             samples = scene_samples(start, road, window, blocked=blocked, step=step)
-            found += [samples] if samples is not None else []
-    return found
+            drifted += [samples] if samples is not None else []
+    return drifted
 
 
 def drive_all(scene: SeedScene, road: Road, model: Behavior, *, steps: int, held: int = 0) -> States:

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from scex_sumo.training.train import Progress, Trainer
 
 NETWORKS = ("graph", "hybrid")
-
-
 EXAMPLE = "graph --data INTERACTION --out mine.safetensors"
 
 
@@ -40,8 +38,7 @@ def train_command(
     minutes: Annotated[float, Option(help="Stop after so many minutes; 0 does not.")] = 0.0,
     every: Annotated[float, Option(metavar="S", help="Seconds between two scenes.")] = 0.5,
     leave_out: Annotated[
-        list[str] | None,
-        Option(metavar="NAME", help="Do not train on this site or recording; repeatable."),
+        list[str] | None, Option(metavar="NAME", help="Do not train on this site or recording; repeatable.")
     ] = None,
     validation: Annotated[
         list[str] | None,
@@ -59,8 +56,6 @@ def train_command(
     weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
     if every <= 0 or minutes < 0:
         raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
-    if (epochs is not None and epochs < 1) or (rounds or 0) < 0:
-        raise UsageError("train: --epochs needs at least 1, --rounds at least 0")
     if find_spec("torch") is None:
         raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
     from scex_sumo.converters.datasets.split import Split
@@ -69,11 +64,6 @@ def train_command(
     from scex_sumo.training.options import TrainOptions
     from scex_sumo.training.train import Trainer, device_of
 
-    where = device_of(device)
-    recordings = _recordings(data or [], leave_out or [], validation or [])
-    sampling = SampleOptions(every_s=every, split=Split(kept_validation=tuple(validation or ())))
-    with progress_bar("samples") as tick:
-        dataset = make_dataset(recordings, sampling, cache=cache or cache_folder(), tick=tick)
     options = TrainOptions(
         kind=kind,  # type: ignore[arg-type]  # checked above
         seed=seed,
@@ -82,6 +72,11 @@ def train_command(
         rounds=TrainOptions.rounds if rounds is None else rounds,
         sizes={} if edges else {"edges": False},
     )
+    where = device_of(device)
+    recordings = _recordings(data or [], leave_out or [], validation or [])
+    sampling = SampleOptions(every_s=every, split=Split(kept_validation=tuple(validation or ())))
+    with progress_bar("samples") as tick:
+        dataset = make_dataset(recordings, sampling, cache=cache or cache_folder(), tick=tick)
     folder = _checkpoints(weights)
     drift = closed_loop(recordings, sampling, dataset, options)
     run = Trainer(dataset, options, device=where, drift=drift, folder=folder)
@@ -199,8 +194,5 @@ def _finish(run: Trainer, out: Path, command: str) -> None:
     }
     save_net(out, run.finished(), meta)
     print(f"{out}: {run.options.kind}, epoch {run.best_epoch}, {run.seconds:.0f} s")
-    for site, found in figures.items():
-        print(
-            f"  {site}: ADE {found['ade_m']:.2f} m, FDE {found['fde_m']:.2f} m, "
-            f"best of six {found['best_of_6_m']:.2f} m"
-        )
+    for site, (ade, fde, best) in ((site, each.values()) for site, each in figures.items()):
+        print(f"  {site}: ADE {ade:.2f} m, FDE {fde:.2f} m, best of six {best:.2f} m")

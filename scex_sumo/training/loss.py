@@ -74,8 +74,7 @@ def loss(modes: ModeTensors, batch: Batch, weights: LossWeights) -> tuple[Tensor
     """Return the loss of a batch, and its parts for the log."""
     share, total = batch.share, batch.share.sum().clamp(min=1e-6)
     way = displacement(batch.start[:, 0], modes.acceleration)
-    aside = torch.zeros_like(way) if modes.offset is None else modes.offset - batch.d[:, None]
-    off = trajectory_errors(way - batch.s[:, None], aside, weights)
+    off = trajectory_errors(way - batch.s[:, None], modes.offset - batch.d[:, None], weights)
     parts = {
         "expected": weights.expected * _mean(off[:, 0], share, total),
         "winner": weights.winner * _mean(_winner(off, weights), share, total),
@@ -127,7 +126,5 @@ def _roughness(modes: ModeTensors, weights: LossWeights) -> Tensor:
     cost = weights.acceleration * (relu(a.abs() - weights.hard) ** 2).mean((1, 2))
     jerk = torch.diff(a, dim=2) / STEP_S
     cost = cost + weights.jerk * (jerk**2).mean((1, 2))
-    if modes.offset is not None:
-        bend = torch.diff(modes.offset, n=2, dim=2) / STEP_S**2
-        cost = cost + weights.sideways * (bend**2).mean((1, 2))
-    return cost
+    bend = torch.diff(modes.offset, n=2, dim=2) / STEP_S**2
+    return cost + weights.sideways * (bend**2).mean((1, 2))

@@ -17,8 +17,8 @@ from scex_sumo.training.data.batches import Batch
 from scex_sumo.training.data.dataset import Dataset
 from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.loss import LossWeights
-from scex_sumo.training.networks.graph_image import NETWORKS, Net
-from scex_sumo.training.networks.layers import ScalerModule
+from scex_sumo.training.networks.graph import ScalerModule
+from scex_sumo.training.networks.graph_image import Net
 
 Kind: TypeAlias = Literal["graph", "hybrid"]
 
@@ -64,12 +64,10 @@ class TrainOptions:
     weights: LossWeights = field(default_factory=LossWeights)
 
     def __post_init__(self) -> None:
-        if self.kind not in NETWORKS:
-            raise UsageError(f"train: unknown network {self.kind!r}; known: {', '.join(NETWORKS)}")
         if self.epochs < 1 or self.rounds < 0 or self.rounds >= self.epochs:
             raise UsageError(
-                f"train: {self.epochs} epochs with {self.rounds} rounds in closed loop; give at least one "
-                "epoch before and after each round"
+                f"train: --epochs needs at least 1 and more than --rounds, --rounds at least 0; "
+                f"got {self.epochs} and {self.rounds}"
             )
 
 

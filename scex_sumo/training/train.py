@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import math
 import time
 from collections.abc import Callable
@@ -15,13 +16,13 @@ import torch
 from torch import nn
 
 from scex_sumo.base.cache import code_key
-from scex_sumo.base.errors import UsageError
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.files import write_atomic
 from scex_sumo.behaviors.learned.architecture import Architecture
-from scex_sumo.training.checkpoint import read_checkpoint, write_checkpoint
 from scex_sumo.training.data.augment import Images, mirrored
 from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.data.dataset import Dataset
-from scex_sumo.training.data.samples import TrainingSamples
+from scex_sumo.training.data.samples import TrainingSamples, load_samples, save_samples
 from scex_sumo.training.loss import loss
 from scex_sumo.training.networks.graph import ModeTensors
 from scex_sumo.training.networks.graph_image import NETWORKS, Net, save_net
@@ -44,6 +45,7 @@ _MODULES = ("net", "mean", "optimizer")
 _NUMBERS = ("epoch", "seconds", "best_epoch", "best_loss")
 STATE = {"identity", "best", *_MODULES, *_NUMBERS}
 """Entries of a checkpoint."""
+FILE = "checkpoint.pt"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,7 +131,7 @@ class Trainer:
                 self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
             self.seconds = time.monotonic() - begun
             if self.folder is not None:
-                write_checkpoint(self.folder, self._state(), self.drifted)
+                _write_checkpoint(self.folder, self._state(), self.drifted)
             report(Progress(epoch=self.epoch, epochs=options.epochs, seconds=self.seconds, parts=parts,
                             score=score, better=better))  # fmt: skip
             if self.epoch - self.best_epoch >= options.patience:
@@ -237,10 +239,10 @@ class Trainer:
         """
         if self.folder is None:
             return False
-        found = read_checkpoint(self.folder, self.identity(), STATE)
-        if found is None:
+        checkpoint = _read_checkpoint(self.folder, self.identity())
+        if checkpoint is None:
             return False
-        state, self.drifted = found
+        state, self.drifted = checkpoint
         self._restore(state)
         if self.drifted:
             self._use_drifted()
@@ -262,3 +264,49 @@ class Trainer:
         for name in _NUMBERS:
             setattr(self, name, state[name])
         self.best = {k: v.to(self.device) for k, v in state["best"].items()}
+
+
+def _write_checkpoint(folder: Path, state: dict[str, Any], drifted: list[TrainingSamples]) -> None:
+    """Write the state of a run, and missing samples of its rounds."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, samples in enumerate(drifted):
+        file = folder / f"round{number}.npz"
+        if not file.exists():
+            save_samples(file, samples)
+    buffer = io.BytesIO()
+    torch.save({**state, "rounds": len(drifted)}, buffer)
+    write_atomic(folder / FILE, buffer.getvalue())
+
+
+def _read_checkpoint(
+    folder: Path, identity: dict[str, Any]
+) -> tuple[dict[str, Any], list[TrainingSamples]] | None:
+    """Return the state in a folder and the samples of its rounds; None without a checkpoint.
+
+    Raises:
+        ResultError: the checkpoint cannot be read, or belongs to another run.
+    """
+    file = folder / FILE
+    if not file.exists():
+        return None
+    try:
+        state: dict[str, Any] = torch.load(file, map_location="cpu", weights_only=True)
+        if set(state) != {*STATE, "rounds"}:
+            raise ValueError
+    except Exception as error:  # torch raises whatever its unpickler meets
+        raise ResultError(
+            f"{file}: not a checkpoint of this version ({type(error).__name__}); train without --resume"
+        ) from None
+    other = sorted(key for key in identity if state["identity"].get(key) != identity[key])
+    if other:
+        raise ResultError(
+            f"{file}: a checkpoint of a run with another {', '.join(other)}; give the same options and data, "
+            "or train without --resume"
+        )
+    drifted = []
+    for number in range(state["rounds"]):
+        samples = load_samples(folder / f"round{number}.npz")
+        if samples is None:
+            raise ResultError(f"{folder}: round{number}.npz cannot be read; train without --resume")
+        drifted.append(samples)
+    return state, drifted

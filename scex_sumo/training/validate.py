@@ -82,8 +82,7 @@ def _vehicles(modes: ModeTensors, batch: Batch) -> Tensor:
 def _distances(modes: ModeTensors, batch: Batch) -> Tensor:
     """Return (n, M, H) m between each mode and the recorded future, along and across the pair's path."""
     way = displacement(batch.start[:, 0], modes.acceleration)
-    aside = torch.zeros_like(way) if modes.offset is None else modes.offset - batch.d[:, None]
-    return torch.hypot(way - batch.s[:, None], aside)
+    return torch.hypot(way - batch.s[:, None], modes.offset - batch.d[:, None])
 
 
 def _best(modes: ModeTensors, node: Tensor, ends: Tensor, count: int) -> Tensor:

@@ -138,8 +138,7 @@ def _ahead_of(
     guess, distance2 = _first_guess(paths, row, s_centre, ox, oy, radius)
     # Points further than this from every coarse sample count in no case.
     reach = max(
-        float(clearance.max(initial=0.0)),
-        float(width.max(initial=0.0)) / 2 + margin + others.longest / 2,
+        float(clearance.max(initial=0.0)), float(width.max(initial=0.0)) / 2 + margin + others.longest / 2
     )
     if aside is not None:
         reach += float(np.abs(aside).max(initial=0.0))

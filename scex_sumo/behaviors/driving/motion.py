@@ -266,6 +266,25 @@ def own_motion(history: SceneHistory, who: VehicleIndex) -> FloatArray:
     return np.concatenate([who.vehicle[:, None], past.x, past.y, past.heading, past.speed], axis=1)
 
 
+def map_plan(
+    history: SceneHistory,
+    who: VehicleIndex,
+    x: FloatArray,
+    y: FloatArray,
+    heading: FloatArray,
+    speed: FloatArray,
+) -> Plan:
+    """Transform (n, H) trajectories from the vehicles' present frames to the map."""
+    now = history.now[who.child, who.vehicle].map(lambda values: values[:, None])
+    cos, sin = np.cos(now.heading), np.sin(now.heading)
+    return Plan(
+        x=now.x + cos * x - sin * y,
+        y=now.y + sin * x + cos * y,
+        heading=wrap(now.heading + heading),
+        speed=speed,
+    )
+
+
 def handed_out(made: Plan, kind: IntArray) -> Plan:
     """Expand k distinct plans to n vehicles; `kind` (n,) is the plan of each."""
     return Plan(

@@ -8,7 +8,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import everyone
-from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive
+from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive, map_plan
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.learned.surface import path_room
@@ -143,17 +143,10 @@ def plan_freely(history: SceneHistory, who: VehicleIndex, free: FloatArray) -> P
     Args:
         free: (n, H, 2) x ahead and y to the left of the present pose after each step, m.
     """
-    now = history.now[who.child, who.vehicle]
     step = np.diff(free, axis=1, prepend=np.zeros((len(who), 1, 2)))
     moved = np.hypot(step[..., 0], step[..., 1])
     turn = _kept_headings(np.arctan2(step[..., 1], step[..., 0]), moved > STANDING_M)
-    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
-    return Plan(
-        x=now.x[:, None] + cos * free[..., 0] - sin * free[..., 1],
-        y=now.y[:, None] + sin * free[..., 0] + cos * free[..., 1],
-        heading=wrap(now.heading[:, None] + turn),
-        speed=moved / STEP_S,
-    )
+    return map_plan(history, who, free[..., 0], free[..., 1], turn, moved / STEP_S)
 
 
 def _kept_headings(turn: FloatArray, moving: BoolArray) -> FloatArray:
@@ -222,7 +215,12 @@ def offsets_beside(
         s: (n,) arc length of its centre now, m.
         way: (n, H + 1) way from now on, m.
     """
-    (i, j), everybody = _near(history, who), everyone(history)
+    everybody = everyone(history)
+    now, others = history.now[who.child, who.vehicle], everybody.states[who.child]
+    near = np.hypot(others.x - now.x[:, None], others.y - now.y[:, None]) < NEAR_M
+    near &= everybody.present[who.child]
+    near[np.arange(len(who)), who.vehicle] = False
+    i, j = np.nonzero(near)
     own, other = (
         _Boxes.of(
             paths, row[i], s[i], everybody.states[who.child[i], k], everybody.length[k], everybody.width[k]
@@ -244,17 +242,6 @@ def offsets_beside(
     np.minimum.at(most, i[left], own.offset[left, None] + room[left])
     np.maximum.at(least, i[right], own.offset[right, None] - room[right])
     return least, most
-
-
-def _near(history: SceneHistory, who: VehicleIndex) -> tuple[IntArray, IntArray]:
-    """Return (p,) vehicle, and (p,) column of another one near it."""
-    everybody = everyone(history)
-    now, others = history.now[who.child, who.vehicle], everybody.states[who.child]
-    near = np.hypot(others.x - now.x[:, None], others.y - now.y[:, None]) < NEAR_M
-    near &= everybody.present[who.child]
-    near[np.arange(len(who)), who.vehicle] = False
-    i, j = np.nonzero(near)
-    return i, j
 
 
 def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.driving.motion import map_plan
 from scex_sumo.behaviors.plug_in.inputs import ARRAYS, Surroundings, predictor_inputs
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -84,7 +85,11 @@ class Predictor:
         arrays = predictor_inputs(
             history, road, who, self.surroundings, [name for name in self.inputs if name in ARRAYS]
         )
-        graph = _graph(history, road) if "graph" in self.inputs else None
+        graph: SceneGraph | None = None
+        if "graph" in self.inputs:
+            from scex_sumo.behaviors.scene_graph.graph import scene_graph  # few runs need it
+
+            graph = scene_graph(history, road)
         vehicles = history.now.shape[1]
         calls = self._calls(who)
         predicted = []
@@ -101,7 +106,8 @@ class Predictor:
         whole = np.zeros((len(who), PLAN_STEPS, 4))
         if calls:
             whole[np.concatenate(calls)] = completed(np.concatenate(predicted))
-        return _map_plan(whole, history, who)
+        x, y, heading, speed = np.moveaxis(whole, -1, 0)
+        return map_plan(history, who, x, y, heading, speed.copy())
 
     def _calls(self, who: VehicleIndex) -> list[IntArray]:
         if self.batched or len(who) == 0:
@@ -155,24 +161,6 @@ def _headings(way: FloatArray, length: FloatArray) -> FloatArray:
         before = np.where(length[:, step] > MOVING_M, before + wrap(direction - before), before)
         heading[:, step] = before
     return heading
-
-
-def _map_plan(local: FloatArray, history: SceneHistory, who: VehicleIndex) -> Plan:
-    now = history.now[who.child, who.vehicle].map(lambda values: values[:, None])
-    x, y, heading, speed = np.moveaxis(local, -1, 0)
-    cos, sin = np.cos(now.heading), np.sin(now.heading)
-    return Plan(
-        x=now.x + cos * x - sin * y,
-        y=now.y + sin * x + cos * y,
-        heading=wrap(now.heading + heading),
-        speed=speed.copy(),
-    )
-
-
-def _graph(history: SceneHistory, road: Road) -> SceneGraph:
-    from scex_sumo.behaviors.scene_graph.graph import scene_graph  # few runs need it
-
-    return scene_graph(history, road)
 
 
 def graph_of_child(graph: SceneGraph, child: int, vehicles: int) -> SceneGraph:

@@ -13,7 +13,6 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.cache import code_key
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.base.files import replacing
 from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.datasets.recordings import (
     LoadedRecording,
@@ -27,7 +26,13 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.training.data.obstacles import add_obstacles
 from scex_sumo.training.data.perturb import Perturbation, measured, perturbed
-from scex_sumo.training.data.samples import TrainingSamples, learnable, load_samples, scene_samples
+from scex_sumo.training.data.samples import (
+    TrainingSamples,
+    learnable,
+    load_samples,
+    save_samples,
+    scene_samples,
+)
 
 MAX_MOMENTS = 800  # of a short recording, whose moments are denser, but at least so far apart:
 MIN_APART_S = 0.2
@@ -103,16 +108,16 @@ def make_dataset(
         loaded = load_recording(recording)
         kinds[recording.site] = recording.dataset
         shift = map_shift(roads.setdefault(recording.site, loaded.road), loaded.road)
-        for part, found in parts.items():
+        for part, made in parts.items():
             whole = hashlib.sha256(code_key() + key.encode()).hexdigest()
             file = None if cache is None else cache / f"{recording.name}-{part}-{whole[:16]}.npz"
             samples = None if file is None else load_samples(file)
             if samples is None:
                 samples = _make(loaded, options, part)
                 if file is not None:
-                    _write(file, samples)
+                    save_samples(file, samples)
             site = sites.index(recording.site)
-            found += [samples.at(site, shift)] if samples else []
+            made += [samples.at(site, shift)] if samples else []
     if not parts["train"] or not parts["validation"]:
         short = "training" if not parts["train"] else "validation"
         raise TrackError(
@@ -198,13 +203,13 @@ def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> Traini
     """Make samples of one part; training scenes get perturbed copies. None if there are none."""
     rng = np.random.default_rng([options.seed, zlib.crc32(loaded.recording.name.encode())])
     copies = options.copies if part == "train" else 0
-    road, found = loaded.road, []
+    road, made = loaded.road, []
     for scene in part_scenes(loaded, part, split=options.split, every_s=options.every_s, most=MAX_MOMENTS):
         put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(copies)]
         seen = [measured(states, options.perturbation, rng) for states in put_off]
         whole = States.stack([scene.history, *put_off], 0)
         samples = scene_samples(scene, road, whole, seen=States.stack([scene.history, *seen], 0))
-        found += [samples] if samples is not None else []
+        made += [samples] if samples is not None else []
         for _ in range(options.stops if part == "train" else 0):
             stop = add_obstacles(scene, road, learnable(scene), rng)
             if stop is None:
@@ -213,8 +218,8 @@ def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> Traini
             samples = scene_samples(
                 stop[0], road, stop[0].history.repeat(1), seen=seen_now.repeat(1), blocked=stop[1]
             )
-            found += [samples] if samples is not None else []
-    return TrainingSamples.concatenate(found) if found else None
+            made += [samples] if samples is not None else []
+    return TrainingSamples.concatenate(made) if made else None
 
 
 def _key(recording: Recording, options: SampleOptions) -> str:
@@ -222,9 +227,3 @@ def _key(recording: Recording, options: SampleOptions) -> str:
     for path in (recording.map_path, *recording.track_paths):
         digest.update(path.read_bytes())
     return digest.hexdigest()
-
-
-def _write(file: Path, samples: TrainingSamples | None) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(file) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, **({} if samples is None else vars(samples)))

@@ -12,6 +12,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.files import replacing
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import sample_paths
@@ -83,6 +84,13 @@ class TrainingSamples:
             axis = 1 if f.name == "edge_index" else 0
             joined[f.name] = np.concatenate([getattr(part, f.name) for part in parts], axis=axis)
         return cls(**joined)
+
+
+def save_samples(file: Path, samples: TrainingSamples | None) -> None:
+    """Write samples for `load_samples`."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, **({} if samples is None else vars(samples)))
 
 
 def load_samples(file: Path) -> TrainingSamples | None:

@@ -28,10 +28,11 @@ from scex_sumo.training.networks.graph import (
     ModeTensors,
     PathBatch,
     PlanHeadModule,
+    ScalerModule,
     SceneBatch,
     SceneModule,
+    mlp,
 )
-from scex_sumo.training.networks.layers import ScalerModule, mlp
 
 
 class MapTensors(NamedTuple):
@@ -128,7 +129,7 @@ class GraphImagePredictorNet(nn.Module):
         self.own = mlp(alone, 2 * hidden, hidden)
         self.graph_branch = mlp(2 * hidden, 2 * hidden, hidden)
         self.image_branch = mlp(2 * hidden, 2 * hidden, hidden)
-        self.head = PlanHeadModule(sizes, 2 * hidden, steers=True)
+        self.head = PlanHeadModule(sizes)
 
     def forward(
         self, scene: SceneBatch, path: PathBatch, image: ImageBatch, attention: Tensor
