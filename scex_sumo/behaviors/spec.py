@@ -21,14 +21,12 @@ class ModelSpec:
     """A requested behaviour model.
 
     Attributes:
-        name: e.g. ``standard_driver``, ``sumo:EIDM`` or ``package.module:Driver``.
         parameters: values other than the defaults; text if they come from the command line.
-        weight: relative share of the vehicles.
     """
 
-    name: str
+    name: str  # e.g. ``standard_driver``, ``sumo:EIDM`` or ``package.module:Driver``.
     parameters: dict[str, Any] = field(default_factory=dict)
-    weight: float = 1.0
+    weight: float = 1.0  # relative share of the vehicles
 
     def __post_init__(self) -> None:
         if not (self.weight == 0 or MIN_PARAMETER <= self.weight <= MAX_PARAMETER):

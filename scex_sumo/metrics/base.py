@@ -63,25 +63,16 @@ def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneTracks:
-    """Tracks of the vehicles of C children or recordings.
+    """Tracks of the vehicles of C children or recordings."""
 
-    Attributes:
-        states: (C, T, V); any value where ``present`` is False.
-        length: (V,) or (C, V) m; ``width`` too.
-        present: (C, T, V); None if all vehicles are always present.
-        first: number of history steps, which are not evaluated.
-        types: (V,) or (C, V) lower case; None if unknown.
-        acceleration: (C, T, V) m/s²; None derives it from these steps.
-    """
-
-    states: States
-    length: FloatArray
+    states: States  # (C, T, V); any value where ``present`` is False
+    length: FloatArray  # (V,) or (C, V) m; ``width`` too
     width: FloatArray
-    present: BoolArray | None = None
+    present: BoolArray | None = None  # (C, T, V); None if all vehicles are always present
     step_s: float = STEP_S
-    first: int = 0
-    types: tuple[str, ...] | NDArray[np.str_] | None = None
-    acceleration: FloatArray | None = None
+    first: int = 0  # number of history steps, which are not evaluated
+    types: tuple[str, ...] | NDArray[np.str_] | None = None  # (V,) or (C, V) lower case; None if unknown
+    acceleration: FloatArray | None = None  # (C, T, V) m/s²; None derives it from these steps
 
     def __post_init__(self) -> None:
         shape = self.states.shape
@@ -140,19 +131,13 @@ class PlannedPaths:
 
     A path starts at the vehicle's present position and continues through the columns of the current plan that
     are still ahead. A recording has one plan: its whole track.
-
-    Attributes:
-        x: (C, R, V, H) centre, m; NaN without a plan. Straight lines bridge gaps.
-        index: (T,) number of the current plan.
-        column: (T,) first column of that plan that is still ahead; H if none is.
-        driven: the plan is the track itself, one column per step.
     """
 
-    x: FloatArray
+    x: FloatArray  # (C, R, V, H) centre, m; NaN without a plan. Straight lines bridge gaps.
     y: FloatArray
-    index: IntArray
-    column: IntArray
-    driven: bool = False
+    index: IntArray  # (T,) number of the current plan
+    column: IntArray  # (T,) first column of that plan that is still ahead; H if none is
+    driven: bool = False  # the plan is the track itself, one column per step
 
     def __post_init__(self) -> None:
         if self.x.ndim != 4 or self.x.shape != self.y.shape:
@@ -220,20 +205,15 @@ class MetricParameters:
     """Parameters of the metrics; the defaults are the paper's.
 
     Attributes:
-        following_angle: largest difference of headings of a car-following pair, rad.
-        max_acceleration: of one vehicle in any direction, for WTTC, m/s².
         max_acceleration_by_type: exceptions by vehicle type, e.g. ``{"truck": 4.0}``.
-        standing_speed: up to it a vehicle has no gap time and no time headway, m/s.
-        path_extension: least straight extension of planned paths in the search for leaders, m.
-        path_extension_time: the same as a time at present speed, s; the longer one counts.
     """
 
-    following_angle: float = np.pi / 6
-    max_acceleration: float = 6.9
+    following_angle: float = np.pi / 6  # largest difference of headings of a car-following pair, rad
+    max_acceleration: float = 6.9  # of one vehicle in any direction, for WTTC, m/s²
     max_acceleration_by_type: Mapping[str, float] = field(default_factory=dict)
-    standing_speed: float = 1e-4
-    path_extension: float = 20.0
-    path_extension_time: float = 2.0
+    standing_speed: float = 1e-4  # up to it a vehicle has no gap time and no time headway, m/s
+    path_extension: float = 20.0  # least straight extension of planned paths in the search for leaders, m
+    path_extension_time: float = 2.0  # the same as a time at present speed, s; the longer one counts
 
     def __post_init__(self) -> None:
         if not 0 <= self.following_angle <= np.pi:

@@ -37,30 +37,19 @@ _PAIRS_AT_ONCE = 1 << 12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Collisions(Rows):
-    """The first collision of every pair in every child, sorted by child, time and pair.
-
-    Attributes:
-        step: first step at or after the impact, history included.
-        time_s: impact after the seed moment: the start of the contact that grew to a collision.
-        first: in a rear-end collision the vehicle that hits with its front, else the lower index.
-        kind: index into ``KINDS``.
-        first_side: side that is touched first, index into ``SIDES``.
-        relative_speed: ‖v₁ − v₂‖ at impact, m/s.
-        overlap: largest overlap after the impact less that of the seed moment, m².
-        x: midpoint of both centres at impact, m.
-    """
+    """The first collision of every pair in every child, sorted by child, time and pair."""
 
     child: IntArray
-    step: IntArray
-    time_s: FloatArray
-    first: IntArray
+    step: IntArray  # first step at or after the impact, history included
+    time_s: FloatArray  # impact after the seed moment: the start of the contact that grew to a collision
+    first: IntArray  # in a rear-end collision the vehicle that hits with its front, else the lower index
     second: IntArray
-    kind: IntArray
-    first_side: IntArray
+    kind: IntArray  # index into ``KINDS``
+    first_side: IntArray  # side that is touched first, index into ``SIDES``
     second_side: IntArray
-    relative_speed: FloatArray
-    overlap: FloatArray
-    x: FloatArray
+    relative_speed: FloatArray  # ‖v₁ − v₂‖ at impact, m/s
+    overlap: FloatArray  # largest overlap after the impact less that of the seed moment, m²
+    x: FloatArray  # midpoint of both centres at impact, m
     y: FloatArray
 
     def __len__(self) -> int:
@@ -97,15 +86,11 @@ def find_collisions(tracks: SceneTracks) -> Collisions:
 
 @dataclass(frozen=True, eq=False)
 class Moves:
-    """Motion of N pairs during one step each; a share of 0 is the earlier step, 1 the later one.
-
-    Attributes:
-        step: (N,) the earlier step, history included.
-    """
+    """Motion of N pairs during one step each; a share of 0 is the earlier step, 1 the later one."""
 
     tracks: SceneTracks
     child: IntArray
-    step: IntArray
+    step: IntArray  # (N,) the earlier step, history included
     first: IntArray
     second: IntArray
 

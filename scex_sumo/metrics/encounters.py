@@ -36,30 +36,22 @@ class Encounters(Rows):
     """One row per child and pair with an encounter, sorted by child and pair; ``first`` is the lower index.
 
     Attributes:
-        gap: least body gap, m; inf above 10 m.
-        ttc: least TTC on the path of either, s; inf if no gap closes.
-        pet: least PET, s; inf if the tracks do not cross.
-        drac: largest DRAC on the path of either, m/s²; 0 if no gap closes.
-        kind: of the collision, index into `KINDS`; -1 without one.
         time_s: after the seed moment: of the collision, else a critical least TTC, else the least gap.
-        x: midpoint of both centres then, m.
-        relative_speed: at impact, m/s; 0 without a collision.
-        towards: 1 if the first vehicle hits or follows the second, -1 for the reverse, 0 else.
     """
 
     child: IntArray
     first: IntArray
     second: IntArray
-    gap: FloatArray
-    ttc: FloatArray
-    pet: FloatArray
-    drac: FloatArray
-    kind: IntArray
+    gap: FloatArray  # least body gap, m; inf above 10 m
+    ttc: FloatArray  # least TTC on the path of either, s; inf if no gap closes
+    pet: FloatArray  # least PET, s; inf if the tracks do not cross
+    drac: FloatArray  # largest DRAC on the path of either, m/s²; 0 if no gap closes
+    kind: IntArray  # of the collision, index into `KINDS`; -1 without one
     time_s: FloatArray
-    x: FloatArray
+    x: FloatArray  # midpoint of both centres then, m
     y: FloatArray
-    relative_speed: FloatArray
-    towards: IntArray
+    relative_speed: FloatArray  # at impact, m/s; 0 without a collision
+    towards: IntArray  # 1 if the first vehicle hits or follows the second, -1 for the reverse, 0 else
 
     def __len__(self) -> int:
         return len(self.child)

@@ -23,22 +23,14 @@ PAPER_PRESET: Final = "paper"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScenarioValues:
-    """Microscopic values, two per child and metric, and their origin.
+    """Microscopic values, two per child and metric, and their origin."""
 
-    Attributes:
-        columns: (M,) names.
-        values: (C, M); NaN where undefined.
-        scene: by metric, the extremum of every evaluated step.
-        worst: by metric, the step and the vehicles of the extremum.
-        preset: car-following rule.
-    """
-
-    columns: tuple[str, ...]
-    values: FloatArray
+    columns: tuple[str, ...]  # (M,) names
+    values: FloatArray  # (C, M); NaN where undefined
     defined: BoolArray
-    scene: Mapping[str, SceneValues]
-    worst: Mapping[str, Worst]
-    preset: str
+    scene: Mapping[str, SceneValues]  # by metric, the extremum of every evaluated step
+    worst: Mapping[str, Worst]  # by metric, the step and the vehicles of the extremum
+    preset: str  # car-following rule
 
     def column(self, name: str) -> tuple[FloatArray, BoolArray]:
         """Return (C,) values and mask of a column."""
@@ -48,19 +40,13 @@ class ScenarioValues:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairValues(Rows):
-    """Nanoscopic values of one metric, one row per ordered pair (or vehicle) where defined.
-
-    Attributes:
-        step: on the step axis of the tracks, history included.
-        other: the second vehicle; None for metrics of single vehicles.
-        value: ``ttc`` in s, not inverted; inf is a value.
-    """
+    """Nanoscopic values of one metric, one row per ordered pair (or vehicle) where defined."""
 
     child: IntArray
-    step: IntArray
+    step: IntArray  # on the step axis of the tracks, history included
     vehicle: IntArray
-    other: IntArray | None
-    value: FloatArray
+    other: IntArray | None  # the second vehicle; None for metrics of single vehicles
+    value: FloatArray  # ``ttc`` in s, not inverted; inf is a value
 
 
 def evaluate(

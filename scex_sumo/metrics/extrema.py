@@ -26,20 +26,13 @@ class SceneValues(Rows):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Worst(Rows):
-    """Origin of the most critical value of every child; valid only where ``defined``.
+    """Origin of the most critical value of every child; valid only where ``defined``."""
 
-    Attributes:
-        value: (C,) as aggregated; NaN where undefined.
-        step: (C,) on the step axis of the tracks, history included.
-        vehicle: (C,) the row's own vehicle (the follower).
-        other: (C,) the second vehicle; None for metrics of single vehicles.
-    """
-
-    value: FloatArray
+    value: FloatArray  # (C,) as aggregated; NaN where undefined
     defined: BoolArray
-    step: IntArray
-    vehicle: IntArray
-    other: IntArray | None
+    step: IntArray  # (C,) on the step axis of the tracks, history included
+    vehicle: IntArray  # (C,) the row's own vehicle (the follower)
+    other: IntArray | None  # (C,) the second vehicle; None for metrics of single vehicles
 
 
 def extrema(metric: Metric, samples: Samples | Entries, scenes: Scenes) -> tuple[SceneValues, Worst]:
@@ -81,14 +74,12 @@ class _Least:
     """Least costs of scenes.
 
     Attributes:
-        cost: (C, T); inf where undefined, and inf is a value.
-        infinite: (C, T) where infinite values were left out.
         origin: returns (C,) first row with the least cost, given a step of each child.
     """
 
-    cost: FloatArray
+    cost: FloatArray  # (C, T); inf where undefined, and inf is a value
     defined: BoolArray
-    infinite: BoolArray
+    infinite: BoolArray  # (C, T) where infinite values were left out
     origin: Callable[[IntArray], IntArray]
 
 

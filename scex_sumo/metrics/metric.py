@@ -19,28 +19,20 @@ class Metric:
     """One nanoscopic metric and its aggregation.
 
     Attributes:
-        critical: ``min`` if small values are critical, else ``max``.
         evaluate: computes the values of all pairs (or vehicles) of a batch of scenes.
-        inverse: aggregate 1 / value; ``critical``, ``threshold`` and ``label`` refer to it.
-        finite: leave infinite values out of the aggregates.
-        harmonic: the mean over scenes is 1 / mean(1 / value); infinite values count as 0.
-        preset: car-following rule; None uses that of the evaluation.
-        quick: computes the same extrema from fewer pairs.
-        threshold: value from which a child is critical.
-        label: name in tables and pictures; else the column's.
     """
 
     name: str
-    critical: Literal["min", "max"]
+    critical: Literal["min", "max"]  # ``min`` if small values are critical, else ``max``
     evaluate: Callable[[Scenes], Samples | Entries]
     unit: str = ""
-    inverse: bool = False
-    finite: bool = False
-    harmonic: bool = False
-    preset: str | None = None
-    quick: Callable[[Scenes], Samples] | None = None
-    threshold: float | None = None
-    label: str = ""
+    inverse: bool = False  # aggregate 1 / value; ``critical``, ``threshold`` and ``label`` refer to it
+    finite: bool = False  # leave infinite values out of the aggregates
+    harmonic: bool = False  # the mean over scenes is 1 / mean(1 / value); infinite values count as 0
+    preset: str | None = None  # car-following rule; None uses that of the evaluation
+    quick: Callable[[Scenes], Samples] | None = None  # computes the same extrema from fewer pairs
+    threshold: float | None = None  # value from which a child is critical
+    label: str = ""  # name in tables and pictures; else the column's
 
     @property
     def columns(self) -> tuple[str, str]:

@@ -19,32 +19,20 @@ from scex_sumo.training.networks.graph import ModeTensors
 
 @dataclass(frozen=True, kw_only=True)
 class LossWeights:
-    """Weights of the parts of the loss.
+    """Weights of the parts of the loss."""
 
-    Attributes:
-        expected: mode 0 against the recorded future.
-        winner: the nearest mode against it.
-        relaxed: share of the winner's weight that all modes have.
-        final: weight of the last step besides the mean over all.
-        sharp_m: difference of errors that separates two modes, m.
-        round_m: smaller errors count by their square, m.
-        acceleration: per (m/s²)² beyond `hard`, m/s².
-        jerk: per (m/s³)².
-        sideways: per (m/s²)² of the second change of the offset.
-    """
-
-    expected: float = 1.0
-    winner: float = 0.5
-    relaxed: float = 0.03
+    expected: float = 1.0  # mode 0 against the recorded future
+    winner: float = 0.5  # the nearest mode against it
+    relaxed: float = 0.03  # share of the winner's weight that all modes have
     mode: float = 0.15
     path: float = 0.3
     free: float = 0.5
-    final: float = 0.5
-    sharp_m: float = 0.1
-    round_m: float = 0.2
-    acceleration: float = 0.02
-    jerk: float = 0.0005
-    sideways: float = 0.002
+    final: float = 0.5  # weight of the last step besides the mean over all
+    sharp_m: float = 0.1  # difference of errors that separates two modes, m
+    round_m: float = 0.2  # smaller errors count by their square, m
+    acceleration: float = 0.02  # per (m/s²)² beyond `hard`, m/s²
+    jerk: float = 0.0005  # per (m/s³)²
+    sideways: float = 0.002  # per (m/s²)² of the second change of the offset
     hard: float = 3.0
 
 

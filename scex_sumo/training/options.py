@@ -28,40 +28,28 @@ class TrainOptions:
     """Options of a training run.
 
     Attributes:
-        seed: of the first weights, the order of batches and all draws.
-        minutes: stop before the epoch that would end later than this; 0 does not.
-        rounds: in closed loop, evenly spread over the epochs.
-        patience: stop after so many epochs without a better validation.
-        nodes: vehicles per batch, about.
-        rate: highest learning rate; falls to zero like a cosine.
         average: share of the running mean of the weights that stays at each step; the mean is kept.
-        dropout: share of hidden values that is dropped.
-        noise: spread of the noise on scaled inputs, in standard deviations.
-        balance: a site counts like the number of its vehicles to the power of 1 minus this.
-        unlinked: share of the graph's edges that is dropped.
-        mirror: share of the batches that are mirrored.
         sizes: numbers of `Architecture` that differ from the shipped ones.
-        weights: of the parts of the loss.
     """
 
     kind: Kind
-    seed: int = 0
+    seed: int = 0  # of the first weights, the order of batches and all draws
     epochs: int = 6
-    minutes: float = 0.0
-    rounds: int = 1
-    patience: int = 6
-    nodes: int = 800
-    rate: float = 2e-3
+    minutes: float = 0.0  # stop before the epoch that would end later than this; 0 does not
+    rounds: int = 1  # in closed loop, evenly spread over the epochs
+    patience: int = 6  # stop after so many epochs without a better validation
+    nodes: int = 800  # vehicles per batch, about
+    rate: float = 2e-3  # highest learning rate; falls to zero like a cosine
     decay: float = 0.1
     average: float = 0.99
     gradient: float = 1.0
-    dropout: float = 0.2
-    noise: float = 0.05
-    unlinked: float = 0.2
-    mirror: float = 0.5
-    balance: float = 0.25
+    dropout: float = 0.2  # share of hidden values that is dropped
+    noise: float = 0.05  # spread of the noise on scaled inputs, in standard deviations
+    unlinked: float = 0.2  # share of the graph's edges that is dropped
+    mirror: float = 0.5  # share of the batches that are mirrored
+    balance: float = 0.25  # a site counts like the number of its vehicles to the power of 1 minus this
     sizes: dict[str, Any] = field(default_factory=dict)
-    weights: LossWeights = field(default_factory=LossWeights)
+    weights: LossWeights = field(default_factory=LossWeights)  # of the parts of the loss
 
     def __post_init__(self) -> None:
         if self.epochs < 1 or self.rounds < 0 or self.rounds >= self.epochs:

@@ -23,15 +23,12 @@ class Score:
     """Errors over the vehicles of some samples, in m and by site.
 
     Attributes:
-        loss: mean over batches, weighted as in training.
-        ade: mean distance over 3 s of the expected mode on the likeliest path.
-        fde: its distance after 3 s.
         best: distance after 3 s of the best of the six likeliest combinations of path and mode.
     """
 
-    loss: float
-    ade: dict[int, float]
-    fde: dict[int, float]
+    loss: float  # mean over batches, weighted as in training
+    ade: dict[int, float]  # mean distance over 3 s of the expected mode on the likeliest path
+    fde: dict[int, float]  # its distance after 3 s
     best: dict[int, float]
 
     def __str__(self) -> str:

@@ -317,11 +317,10 @@ class DrivesAlong(ABC):
     """Base of models whose plan is a drive along a path.
 
     Attributes:
-        sees: what a plan depends on if the path is not drawn.
         profile: parameters with a ``path``.
     """
 
-    sees: ClassVar[Sight] = "itself"
+    sees: ClassVar[Sight] = "itself"  # what a plan depends on if the path is not drawn
 
     def __init__(self, profile: Any) -> None:
         self.profile = profile

@@ -23,14 +23,10 @@ if TYPE_CHECKING:
 
 
 class LearnedModel:
-    """A model with a network; the path-following driver plans for vehicles off the map.
-
-    Attributes:
-        kind: of its network, as in `scex-sumo train`.
-    """
+    """A model with a network; the path-following driver plans for vehicles off the map."""
 
     name: ClassVar[str]
-    kind: ClassVar[str]
+    kind: ClassVar[str]  # of its network, as in `scex-sumo train`
 
     def __init__(self, profile: GraphPredictorProfile | GraphImagePredictorProfile) -> None:
         self.profile = profile

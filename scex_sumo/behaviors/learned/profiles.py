@@ -23,14 +23,12 @@ class GraphPredictorProfile:
         path: as in `IdmProfile`; or ``likeliest``, the path that the network prefers in the seed scene, drawn
             with its probability if ``mode=draw``.
         mode: ``best``, the expected mode; or ``draw``, drawn per vehicle and child in the seed scene.
-        radius: perception radius, m.
-        weights: file of weights; empty takes the shipped ones.
     """
 
     path: PathChoice | Literal["likeliest"] = "straight"
     mode: str = "best"
-    radius: float = 100.0
-    weights: str = ""
+    radius: float = 100.0  # perception radius, m
+    weights: str = ""  # file of weights; empty takes the shipped ones
 
     def __post_init__(self) -> None:
         _check(self)
@@ -41,12 +39,11 @@ class GraphImagePredictorProfile:
     """Parameters of `GraphImagePredictor`, besides those of `GraphPredictorProfile`.
 
     Attributes:
-        attention: w in [0, 1]: 1 uses the scene graph alone, 0 the road image alone.
         head: ``bounded`` drives along the path at the network's offset, within the road and the vehicle's
             limits; ``free`` takes the paper's free x, y trajectory unchanged.
     """
 
-    attention: float = 0.5
+    attention: float = 0.5  # w in [0, 1]: 1 uses the scene graph alone, 0 the road image alone
     path: PathChoice | Literal["likeliest"] = "likeliest"
     mode: str = "best"
     head: str = "bounded"

@@ -19,17 +19,11 @@ EMPTY = inspect.Parameter.empty
 
 @dataclass(frozen=True, kw_only=True)
 class UserModel:
-    """A user's model that is not made yet.
+    """A user's model that is not made yet."""
 
-    Attributes:
-        make: makes it, with parameters by name.
-        parameters: their defaults; ``EMPTY`` if there is none.
-        summary: one sentence for ``scex-sumo models``.
-    """
-
-    make: Callable[..., Any]
-    parameters: Mapping[str, Any]
-    summary: str
+    make: Callable[..., Any]  # makes it, with parameters by name
+    parameters: Mapping[str, Any]  # their defaults; ``EMPTY`` if there is none
+    summary: str  # one sentence for ``scex-sumo models``
 
 
 def user_model(given: Any, name: str) -> UserModel:

@@ -28,17 +28,13 @@ def gap(scenes: Scenes) -> Samples:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OutlinePairs(Rows):
-    """N pairs of rectangles in motion; metres, seconds, second vehicle minus first.
-
-    Attributes:
-        cos_1: (N,) direction of the first rectangle's length.
-    """
+    """N pairs of rectangles in motion; metres, seconds, second vehicle minus first."""
 
     dx: FloatArray
     dy: FloatArray
     dvx: FloatArray
     dvy: FloatArray
-    cos_1: FloatArray
+    cos_1: FloatArray  # (N,) direction of the first rectangle's length
     sin_1: FloatArray
     cos_2: FloatArray
     sin_2: FloatArray

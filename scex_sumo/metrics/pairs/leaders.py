@@ -90,15 +90,10 @@ def preset_named(name: str) -> Preset:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _OnPaths(PairRows):
-    """Vehicles on the paths of others.
+    """Vehicles on the paths of others."""
 
-    Attributes:
-        along: (N,) arc length of the path to the vehicle's centre, m.
-        gap: (N,) between the bumpers, m.
-    """
-
-    along: FloatArray
-    gap: FloatArray
+    along: FloatArray  # (N,) arc length of the path to the vehicle's centre, m
+    gap: FloatArray  # (N,) between the bumpers, m
 
 
 def _on_paths(scenes: Scenes) -> _OnPaths:

@@ -29,12 +29,11 @@ class Crossings(PairRows):
 
     Attributes:
         own: (N,) arc length from the row's own vehicle to the point, m; ``other`` from the other vehicle.
-        sine: (N,) of the angle between the paths, above 0.
     """
 
     own: FloatArray
     other: FloatArray
-    sine: FloatArray
+    sine: FloatArray  # (N,) of the angle between the paths, above 0
 
 
 def bridged(x: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -22,13 +22,9 @@ E = TypeVar("E", bound="PairRows")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairRows(Rows):
-    """Rows of ordered pairs at steps.
+    """Rows of ordered pairs at steps."""
 
-    Attributes:
-        where: (N,) flat indices into (2P, C, T), ascending.
-    """
-
-    where: IntArray
+    where: IntArray  # (N,) flat indices into (2P, C, T), ascending
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,34 +46,22 @@ class Following(PairRows):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samples:
-    """Nanoscopic values with a mask; values where ``defined`` is False mean nothing.
+    """Nanoscopic values with a mask; values where ``defined`` is False mean nothing."""
 
-    Attributes:
-        value: (K, C, T) in the metric's unit; inf is a value.
-        defined: (K, C, T).
-        row: (K,) vehicle of the value (the follower of a car-following pair).
-        other: (K,) the second vehicle; None for metrics of single vehicles.
-        symmetric: each unordered pair appears once and stands for both orders.
-    """
-
-    value: FloatArray
-    defined: BoolArray
-    row: IntArray
-    other: IntArray | None
-    symmetric: bool = False
+    value: FloatArray  # (K, C, T) in the metric's unit; inf is a value
+    defined: BoolArray  # (K, C, T)
+    row: IntArray  # (K,) vehicle of the value (the follower of a car-following pair)
+    other: IntArray | None  # (K,) the second vehicle; None for metrics of single vehicles
+    symmetric: bool = False  # each unordered pair appears once and stands for both orders
 
 
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """Rules that the metrics' definitions leave open.
-
-    Attributes:
-        conflict_area: crossings are areas as wide as the vehicles, not points.
-    """
+    """Rules that the metrics' definitions leave open."""
 
     name: str
     leaders: Callable[[Scenes], Following]
-    conflict_area: bool
+    conflict_area: bool  # crossings are areas as wide as the vehicles, not points
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,17 +71,15 @@ class Scenes:
     Pairs are unordered. Arrays of ordered pairs (2P) list (first, second) of all pairs, then (second, first).
 
     Attributes:
-        planned: current plans; None if there are none.
         chosen: (P,) first and (P,) second vehicle of the pairs; None for all pairs.
-        shared: values computed once for equal tracks of several children.
     """
 
     tracks: SceneTracks
-    planned: PlannedPaths | None
+    planned: PlannedPaths | None  # current plans; None if there are none
     parameters: MetricParameters
     preset: Preset
     chosen: tuple[IntArray, IntArray] | None = None
-    shared: TrackPairs | None = None
+    shared: TrackPairs | None = None  # values computed once for equal tracks of several children
     _derived: dict[Callable[[Scenes], Any] | str, Any] = field(default_factory=dict, repr=False)
 
     def _evaluated(self, array: FloatArray) -> FloatArray:
@@ -319,15 +301,10 @@ def _distance(scenes: Scenes) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrackPairs:
-    """Different pairs of tracks of several children; values of a pair are computed once.
+    """Different pairs of tracks of several children; values of a pair are computed once."""
 
-    Attributes:
-        scenes: one child with all different tracks, and the pairs of them that occur in a child.
-        row: (P, C) number of each pair of vehicles among those pairs.
-    """
-
-    scenes: Scenes
-    row: IntArray
+    scenes: Scenes  # one child with all different tracks, and the pairs of them that occur in a child
+    row: IntArray  # (P, C) number of each pair of vehicles among those pairs
     _bounds: dict[Any, IntArray] = field(default_factory=dict, repr=False)
     _values: dict[Any, tuple[FloatArray, BoolArray]] = field(default_factory=dict, repr=False)
 

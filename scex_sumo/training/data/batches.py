@@ -18,19 +18,16 @@ class Batch:
     """Some graphs, their n pairs of vehicle and path, and the targets, as in `TrainingSamples`.
 
     Attributes:
-        right: (n,) whether the vehicle took the path.
         share: (n,) weight in losses on trajectories: the site's weight over the vehicle's number of right
             paths; 0 where the path is not right.
-        site: (n,) number of the site.
-        pose: (n, 3) x, y, heading on the map.
     """
 
     scene: SceneBatch
     path: PathBatch
-    right: Tensor
+    right: Tensor  # (n,) whether the vehicle took the path
     share: Tensor
-    site: Tensor
-    pose: Tensor
+    site: Tensor  # (n,) number of the site
+    pose: Tensor  # (n, 3) x, y, heading on the map
     s: Tensor
     d: Tensor
     start: Tensor

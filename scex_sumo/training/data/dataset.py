@@ -44,39 +44,27 @@ class SampleOptions:
     """Options of the samples.
 
     Attributes:
-        every_s: between two moments of a long recording.
-        copies: perturbed copies of each training scene.
-        stops: further copies with standing vehicles in the way.
         perturbation: of the vehicles in both.
-        split: of the recordings' time.
     """
 
-    every_s: float = 0.5
-    copies: int = 2
-    stops: int = 3
+    every_s: float = 0.5  # between two moments of a long recording
+    copies: int = 2  # perturbed copies of each training scene
+    stops: int = 3  # further copies with standing vehicles in the way
     perturbation: Perturbation = field(default_factory=lambda: Perturbation(speed_mps=0.7))
-    split: Split = field(default_factory=Split)
+    split: Split = field(default_factory=Split)  # of the recordings' time
     seed: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dataset:
-    """Samples for training and validation.
+    """Samples for training and validation."""
 
-    Attributes:
-        sites: (S) names; `TrainingSamples.site` counts them.
-        kinds: (S) dataset of each site.
-        roads: (S) maps.
-        validation: without copies.
-        digest: of the recordings and options.
-    """
-
-    sites: tuple[str, ...]
-    kinds: tuple[str, ...]
-    roads: tuple[Road, ...]
+    sites: tuple[str, ...]  # (S) names; `TrainingSamples.site` counts them
+    kinds: tuple[str, ...]  # (S) dataset of each site
+    roads: tuple[Road, ...]  # (S) maps
     train: TrainingSamples
-    validation: TrainingSamples
-    digest: str
+    validation: TrainingSamples  # without copies
+    digest: str  # of the recordings and options
 
 
 def make_dataset(

@@ -17,17 +17,12 @@ CALM_MPS = 3.0  # below, errors shrink with the speed
 
 @dataclass(frozen=True, kw_only=True)
 class Perturbation:
-    """Size of the perturbations, uniform up to both sides.
-
-    Attributes:
-        share: of the vehicles of a copy that are moved.
-        speed_mps: standard deviation of the errors of `measured`, for half of the vehicles.
-    """
+    """Size of the perturbations, uniform up to both sides."""
 
     lateral_m: float = 0.7
     heading_rad: float = float(np.deg2rad(5.0))
-    share: float = 1.0
-    speed_mps: float = 0.0
+    share: float = 1.0  # of the vehicles of a copy that are moved
+    speed_mps: float = 0.0  # standard deviation of the errors of `measured`, for half of the vehicles
 
 
 def perturbed(history: States, perturbation: Perturbation, rng: np.random.Generator) -> States:

@@ -36,37 +36,25 @@ class TrainingSamples:
     """G scene graphs one after the other; N nodes, E edges, P pairs of a vehicle and a candidate path.
 
     Attributes:
-        site: (G,) number of the graph's site.
-        nodes: (G,) number of nodes of each graph; so ``edges`` and ``pairs``.
-        node: (N, F) features, as in `SceneGraph`; so ``history`` (N, 11, 5).
-        pose: (N, 3) x, y (m) and heading on the map.
-        edge_index: (2, E) source and target within the graph.
-        edge: (E, K) features.
-        pair_node: (P,) the vehicle, within the graph.
-        feature: (P, D), as in `PathInputs`.
-        right: (P,) True for the path that the vehicle took.
-        s: (P, H) m, target: way along the path; 0 where the path is not right.
-        d: (P, H) m, target: offset from the path.
         start: (P, 4) speed in m/s, offset in m, heading error in rad, offset of the perturbation in m.
-        xy: (P, H, 2) the target in the vehicle's own frame, m.
     """
 
-    site: IntArray
-    nodes: IntArray
+    site: IntArray  # (G,) number of the graph's site
+    nodes: IntArray  # (G,) number of nodes of each graph; so ``edges`` and ``pairs``
     edges: IntArray
     pairs: IntArray
-    node: FloatArray
+    node: FloatArray  # (N, F) features, as in `SceneGraph`; so ``history`` (N, 11, 5)
     history: FloatArray
-    pose: FloatArray
-    edge_index: IntArray
-    edge: FloatArray
-    pair_node: IntArray
-    feature: FloatArray
-    right: BoolArray
-    s: FloatArray
-    d: FloatArray
+    pose: FloatArray  # (N, 3) x, y (m) and heading on the map
+    edge_index: IntArray  # (2, E) source and target within the graph
+    edge: FloatArray  # (E, K) features
+    pair_node: IntArray  # (P,) the vehicle, within the graph
+    feature: FloatArray  # (P, D), as in `PathInputs`
+    right: BoolArray  # (P,) True for the path that the vehicle took
+    s: FloatArray  # (P, H) m, target: way along the path; 0 where the path is not right
+    d: FloatArray  # (P, H) m, target: offset from the path
     start: FloatArray
-    xy: FloatArray
+    xy: FloatArray  # (P, H, 2) the target in the vehicle's own frame, m
 
     def __len__(self) -> int:
         return len(self.nodes)

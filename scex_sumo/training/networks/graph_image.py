@@ -43,18 +43,12 @@ class MapTensors(NamedTuple):
 
 
 class ImageBatch(NamedTuple):
-    """K places from which vehicles see the road.
-
-    Attributes:
-        site: (K,) index into ``maps``.
-        pose: (K, 3) x, y, heading on the map; float64, because maps may lie far from the origin.
-        place: (n,) row of ``pose`` for each pair of a vehicle and a path.
-    """
+    """K places from which vehicles see the road."""
 
     maps: tuple[MapTensors, ...]
-    site: Tensor
-    pose: Tensor
-    place: Tensor
+    site: Tensor  # (K,) index into ``maps``
+    pose: Tensor  # (K, 3) x, y, heading on the map; float64, because maps may lie far from the origin
+    place: Tensor  # (n,) row of ``pose`` for each pair of a vehicle and a path
 
 
 class ImageModule(nn.Module):
