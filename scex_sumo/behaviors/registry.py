@@ -328,7 +328,6 @@ def build(spec: ModelSpec) -> Behavior:
 
 
 def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:
-    """Return the spec without ``guard``, and its value."""
     if GUARD not in spec.parameters or _is_sumo(spec):
         return spec, False
     others = {key: value for key, value in spec.parameters.items() if key != GUARD}

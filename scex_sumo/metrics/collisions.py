@@ -197,7 +197,7 @@ def near_moves(tracks: SceneTracks, start: int) -> Moves:
 
 
 def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
-    """Return (N, T - 1) whether a point comes within reach of the origin during each step."""
+    """Return (N, T - 1) whether a point comes within reach of the origin in each step."""
     px, py = dx[:, :-1], dy[:, :-1]
     vx, vy = dx[:, 1:] - px, dy[:, 1:] - py
     square = vx * vx + vy * vy
@@ -209,7 +209,7 @@ def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
 
 
 def _contacts(moves: Moves) -> Moves:
-    """Select moves whose outlines may touch: the gaps at both ends are smaller than the way."""
+    """Select moves whose outlines may touch."""
     gap_way, _ = moves.way()
     zero = np.zeros(moves.child.shape)
     ends = moves.separation(zero) + moves.separation(zero + 1)
@@ -217,11 +217,7 @@ def _contacts(moves: Moves) -> Moves:
 
 
 def _exceeding(moves: Moves) -> tuple[FloatArray, IntArray]:
-    """Find the moves whose overlap exceeds `OVERLAP_M2`: (F,) share of the step, (F,) index.
-
-    Branch and bound: halve a part of a step while the overlaps at its ends and the way between
-    allow more than the limit.
-    """
+    """Find the moves whose overlap exceeds `OVERLAP_M2` by branch and bound: (F,) share and index."""
     count = moves.child.size
     share = np.full(count, np.inf)
     start, end = moves.overlap(np.zeros(count)), moves.overlap(np.ones(count))
@@ -256,7 +252,7 @@ def _exceeding(moves: Moves) -> tuple[FloatArray, IntArray]:
 
 
 def _first_of_pair(moves: Moves, share: FloatArray, which: IntArray) -> tuple[FloatArray, IntArray]:
-    """Select the first such move of every pair, unless the pair overlaps from its start."""
+    """Select the first move of every pair, unless the pair overlaps from its start."""
     vehicles = moves.tracks.states.shape[2]
     key = (moves.child[which] * vehicles + moves.first[which]) * vehicles + moves.second[which]
     order = np.lexsort((moves.step[which], key))
@@ -280,7 +276,7 @@ def _is_seen_first(moves: Moves) -> BoolArray:
 
 
 def _impact(hits: Moves, share: FloatArray) -> tuple[Moves, FloatArray]:
-    """Find the move and share at which the contact began that grew to a collision.
+    """Find the start of the contact that grew to a collision: move and share.
 
     A pair that touches from its first step on collides where it exceeds the limit.
     """
@@ -337,7 +333,6 @@ def _described(impact: Moves, share: FloatArray, hits: Moves, at: FloatArray, st
 
 
 def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return (N,) sides of both vehicles that touch first."""
     one, two = impact.poses(share)
     gaps = axis_separations(one, two)
     # For parallel outlines two axes differ only by rounding.
@@ -360,7 +355,7 @@ def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 def _grown(hits: Moves, at: FloatArray, start: int) -> FloatArray:
-    """Return (N,) largest overlap at the impact and all later steps less that of the seed moment, m²."""
+    """Return (N,) largest overlap from the impact on less that of the seed moment, m²."""
     largest = hits.overlap(at)
     present = hits.tracks.present
     for step in range(start, hits.tracks.states.shape[1]):

@@ -125,7 +125,6 @@ def _approaches(scenes: Scenes) -> FloatArray:
 
 
 def _least_gaps(scenes: Scenes) -> tuple[FloatArray, IntArray]:
-    """Return (P * C) least body gaps below 10 m, else inf, and their steps."""
     children, steps = scenes.shape
     size = len(scenes.pairs[0]) * children
     low, high = gap_bounds(scenes)
@@ -157,7 +156,7 @@ def _on_paths(scenes: Scenes) -> tuple[FloatArray, IntArray, FloatArray, IntArra
 
 
 def _extremum(key: IntArray, step: IntArray, value: FloatArray, size: int) -> tuple[FloatArray, IntArray]:
-    """Return (size,) the smallest value of each key, inf without any, and its first step."""
+    """Return (size,) smallest value of each key, inf without any, and its first step."""
     least = np.full(size, np.inf)
     np.minimum.at(least, key, value)
     first = np.full(size, np.iinfo(np.int64).max)
@@ -167,7 +166,6 @@ def _extremum(key: IntArray, step: IntArray, value: FloatArray, size: int) -> tu
 
 
 def _cross(scenes: Scenes) -> BoolArray:
-    """Return (P * C) whether the planned paths cross at some step."""
     children, steps = scenes.shape
     pairs = len(scenes.pairs[0])
     cross = np.zeros(pairs * children, dtype=bool)

@@ -97,7 +97,6 @@ def _least_of_samples(samples: Samples, cost: FloatArray, *, finite: bool) -> _L
 
 
 def _least_of_entries(where: IntArray, cost: FloatArray, scenes: Scenes, *, finite: bool) -> _Least:
-    """Find the least of (N,) costs at flat indices into (2P, C, T)."""
     children, steps = scenes.shape
     infinite, defined = np.zeros((2, children * steps), dtype=bool)
     if finite:
@@ -122,7 +121,7 @@ def _least_of_entries(where: IntArray, cost: FloatArray, scenes: Scenes, *, fini
 
 
 def _first_smallest(cost: FloatArray, defined: BoolArray) -> IntArray:
-    """Return (N,) index of the first defined smallest cost along the last axis."""
+    """Return (N,) first index of the defined smallest cost along the last axis."""
     smallest = cost.min(axis=-1, keepdims=True)
     index: IntArray = np.argmax(defined & (cost == smallest), axis=-1)
     return index

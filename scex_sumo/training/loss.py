@@ -83,7 +83,6 @@ def _mean(values: Tensor, share: Tensor, total: Tensor) -> Tensor:
 
 
 def _winner(off: Tensor, weights: LossWeights) -> Tensor:
-    """Return (n,) errors of the nearest mode, and a little of all."""
     nearest = off.min(1).values
     return (1 - weights.relaxed) * nearest + weights.relaxed * off.mean(1)
 
@@ -94,7 +93,6 @@ def _mode_entropy(logits: Tensor, off: Tensor, weights: LossWeights) -> Tensor:
 
 
 def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
-    """Return the cross-entropy of the right paths together among their vehicle's candidates."""
     node = batch.path.node
     count = int(node.max()) + 1 if len(node) else 0
     highest = torch.full((count,), -torch.inf, device=logit.device, dtype=logit.dtype)
@@ -109,7 +107,6 @@ def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
 
 
 def _roughness(modes: ModeTensors, weights: LossWeights) -> Tensor:
-    """Return (n,) costs of hard accelerations, jerk and jerky steering, mean over modes and steps."""
     a = modes.acceleration
     cost = weights.acceleration * (relu(a.abs() - weights.hard) ** 2).mean((1, 2))
     jerk = torch.diff(a, dim=2) / STEP_S

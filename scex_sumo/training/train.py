@@ -140,7 +140,6 @@ class Trainer:
                 return
 
     def _round(self) -> None:
-        """Drive with the present weights before some epochs, and learn from where that leads to."""
         options = self.options
         due = [round((k + 1) * options.epochs / (options.rounds + 1)) for k in range(options.rounds)]
         if self.drift is None or self.folder is None or self.epoch not in due:
@@ -189,7 +188,7 @@ class Trainer:
         return sums
 
     def _groups(self, rng: np.random.Generator) -> list[Any]:
-        """Return batches of an epoch; those of the hybrid have one site each, which shares the map's cost."""
+        """Return batches of an epoch; those of the hybrid have one site each, to share the map's cost."""
         order = rng.permutation(len(self.train.samples))
         if self.images is None:
             return self.train.groups(order, self.options.nodes)
@@ -220,7 +219,6 @@ class Trainer:
 
     @torch.no_grad()
     def _average(self, step: int) -> None:
-        """Move the running mean of the weights towards the present ones."""
         keep = min(self.options.average, (1 + step) / (10 + step))
         for mean, present in zip(self.mean.parameters(), self.net.parameters(), strict=True):
             mean.lerp_(present, 1 - keep)
@@ -267,7 +265,6 @@ class Trainer:
 
 
 def _write_checkpoint(folder: Path, state: dict[str, Any], drifted: list[TrainingSamples]) -> None:
-    """Write the state of a run, and missing samples of its rounds."""
     folder.mkdir(parents=True, exist_ok=True)
     for number, samples in enumerate(drifted):
         file = folder / f"round{number}.npz"
@@ -281,11 +278,7 @@ def _write_checkpoint(folder: Path, state: dict[str, Any], drifted: list[Trainin
 def _read_checkpoint(
     folder: Path, identity: dict[str, Any]
 ) -> tuple[dict[str, Any], list[TrainingSamples]] | None:
-    """Return the state in a folder and the samples of its rounds; None without a checkpoint.
-
-    Raises:
-        ResultError: the checkpoint cannot be read, or belongs to another run.
-    """
+    """Return the state in a folder and the samples of its rounds; None without a checkpoint."""
     file = folder / FILE
     if not file.exists():
         return None

@@ -77,13 +77,13 @@ def _vehicles(modes: ModeTensors, batch: Batch) -> Tensor:
 
 
 def _distances(modes: ModeTensors, batch: Batch) -> Tensor:
-    """Return (n, M, H) m between each mode and the recorded future, along and across the pair's path."""
+    """Return (n, M, H) m between each mode and the recorded future."""
     way = displacement(batch.start[:, 0], modes.acceleration)
     return torch.hypot(way - batch.s[:, None], modes.offset - batch.d[:, None])
 
 
 def _best(modes: ModeTensors, node: Tensor, ends: Tensor, count: int) -> Tensor:
-    """Return (N,) smallest distances after 3 s among a vehicle's six likeliest combinations."""
+    """Return (N,) smallest distances after 3 s of the six likeliest combinations."""
     highest = torch.full((count,), -torch.inf, device=node.device)
     highest = highest.scatter_reduce(0, node, modes.path_logit, "amax")
     each = torch.exp(modes.path_logit - highest[node])

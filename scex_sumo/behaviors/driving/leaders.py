@@ -76,14 +76,13 @@ def find_ahead(
     aside: FloatArray | None = None,
     margin: float = CORRIDOR_MARGIN_M,
 ) -> Ahead:
-    """Find the vehicles and obstacles on or near each driver's path, ahead of it.
+    """Find the vehicles and obstacles on or near each driver's path, within the perception radius.
 
-    One counts if its centre is within `radius` of the driver's, and in one of these cases:
+    One counts in these cases:
 
     - Its nearest end is ahead of the driver's front bumper, it does not face the driver (within 60 degrees),
       and its centre is within the clearance of the path or its body inside the driver's corridor.
-    - Its centre is ahead of the driver's, and its body is inside the corridor. So an oncoming vehicle counts
-      in the corridor only, and of vehicles alongside only those that cut in.
+    - Its centre is ahead of the driver's, and its body is inside the corridor.
 
     Args:
         row: (n,) path of each driver.
@@ -91,7 +90,7 @@ def find_ahead(
         clearance: of a vehicle's centre from the path, m.
         radius: perception radius, m.
         obstacle_clearance: of an obstacle's centre from the path, m.
-        aside: (n,) offset of each driver's line from its path, m, left positive; None is 0.
+        aside: (n,) offset of each driver's line, m, left positive; None is 0.
         margin: of the corridor beyond the driver's width, on each side, m.
     """
     others = everyone(history)
@@ -128,7 +127,6 @@ def _ahead_of(
     aside: FloatArray | None,
     margin: float,
 ) -> Ahead:
-    """Find those ahead of a part of the drivers; `clearance` (M,) is of each of the others."""
     now = history.now[who.child, who.vehicle]
     length, width = history.scene.length[who.vehicle], history.scene.width[who.vehicle]
     ox, oy = others.states.x[who.child], others.states.y[who.child]  # (n, M)
@@ -167,11 +165,7 @@ def _ahead_of(
 def _first_guess(
     paths: SeedPaths, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, radius: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Find the nearest coarse sample from just behind each driver to the perception radius.
-
-    Returns:
-        (n, M) arc length, m, and (n, M) squared distance, m².
-    """
+    """Return (n, M) nearest coarse arc length, m, and (n, M) squared distance, m²."""
     spacing = COARSE * DS_M
     samples = paths.coarse.shape[2]
     span = min(samples, int(radius / spacing) + 4)

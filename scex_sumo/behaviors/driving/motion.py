@@ -1,11 +1,10 @@
 """Vehicle motion along a path: a kinematic bicycle with steering feedback.
 
-The reference point is the rear axle, `REAR_AXLE_SHARE` of the length behind the centre. Each step is an arc.
+The reference point is the rear axle. Each step is an arc.
 
 Steering feeds back offset d, heading error e and curvature error k in arc length, with nested limits. The
 heading error aims at -ω/3·d, the curvature error at ω·(aim - e), and moves there at rate 3ω, with ω = 1/max(3
-m, v·0.67 s). Without limits the offset decays like (A + Bs + Cs²)·exp(-ωs). The state follows from the pose
-and the last step, so a new plan continues the motion of the previous one.
+m, v·0.67 s). Without limits the offset decays like (A + Bs + Cs²)·exp(-ωs).
 """
 
 from __future__ import annotations
@@ -70,7 +69,7 @@ def _present_bend(
 ) -> FloatArray:
     """Return (n,) curvatures of the vehicles' motion minus those of their paths, 1/m.
 
-    Measured over the last step; in the seed scene over half a second, because recorded headings are noisy.
+    In the seed scene over half a second, because recorded headings are noisy.
     """
     steps = 1 if history.step > 0 else 5
     length = history.scene.length[who.vehicle]
@@ -104,7 +103,7 @@ def drive(
 
     Args:
         row: (n,) path of each.
-        accelerate: returns (n,) accelerations for a step; vehicles stop instead of reversing.
+        accelerate: vehicles stop instead of reversing.
         start: (n,) initial states; None for the present ones.
         aside: (n, H + 1) wanted offset now and after each step, m, left positive; None is 0.
     """
@@ -174,7 +173,7 @@ def _along_arc(
 
 
 def _lead(wanted: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the first and second derivative of wanted offsets (H + 1, n) in arc length."""
+    """Return two derivatives of wanted offsets (H + 1, n) in arc length."""
     way = np.maximum(moved, SLOPE_SPEED * STEP_S)
     change = wanted[step + 1] - wanted[step]
     further = wanted[min(step + 2, len(wanted) - 1)] - wanted[step + 1]
@@ -193,8 +192,7 @@ def _steer(
 
     Args:
         offset: (n,) present minus wanted offset, m.
-        lead: derivatives of the wanted offset, at which heading and curvature error aim. The offset then
-            follows the wanted one through (3ωp² + 3ω²p + ω³)/(p + ω)³, which is 1 up to the second order.
+        lead: derivatives of the wanted offset, at which heading and curvature error aim, to remove the lag.
     """
     omega = 1 / np.maximum(JOIN_LENGTH_M, JOIN_TIME_S * v)
     urgency = _urgency(error)
@@ -211,12 +209,10 @@ def _steer(
 
 
 def _urgency(error: FloatArray) -> FloatArray:
-    """Return (n,) factors 1 to 2 on the limits."""
     return clipped(np.abs(error) / JOIN_HEADING_RAD, 1.0, 2.0)
 
 
 def _bend_limit(v: FloatArray, urgency: FloatArray) -> FloatArray:
-    """Return (n,) largest curvature errors, 1/m."""
     return np.minimum(0.75 * CURVATURE_LIMIT, urgency * JOIN_ACCELERATION / np.maximum(v * v, 1.0))
 
 
@@ -245,7 +241,7 @@ def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> Float
 def _slowing_for_curves(
     accelerate: Accelerate, paths: SeedPaths, row: IntArray, ahead: FloatArray
 ) -> Accelerate:
-    """Limit accelerations to those that curves allow; `ahead` (n,) is from the rear axle to the centre, m."""
+    """Limit accelerations in curves; `ahead` (n,) is from the rear axle to the centre, m."""
     speeds = curve_speeds(paths, CURVE_ACCELERATION, CURVE_DECELERATION)
 
     def allowed(s: FloatArray) -> FloatArray:

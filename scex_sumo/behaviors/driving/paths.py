@@ -162,7 +162,6 @@ def _given(
     pose: tuple[float, float, float],
     ahead: float,
 ) -> _Line:
-    """Cut the path that the caller gave around the vehicle."""
     if isinstance(given[0], tuple):
         points = np.array(given, dtype=np.float64)
         owner: IntArray | None = None
@@ -186,7 +185,6 @@ def _given(
 def _tabulate(
     road: Road, lines: list[_Line], own_speed: FloatArray, samples: int, count: IntArray
 ) -> SeedPaths:
-    """Smooth and sample the lines; `own_speed` (P,) is of their vehicles, m/s."""
     raw = np.stack([resample(line.points, samples, DS_M) for line in lines])
     width, limit = np.full(raw.shape[:2], 3.5), np.repeat(own_speed[:, None], samples, axis=1)
     for k, line in enumerate(lines):
@@ -216,7 +214,7 @@ def _tabulate(
 
 
 def _straightest(lines: list[_Line]) -> int:
-    """Return the straightest path from the likeliest start lane; the leftmost of equals."""
+    """Return the straightest path from the likeliest lane; the leftmost of equals."""
     by_lane: dict[tuple[int, ...], float] = {}
     for line in lines:
         by_lane[line.lanes[:1]] = by_lane.get(line.lanes[:1], 0.0) + line.share
@@ -225,7 +223,7 @@ def _straightest(lines: list[_Line]) -> int:
 
 
 def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> tuple[FloatArray, FloatArray]:
-    """Return (N,) widths and speed limits of the lane under each sample."""
+    """Return (N,) widths and speed limits of the lanes under the samples."""
     ids, inverse = np.unique(owner, return_inverse=True)
     at = np.searchsorted(arc_lengths(points), DS_M * np.arange(samples), side="right") - 1
     at = inverse[np.clip(at, 0, len(owner) - 1)]
@@ -235,7 +233,6 @@ def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> 
 
 
 def _columns(even: FloatArray) -> FloatArray:
-    """Return (P, N, 12) table rows of evenly spaced points (P, N, 2)."""
     step = np.gradient(even, axis=1)
     heading = np.unwrap(np.arctan2(step[..., 1], step[..., 0]), axis=1)  # without jumps of 2 pi
     curvature = np.gradient(heading, DS_M, axis=1)

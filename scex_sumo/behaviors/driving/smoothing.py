@@ -41,10 +41,7 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
 
 
 def _relaxed(points: FloatArray, limit: float) -> FloatArray:
-    """Round tight places until the curvature is at most about `limit`.
-
-    A point moves towards the middle of its neighbours by the share of its curvature above the limit.
-    """
+    """Round tight places: move points towards the middle of their neighbours by the excess of curvature."""
     tight = np.flatnonzero((np.abs(curvature(points)) > limit).any(axis=0))
     first, last = max(0, tight[0] - 80), min(points.shape[1], tight[-1] + 81)
     moved = points.copy()
@@ -87,7 +84,6 @@ def curvature(points: FloatArray) -> FloatArray:
 
 
 def _within(moved: FloatArray, points: FloatArray, bound: FloatArray) -> FloatArray:
-    """Limit the shift of points to the bound, softly."""
     shift = moved - points
     size = np.hypot(shift[..., 0], shift[..., 1]) / bound
     # x / (1 + x^8)^(1/8) is x for small x and 1 for large x.

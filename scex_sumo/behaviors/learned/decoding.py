@@ -83,7 +83,7 @@ def _bounds(
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:
-    """Smooth the corners at the knots by a mean over 0.9 s, applied twice; ends go on straight."""
+    """Smooth the corners at the knots; ends go on straight."""
     for _ in range(2):
         reach = np.arange(1, SMOOTHING_STEPS + 1)
         before = offset[:, :1] - (offset[:, 1:2] - offset[:, :1]) * reach[::-1]
@@ -107,7 +107,7 @@ def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
 
 
 def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
-    """Return (n, H + 1) changes of the offset per metre of way; 0 for standing vehicles."""
+    """Return (n, H + 1) changes per metre of way; 0 for standing vehicles."""
     change, moved = np.diff(offset, axis=1), np.diff(way, axis=1)
     slope = np.where(moved > STANDING_M, change / np.maximum(moved, STANDING_M), 0.0)
     whole: FloatArray = np.concatenate([slope, slope[:, -1:]], axis=1)
@@ -150,7 +150,7 @@ def plan_freely(history: SceneHistory, who: VehicleIndex, free: FloatArray) -> P
 
 
 def _kept_headings(turn: FloatArray, moving: BoolArray) -> FloatArray:
-    """Return (n, H) headings; a standing vehicle keeps that of its last moving step, 0 before the first."""
+    """Return (n, H) headings; standing vehicles keep that of their last moving step, 0 before the first."""
     padded = np.concatenate([np.zeros((len(turn), 1)), turn], axis=1)
     step = np.where(moving, np.arange(1, turn.shape[1] + 1), 0)
     last = np.maximum.accumulate(step, axis=1)
@@ -207,13 +207,8 @@ def offsets_beside(
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
 
-    Two boxes share the free space between them. Others keep their speed and straighten up. Leaders and
-    crossing vehicles are handled by braking.
-
-    Args:
-        row: (n,) path of each vehicle.
-        s: (n,) arc length of its centre now, m.
-        way: (n, H + 1) way from now on, m.
+    Two boxes share the space between them; others keep their speed and straighten up. Leaders and crossing
+    vehicles are handled by braking. Arguments as in `bounds_along`.
     """
     everybody = everyone(history)
     now, others = history.now[who.child, who.vehicle], everybody.states[who.child]
@@ -249,8 +244,6 @@ def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: F
 
     Args:
         side: (p,) 1 if the other is on the left, else -1.
-        width: (p,) of the other, m.
-        t: (H + 1,) s.
     """
     ahead = np.abs(other.ahead)
     straightens = np.maximum(STRAIGHTENS_S * ahead, STRAIGHTENS_M)

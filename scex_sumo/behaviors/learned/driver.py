@@ -64,7 +64,7 @@ def image_of(road: Road, net: GraphImageNet, kept_as: str) -> MapImage:
 
 @lru_cache(maxsize=4)
 def loaded(file: Path, kind: str, sha256: str) -> tuple[Net, dict[str, Any]]:
-    """Load the network of a file, made exact (see `layers`), and the file's meta data.
+    """Load the network of a file, made exact (see `layers`), and its meta data.
 
     Raises:
         InputError: see `load_weights`; or the file has changed since its hash was taken, or the weights are
@@ -81,8 +81,6 @@ def loaded(file: Path, kind: str, sha256: str) -> tuple[Net, dict[str, Any]]:
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """Choices from the seed scene, for all children."""
-
     likeliest: IntArray  # (V,) row of the most probable path
     paths: FloatArray  # (V, K) cumulative probability of the paths, 1 after the last one
     modes: FloatArray  # (P, M) cumulative probability of the modes along each path
@@ -156,7 +154,7 @@ class LearnedDriver:
     def _drive(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[Plan, BoolArray]:
-        """Plan for those of n vehicles with finite outputs, and return (n,) which ones these are."""
+        """Plan for those of n vehicles with finite outputs; return (n,) which these are, too."""
         inputs, modes = self.predict(history, road, who, paths, row)
         chosen = (np.arange(len(who)), self._modes(history, road, who, row, modes))
         free = None if modes.free is None else _rounded(modes.free[chosen])
@@ -215,7 +213,7 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
 
 
 def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
-    """Return (V, K) cumulative probabilities of paths, 1 from the last one on, from (P,) logits."""
+    """Return (V, K) cumulative probabilities of paths from (P,) logits."""
     upper = np.ones((len(paths.count), int(paths.count.max(initial=1))))
     for v, (first, count) in enumerate(zip(paths.first, paths.count, strict=True)):
         part = logit[first : first + count]
@@ -227,11 +225,8 @@ def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
 def _stays(inputs: PathInputs, modes: Modes, *, waits: bool) -> BoolArray:
     """Return (n,) whether a vehicle stands and does not start.
 
-    The expected mode alone starts too early: the network does not see what the first vehicle of a queue
-    waits for, and a wrong start costs more than half a second of waiting.
-
-    Args:
-        waits: vehicles start only behind a moving leader.
+    The expected mode starts too early: the network does not see what the head of a queue waits for. With
+    `waits` vehicles start only behind a moving leader.
     """
     speed = inputs.features[:, SPEED]
     stands = speed < STANDING_MPS

@@ -1,9 +1,8 @@
 """Layers of the networks, with exact sums that make results independent of the batch.
 
-A float sum depends on its order, and libraries change the order with the number of rows. Another last bit
-becomes another child in the closed loop. So networks compute in float64, with weights and inputs of every
-matrix product rounded to multiples of powers of two: every partial sum fits into the 53 bits of a float64.
-The next product's grid rounds away the errors of normalisation and softmax.
+A float sum depends on its order, and libraries change the order with the number of rows. So networks compute
+in float64, with weights and inputs of every matrix product rounded to multiples of powers of two: every
+partial sum fits into 53 bits.
 """
 
 from __future__ import annotations

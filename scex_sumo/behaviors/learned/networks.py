@@ -76,7 +76,6 @@ class GraphImageNet:
             pose: (K, 3) x, y, heading of places from which vehicles see the road, m and rad.
             place: (n,) index of each pair's pose.
             attention: w in [0, 1]; 1 uses the graph alone.
-            free: also return free trajectories, if the network has them.
         """
         features = self.path_scale(path.features)
         way, own = relu(self.path(features)), relu(self.own(features[:, : -len(LEADER_COLUMNS)]))

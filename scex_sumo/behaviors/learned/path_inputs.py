@@ -26,7 +26,7 @@ TREND = (PAST_S - PAST_S.mean()) / ((PAST_S - PAST_S.mean()) ** 2).sum()  # weig
 
 
 def _end_of_fit(degree: int, states: int) -> FloatArray:
-    """Return (11,) weights of speeds for the end of a polynomial fitted to the last states."""
+    """Return (11,) weights of speeds for the end of a fitted polynomial."""
     fit = np.linalg.pinv(np.vander(PAST_S[-states:], degree + 1, increasing=True))[0]
     weights: FloatArray = np.concatenate([np.zeros(HISTORY_STEPS + 1 - states), fit])
     return weights
@@ -97,17 +97,14 @@ def path_inputs(
     *,
     radius: float = RADIUS_M,
 ) -> PathInputs:
-    """Return the inputs of n pairs of a vehicle and a path, in the vehicle's frame.
+    """Return the inputs of n pairs of a vehicle and a path, in the vehicle's frame; SI units.
 
-    - `OWN_COLUMNS`: errors are against the path, offset in m, left positive; room on both sides and way to
-      the end of the mapped road in m; `STEADIER` speeds minus the present one, deviation of the speed from a
-      straight line, share of the second that the vehicle stood.
-    - `ROAD_COLUMNS`, at each of `AHEAD_M`: x ahead and y to the left (m), heading relative to the vehicle's
-      (rad, without jumps), curvature (1/m), speed limit (m/s).
-    - `LEADER_COLUMNS`: gap (100 m without a leader), its speed (the vehicle's without one) and slope, closing
-      speed, deceleration that ends it within the gap. Of the vehicles ahead in the same direction: number,
-      number standing, mean speed (the vehicle's without any), gaps to the first (100 m without one) and the
-      last (0 m) that stands.
+    - `OWN_COLUMNS`: errors are against the path, offset left positive; `end` is the way to the end of the
+      mapped road; `STEADIER` speeds minus the present one, deviation of the speed from a straight line, share
+      of the second that the vehicle stood.
+    - `ROAD_COLUMNS`: heading relative to the vehicle's, without jumps.
+    - `LEADER_COLUMNS`: without a leader a gap of 100 m and the vehicle's speed. From `ahead` on they are of the vehicles ahead in the same direction; without any, their mean speed is the vehicle's. Without
+      a standing one the first gap is 100 m, the last one 0 m.
 
     Args:
         row: (n,) path of each; a vehicle may occur with several paths.
@@ -178,7 +175,7 @@ def _road_ahead(
 
 
 def _unsteady(speed: FloatArray) -> FloatArray:
-    """Return (n,) mean deviations of the speeds (n, 11) from a straight line, m/s."""
+    """Return (n,) mean deviations of speeds (n, 11) from a line, m/s."""
     line = speed.mean(axis=1, keepdims=True) + (speed @ TREND)[:, None] * (PAST_S - PAST_S.mean())
     off: FloatArray = np.abs(speed - line).mean(axis=1)
     return off
@@ -210,7 +207,7 @@ def _others(
 
 
 def _queue(ahead: Ahead, same_way: BoolArray, speed: FloatArray) -> FloatArray:
-    """Return (n, 5) last five `LEADER_COLUMNS`, of the vehicles ahead in the same direction."""
+    """Return (n, 5) last `LEADER_COLUMNS`, of the vehicles ahead in the same direction."""
     n, driver, gap = len(speed), ahead.driver[same_way], np.clip(ahead.gap[same_way], -5.0, FURTHEST_M)
     stands = ahead.speed[same_way] < QUEUEING_MPS
     count, queue = np.bincount(driver, minlength=n), driver[stands]

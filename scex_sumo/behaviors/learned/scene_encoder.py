@@ -63,7 +63,7 @@ class EdgeAttention:
 
 
 def _softmax(score: FloatArray) -> FloatArray:
-    """Return (C, V, heads, V) softmax over the last axis, in place; 0 for scores of -inf."""
+    """Return (C, V, heads, V) softmax in place; 0 for scores of -inf."""
     score -= np.maximum(score.max(axis=-1, keepdims=True), -1e300)  # for rows of -inf alone
     raised = np.exp(score, out=score)
     raised /= raised.sum(axis=-1, keepdims=True) + 1e-16
@@ -100,7 +100,7 @@ class SceneEncoder:
         return h[wanted]
 
     def _reach(self, graph: SceneGraph, wanted: IntArray) -> list[BoolArray]:
-        """Return (N,) required nodes from the first layer's input to the last layer's output."""
+        """Return (N,) required nodes of each layer's input and of the last output."""
         needed = np.zeros(len(graph.node), dtype=np.bool_)
         needed[wanted] = True
         reach = [needed]

@@ -211,7 +211,7 @@ class IdmDriver(DrivesAlong):
         leader_gap: FloatArray,
         leader_speed: FloatArray,
     ) -> Accelerate:
-        """Return accelerations behind leaders with (n,) gaps, m, and constant speeds along the path, m/s."""
+        """Return accelerations behind leaders of constant speed."""
         profile = self.profile
         wished = desired_speeds(paths, profile.speed, profile.speed_factor)
         curves = (
@@ -258,8 +258,8 @@ def desired_speed(
 ) -> FloatArray:
     """Return (n,) desired speeds of drivers that keep their behaviour of the seed scene for a while, m/s.
 
-    v0(t) = w + (h - w)·exp(-t/τ), h = v + k·a + m, with lead k, margin m and memory τ. h is at least 0 and at
-    most the larger of w and v. v0 is so near to the present speed that it asks for no braking harder than b.
+    v0(t) = w + (h - w)·exp(-t/τ), h = v + k·a + m, with lead k, margin m and memory τ; h is at least 0 and at
+    most the larger of w and v. v0 asks for no braking harder than b.
 
     Args:
         wished: (n,) w, m/s.
@@ -303,7 +303,7 @@ def follow_path(history: SceneHistory, road: Road, who: VehicleIndex) -> Plan:
 def _nearest_path(
     history: SceneHistory, who: VehicleIndex, paths: SeedPaths, straight: IntArray
 ) -> tuple[IntArray, BoolArray]:
-    """Return (n,) row of the path that each vehicle is on, and (n,) True if it is on none."""
+    """Return (n,) path that each vehicle is on, and (n,) True if it is on none."""
     now = history.now[who.child, who.vehicle]
     first, count = paths.first[who.vehicle], paths.count[who.vehicle]
     way = expected_way(history, who)

@@ -93,7 +93,7 @@ class Fallible:
         part: IntArray,
         rng: Sequence[np.random.Generator],
     ) -> Answer:
-        """Ask once for each number in (n,) `part`, for all vehicles with that number."""
+        """Ask once for each number in (n,) `part`."""
         count = len(who)
         whole = _blank(count)
         reasons, bad = [""] * count, np.zeros(count, dtype=np.bool_)
@@ -147,7 +147,7 @@ def plan_defects(made: Plan, history: SceneHistory, who: VehicleIndex) -> list[s
 
 
 def _deviations(made: Plan, history: SceneHistory, who: VehicleIndex) -> FloatArray:
-    """Return (n, H) distances from the straight continuation of the motion before, m."""
+    """Return (n, H) distances from straight continuation, m."""
     now = history.now[who.child, who.vehicle]
     step = now.speed * STEP_S
     x = np.concatenate([(now.x - step * np.cos(now.heading))[:, None], now.x[:, None], made.x], axis=1)
@@ -167,7 +167,6 @@ def model_error_reason(error: BaseException) -> str:
 
 
 def _model_frame(error: BaseException) -> traceback.FrameSummary | None:
-    """Return the innermost frame of the model's own code."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith("<")]
     frames = [f for f in frames if _PACKAGE not in Path(f.filename).parents]
     installed = [f for f in frames if "site-packages" in Path(f.filename).parts]
@@ -204,7 +203,7 @@ def source_file(model: Any) -> Path | None:
 
 
 def _unwrapped(model: Any) -> Any:
-    """Return the class, function or file adapter that the user wrote."""
+    """Return the class, function or file adapter of the user."""
     inner = getattr(model, "function", model.model if isinstance(model, SingleVehicle) else model)
     inner = inner.func if isinstance(inner, partial) else inner
     return inner if inspect.isfunction(inner) or hasattr(inner, "file") else type(inner)

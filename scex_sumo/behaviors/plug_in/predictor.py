@@ -57,8 +57,7 @@ class Predictor:
 
         Args:
             inputs: names of its arguments; None takes its parameters.
-            batched: call it once for all children. Its rows must not depend on each other, and it cannot
-                ask for ``rng``.
+            batched: call it once for all children; its rows must not depend on each other.
 
         Raises:
             UsageError: it asks for unknown inputs.
@@ -151,7 +150,7 @@ def completed(values: FloatArray) -> FloatArray:
 
 
 def _headings(way: FloatArray, length: FloatArray) -> FloatArray:
-    """Return (n, H) headings that follow the steps (n, H, 2) of these lengths, starting at 0."""
+    """Return (n, H) headings along the steps (n, H, 2), starting at 0."""
     heading = np.zeros(length.shape)
     before = np.zeros(len(length))
     for step in range(length.shape[1]):

@@ -146,13 +146,12 @@ class _Program:
 
 
 def _wait(selector: selectors.BaseSelector, until: float) -> bool:
-    """Wait for a pipe; return False if the time is over, even if the pipe is ready."""
+    """Wait for a pipe; return False if the time is over."""
     left = until - time.monotonic()
     return left > 0 and bool(selector.select(left))
 
 
 def _setup(road: Road) -> str:
-    """Return the first line, which describes the road."""
     lanes = [
         {
             "id": lane.lane_id,
@@ -169,7 +168,6 @@ def _setup(road: Road) -> str:
 
 
 def _question(history: SceneHistory, child: int, vehicle: int) -> str:
-    """Return the vehicle and all others, each with its last second, oldest first."""
     scene, states = history.scene, history.states[child]
 
     def described(v: int) -> dict[str, Any]:

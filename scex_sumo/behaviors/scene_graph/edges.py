@@ -117,11 +117,6 @@ def _features(
     now: States,
     place: Located,
 ) -> FloatArray:
-    """Return (E, G) `EDGE_COLUMNS` for rows (E,) of the relations.
-
-    Args:
-        at_target: match and node of each target, which index the tables of `place`.
-    """
     target, source = at_target[1], at_source[1]
     columns = (
         relation.path_distance[row],
@@ -160,7 +155,6 @@ def _relate(
     half_s: FloatArray,
     relations: LaneRelations,
 ) -> _Relation:
-    """Relate targets and sources: ahead or behind, else lateral, else intersecting."""
     ahead, behind = _along(lane_t, lane_s, s_s - s_t, relations)
     kind = np.where(np.minimum(ahead, behind) <= WAY_M, np.where(ahead <= behind, AHEAD, BEHIND), -1)
     distance = np.where(kind == AHEAD, ahead, np.where(kind == BEHIND, -behind, 0.0))
@@ -190,7 +184,7 @@ def _relate(
 def _along(
     lane_t: IntArray, lane_s: IntArray, lead: FloatArray, relations: LaneRelations
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (M,) ways from target to source, and from source to target, m; inf without one.
+    """Return (M,) ways from target to source and back, m; inf without one.
 
     Args:
         lead: (M,) arc length of the source minus that of the target, each on its lane, m.
@@ -205,7 +199,7 @@ def _along(
 
 
 def _relative(now: States, target: IntArray, source: IntArray) -> tuple[FloatArray, ...]:
-    """Return (E,) x, y, cos, sin of the sources in the frames of their targets."""
+    """Return (E,) x, y, cos, sin of the sources in their targets' frames."""
     dx, dy = now.x[source] - now.x[target], now.y[source] - now.y[target]
     cos, sin = np.cos(now.heading), np.sin(now.heading)
     cos_t, sin_t, cos_s, sin_s = cos[target], sin[target], cos[source], sin[source]

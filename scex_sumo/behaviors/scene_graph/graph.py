@@ -134,7 +134,6 @@ def _locate(index: RoadIndex, matches: Matches, count: int) -> Located:
 
 
 def _edges(history: SceneHistory, now: States, place: Located, index: RoadIndex, radius: float) -> Edges:
-    """Relate the pairs within each child that are near enough and on the road."""
     children, vehicles = history.now.shape
     x, y = history.now.x, history.now.y
     near = (x[:, :, None] - x[:, None, :]) ** 2 + (y[:, :, None] - y[:, None, :]) ** 2 <= radius**2
@@ -213,7 +212,7 @@ def slope(values: FloatArray) -> FloatArray:
 
 
 def _obstacle_ahead(history: SceneHistory) -> FloatArray:
-    """Return (C, V, 3) whether an obstacle is in the corridor ahead, and the nearest one's place."""
+    """Return (C, V, 3) whether an obstacle is in the corridor ahead, and the nearest's place."""
     now, obstacles, present = history.now, history.obstacle_states, history.obstacle_present
     nearest = np.zeros((*now.shape, 3))
     if obstacles is None or present is None or not present.any():

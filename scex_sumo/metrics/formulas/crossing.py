@@ -42,14 +42,13 @@ def _gap_time_at_areas(scenes: Scenes) -> Entries:
 
 
 def _next_crossings(scenes: Scenes) -> tuple[Crossings, FloatArray, FloatArray]:
-    """Find the first crossing on each ordered pair's own path; with both speeds, m/s."""
     crossing = paths_ahead(scenes).next_crossings
     speed, (own, other) = scenes.speed.reshape(-1), scenes.flat_of(crossing.where)
     return crossing, speed[own], speed[other]
 
 
 def _area_reach(scenes: Scenes, crossing: Crossings) -> tuple[FloatArray, FloatArray]:
-    """Return (N,) half the conflict area's length plus half the vehicle's along both paths, m.
+    """Return (N,) half the conflict area plus half the vehicle along both paths, m.
 
     The area is the overlap of strips as wide as the vehicles; angles are at least the following angle.
     """
@@ -93,7 +92,7 @@ def _pet_at_areas(scenes: Scenes) -> Entries:
 def _time_between(
     scenes: Scenes, crossing: Crossings, own_reach: FloatArray, other_reach: FloatArray
 ) -> Entries:
-    """Compute PET at crossings; a vehicle occupies one while its centre is within its (N,) reach, m."""
+    """Compute PET at crossings; a vehicle occupies one while its centre is within (N,) reach, m."""
     paths, times = scenes.once(_driven_paths), []
     sides = ((crossing.own, own_reach), (crossing.other, other_reach))
     for at, (arc, reach) in zip(scenes.flat_of(crossing.where), sides, strict=True):

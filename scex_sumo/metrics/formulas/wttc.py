@@ -41,7 +41,6 @@ def worst_time_to_collision(
 
 
 def _first_contact(gap: FloatArray, *terms: FloatArray) -> FloatArray:
-    """Return the first root for discs that are apart, 0 for others."""
     time = np.zeros(gap.shape)
     apart = gap > 0
     moving = apart & (terms[-1] == 0)
@@ -102,7 +101,7 @@ def _first_root(
 def _newton_concave(
     a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, time: FloatArray, inflection: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the first root before the inflection, or the inflection, and whether there is a root."""
+    """Return the first root before the inflection, or the inflection; and whether there is a root."""
     time = time.copy()
     has_root = np.zeros(time.shape, dtype=bool)
     active = np.arange(time.size)

@@ -84,7 +84,6 @@ def track_pairs(
 
 
 def _all_values(tracks: SceneTracks, planned: PlannedPaths | None, vehicle: int) -> FloatArray:
-    """Return (C, K) states, presence and plans of a vehicle."""
     states = tracks.states
     parts = [values[:, :, vehicle] for values in (states.x, states.y, states.heading, states.speed)]
     if tracks.present is not None:
@@ -95,7 +94,7 @@ def _all_values(tracks: SceneTracks, planned: PlannedPaths | None, vehicle: int)
 
 
 def _tracks_of(tracks: SceneTracks, child: IntArray, vehicle: IntArray) -> SceneTracks:
-    """Return the tracks of (U,) vehicles of (U,) children as one child."""
+    """Return (U,) tracks as one child."""
     return replace(
         tracks,
         states=tracks.states.map(lambda values: np.ascontiguousarray(values[child, :, vehicle].T[None])),

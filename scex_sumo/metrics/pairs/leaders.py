@@ -47,7 +47,6 @@ def _similar_and_ahead(scenes: Scenes) -> Following:
 
 
 def _following(scenes: Scenes, where: IntArray, gap: FloatArray) -> Following:
-    """Add speeds and accelerations to pairs at flat indices into (2P, C, T)."""
     follower, leader = scenes.flat_of(where)
     speed = scenes.speed.reshape(-1)
     return Following(
@@ -90,8 +89,6 @@ def preset_named(name: str) -> Preset:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _OnPaths(PairRows):
-    """Vehicles on the paths of others."""
-
     along: FloatArray  # (N,) arc length of the path to the vehicle's centre, m
     gap: FloatArray  # (N,) between the bumpers, m
 
@@ -101,7 +98,7 @@ def _on_paths(scenes: Scenes) -> _OnPaths:
 
 
 class _Corridors:
-    """Search of vehicles near the paths of others; pairs are (path of the first, centre of the second)."""
+    """Search of vehicles near the paths of others."""
 
     def __init__(self, scenes: Scenes, paths: PathsAhead) -> None:
         self.scenes, self.paths = scenes, paths
@@ -138,11 +135,10 @@ class _Corridors:
         return _OnPaths(where=where[entry], along=along, gap=np.maximum(along - half, 0.0))
 
     def _size(self, array: FloatArray, vehicle: IntArray) -> FloatArray:
-        """Pick lengths or widths by flat index into (V, C, T)."""
         return self.scenes.size_of(array, *np.divmod(vehicle, self.scenes.count))
 
     def _close_pairs(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-        """Find pairs whose boxes meet: flat index of path and other, index into (2P, C, T), widest offset."""
+        """Find pairs whose boxes meet: path, other, index into (2P, C, T), widest offset."""
         scenes = self.scenes
         ends = octagon(self.last[0] + self.last[2], self.last[1] + self.last[3])
         ahead = self.paths.boxes_ahead
@@ -186,7 +182,7 @@ class _Corridors:
     def _project(
         self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, other: IntArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return distances of centres from segments, shares at the foot, cosines of the angles."""
+        """Return offsets of centres from segments, shares at the foot, cosines."""
         scenes = self.scenes
         gx, gy = scenes.x.reshape(-1)[other] - x, scenes.y.reshape(-1)[other] - y
         squared = dx * dx + dy * dy

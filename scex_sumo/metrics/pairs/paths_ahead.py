@@ -122,7 +122,6 @@ class PathsAhead:
         return joined.take(np.argsort(joined.where))
 
     def _crossings(self, first: IntArray, second: IntArray) -> Crossings:
-        """Find all crossing points ahead of some pairs in both orders."""
         one_order = Crossings.join(
             [self._between_plans(first, second), *self._with_first_segments(first, second)]
         )
@@ -137,7 +136,7 @@ class PathsAhead:
         return Crossings.join([one_order, reverse])
 
     def _between_plans(self, first: IntArray, second: IntArray) -> Crossings:
-        """Find crossings between plans: once per plan, repeated for its steps."""
+        """Find crossings once per plan, repeated for its steps."""
         children, steps = self.scenes.shape
         replans, lines = self.planned.x.shape[1], self.lines
         path = np.arange(children * replans)[:, None] * self.scenes.vehicles

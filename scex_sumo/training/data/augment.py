@@ -109,7 +109,6 @@ def _mirrored(image: MapTensors) -> MapTensors:
 
 
 def _turns(image: MapTensors) -> list[MapTensors]:
-    """Turn a map by 0, 1, 2, 3 quarters counter-clockwise about the origin."""
     images, values, corner = [image], image.raster, image.corner
     for _ in range(3):
         height = PIXEL_M * (values.shape[1] - 1)

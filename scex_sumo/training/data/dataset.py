@@ -167,7 +167,6 @@ def part_scenes(
 
 
 def _moments_of(every: list[Moment], part: Part, split: Split, name: str) -> list[Moment]:
-    """Return moments of a part of a recording: cut by time; a short recording as a whole."""
     whole = None if not every or every[0].case else split.whole_part(name, every[-1].time_s - every[0].time_s)
     if whole is None:
         return split_moments(every, split)[part]
@@ -188,7 +187,6 @@ def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
 
 
 def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> TrainingSamples | None:
-    """Make samples of one part; training scenes get perturbed copies. None if there are none."""
     rng = np.random.default_rng([options.seed, zlib.crc32(loaded.recording.name.encode())])
     copies = options.copies if part == "train" else 0
     road, made = loaded.road, []

@@ -233,7 +233,6 @@ def _goals(
 
 
 def _catch_up(ahead: FloatArray, faster: FloatArray, steps: int) -> FloatArray:
-    """Return (n, H) m that a driver stays ahead of the recorded one."""
     keep, lean = fading(STEP_S * np.arange(1.0, steps + 1) / CATCH_UP_S)
     still: FloatArray = ahead[:, None] * keep + faster[:, None] * CATCH_UP_S * lean
     return still

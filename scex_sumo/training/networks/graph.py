@@ -122,13 +122,12 @@ class EdgeAttentionModule(nn.Module):
 
 
 def _draw(weight: Tensor) -> None:
-    """Draw uniform numbers that keep the variance from layer to layer (Glorot, Bengio 2010)."""
+    """Draw uniform numbers of Glorot, Bengio 2010."""
     bound = math.sqrt(6.0 / (weight.size(-2) + weight.size(-1)))
     nn.init.uniform_(weight, -bound, bound)
 
 
 def _softmax(score: Tensor, target: Tensor, nodes: int) -> Tensor:
-    """Return (E, heads) weights that add up to 1 over the edges to each node."""
     at = target.view(-1, 1).expand_as(score)
     largest = score.new_zeros(nodes, score.shape[1])
     largest = largest.scatter_reduce(0, at, score.detach(), "amax", include_self=False)
@@ -138,7 +137,6 @@ def _softmax(score: Tensor, target: Tensor, nodes: int) -> Tensor:
 
 
 def _sum(values: Tensor, target: Tensor, nodes: int) -> Tensor:
-    """Return (N, ...) sums of (E, ...) values over the edges to each node."""
     at = target.view(-1, *[1] * (values.dim() - 1)).expand_as(values)
     return values.new_zeros(nodes, *values.shape[1:]).scatter_add(0, at, values)
 
@@ -183,7 +181,6 @@ class SceneModule(nn.Module):
 
 
 def _numbers(some: Tensor) -> Tensor:
-    """Return (N,) numbers of nodes among those for which (N,) ``some`` is true."""
     return torch.cumsum(some, 0) - 1
 
 

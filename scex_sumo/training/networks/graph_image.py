@@ -101,7 +101,6 @@ class ImageModule(nn.Module):
         return torch.cat(parts).transpose(0, 1)
 
     def _turned(self, seen: Tensor, cos: Tensor, sin: Tensor) -> Tensor:
-        """Turn directions of lanes to the vehicle's frame."""
         turned = seen.clone()
         turned[:, COS] = cos[:, None] * seen[:, COS] + sin[:, None] * seen[:, SIN]
         turned[:, SIN] = cos[:, None] * seen[:, SIN] - sin[:, None] * seen[:, COS]
