@@ -42,10 +42,7 @@ class Rows:
 
 
 def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: float) -> FloatArray:
-    """Return (C, T, V) backward differences of the speed since a vehicle's previous sample, m/s².
-
-    0 for the first sample of a track and where a vehicle is absent.
-    """
+    """Return (C, T, V) backward differences of the speed, m/s²; 0 for first samples and absent vehicles."""
     change = np.zeros_like(speed)
     if present is None:
         change[:, 1:] = (speed[:, 1:] - speed[:, :-1]) / step_s
@@ -127,10 +124,9 @@ class SceneTracks:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedPaths:
-    """Planned path of every vehicle at every evaluated step.
+    """Planned path of every vehicle at every evaluated step: from its position on through the current plan.
 
-    A path starts at the vehicle's present position and continues through the columns of the current plan that
-    are still ahead. A recording has one plan: its whole track.
+    A recording has one plan: its whole track.
     """
 
     x: FloatArray  # (C, R, V, H) centre, m; NaN without a plan. Straight lines bridge gaps.
@@ -164,7 +160,7 @@ class PlannedPaths:
         Args:
             x: (C, R, V, H) m; column 0 is the step after the plan was made. ``y`` too.
             made_at: (R,) step of each plan, ascending; 0 is the seed scene.
-            steps: evaluated steps, 1 to ``steps``.
+            steps: number of evaluated steps.
         """
         step = np.arange(1, steps + 1)
         index = np.searchsorted(made_at, step, side="right") - 1

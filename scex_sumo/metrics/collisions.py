@@ -1,7 +1,7 @@
 """Collisions of vehicles: pair, time, kind, speed; exact between steps.
 
 Two vehicles collide if their rectangles overlap by more than 0.1 m² after the seed moment, but not at it.
-Between steps, positions move in straight lines and headings turn along the shorter arc.
+Between steps, positions and headings change linearly.
 """
 
 from __future__ import annotations
@@ -67,10 +67,7 @@ class Collisions(Rows):
 
 
 def find_collisions(tracks: SceneTracks) -> Collisions:
-    """Find the first collision of every pair in every child.
-
-    The seed moment is the last step of the history, or the first step without one.
-    """
+    """Find the first collision of every pair in every child."""
     start = max(tracks.first - 1, 0)
     moves = _contacts(near_moves(tracks, start))
     at, which = _first_of_pair(moves, *_exceeding(moves))
@@ -144,7 +141,7 @@ class Moves:
         return length, width
 
     def way(self) -> tuple[FloatArray, FloatArray]:
-        """Bound (N,) the change of a touching pair's gap along an axis, and the way of any corner, m."""
+        """Bound (N,) the change of a touching pair's gap, and the way of any corner, m."""
         states = self.tracks.states
         ends = self._ends(self.first), self._ends(self.second)
         (now_1, then_1), (now_2, then_2) = ends
@@ -276,10 +273,7 @@ def _is_seen_first(moves: Moves) -> BoolArray:
 
 
 def _impact(hits: Moves, share: FloatArray) -> tuple[Moves, FloatArray]:
-    """Find the start of the contact that grew to a collision: move and share.
-
-    A pair that touches from its first step on collides where it exceeds the limit.
-    """
+    """Find the start of the contact that grew to a collision; touching pairs collide at the limit."""
     step, end = hits.step.copy(), share.copy()
     going = np.flatnonzero(hits.separation(np.zeros(share.size)) <= 0)
     touching = np.zeros(share.size, dtype=bool)

@@ -64,9 +64,9 @@ def evaluate(
     Args:
         planned: gap time is undefined without planned paths.
         preset: car-following rule of metrics without one of their own.
-        metrics: names or metrics; None for the paper's six.
+        metrics: None for the paper's six.
         vehicles: only values that involve one of these indices; None for all.
-        also: called with each batch's first child and scenes, while derived values are still there.
+        also: called with each batch's first child and scenes.
     """
     chosen = metrics_named(metrics)
     parts: dict[str, list[tuple[SceneValues, Worst]]] = {metric.name: [] for metric in chosen}

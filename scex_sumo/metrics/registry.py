@@ -141,11 +141,7 @@ def known_metrics() -> tuple[str, ...]:
 
 
 def metrics_named(names: Iterable[str | Metric] | None) -> tuple[Metric, ...]:
-    """Return metrics by name or import path, each once; None stands for ``paper``.
-
-    Raises:
-        UsageError: a metric is unknown or cannot be loaded.
-    """
+    """Return metrics by name or import path, each once; None stands for ``paper``."""
     wanted: list[str | Metric] = []
     for name in ("paper",) if names is None else names:
         wanted += SETS[name] if isinstance(name, str) and name in SETS else [name]
@@ -181,10 +177,7 @@ def _plain(text: str) -> str:
 
 
 def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
-    """Find a column by its name as printed, in any case: ``TTC``, ``1/TTC`` and ``ttc``.
-
-    Args:
-        text: name or label of a metric; for a mean with ``mean`` before or after it.
+    """Find a column by its name as printed, in any case: ``TTC``, ``1/TTC``, ``mean TTC``.
 
     Raises:
         UsageError: no column has that name.
@@ -219,11 +212,7 @@ def thresholds_of(metrics: Iterable[Metric]) -> dict[str, float]:
 
 
 def metric_of(column: str) -> Metric:
-    """Return the metric of a result column, e.g. of ``ttc_mean``.
-
-    Raises:
-        UsageError: neither this process nor a result describes a metric of that name.
-    """
+    """Return the metric of a result column, e.g. of ``ttc_mean``."""
     name = column.removesuffix("_mean")
     for metrics in (METRICS, _registered, _described):
         if name in metrics:

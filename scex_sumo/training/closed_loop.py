@@ -35,7 +35,7 @@ EVERY_S = 1.0
 def closed_loop(
     recordings: Sequence[Recording], sampling: SampleOptions, dataset: Dataset, options: TrainOptions
 ) -> Drift:
-    """Return the function that makes the samples of a round, in which the network drives training scenes."""
+    """Return the function that makes the samples of a round."""
 
     def drift(file: Path, number: int) -> TrainingSamples | None:
         rng, model = np.random.default_rng([options.seed, number, 1]), driver(options.kind, file)
@@ -66,10 +66,7 @@ def driver(kind: str, file: Path) -> Behavior:
 def drifted_samples(
     scene: SeedScene, road: Road, model: Behavior, perturbation: Perturbation, rng: np.random.Generator
 ) -> list[TrainingSamples]:
-    """Make samples where a driver drifts to; the target is the way back to the recorded drivers.
-
-    If standing vehicles are in the way, the target is to stop behind them.
-    """
+    """Make samples where a driver drifts to; targets are the way back, or a stop behind standing vehicles."""
     starts = [(replace(scene, history=perturbed(scene.history, perturbation, rng)), None)]
     stop = add_obstacles(scene, road, learnable(scene, max(DRIFT_STEPS)), rng)
     drifted = []
@@ -85,11 +82,7 @@ def drifted_samples(
 
 
 def drive_all(scene: SeedScene, road: Road, model: Behavior, *, steps: int, held: int = 0) -> States:
-    """Let one model drive all vehicles; the last ``held`` ones keep their velocity.
-
-    Returns:
-        (1, steps, V) states after each step.
-    """
+    """Let one model drive all vehicles, (1, steps, V); the last ``held`` ones keep their velocity."""
     mine = (np.arange(scene.vehicles) >= scene.vehicles - held).astype(np.int64)
     batch = Batch(
         children=np.zeros(1, dtype=np.int64),

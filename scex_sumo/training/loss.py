@@ -1,8 +1,4 @@
-"""Loss: the mode nearest to the recorded future, and mode 0, are pulled to it (soft winner takes all).
-
-Probabilities of modes: cross-entropy against how near each came. Paths: cross-entropy over a vehicle's
-candidates. Hard accelerations and jerks cost.
-"""
+"""Loss: the mode nearest to the recorded future, and mode 0, are pulled to it (soft winner takes all)."""
 
 from __future__ import annotations
 
@@ -37,12 +33,7 @@ class LossWeights:
 
 
 def displacement(speed: Tensor, acceleration: Tensor) -> Tensor:
-    """Return (n, M, H) m along the path; vehicles stop instead of reversing, as in `motion.drive`.
-
-    Args:
-        speed: (n,) m/s now.
-        acceleration: (n, M, H) m/s².
-    """
+    """Return (n, M, H) m along the path from (n,) m/s and (n, M, H) m/s², as `motion.drive` moves."""
     # v' = max(v + a·dt, 0) for all steps at once: the running sum, reflected at its running minimum.
     free = speed[:, None, None] + torch.cumsum(acceleration, 2) * STEP_S
     lowest = torch.clamp(torch.cummin(free, 2).values, max=0.0)

@@ -61,11 +61,7 @@ class Progress:
 
 
 def device_of(name: str) -> torch.device:
-    """Return a device by name; ``auto`` takes a GPU if there is one.
-
-    Raises:
-        UsageError: it cannot be used here.
-    """
+    """Return a device by name; ``auto`` takes a GPU if there is one."""
     if name == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     try:
@@ -114,11 +110,7 @@ class Trainer:
         self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
 
     def run(self, report: Callable[[Progress], None], tick: Callable[[int, int], None] | None = None) -> None:
-        """Train until epochs, time or patience end; `best` then has the weights.
-
-        Args:
-            tick: called with the number of batches done, and of all.
-        """
+        """Train until epochs, time or patience end; ``tick`` gets the number of batches done, and of all."""
         options, begun = self.options, time.monotonic() - self.seconds
         while self.epoch < options.epochs:
             self._round()
@@ -230,11 +222,7 @@ class Trainer:
         return net.cpu().eval()
 
     def resume(self) -> bool:
-        """Go on from the checkpoint in the folder; return False if there is none.
-
-        Raises:
-            ResultError: it belongs to another run.
-        """
+        """Go on from the checkpoint in the folder; return False if there is none."""
         if self.folder is None:
             return False
         checkpoint = _read_checkpoint(self.folder, self.identity())

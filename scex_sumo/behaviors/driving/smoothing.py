@@ -22,8 +22,7 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
         ds: spacing, m.
 
     Returns:
-        (K, N, 2) m, with a curvature of at most 0.17 1/m if the lane is wide enough, else the smallest of
-        `CURVATURES` that keeps the path in the lane.
+        (K, N, 2) m, with the smallest limit of `CURVATURES` that keeps the path in the lane.
     """
     bound = 0.95 * half_width
     smooth = _within(gaussian(points, BASE_SIGMA_M / ds), points, bound)

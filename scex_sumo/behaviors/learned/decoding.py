@@ -119,8 +119,6 @@ def bounds_along(
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m.
 
-    Both are the middle of a road that is narrower than the box.
-
     Args:
         row: (n,) path of each vehicle.
         s: (n,) arc length of its centre now, m.

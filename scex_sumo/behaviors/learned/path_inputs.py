@@ -100,11 +100,11 @@ def path_inputs(
     """Return the inputs of n pairs of a vehicle and a path, in the vehicle's frame; SI units.
 
     - `OWN_COLUMNS`: errors are against the path, offset left positive; `end` is the way to the end of the
-      mapped road; `STEADIER` speeds minus the present one, deviation of the speed from a straight line, share
-      of the second that the vehicle stood.
+      mapped road; `STEADIER` speeds are minus the present one.
     - `ROAD_COLUMNS`: heading relative to the vehicle's, without jumps.
-    - `LEADER_COLUMNS`: without a leader a gap of 100 m and the vehicle's speed. From `ahead` on they are of the vehicles ahead in the same direction; without any, their mean speed is the vehicle's. Without
-      a standing one the first gap is 100 m, the last one 0 m.
+    - `LEADER_COLUMNS`: without a leader a gap of 100 m and the vehicle's speed. From `ahead` on they are of
+      the vehicles ahead in the same direction; without any, the mean speed is the vehicle's. Without a
+      standing one the first gap is 100 m, the last one 0 m.
 
     Args:
         row: (n,) path of each; a vehicle may occur with several paths.

@@ -119,7 +119,7 @@ def fill(grid: BoolArray | FloatArray, outline: FloatArray, low: FloatArray, cel
 def path_room(paths: SeedPaths, road: Road) -> PathRoom:
     """Measure the room beside all paths of a seed scene by rays to both sides.
 
-    A sample off the surface (past the end of the map, at a cut corner) has the room of the last one on it.
+    A sample off the surface has the room of the last one on it.
     """
     surface = surface_of(road)
     table = paths.table.reshape(len(paths.lanes), paths.samples, -1)[:, ::STRIDE]

@@ -76,11 +76,7 @@ class Predictor:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Predict for all vehicles; see `Behavior.plan`.
-
-        Raises:
-            ScexError: the function returned no trajectories.
-        """
+        """Predict for all vehicles; see `Behavior.plan`."""
         arrays = predictor_inputs(
             history, road, who, self.surroundings, [name for name in self.inputs if name in ARRAYS]
         )

@@ -56,11 +56,7 @@ class ProcessDriver:
     def plan_one(
         self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
     ) -> States:
-        """Ask the program; see `SingleVehicleBehavior`.
-
-        Raises:
-            ScexError: the program cannot be started, has ended, is late, or gives no plan.
-        """
+        """Ask the program; raise a `ScexError` if it gives no plan in time."""
         if self._program is None:
             if self._starts >= MAX_STARTS:
                 raise ScexError(f"{self.command}: ended or was late {MAX_STARTS} times; given up")

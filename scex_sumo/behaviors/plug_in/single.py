@@ -25,9 +25,8 @@ class SingleVehicleBehavior(Protocol):
         """Plan at least 30 steps for one vehicle.
 
         Args:
-            history: states of the vehicle's child alone, C = 1. Its own states are
-                ``history.states[child, vehicle]``, (11,); those of all vehicles ``history.states[child]``,
-                (V, 11).
+            history: states of the vehicle's child alone. ``history.states[child, vehicle]`` (11,) are the
+                vehicle's, ``history.states[child]`` (V, 11) those of all.
             road: the map; if the model has a `radius`, only the part around the vehicle.
             child: index into the history, 0; ``history.children[child]`` is the child's number.
             vehicle: index into the seed scene.
@@ -49,11 +48,7 @@ class SingleVehicle:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Ask the model for one vehicle after the other; see `Behavior.plan`.
-
-        Raises:
-            ScexError: a plan is too short.
-        """
+        """Ask the model for one vehicle after the other; see `Behavior.plan`."""
         now = history.now
         plans = []
         # One child, so that the others have no influence and cost nothing.

@@ -104,10 +104,6 @@ def is_import_path(module: str, attribute: str) -> bool:
 
 
 def load_model(path: str) -> UserModel:
-    """Import the model of an import path ``package.module:Class``.
-
-    Raises:
-        UsageError: as `import_object`, or the object is no model.
-    """
+    """Import the model of an import path ``package.module:Class``."""
     hint = "; a model is name[:parameter=value]... or package.module:Class"
     return user_model(import_object(path, hint=hint, reason=model_error_reason), path)

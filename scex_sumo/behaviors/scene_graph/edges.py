@@ -79,16 +79,12 @@ def scene_edges(
     place: Located,
     relations: LaneRelations,
 ) -> Edges:
-    """Find the relations of M pairs of vehicles that are on the road.
+    """Find the relations of M pairs of vehicles that are on the road; of two lanes, the likeliest counts.
 
     Args:
-        target: (M,) node.
-        source: (M,) node.
+        target: (M,) node; ``source`` too.
         now: (N,) present states.
         length: (N,) m.
-
-    Returns:
-        One edge per related pair, in their order; of two lanes, the most probable relation counts.
     """
     pair, on_target, on_source = _combinations(target, source, place)
     t, s = target[pair], source[pair]

@@ -1,7 +1,6 @@
 """Metrics of crossing paths: gap time of planned paths, post-encroachment time (PET) of driven tracks.
 
-Paths cross at a point that both reach; one vehicle behind the other is no crossing. Undefined without a
-crossing ahead of both. Preset ``path`` uses conflict areas instead of points.
+Undefined without a crossing ahead of both. Preset ``path`` uses conflict areas instead of points.
 """
 
 from __future__ import annotations
@@ -48,10 +47,7 @@ def _next_crossings(scenes: Scenes) -> tuple[Crossings, FloatArray, FloatArray]:
 
 
 def _area_reach(scenes: Scenes, crossing: Crossings) -> tuple[FloatArray, FloatArray]:
-    """Return (N,) half the conflict area plus half the vehicle along both paths, m.
-
-    The area is the overlap of strips as wide as the vehicles; angles are at least the following angle.
-    """
+    """Return (N,) half the conflict area (overlap of strips) plus half the vehicle along both paths, m."""
     pair, scene = np.divmod(crossing.where, scenes.count)
     sine = np.maximum(crossing.sine, np.sin(min(scenes.parameters.following_angle, np.pi / 2)))
     cosine = np.sqrt(np.maximum(1 - sine * sine, 0.0))

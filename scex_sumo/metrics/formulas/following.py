@@ -35,8 +35,7 @@ def potential_time_to_collision(
     """Compute the time until the follower, at constant speed, reaches a leader that brakes to a stop.
 
     With the closing speed c and the leader's deceleration D: the smaller root of d = c t + D t² / 2 if the
-    leader still moves then, else the time until the follower reaches the stopped leader. A leader that does
-    not brake gives the TTC.
+    leader still moves then, else the time to the stopped leader. Without braking it is the TTC.
 
     Args:
         gap: (N,) m, at least 0.

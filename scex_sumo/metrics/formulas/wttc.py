@@ -1,7 +1,7 @@
 """Worst time to collision (WTTC): both vehicles may accelerate in any direction.
 
-The reach of a vehicle is a disc that moves at the present velocity and grows by half the largest acceleration
-times t²; at first it passes through the vehicle's corners. WTTC is the time at which two discs touch.
+The reach of a vehicle is a disc through its corners that moves at the present velocity and grows by half the
+largest acceleration times t². WTTC is the time at which two discs touch.
 """
 
 from __future__ import annotations
@@ -74,9 +74,8 @@ def _first_root(
 ) -> FloatArray:
     """Return the first root of q(t) = (R + A t²/2)² - ||dp + dv t||² for discs that are apart, A > 0.
 
-    q starts negative and is concave up to an inflection, then convex. The root lies between the times of
-    heading on and of fleeing. On the concave part Newton's iteration from the left cannot step over the first
-    root. Else the convex part has exactly one, and Newton's iteration from the right is monotone.
+    q starts negative and is concave up to an inflection, then convex. On the concave part Newton's iteration
+    from the left cannot step over the first root. Else the convex part has exactly one root.
     """
     a4, a2 = 0.25 * acceleration * acceleration, acceleration * radius - v2
     a1, a0 = -2 * pv, -gap * (centres + radius)

@@ -1,8 +1,7 @@
 """Worst time to collision (WTTC) of outlines: rectangles that keep their headings.
 
-It is the first t at which the distance of the rectangles, each moved by its present velocity, is ½ A t². The
-distance is convex in t, so the time at which its tangent meets the parabola is never late. Repeated from
-there, the times approach the first contact from the left.
+It is the first t at which the distance of the rectangles is ½ A t². The distance is convex in t, so the time
+at which its tangent meets the parabola is never late.
 """
 
 from __future__ import annotations
@@ -21,8 +20,8 @@ TOLERANCE_S = 1e-12
 def worst_time_of_outlines(pairs: OutlinePairs, acceleration: FloatArray) -> FloatArray:
     """Compute the smallest t >= 0 at which two outlines are no farther apart than ½ A t², (N,) s.
 
-    A is the sum of both largest accelerations, m/s². 0 on overlap; inf only where A is 0 and the outlines
-    never touch. Source: Wachenfeld et al. 2016, with outlines instead of circles.
+    A is the sum of both largest accelerations, m/s². 0 on overlap; inf if the outlines never touch. Source:
+    Wachenfeld et al. 2016, with outlines instead of circles.
     """
     time = np.zeros(pairs.dx.shape)
     active = np.arange(time.size)
@@ -117,8 +116,8 @@ def _worst_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
 def least_wttc_path(scenes: Scenes) -> Samples:
     """Compute the WTTC of the outlines of the pairs that can have the shortest one of their scene, s.
 
-    Lower bound: along the line of the centres, the outlines approach no faster than their extents. The pair
-    with the smallest bound is evaluated first; only pairs with a bound below its time can be faster.
+    Along the line of the centres, the outlines approach no faster than their extents: a lower bound. Only
+    pairs with a bound below the time of the likeliest pair can be faster.
     """
     bound = scenes.of_pairs(_lower_bounds)
     if not bound.size:

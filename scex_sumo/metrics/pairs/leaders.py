@@ -19,10 +19,9 @@ MIN_PATH_M = 0.1  # a shorter path has no direction of its own; the heading coun
 
 
 def leaders_by_heading(scenes: Scenes) -> Following:
-    """Find leaders as in the paper: similar headings, the leader ahead, no lane test.
+    """Find leaders as in the paper: headings within ``following_angle``, the leader ahead, no lane test.
 
-    Headings differ by at most ``following_angle``; the leader's centre is ahead in the follower's frame. The
-    gap is the distance of the centres. Two vehicles can each be the other's leader.
+    The gap is the distance of the centres. Two vehicles can each be the other's leader.
     """
     return scenes.of_ordered_pairs(_similar_and_ahead)
 

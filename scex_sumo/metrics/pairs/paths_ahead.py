@@ -61,10 +61,10 @@ class PathsAhead:
     """Planned path of every vehicle at every step: a first segment to the plan's next column, then the plan.
 
     Attributes:
-        lines: the plans as polylines, ordered by child, replan, vehicle.
+        lines: the plans, ordered by child, replan, vehicle.
         line: (V, C, T) index of the current plan among ``lines``.
         column: (T,) the plan's next column.
-        has_path: (V, C, T) whether there is a path ahead.
+        has_path: (V, C, T).
         ahead: (V, C, T) the same; with ``moving_only`` only of moving vehicles.
         dx: (V, C, T) first segment, m.
         first_boxes: (4, 2, V, C, T) octagons around the first segments.
@@ -100,10 +100,7 @@ class PathsAhead:
         return self.first_crossings()
 
     def first_crossings(self, *, min_sine: float = 0.0) -> Crossings:
-        """Find the first crossing point on each ordered pair's own path, at large enough angles.
-
-        Vehicles on one lane weave across each other's tracks. Blocks of pairs limit the memory.
-        """
+        """Find the first crossing point on each ordered pair's own path, at large enough angles."""
         children, replans, _, columns = self.planned.x.shape
         (first, second), count = self.scenes.pairs, self.scenes.count
         rows_per_pair = max(children * columns * max(self.scenes.shape[1], replans), 1)
@@ -220,7 +217,6 @@ def meeting_pairs(
     """Find ordered pairs whose octagons meet, as ascending flat indices into (N, C, T).
 
     Args:
-        pairs: (N,) first and (N,) second vehicle.
         own: (4, 2, V, C, T) octagons of vehicles as first of a pair; ``others`` as second.
         present: (V, C, T) where both octagons exist.
     """

@@ -1,7 +1,4 @@
-"""Batch of scenes laid out for evaluation, and the values that metrics return for it.
-
-Vehicles and pairs are the first axis; children and steps are long, contiguous and fast.
-"""
+"""Batch of scenes laid out for evaluation, and the values that metrics return for it."""
 
 from __future__ import annotations
 
@@ -230,25 +227,20 @@ class Scenes:
         self._derived.clear()
 
     def of_pairs(self, make: Callable[[Scenes], FloatArray]) -> FloatArray:
-        """Return (P, C, T) values that depend on a pair's two tracks only, once per pair of tracks."""
+        """Return (P, C, T) values that depend on a pair's two tracks only."""
         if self.shared is None:
             return make(self)
         table = self.shared.scenes.under(self.preset).once(make)
         return np.take(table.reshape(len(table), -1), self.shared.row, axis=0)
 
     def of_ordered_pairs(self, make: Callable[[Scenes], E]) -> E:
-        """Return rows that depend on an ordered pair's two tracks only, once per pair of tracks."""
+        """Return rows that depend on an ordered pair's two tracks only."""
         if self.shared is None:
             return self.once(make)
         return self.shared.per_child(make, self.shared.scenes.under(self.preset).once(make))
 
     def at_pairs(self, values: PairValues, pair: IntArray, scene: IntArray) -> FloatArray:
-        """Return (N,) values that depend on a pair's two tracks only.
-
-        Args:
-            pair: (N,) number of the unordered pair.
-            scene: (N,) flat index into (C, T).
-        """
+        """Return (N,) values of pairs in scenes given by flat index into (C, T)."""
         if self.shared is None:
             return values(self, pair, scene)
         child, step = np.divmod(scene, max(self.shape[1], 1))

@@ -145,10 +145,7 @@ def part_scenes(
     """Return the seed scenes of one part of a recording that have a vehicle to learn from.
 
     Args:
-        most: in a short recording, moments are denser, up to so many in all, or every 0.2 s.
-
-    Raises:
-        TrackError: a track is not finite.
+        most: number of moments in a short recording, where they are denser, or every 0.2 s.
     """
     every = recording_moments(loaded, every_s=STEP_S)
     step_s = every_s

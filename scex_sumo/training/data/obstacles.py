@@ -31,8 +31,7 @@ def add_obstacles(
     """Put standing vehicles on the ways of some of a scene's vehicles.
 
     Returns:
-        The scene with the standing vehicles at its end, and the vehicles (indices) that they block, in the
-        same order; None if none can be blocked.
+        The scene with the standing vehicles at its end, and the vehicles that they block; None without any.
     """
     paths = seed_paths(scene, road)
     usable = usable[paths.on_road[usable] & (scene.now.speed[usable] > MIN_SPEED_MPS)]

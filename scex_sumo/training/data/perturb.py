@@ -58,12 +58,7 @@ def measured(history: States, perturbation: Perturbation, rng: np.random.Generat
 
 
 def moved(history: States, lateral: FloatArray, turn: FloatArray) -> States:
-    """Shift tracks (V, T) to the left of their present heading and turn them about their present place.
-
-    Args:
-        lateral: (V,) m.
-        turn: (V,) rad.
-    """
+    """Shift tracks (V, T) to the left by (V,) m and turn them by (V,) rad, from their present pose."""
     now = history[:, -1]
     x = now.x - lateral * np.sin(now.heading)
     y = now.y + lateral * np.cos(now.heading)

@@ -17,16 +17,13 @@ RETURN_M = 12.0  # shortest way for it: a standing vehicle does not move sideway
 def along_paths(
     paths: SeedPaths, row: IntArray, start: States, future: States, *, start_way: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return arc lengths and offsets of states from paths.
+    """Return arc lengths and offsets of states from paths: (n,), (n,) now; (n, F), (n, F) later.
 
     Args:
         row: (n,) path of each vehicle.
         start: (n,) present states.
         future: (n, F).
         start_way: (n,) rough arc length at present, m; None is the table's beginning.
-
-    Returns:
-        (n,) arc length now, (n,) offset now, (n, F) arc length, (n, F) offset.
     """
     n, steps = future.x.shape
     way = np.full(n, BEHIND_M) if start_way is None else start_way
@@ -45,9 +42,7 @@ def right_paths(
 
     Args:
         vehicle: (k,) vehicles with a recorded future.
-        now: (k,) present states.
         future: (k, F), as long as recorded, because the time after the plan decides between forks.
-        valid: (k, F).
 
     Returns:
         (r,) rows of all their candidate paths, (r,) index into `vehicle` of each, and (r,) True for the one
@@ -69,8 +64,7 @@ def right_paths(
 def smooth_return(displaced: FloatArray, slope: FloatArray, speed: FloatArray, way: FloatArray) -> FloatArray:
     """Return (n, H) m that a displaced vehicle is still off the recorded one on its way back.
 
-    A quintic in the distance travelled, from the displacement and its slope to zero without slope and
-    curvature, within `RETURN_S`, at least `RETURN_M`.
+    A quintic in the distance travelled, to zero without slope and curvature.
 
     Args:
         displaced: (n,) m, left positive.

@@ -101,14 +101,7 @@ class EdgeAttentionModule(nn.Module):
         _draw(self.att)
 
     def forward(self, node: Tensor, edge_index: Tensor, edge: Tensor, asking: Tensor) -> Tensor:
-        """Return (K, heads * each) of nodes that ask.
-
-        Args:
-            node: (N, inner).
-            edge_index: (2, E) source among the nodes, target among those that ask.
-            edge: (E, columns).
-            asking: (K, inner).
-        """
+        """Return (K, heads * each) of ``asking`` (K, inner), among which the targets of the edges are."""
         heads, each = self.att.shape[1:]
         source, target = edge_index
         given = self.lin_l(node).view(-1, heads, each).index_select(0, source)
