@@ -15,10 +15,7 @@ from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneValues(Rows):
-    """The most critical value of every scene, (C, T) as aggregated.
-
-    NaN where undefined; inf where all values are infinite and such values are left out.
-    """
+    """The most critical value of every scene, (C, T); NaN where undefined, inf where only inf is left out."""
 
     value: FloatArray
     defined: BoolArray

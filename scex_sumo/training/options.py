@@ -70,7 +70,7 @@ def site_weights(dataset: Dataset, balance: float) -> FloatArray:
 
 
 def learning_rate(options: TrainOptions, done: float) -> float:
-    """Return the learning rate after a share of the training: a short rise, then a cosine down."""
+    """Return the learning rate after a share of the training."""
     rise = min(1.0, (done * options.epochs + 0.02) / 1.0)
     return options.rate * rise * 0.5 * (1 + math.cos(math.pi * done))
 

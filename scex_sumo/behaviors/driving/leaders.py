@@ -58,7 +58,7 @@ def find_leaders(
     radius: float,
     **options: Any,
 ) -> Leaders:
-    """Find the next vehicle or obstacle on or near each driver's path; see `find_ahead`."""
+    """Find the leader of each driver; see `find_ahead`."""
     ahead = find_ahead(history, who, paths, row, s_centre, clearance=clearance, radius=radius, **options)
     return ahead.leaders(len(who))
 

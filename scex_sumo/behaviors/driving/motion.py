@@ -226,10 +226,7 @@ def _centres(out: FloatArray, length: FloatArray) -> Plan:
 
 @owner_cache
 def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> FloatArray:
-    """Return (P * N,) highest speeds along all paths that respect every curve ahead, m/s.
-
-    It is √(lateral / curvature) in the curve, and before it the speed from which braking reaches that.
-    """
+    """Return (P * N,) highest speeds along all paths that respect every curve ahead, m/s."""
     square = lateral / np.maximum(paths.curve_curvature, 1e-6)
     # v² may fall by 2·b·ds per sample: a running minimum of v² + 2·b·s from the far end.
     slope = 2 * deceleration * DS_M * np.arange(paths.samples)
@@ -295,7 +292,7 @@ def handed_out(made: Plan, kind: IntArray) -> Plan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Intent:
-    """Arguments of `drive` for n distinct situations of one model's vehicles."""
+    """Arguments of `drive` for n distinct situations."""
 
     who: VehicleIndex
     paths: SeedPaths

@@ -246,10 +246,7 @@ def _columns(even: FloatArray) -> FloatArray:
 def planned_lanes(
     scene: SeedScene, road: Road, path: PathChoice, vehicle: IntArray, draw: FloatArray
 ) -> list[tuple[int, ...]]:
-    """Return (n) lane ids of each vehicle's path, extended by 500 m; empty off the mapped lanes.
-
-    The choice is that of `SeedPaths.choose`.
-    """
+    """Return (n) lane ids of paths, extended by 500 m; empty off the mapped lanes."""
     paths = seed_paths(scene, road, given_path(path))
     rows = paths.choose(path, vehicle, draw).tolist()
     whole = {row: extended(road, paths.lanes[row], ROUTE_M) if paths.lanes[row] else () for row in {*rows}}

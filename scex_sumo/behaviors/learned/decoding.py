@@ -136,11 +136,7 @@ def _consistent(least: FloatArray, most: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def plan_freely(history: SceneHistory, who: VehicleIndex, free: FloatArray) -> Plan:
-    """Take trajectories unchanged, with headings along the motion.
-
-    Args:
-        free: (n, H, 2) x ahead and y to the left of the present pose after each step, m.
-    """
+    """Take (n, H, 2) trajectories in the vehicles' frames unchanged, m, with headings along the motion."""
     step = np.diff(free, axis=1, prepend=np.zeros((len(who), 1, 2)))
     moved = np.hypot(step[..., 0], step[..., 1])
     turn = _kept_headings(np.arctan2(step[..., 1], step[..., 0]), moved > STANDING_M)

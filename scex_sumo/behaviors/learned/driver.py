@@ -137,7 +137,7 @@ class LearnedDriver:
     def predict(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[PathInputs, Modes]:
-        """Run the network for n pairs of a vehicle and a path; outputs are not rounded."""
+        """Run the network for n pairs of a vehicle and a path."""
         graph = scene_graph(history, road, radius=self.profile.radius)
         inputs = path_inputs(history, road, who, paths, row, radius=self.profile.radius)
         net = self._net
@@ -197,7 +197,7 @@ class LearnedDriver:
 
 @owner_cache
 def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
-    """Run the network in the seed scene for the probabilities of paths and modes."""
+    """Run the network in the seed scene."""
     history = SceneHistory.of_scene(scene)
     everyone = VehicleIndex(child=np.zeros(scene.vehicles, np.int64), vehicle=np.arange(scene.vehicles))
     paths, _ = chosen_paths(history, road, everyone, _plain(driver.profile.path))

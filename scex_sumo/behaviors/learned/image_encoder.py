@@ -1,4 +1,4 @@
-"""Image branch of the Graph Image Predictor: convolutions once per map, then samples per vehicle."""
+"""Image branch of the Graph Image Predictor."""
 
 from __future__ import annotations
 

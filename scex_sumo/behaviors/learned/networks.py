@@ -45,8 +45,7 @@ class GraphNet:
 class GraphImageNet:
     """Network from scene graph and road image, weighed by the user: [w·g ; (1-w)·m].
 
-    g sees the scene graph, the path ahead and its vehicles. m sees the road image, the path ahead and the
-    vehicle's motion, but no other vehicle.
+    m sees the road image, the path ahead and the vehicle's motion, but no other vehicle.
     """
 
     def __init__(self, state: State, sizes: Architecture) -> None:

@@ -1,4 +1,4 @@
-"""Scene branch of the networks: vehicles as vectors, with attention along the scene graph."""
+"""Scene branch of the networks, with attention along the scene graph."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class SceneEncoder:
         self.norm = [Norm(state, f"scene.norm.{layer}") for layer in (*layers, len(layers))]
 
     def __call__(self, graph: SceneGraph, wanted: IntArray) -> FloatArray:
-        """Return (n, hidden) of (n,) wanted nodes; nodes that do not reach them are left out."""
+        """Return (n, hidden) of (n,) wanted nodes; others are left out."""
         reach = self._reach(graph, wanted)
         nodes = np.flatnonzero(reach[0])
         history = self.history_scale(graph.history.reshape(len(graph.history), -1)[nodes])

@@ -94,7 +94,7 @@ def surface_of(road: Road) -> Surface:
 def cells_of(
     outline: FloatArray, low: FloatArray, cell: float, shape: tuple[int, int]
 ) -> tuple[slice, slice, BoolArray]:
-    """Return the rows, columns and mask of a grid's cells with centres in a polygon."""
+    """Return rows, columns and mask of a grid's cells in a polygon."""
     first = np.clip(np.floor((outline.min(axis=0) - low) / cell).astype(int), 0, None)
     last = np.ceil((outline.max(axis=0) - low) / cell).astype(int) + 1
     rows = slice(first[1], min(last[1], shape[0]))
@@ -110,7 +110,7 @@ def cells_of(
 
 
 def fill(grid: BoolArray | FloatArray, outline: FloatArray, low: FloatArray, cell: float) -> None:
-    """Set the cells of a grid with centres in a polygon to 1."""
+    """Set the cells of a grid in a polygon to 1."""
     rows, columns, hit = cells_of(outline, low, cell, (grid.shape[0], grid.shape[1]))
     grid[rows, columns][hit] = 1
 

@@ -288,11 +288,7 @@ def desired_speeds(paths: SeedPaths, speed: float, factor: float) -> FloatArray:
 
 
 def follow_path(history: SceneHistory, road: Road, who: VehicleIndex) -> Plan:
-    """Plan 3 s for vehicles without a plan: ``calibrated_driver`` along the path that each vehicle is on.
-
-    That is the straight path, or another one that is clearly nearer. A vehicle off all its paths goes
-    straight on at its present speed.
-    """
+    """Plan 3 s for vehicles without a plan: ``calibrated_driver`` on the nearest path, or straight on."""
     paths, straight = chosen_paths(history, road, who, "straight")
     row, off = _nearest_path(history, who, paths, straight)
     made = driven(history, [IdmDriver(CALIBRATED).follow(history, who, paths, row)])[0]

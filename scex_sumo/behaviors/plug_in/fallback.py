@@ -32,8 +32,7 @@ Answer = tuple[Plan, list[str], BoolArray]  # plans, why each fell back, whether
 class Fallible:
     """A model with a fallback: the path-following driver plans for vehicles without a usable plan.
 
-    A call that raises is repeated child by child, then vehicle by vehicle. So the batch has no influence on
-    which vehicles fall back.
+    A call that raises is repeated child by child, then vehicle by vehicle: the batch has no influence.
     """
 
     def __init__(self, model: Behavior, name: str) -> None:
@@ -111,11 +110,7 @@ def _blank(count: int) -> Plan:
 
 
 def plan_arrays(made: Any, count: int) -> Plan:
-    """Copy the first 30 steps of a model's plan.
-
-    Raises:
-        ScexError: it is no plan, has another number of vehicles, or is too short.
-    """
+    """Copy the first 30 steps of a model's plan; raise a `ScexError` if it is none."""
     parts = {}
     for key in STATES:
         if not hasattr(made, key):

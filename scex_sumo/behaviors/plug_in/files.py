@@ -36,7 +36,7 @@ _SIZES: Final = {
 
 
 class FileFunction(ABC):
-    """A function in a file: arrays by name in, trajectories out; each process loads the file itself.
+    """A function in a file: arrays by name in, trajectories out; each process loads it.
 
     Attributes:
         sizes: fields of `Surroundings` that the file fixes.

@@ -174,11 +174,7 @@ def _lanes(road: Road, now: States, surroundings: Surroundings) -> dict[str, NDA
 
 @owner_cache
 def lane_pieces(road: Road, points: int, spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Cut the centrelines of the vehicle lanes into equal pieces.
-
-    Returns:
-        (R, P, 2) points in driving direction, m, and (R,) speed limits, m/s.
-    """
+    """Cut the vehicle lanes into (R, P, 2) pieces in driving direction, m, with (R,) speed limits, m/s."""
     pieces: list[FloatArray] = [np.empty((0, points, 2))]
     limits: list[FloatArray] = [np.empty(0)]
     for lane in road.vehicle_lanes.values():

@@ -112,11 +112,7 @@ class Predictor:
 
 
 def trajectories(predicted: Any, count: int) -> FloatArray:
-    """Check a function's result for `count` vehicles, and cut it to (n, 30, 2 to 4).
-
-    Raises:
-        ScexError: it has another shape, or is no array.
-    """
+    """Check a function's result for `count` vehicles, and cut it to (n, 30, 2 to 4)."""
     try:
         values = np.asarray(predicted, dtype=np.float64)
     except (TypeError, ValueError):

@@ -201,10 +201,7 @@ def _type_of(name: str) -> int:
 
 
 def slope(values: FloatArray) -> FloatArray:
-    """Return changes per second of evenly spaced values (..., K): the median slope of all pairs.
-
-    Robust against one outlier in six values. Source: Theil 1950, Sen 1968.
-    """
+    """Return robust changes per second of values (..., K): the median slope (Theil 1950, Sen 1968)."""
     first, second = np.triu_indices(values.shape[-1], 1)
     slopes = (values[..., second] - values[..., first]) / ((second - first) * STEP_S)
     median: FloatArray = np.median(slopes, axis=-1)

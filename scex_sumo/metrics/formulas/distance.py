@@ -55,7 +55,7 @@ class OutlinePairs(Rows):
 
 
 def outline_pairs(scenes: Scenes, pair: IntArray, scene: IntArray) -> OutlinePairs:
-    """Return outlines and velocities of (N,) pairs in scenes given by flat index into (C, T)."""
+    """Return outlines and velocities of (N,) pairs in scenes."""
     one, two = (side[pair] for side in scenes.pairs)
     arrays = scenes.x, scenes.y, scenes.cos, scenes.sin, scenes.speed
     x, y, cos, sin, speed = (a.reshape(scenes.vehicles, -1) for a in arrays)
@@ -80,13 +80,13 @@ def outline_pairs(scenes: Scenes, pair: IntArray, scene: IntArray) -> OutlinePai
 def in_chunks(
     pair: IntArray, scene: IntArray, value: Callable[[IntArray, IntArray], FloatArray]
 ) -> FloatArray:
-    """Compute (N,) values of pairs in scenes, some thousand at a time."""
+    """Compute (N,) values, some thousand at a time."""
     parts = [slice(start, start + CHUNK) for start in range(0, pair.size, CHUNK)]
     return np.concatenate([np.empty(0), *(value(pair[part], scene[part]) for part in parts)])
 
 
 def gaps_of(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
-    """Compute (N,) body gaps of pairs in scenes given by flat index into (C, T), m."""
+    """Compute (N,) body gaps of pairs in scenes, m."""
 
     def of_chunk(pair: IntArray, scene: IntArray) -> FloatArray:
         pairs = outline_pairs(scenes, pair, scene)
@@ -97,7 +97,7 @@ def gaps_of(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
 
 
 def gap_bounds(scenes: Scenes) -> tuple[FloatArray, FloatArray]:
-    """Bound the body gap by circles around and within the outlines: (P, C, T) lower and upper, m."""
+    """Bound the body gap by circles: (P, C, T) lower and upper, m."""
     outer = np.hypot(scenes.length, scenes.width) / 2
     inner = np.minimum(scenes.length, scenes.width) / 2
     first, second = scenes.pairs

@@ -1,4 +1,4 @@
-"""Batches of scenes: a few children at a time; equal tracks of several children are evaluated once."""
+"""Batches of scenes: a few children at a time; equal tracks are evaluated once."""
 
 from __future__ import annotations
 
@@ -20,10 +20,7 @@ MAX_DIFFERENT = 0.9  # share of different pairs above which the search for equal
 def scene_batches(
     tracks: SceneTracks, planned: PlannedPaths | None, *, preset: str, parameters: MetricParameters
 ) -> Iterator[tuple[int, Scenes]]:
-    """Yield scenes of a few children, each with the number of its first child.
-
-    The next batch drops all values derived from the previous one.
-    """
+    """Yield scenes of a few children with the number of the first; the next batch drops derived values."""
     rules = preset_named(preset)
     children, _, vehicles = tracks.states.shape
     if planned is not None:
@@ -52,10 +49,7 @@ def scene_batches(
 def track_pairs(
     tracks: SceneTracks, planned: PlannedPaths | None, *, preset: Preset, parameters: MetricParameters
 ) -> TrackPairs | None:
-    """Find the pairs of tracks that differ by a bit, plans included; None if few pairs are equal.
-
-    None too if sizes or types depend on the child.
-    """
+    """Find the different pairs of tracks; None if few are equal or sizes depend on the child."""
     children, _, vehicles = tracks.states.shape
     sizes = tracks.length, tracks.width, np.empty(0) if tracks.types is None else tracks.types
     same_sizes = all(np.ndim(values) == 1 for values in sizes)

@@ -25,7 +25,7 @@ SAME_POINT_M = 1e-9  # crossing points closer than this along the own path are o
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Crossings(PairRows):
-    """Crossing points ahead of ordered pairs at their steps, in any order, several per pair.
+    """Crossing points ahead of ordered pairs, in any order, several per pair.
 
     Attributes:
         own: (N,) arc length from the row's own vehicle to the point, m; ``other`` from the other vehicle.
@@ -39,8 +39,7 @@ class Crossings(PairRows):
 def bridged(x: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Fill gaps (NaN) in (N, H) coordinates: inner ones by straight lines, outer ones by the nearest value.
 
-    Returns:
-        (N, H) coordinates and (N,) whether there was any value.
+    Also return (N,) whether there was any value.
     """
     known = np.isfinite(x)
     if known.all():

@@ -205,7 +205,7 @@ class Scenes:
         return self.once(self.preset.leaders)
 
     def under(self, preset: Preset) -> Scenes:
-        """Return the same scenes with another preset; both share their derived values."""
+        """Return the same scenes with another preset, with shared derived values."""
         if preset is self.preset:
             return self
         if preset.name not in self._derived:
@@ -223,7 +223,7 @@ class Scenes:
         return made
 
     def release(self) -> None:
-        """Drop derived values that refer to these scenes, because reference cycles keep the memory."""
+        """Drop derived values, because reference cycles keep the memory."""
         self._derived.clear()
 
     def of_pairs(self, make: Callable[[Scenes], FloatArray]) -> FloatArray:
@@ -301,7 +301,7 @@ class TrackPairs:
     _values: dict[Any, tuple[FloatArray, BoolArray]] = field(default_factory=dict, repr=False)
 
     def per_child(self, make: Any, rows: E) -> E:
-        """Repeat rows of pairs of tracks, made by ``make``, for all children that contain the pair."""
+        """Repeat rows, made by ``make``, for all children that contain the pair."""
         steps = self.scenes.shape[1]
         pairs = len(self.scenes.pairs[0])
         if make not in self._bounds:  # where the rows of each ordered pair begin
@@ -318,7 +318,7 @@ class TrackPairs:
         return replace(rows, **arrays)
 
     def at(self, values: PairValues, pair: IntArray, step: IntArray) -> FloatArray:
-        """Return (N,) values of pairs of tracks at steps; each is computed on first use."""
+        """Return (N,) values of pairs of tracks; each is computed once."""
         size, steps = len(self.scenes.pairs[0]) * self.scenes.shape[1], max(self.scenes.shape[1], 1)
         table, computed = self._values.setdefault(values, (np.empty(size), np.zeros(size, dtype=bool)))
         index = pair * self.scenes.shape[1] + step

@@ -77,7 +77,7 @@ class Images:
         )
 
     def batch(self, batch: Batch, turns: int = 0, *, mirrored: bool = False) -> ImageBatch:
-        """Return the maps for the vehicles of a batch after 0 to 3 quarter turns, one place per pair."""
+        """Return the maps for a batch after 0 to 3 quarter turns, one place per pair."""
         present, site = torch.unique(batch.site, return_inverse=True)
         return ImageBatch(
             maps=tuple(self.maps[int(s)][turns + 4 * mirrored] for s in present),

@@ -160,7 +160,7 @@ def scene_samples(
 
 
 def learnable(scene: SeedScene, step: int = 0) -> IntArray:
-    """Return vehicles with a whole recorded past second and 3 s of recorded future from a step on."""
+    """Return vehicles with a whole recorded second before and 3 s after a step."""
     if scene.future_valid is None or scene.future_valid.shape[1] < step + PLAN_STEPS:
         return np.zeros(0, dtype=np.int64)
     whole = scene.future_valid[:, : step + PLAN_STEPS].all(axis=1)
