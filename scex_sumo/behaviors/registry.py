@@ -93,7 +93,7 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], Any, str]] = {
     "likely_driver": (
         LikelyDriver,
         LikelyProfile(),
-        "a driver drawn for every vehicle and child, as people were recorded",
+        "a driver drawn for every vehicle and future, as people were recorded",
     ),
     "constant_velocity": (
         ConstantVelocity,
