@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,8 +59,11 @@ def seed_scene(
             f"{scene.name}: none of its {scene.vehicles} vehicles is on a mapped lane; "
             f"{beside_lanes(map_path, tracks, scene.road)}"
         )
-    _warn_off_road(scene, off)
-    return scene
+    if not off:
+        return scene
+    note = _off_road_note(scene, off)
+    warn([note])
+    return replace(scene, notes=(*scene.notes, note))
 
 
 def _brief(note: str) -> str:
@@ -81,11 +85,8 @@ def one_source(tracks: Path | None, fcd: Path | None, state: Path | None) -> Pat
     return given[named[0]] if named else None
 
 
-def _warn_off_road(scene: SeedScene, off: list[int]) -> None:
-    """Tell which vehicles are on no mapped lane; if they are many, the map's origin may be wrong."""
-    if not off:
-        return
+def _off_road_note(scene: SeedScene, off: list[int]) -> str:
     shown = ", ".join(str(scene.track_ids[v]) for v in off[:8]) + (", ..." if len(off) > 8 else "")
-    many = 2 * len(off) >= scene.vehicles
-    found = f"{len(off)} of {scene.vehicles} vehicles are on no mapped lane and will drive straight ({shown})"
-    warn([f"warning: {found}; check the origin" if many else found])
+    remedy = "; check the origin" if 2 * len(off) >= scene.vehicles else ""
+    count = f"{len(off)} of {scene.vehicles} vehicles"
+    return f"warning: {count} are on no mapped lane and will drive straight ({shown}){remedy}"

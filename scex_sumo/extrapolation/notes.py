@@ -40,7 +40,7 @@ def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
     if copies:
         again = sorted({ids[b] for _, b in copies})
         notes.append(
-            f"{len(again)} of {len(ids)} vehicles lie on another one and look like its copies: "
+            f"warning: {len(again)} of {len(ids)} vehicles lie on another one and look like its copies: "
             f"{listing(again)}; leave them out of the tracks"
         )
     pairs = [f"{ids[a]} and {ids[b]}" for a, b in overlaps if (a, b) not in copies]

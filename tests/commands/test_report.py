@@ -68,7 +68,7 @@ def test_what_cannot_be_drawn_is_said(folder: Path, tmp_path: Path) -> None:
 
 
 def test_a_collision_has_no_density_and_a_printed_name_is_understood(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="--metric collision: is 0 or 1 in each child and has no density"):
+    with pytest.raises(UsageError, match="--metric collision: is 0 or 1 in each future and has no density"):
         plot_command(folder, metric="collision", curve="density", out=tmp_path / "figure.svg")
     plot_command(folder, metric="TTC", curve="density", out=tmp_path / "printed.svg")
     plot_command(folder, metric="ttc", curve="density", out=tmp_path / "column.svg")

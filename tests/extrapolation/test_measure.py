@@ -161,8 +161,8 @@ def test_one_vehicle_many_times_over_is_said_once_and_no_list_of_collisions() ->
     one = many(crossing_seed(), 9)
     notes = outcome_notes(one, measure_recorded(one, 30))
     assert notes == [
-        "8 of 9 vehicles lie on another one and look like its copies: 1, 2, 3, 4, 5, 6, 7, 8; leave them out "
-        "of the tracks"
+        "warning: 8 of 9 vehicles lie on another one and look like its copies: 1, 2, 3, 4, 5, 6, 7, 8; leave "
+        "them out of the tracks"
     ]
 
 
