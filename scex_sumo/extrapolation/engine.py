@@ -1,4 +1,4 @@
-"""Run of a seed scene: from checked settings to a finished result folder."""
+"""Run of a seed scene, from checked settings to a finished result folder."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class RunOptions:
         batch: children side by side in one world; None for about 6000 vehicles.
         gui: show the run live in sumo-gui.
         cache: use the user's cache.
-        compared: whether a checked world is compared with SUMO's.
+        compared: compare a checked world with SUMO's.
         progress: called with (steps done, steps in all).
         command: the command line, for ``run.json``.
 
@@ -76,12 +76,7 @@ def run_scene(
     overwrite: bool = False,
     options: RunOptions = DEFAULT_OPTIONS,
 ) -> Run:
-    """Simulate and measure the children of a seed scene; the rest as `extrapolate`.
-
-    Args:
-        scene: the seed scene, with its road.
-        out: result folder; None makes a temporary one.
-    """
+    """Simulate and measure the children of a seed scene that has a road; the rest as `extrapolate`."""
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     settings.check_size(settings.count or 1, scene.vehicles)
@@ -131,7 +126,7 @@ def run_scene(
 
 
 def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:
-    """Raise a `UsageError` if the world is without SUMO and something needs it."""
+    """Raise a `UsageError` if SUMO is needed and the world has none."""
     by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
     if (by_sumo or gui) and not WORLDS.load(settings.world).has_sumo:
         what = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"
@@ -150,14 +145,9 @@ def _identity(
 def _info(
     job: Job, command: Sequence[str] | None, band: Look | None, part: Part, notes: Sequence[str]
 ) -> dict[str, Any]:
-    """Return the content of ``run.json`` but for the times.
-
-    Args:
-        band: the widths of the bands, where they decide on the number of children.
-        notes: notes for the reader, one phrase each.
-    """
+    """Return the content of ``run.json`` without the times."""
     settings, names = job.settings, job.models.names
-    plans = -(-settings.steps // settings.replan)  # of a vehicle in a child
+    plans = -(-settings.steps // settings.replan)
     return {
         "scex_sumo": __version__,
         "command": list(command) if command else None,
@@ -176,20 +166,18 @@ def _info(
 
 
 class _Stopwatch:
-    """Times of the parts of a run, in s."""
-
     def __init__(self) -> None:
         self._last, self._laps = time.perf_counter(), dict[str, float]()
 
     def lap(self, part: str) -> dict[str, float]:
-        """End a part; returns the times of all parts so far."""
+        """End a part of the run; return the times of all parts so far, s."""
         now = time.perf_counter()
         self._laps[part], self._last = round(now - self._last, 3), now
         return dict(self._laps)
 
 
 def _run_children(job: Job, run: Callable[[Job], None]) -> tuple[Job, Look | None]:
-    """Run all children, or as many as the band needs; returns their job and the widths of the bands."""
+    """Run all children, or as many as the band needs; return their job and the widths of the bands."""
     settings = job.settings
     if settings.until_band is None or settings.count is None:
         run(job)
@@ -205,7 +193,7 @@ def _run_children(job: Job, run: Callable[[Job], None]) -> tuple[Job, Look | Non
 
 
 def _without_test(job: Job) -> RunSettings:
-    """Return the settings of the baseline: the same children without the models under test."""
+    """Return the settings of the baseline."""
     return dataclasses.replace(
         job.settings,
         children="all" if job.settings.count is None else len(job.assignment),

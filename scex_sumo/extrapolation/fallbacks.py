@@ -1,4 +1,4 @@
-"""Fallbacks of a run: the plans that replaced a model's unusable one, as a table and as text."""
+"""Fallbacks of a run: plans of the path-following driver in the place of a model's unusable ones."""
 
 from __future__ import annotations
 
@@ -23,15 +23,12 @@ def fallbacks_table(
     names: Sequence[str],
     track_ids: IntArray,
 ) -> pa.Table | None:
-    """Make the table of the path-following driver's plans; None for none.
+    """Return the table of the path-following driver's plans, ordered by child, step, vehicle; None for none.
 
     Args:
-        children: (C,) their numbers, ascending.
+        children: (C,) numbers, ascending.
         assignment: (C, V) index into `names`.
         track_ids: (V,) of the vehicles.
-
-    Returns:
-        child, track_id, step (of the plan, from the seed scene), model, reason; by child, step, vehicle.
     """
     if not replaced:
         return None
@@ -53,14 +50,12 @@ def fallbacks_table(
 def count_fallbacks(
     table: pa.Table | None, assignment: IntArray, names: Sequence[str], rounds: int
 ) -> list[dict[str, Any]]:
-    """Count the replaced plans of each model that has any.
+    """Count the replaced plans of each model that has any, as entries of ``run.json``.
 
     Args:
         table: of `fallbacks_table`.
         assignment: (C, V) index into `names`, of all children of the run.
-
-    Returns:
-        For ``run.json``: model, replaced, plans, children, first (child, track_id, step, reason).
+        rounds: plans of a vehicle in a child.
     """
     if table is None:
         return []

@@ -39,7 +39,7 @@ class Recorded:
 
     Attributes:
         overlaps: boxes that overlapped after the seed moment; recorded boxes are inexact.
-        last_step: (V,) steps after the seed moment in which a vehicle is there.
+        last_step: (V,) steps after the seed moment in which a vehicle is recorded.
     """
 
     values: ScenarioValues
@@ -60,7 +60,7 @@ def measure_outcome(
 
     Args:
         metrics: None for the paper's six.
-        preset: rule for car-following of the metrics that leave it open.
+        preset: car-following rule of the metrics that leave it open.
         counted: (T, V) steps in which a vehicle counts, as `recorded_steps_of`; None: all.
     """
     present = None if counted is None else counted[None].repeat(len(rollout.children), axis=0)
@@ -87,7 +87,7 @@ def measure_rollout(
 
     Args:
         metrics: None for the paper's six.
-        preset: rule for car-following of the metrics that leave it open.
+        preset: car-following rule of the metrics that leave it open.
         vehicles: only pairs with one of these (indices) count; None: all.
     """
     tracks, planned = _evaluated(scene, rollout, None)
@@ -100,7 +100,7 @@ def worst_of(
     """Return the step and the vehicles of each child's extremum; times as in ``tracks.parquet``.
 
     Args:
-        children: (C,) their numbers.
+        children: (C,) numbers.
         hits: their collisions; values after one are flagged.
     """
     steps = next(iter(values.scene.values())).value.shape[1]
@@ -119,10 +119,9 @@ def measure_recorded(
     metrics: tuple[Metric, ...] | None = None,
     preset: str = PAPER_PRESET,
 ) -> Recorded | None:
-    """Measure the recorded future, as one row; returns None if there is none.
+    """Measure the recorded future, as one row; return None if there is none.
 
-    It is measured as a child in which `Replay` drives every vehicle in a plain world. Vehicles count as long
-    as they were recorded.
+    `Replay` drives every vehicle in a plain world. A vehicle counts as long as it was recorded.
     """
     if scene.future is None or scene.future_valid is None or scene.future.shape[1] == 0:
         return None
@@ -146,7 +145,7 @@ def measure_recorded(
 
 
 def recorded_steps_of(scene: SeedScene, steps: int) -> BoolArray:
-    """Return the steps (T, V) after the seed moment up to a vehicle's first gap, as `Replay` has it."""
+    """Return the steps (T, V) after the seed moment up to a vehicle's first gap, as in `Replay`."""
     assert scene.future_valid is not None
     known = np.cumprod(scene.future_valid, axis=1).sum(axis=1)
     result: BoolArray = np.arange(steps)[:, None] < np.minimum(known, steps)
@@ -162,16 +161,13 @@ def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:
 
 
 def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> FloatArray:
-    """Return how far SUMO moved the vehicles that it drives from their motion in the first step.
+    """Return how far (n,) SUMO moved each vehicle that it drives from its motion in the first step, m.
 
-    SUMO keeps vehicles parallel to their lanes. It turns a vehicle at an angle about its front bumper.
+    SUMO keeps vehicles parallel to their lanes: it turns a vehicle about its front bumper.
 
     Args:
         first: (C, V) states after the first step.
         by_sumo: (C, V) True where SUMO drives.
-
-    Returns:
-        (n,) m, one for each vehicle that SUMO drives.
     """
     now = scene.now
     way = now.speed * STEP_S
@@ -183,9 +179,9 @@ def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> Float
 def _evaluated(
     scene: SeedScene, rollout: Rollout, present: BoolArray | None
 ) -> tuple[SceneTracks, PlannedPaths]:
-    """Return tracks and planned paths of a rollout as input of metrics; ``present`` (C, T, V), None: all."""
+    """Return tracks and planned paths of a rollout; ``present`` is (C, T, V), None: all."""
     count, steps, _ = rollout.states.shape
-    # No more than tracks.parquet holds, so that an evaluation from there gives the same values.
+    # As many steps as in tracks.parquet, so that an evaluation from there gives the same values.
     past = scene.history.repeat(count)[:, :, -LOGGED_HISTORY:].swapaxes(1, 2)
     if present is not None:
         present = np.concatenate([np.ones(past.shape, dtype=bool), present], axis=1)

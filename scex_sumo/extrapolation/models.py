@@ -42,11 +42,7 @@ class ModelSet:
 
     @classmethod
     def of(cls, settings: RunSettings) -> ModelSet:
-        """Build the models that settings name.
-
-        Raises:
-            UsageError: a model makes no sense or cannot be built.
-        """
+        """Build the models that settings name; raise a `UsageError` if a model cannot be built."""
         tested = settings.under_test
         specs, names = list(settings.drawn), [str(spec) for spec in settings.drawn]
         fixed = {}
@@ -77,7 +73,7 @@ class ModelSet:
 
     @cached_property
     def sources(self) -> dict[str, str]:
-        """SHA-256 of the source file of each of the user's models, by its name, where there is one."""
+        """SHA-256 of the source file of each of the user's models, by its name."""
         files = {name: source_file(model) for spec, name, model in self._bare() if is_own(spec)}
         return {
             name: hashlib.sha256(file.read_bytes()).hexdigest()
@@ -103,16 +99,14 @@ class ModelSet:
     ) -> IntArray:
         """Return the model (C, V) of every vehicle in every child, as `assignments`.
 
-        A vehicle under test takes part in the draw and then gets its model, so that the draw of the others
-        does not depend on it.
+        A vehicle under test takes part in the draw, so that the other vehicles' draw does not depend on it.
 
         Raises:
-            UsageError: a track id is not in the seed scene, and whatever `assignments` raises.
+            UsageError: a track id is not in the seed scene, or an error of `assignments`.
         """
         ids = [int(track) for track in track_ids]
         unknown = sorted(set(self.tested) - set(ids))
         if unknown:
-            # --assign puts a user's model under test as well.
             raise UsageError(
                 f"--assign or --under-test: no vehicle {unknown[0]} in the seed scene; "
                 f"its vehicles: {listing(ids)}"
@@ -128,7 +122,7 @@ class ModelSet:
         return drawn
 
     def try_on(self, scene: SeedScene, *, seed: int) -> None:
-        """Have every model that may fail plan once for the vehicles that it may drive.
+        """Let every model that may fail plan once for its vehicles.
 
         Raises:
             ScexError: a model has no usable plan for any vehicle.
@@ -148,7 +142,7 @@ class ModelSet:
             model.try_on(history, scene.road, who, [child_generator(seed, 0)])
 
     def to_json(self) -> dict[str, Any]:
-        """Return their entries of ``run.json``."""
+        """Return the models' entries of ``run.json``."""
         return {
             "models": [{"model": str(s), "weight": s.weight} for s in self.drawn],
             "weights": self.weights,
@@ -159,7 +153,7 @@ class ModelSet:
 
 
 def _built(spec: ModelSpec) -> Behavior:
-    """Build a model; one that may fail gets the path-following driver as fallback, inside of its guard."""
+    """Build a model; one that may fail gets the path-following driver as fallback, inside its guard."""
     model = build(spec)
     if not may_fail(spec):
         return model

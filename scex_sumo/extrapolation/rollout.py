@@ -21,7 +21,7 @@ class Rollout:
     """States of a batch of children, read back from the world.
 
     Attributes:
-        children: (C,) numbers of the children.
+        children: (C,) numbers.
         states: (C, T, V) after each step.
         plan_x: (C, R, V, H) centres planned at each of the R replans, m.
         plan_y: (C, R, V, H), m.
@@ -41,10 +41,10 @@ class Replaced:
     """A plan of the path-following driver in the place of a model's.
 
     Attributes:
-        child: the child's number.
+        child: number.
         vehicle: index into the seed scene.
         step: steps since the seed scene.
-        reason: why, a phrase.
+        reason: a phrase.
     """
 
     child: int
@@ -58,10 +58,9 @@ class Batch:
     """Children that run side by side, and the models of their vehicles.
 
     Attributes:
-        children: (C,) numbers of the children.
+        children: (C,) numbers.
         assignment: (C, V) index into ``models``.
-        models: the behaviour models, by index.
-        names: their names, for messages.
+        names: of the models, for messages.
         overridden: (M,) False for SUMO's own models, whose vehicles the world drives.
         route_draw: (C, V) in [0, 1).
         generators: (C,) random numbers of each child.
@@ -93,11 +92,11 @@ def roll_out(
     Args:
         world: holds the seed scene in each of its C tiles.
         steps: number of steps of 0.1 s.
-        replan: steps that a plan is followed before the next.
-        on_step: called after each step with the number of children, e.g. to advance a progress bar.
+        replan: steps that a plan is followed.
+        on_step: called after each step with the number of children.
 
     Raises:
-        ScexError: a model's plan is too short or not finite; that of a `Fallible` model never is.
+        ScexError: a model's plan is too short or not finite.
     """
     count, vehicles = batch.assignment.shape
     window = scene.history.repeat(count)
@@ -143,7 +142,7 @@ def roll_out(
 def obstacles_at(scene: SeedScene, step: int) -> tuple[States, BoolArray]:
     """Return states (O,) and presence of the replayed participants ``step`` steps after the seed scene.
 
-    After the last step of the recording they keep its state.
+    After the recording's last step they keep its state.
     """
     assert scene.obstacles is not None
     column = min(HISTORY_STEPS + step, scene.obstacles.states.shape[1] - 1)
@@ -157,7 +156,7 @@ def history_at(
 
     Args:
         window: (C, V, 11) the last states.
-        children: (C,) numbers of the children.
+        children: (C,) numbers.
         route_draw: (C, V) in [0, 1).
     """
     obstacles, present = obstacles_at(scene, step) if scene.obstacles is not None else (None, None)
@@ -198,7 +197,6 @@ def _take(made: Plan, plan: States, who: VehicleIndex, name: str) -> None:
 
 
 def _replaced(made: Plan, who: VehicleIndex, batch: Batch, step: int) -> list[Replaced]:
-    """Return the plans that are not the model's own."""
     if made.fallback is None:
         return []
     return [

@@ -19,25 +19,21 @@ from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
 
 MAX_CHILDREN, MAX_STEPS, MAX_STATES = 100_000, 6_000, 2 * 10**8
-"""Limits of a run: children, steps of each (ten minutes), and states of all vehicles in all steps."""
+"""Limits: children, steps of each (ten minutes), states of all vehicles in all steps."""
 
 Models: TypeAlias = str | Sequence[str | ModelSpec]
 
-RUN_PRESETS: Final[Mapping[str, tuple[str, ...]]] = {
-    "paper": ("paper",),
-    "path": ("path",),
-    "both": ("paper", "path"),
-}
+RUN_PRESETS: Final = {"paper": ("paper",), "path": ("path",), "both": ("paper", "path")}
 """Sets of metrics that a run evaluates."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunSettings:
-    """All that decides on the values of a run, but for the seed scene.
+    """All that decides on the values of a run, except the seed scene.
 
     Attributes:
-        models: behaviour models to draw from, ``name[:parameter=value]...[@weight]``, comma-separated
-            or a list.
+        models: behaviour models to draw from, ``name[:parameter=value]...[@weight]``, comma-separated or a
+            list.
         assign: model by track id for vehicles that are not drawn; a user's model is under test.
         under_test: model by track id for vehicles whose own encounters are measured apart, see
             `Run.under_test`; None: as drawn.
@@ -45,8 +41,8 @@ class RunSettings:
         children: number of children; 385, as in the paper, gives a 95 % interval of +-5 % around a share of
             one half; ``"all"`` for every combination.
         design: how the assignments are drawn, one of `scex_sumo.statistics.designs.DESIGNS`.
-        until_band: half-width of the 95 % bands of all cumulative distributions at which the run ends, see
-            `scex_sumo.statistics.intervals`; ``children`` is then the maximum.
+        until_band: half-width of the 95 % bands of all cumulative distributions at which the run ends;
+            ``children`` is then the maximum.
         steps: steps of 0.1 s per child.
         replan: steps between plans, 1 to 30.
         seed: the same seed gives the same result.
@@ -55,11 +51,11 @@ class RunSettings:
             of each batch; or an entry point in ``scex_sumo.worlds``.
         preset: ``paper`` for the paper's six metrics, ``path`` for those along planned paths and between
             outlines, ``both``.
-        metrics: names, import paths or metrics in the place of the preset's, metrics after the check;
-            ``paper`` and ``path`` are those of a preset.
+        metrics: names, import paths or metrics in the place of the preset's; ``paper`` and ``path`` are those
+            of a preset.
         thresholds: by metric column, on top of the defaults.
-        reflect: separate the values that many children share, and reflect densities at 0 where values
-            cannot be negative; False gives the paper's plain kernel.
+        reflect: separate the values that many children share, and reflect densities at 0 where values cannot
+            be negative; False gives the paper's plain kernel.
         keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
 
     Raises:
@@ -114,7 +110,7 @@ class RunSettings:
                 )
         if self.preset not in RUN_PRESETS:
             raise UsageError(f"--preset: unknown {self.preset!r}; known: {', '.join(RUN_PRESETS)}")
-        # Metrics, not their names, go to the workers: what is registered here is not registered there.
+        # Workers get metrics, not names: a metric registered in this process is unknown there.
         object.__setattr__(self, "metrics", metrics_named(self.metrics or RUN_PRESETS[self.preset]))
         object.__setattr__(self, "thresholds", checked_thresholds(self.thresholds or {}, self.columns))
 
@@ -162,7 +158,7 @@ class RunSettings:
 
     @property
     def rule(self) -> str:
-        """Rule for car-following of the metrics that leave it open."""
+        """Car-following rule of the metrics that leave it open."""
         return "path" if self.preset == "path" else PAPER_PRESET
 
     @property
@@ -176,7 +172,7 @@ class RunSettings:
         return self.baseline and any(model is not None for model in self.under_test.values())
 
     def to_json(self) -> dict[str, Any]:
-        """Return their entries of ``run.json``; those of the models are in `ModelSet.to_json`."""
+        """Return the settings' entries of ``run.json``; those of the models are in `ModelSet.to_json`."""
         described = describe_metrics(self.measured)
         return {
             **({"metrics": described} if described else {}),
@@ -194,7 +190,7 @@ class RunSettings:
 
 
 def checked_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] = COLUMNS) -> dict[str, float]:
-    """Return thresholds by column; their metrics may be named in any way that `column_named` knows.
+    """Return thresholds by column; `column_named` reads the names.
 
     Raises:
         UsageError: one is no number, or its metric is unknown.
@@ -206,6 +202,6 @@ def checked_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] =
         except UsageError as error:
             raise UsageError(f"--threshold: {error}") from None
         if not math.isfinite(value):
-            raise UsageError(f"--threshold {column}={value}: is no threshold; give a number")
+            raise UsageError(f"--threshold {column}={value}: not a finite number; give one")
         found[column] = value
     return found

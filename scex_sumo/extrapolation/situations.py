@@ -26,7 +26,7 @@ def plans_of(
 ) -> Iterator[tuple[int, Plan]]:
     """Yield the index of each model that drives vehicles, and its plan for them.
 
-    Our path-following models plan together, in one call; every other model plans by itself.
+    Our path-following models plan together, in one call.
     """
     some = [index for index, who in enumerate(groups) if len(who)]
     along = {index: one for index in some if (one := _intent(models[index], history, road, groups[index]))}

@@ -1,12 +1,12 @@
 """Pool of worker processes: batches of a run, moments of a study.
 
-libsumo runs one simulation per process, so that children run side by side in several interpreters. A worker
-takes its next task when it is free. The result of a task depends on the task alone. A worker that dies is
-replaced, and its task is done once more.
+libsumo runs one simulation per process, so that several interpreters share the children. A worker takes its
+next task when it is free. The result depends on the task alone. A worker that dies is replaced, and its task
+is done once more.
 
-Why not `concurrent.futures.ProcessPoolExecutor`: one dead worker breaks the whole pool and hides which task
-it had; workers outlive a process that was killed; and each worker would run the user's script again. Here
-each worker is an interpreter with pickles on its standard streams: it ends with the pipes of this process.
+Why not `concurrent.futures.ProcessPoolExecutor`: one dead worker breaks the pool and hides its task; workers
+outlive a killed process; each worker runs the user's script again. Here each worker is an interpreter with
+pickles on its standard streams and ends with the pipes of this process.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Workers:
             )
         self.processes = processes
         self.deaths: list[str] = []
-        """One phrase for each task whose worker died and was replaced."""
+        """One phrase for each worker that died and was replaced."""
         self._folder = TemporaryFolder()
         self._workers = [_Worker(self._folder.name) for _ in range(processes - 1)]
 
@@ -191,13 +191,9 @@ class Workers:
                 yield task, future
 
     def submit(self, function: Callable[[], Any], *, where: str) -> Future[Any] | None:
-        """Have a worker call a function before its next task.
+        """Let a worker call a function before its next task; return its future, or None without workers.
 
-        Args:
-            where: describes it, should the worker die.
-
-        Returns:
-            Its future, which raises `WorkersDied` if two workers died; None without workers.
+        The future raises `WorkersDied` if two workers died.
         """
         if not self._workers:
             return None
@@ -224,7 +220,7 @@ class Workers:
 
 
 def succeeded(future: Future[Any]) -> bool:
-    """Wait for a submitted function; returns False if workers died of it, and raises what it raised."""
+    """Wait for a submitted function; return False if workers died of it, and raise what it raised."""
     with suppress(WorkersDied):
         future.result()
         return True
@@ -233,12 +229,10 @@ def succeeded(future: Future[Any]) -> bool:
 
 @contextmanager
 def _calling(function: Callable[[], Any]) -> Iterator[Callable[[Any, OnStep], Any]]:
-    """Open the work whose only task is to call a function."""
     yield lambda task, on_step: function()
 
 
 def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
-    """Take batches from those left, while there are any."""
     with suppress(IndexError):
         while True:
             yield left.popleft()
@@ -256,11 +250,7 @@ class _Worker:
         self.start()
 
     def start(self) -> None:
-        """Start the process, or another one in its place.
-
-        Raises:
-            EOFError: it has been killed for good.
-        """
+        """Start the process, or another one in its place; raise EOFError if it has been killed for good."""
         with self._starting:
             if self._ended:
                 raise EOFError
@@ -275,7 +265,7 @@ class _Worker:
             )
 
     def open(self, work: bytes) -> Report:
-        """Return the report when the process is ready for a work; raises one of `_DIED` if it dies."""
+        """Return the report when the process is ready for a work; raise one of `_DIED` if it dies."""
         if self._work is work:
             return "done", None
         self._send(("open", (sys.path, work)))  # the current path, with the folder of the user's models
@@ -283,7 +273,7 @@ class _Worker:
         return self._answer(lambda children: None)
 
     def do(self, work: bytes, task: Any, on_step: OnStep) -> Report:
-        """Return the report when a task is done or has failed; raises one of `_DIED` if the process dies."""
+        """Return the report when a task is done or has failed; raise one of `_DIED` if the process dies."""
         report = self.open(work)
         if report[0] == "failed":
             return report
@@ -337,11 +327,11 @@ class _Worker:
 def serve() -> None:
     """Do the tasks that come in on standard input until it closes: the main function of a worker."""
     reports = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what SUMO prints must not get among the reports
+    os.dup2(2, 1)  # SUMO's prints do not get among the reports
     from scex_sumo.world.session import load_sumo
 
-    with suppress(Exception):  # which the first task meets again, and reports
-        load_sumo()  # there is time before that
+    with suppress(Exception):  # the first task reports it
+        load_sumo()
 
     def report(kind: str, content: Any) -> None:
         _write(reports, (kind, content))

@@ -72,7 +72,6 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
 
 
 def _encounters(job: Job, rows: pa.Table, intervals: DesignIntervals) -> pa.Table:
-    """Return ``encounters.parquet``."""
     models = np.array(job.models.names)[job.assignment]
     found = encounters_of_rows(rows)
     ids = job.scene.track_ids

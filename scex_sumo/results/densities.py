@@ -26,7 +26,7 @@ def metric_density(
 
     Args:
         values: (C,) NaN where undefined.
-        reflect: separate atoms, and reflect at 0 what cannot be negative; False is the plain kernel.
+        reflect: separate atoms, and reflect at 0 if no value is negative; False is the plain kernel.
         bandwidth: of the kernel, in the metric's unit.
     """
     samples = values[~np.isnan(values)]
@@ -50,11 +50,6 @@ def densities_table(
 
     ``atom`` is the share of the defined children with exactly this x, if it is an atom, else 0. A metric that
     is undefined in every child has no rows.
-
-    Args:
-        metrics: as `Run.metrics`.
-        intervals: of the children's design.
-        reflect: as of `metric_density`.
     """
     parts = [DENSITIES_SCHEMA.empty_table()]
     widths = half_widths(metrics, columns, intervals)

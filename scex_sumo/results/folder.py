@@ -23,7 +23,7 @@ from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 class ResultFolder(OutputFolder):
     """Folder that a run is written into.
 
-    Finished batches of children lie in a hidden folder, from which the same run resumes.
+    A hidden folder keeps finished batches of children, from which the same run resumes.
     """
 
     info, what, another = "run.json", "result", "the result of another run"
@@ -45,7 +45,7 @@ class ResultFolder(OutputFolder):
         remove_broken(self.path)
 
     def in_order(self, children: int, *, size: int, plans: bool = True) -> Iterator[Part]:
-        """Yield all children in order, whatever their batches, some at a time to save memory.
+        """Yield all children in order, some at a time to save memory.
 
         Raises:
             ResultError: some are missing.
@@ -118,10 +118,7 @@ _TABLES = tuple(
 
 
 def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
-    """Return children as INTERACTION cases, ordered by child, vehicle, frame.
-
-    Frames 1 to 10 are the seed's history, 10 the seed scene itself.
-    """
+    """Return children as INTERACTION cases, ordered by child, vehicle, frame; frame 10 is the seed scene."""
     count, steps, vehicles = part.states.shape
     past = scene.history[:, -LOGGED_HISTORY:]
     frames = LOGGED_HISTORY + steps
@@ -173,7 +170,6 @@ def assignments_table(scene: SeedScene, assignment: IntArray, names: Sequence[st
 
     Args:
         assignment: (C, V) index into ``names``.
-        names: the models as given, with their parameters.
     """
     count, vehicles = assignment.shape
     models = pa.DictionaryArray.from_arrays(

@@ -12,31 +12,31 @@ from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import lock, unlock, write_atomic
 
 PENDING = "incomplete.json"
-_COPY = ".incomplete.json"  # from which a run goes on whose `PENDING` is damaged
+_COPY = ".incomplete.json"  # used if `PENDING` is damaged
 _DIGITS = 64  # of an identity, a SHA-256
 _Folder = TypeVar("_Folder", bound="OutputFolder")
 
 
 class OutputFolder:
-    """Has ``incomplete.json`` while it is written, and the file of its contents once it is finished.
+    """Folder with ``incomplete.json`` while it is written, and the file of its contents once it is finished.
 
     Both hold the identity of what is written, by which the same command finds its own folder again.
     """
 
     info: ClassVar[str]
-    """Name of the file that makes the folder a result."""
+    """File that makes the folder a result."""
     what: ClassVar[str]
     another: ClassVar[str]
-    """Words for what is written here, and for one that was made otherwise."""
+    """Words for the result, and for a result with another configuration."""
     evidence: ClassVar[tuple[str, ...]] = ()
-    """Files that show together that a folder is ours, should ``info`` be damaged."""
+    """Files that together show that a folder is ours if ``info`` is damaged."""
 
     def __init__(self, path: Path, configuration: Mapping[str, Any], *, overwrite: bool = False) -> None:
         """Lock a folder and make it ready to be written.
 
         Args:
             path: the folder; it need not exist.
-            overwrite: replace what was made with another configuration.
+            overwrite: replace a result with another configuration.
 
         Raises:
             ResultError: it holds something else, cannot be written, or another process writes it.
@@ -44,7 +44,7 @@ class OutputFolder:
         self.path = path
         self.identity = hashlib.sha256(as_json(configuration).encode()).hexdigest()
         try:
-            str(path).encode()  # SUMO and Arrow write to no other paths
+            str(path).encode()  # SUMO and Arrow need UTF-8
             path.mkdir(parents=True, exist_ok=True)
             lock(path)
             self._make_free(overwrite)
@@ -62,7 +62,7 @@ class OutputFolder:
             raise
 
     def _make_free(self, overwrite: bool) -> None:
-        """Clear the folder unless it holds the same, interrupted or finished; refuse a folder of others."""
+        """Clear the folder unless it holds the same result; refuse a folder of another program."""
         names = (PENDING, _COPY, self.info)
         there = [name for name in names if (self.path / name).is_file()]
         identities = [found for name in there if (found := _identity_in(self.path / name))]
@@ -114,7 +114,6 @@ class OutputFolder:
 
 
 def _identity_in(file: Path) -> str | None:
-    """Return the identity in a file; None if it cannot be read."""
     try:
         identity = json.loads(file.read_bytes())["identity"]
     except (ValueError, KeyError, TypeError, RecursionError):

@@ -26,7 +26,7 @@ class Part:
     """Some children of a run, simulated and measured.
 
     Attributes:
-        children: (C,) their numbers.
+        children: (C,) numbers.
         states: (C, T, V) simulated states.
         values: (C, M) metric values.
         defined: (C, M) False where a metric is defined in no scene of the child.
@@ -193,7 +193,6 @@ def joined_parts(parts: Sequence[Part]) -> Part:
 
 
 def _by_child(tables: Sequence[pa.Table]) -> pa.Table:
-    """Join tables, with rows ordered by child and metric."""
     whole = pa.concat_tables(tables)
     names = np.asarray(whole["metric"])
     return whole.take(np.lexsort((names, np.asarray(whole["child"]))))

@@ -38,9 +38,8 @@ if TYPE_CHECKING:
 
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
 REFERENCE: Final = "reference"
-"""Folder of the human-like reference, in the folder of a run."""
 DRAWINGS: Final = Registry(group="scex_sumo.drawings", kind="drawing")
-"""Functions that draw a run; the reports register theirs, so that results need not know them."""
+"""Functions that draw a run; the reports register theirs."""
 
 
 class Run:
@@ -67,7 +66,7 @@ class Run:
         return f"Run({str(self.folder)!r}: {self.info['children']} children of {name})"
 
     def plot(self, path: str | Path, *, metric: str | None = None, curve: str = "density") -> Path:
-        """Draw the densities of one metric or all into an SVG, PNG or PDF file; returns the file.
+        """Draw the densities of one metric or all into an SVG, PNG or PDF file; return the file.
 
         ``curve`` is ``density`` or ``cumulative``.
         """
@@ -227,7 +226,7 @@ class Run:
         return dict(self.info["thresholds"])
 
     def column(self, text: str) -> str:
-        """Return the metric column of a name as it is printed; raises a `UsageError` if there is none."""
+        """Return the metric column of a printed name; raise a `UsageError` if there is none."""
         return COLLISION if text.strip().lower() in self.outcomes else column_named(text, self.columns)
 
     def values(self, column: str) -> FloatArray:
@@ -299,7 +298,7 @@ class Run:
         return int(self.metrics["child"][int(index)].as_py())
 
     def table(self, name: str, *, columns: Sequence[str] = (), rows: int | None = None) -> pa.Table:
-        """Read one of the folder's Parquet files; raises a `ResultError` if columns or rows are missing."""
+        """Read one of the folder's Parquet files; raise a `ResultError` if columns or rows are missing."""
         return read_table(self.folder / name, columns=columns, rows=rows)
 
 

@@ -1,8 +1,8 @@
 """Vehicles under test: the criticality of their encounters with and without the models under test.
 
-Metrics are restricted to pairs with a vehicle under test. The baseline has the same children with the same
-models for all others and the same random numbers, but drawn models for these vehicles. Each child is compared
-with its own baseline.
+Metrics are restricted to pairs with a vehicle under test. The baseline has the same children, models of all
+other vehicles and random numbers, but drawn models for these vehicles. Each child is compared with its own
+baseline.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class Difference:
     Attributes:
         under_test: median with the models under test; NaN if defined in no child.
         baseline: median without.
-        children: how many children have a value in both.
-        worse: in how many of them the models under test are more critical.
+        children: number of children with a value in both.
+        worse: children in which the models under test are more critical.
         p_value: Wilcoxon's signed-rank test for no difference in the values; NaN if no child differs.
         p_critical: share of critical children with the models under test; None without a threshold.
         baseline_p_critical: share without.
@@ -86,12 +86,6 @@ class UnderTest:
         without: DesignIntervals | None = None,
         reflect: bool = True,
     ) -> None:
-        """Compare two tables of the same children.
-
-        Args:
-            without: the same of the baseline, if its draws differ; None for the same.
-            reflect: as of `metric_density`.
-        """
         self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
         self.thresholds, self.reflect = thresholds, reflect
         self.intervals = {"under_test": intervals, "baseline": without or intervals}
