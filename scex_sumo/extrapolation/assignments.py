@@ -28,12 +28,7 @@ def child_generator(seed: int, child: int, stream: int = _PLAN_STREAM) -> np.ran
 def random_assignments(
     weights: Sequence[float], children: Sequence[int] | IntArray, vehicles: int, *, seed: int
 ) -> IntArray:
-    """Draw a model (C, V) for every vehicle of every child, independently.
-
-    Args:
-        weights: (M,) relative frequency of each model, not all zero.
-        children: (C,) numbers.
-    """
+    """Draw a model (C, V) for every vehicle of every child, independently, by the models' weights (M,)."""
     upper = np.cumsum(np.asarray(weights, dtype=np.float64))
     upper /= upper[-1]
     draws = np.stack([child_generator(seed, int(c), _ASSIGNMENT_STREAM).random(vehicles) for c in children])
@@ -44,15 +39,7 @@ def random_assignments(
 def designed_assignments(
     weights: tuple[float, ...], children: int, vehicles: int, *, seed: int, design: str, keep: bool = False
 ) -> IntArray:
-    """Draw models (C, V) for all children together, spread more evenly than independent draws.
-
-    The result is shared and must not be changed.
-
-    Args:
-        weights: (M,) relative frequency of each model, not all zero.
-        design: one of ``DESIGNS``.
-        keep: use the user's cache.
-    """
+    """Draw models (C, V) more evenly than independent draws; the result is shared and must not be changed."""
     drawn = np.flatnonzero(np.asarray(weights, dtype=np.float64) > 0)
     shares = np.asarray(weights, dtype=np.float64)[drawn]
     shares /= shares.sum()
@@ -105,9 +92,9 @@ def assignments(
 
     Args:
         weights: (M,) relative frequency of the models to draw from.
-        track_ids: (V,) of the vehicles.
-        children: number of children, or None for all combinations.
-        fixed: model by track id, the same in all children; its index may lie beyond ``weights``.
+        track_ids: (V,).
+        children: number, or None for all combinations.
+        fixed: model by track id, the same in all children; it may lie beyond ``weights``.
         design: one of ``DESIGNS``. Fewer children are the first of more.
         keep: use the user's cache.
 
@@ -144,6 +131,6 @@ def route_draws(children: Sequence[int] | IntArray, vehicles: int, *, seed: int)
 
 
 def listing(ids: Sequence[int], most: int = 12) -> str:
-    """Return ids as text: the first few of many, and their number."""
+    """Return ids as text: the first few, and how many there are."""
     shown = ", ".join(str(i) for i in ids[:most])
     return shown if len(ids) <= most else f"{shown}, ... ({len(ids)} in all)"

@@ -38,15 +38,10 @@ Progress: TypeAlias = Callable[[int, int], None]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """Options of a run that change no value of its result.
+    """Options of a run that change no value of its result, as of `extrapolate`.
 
     Attributes:
-        batch: children side by side in one world; None for about 6000 vehicles.
-        gui: show the run live in sumo-gui.
-        cache: use the user's cache.
         compared: compare a checked world with SUMO's.
-        progress: called with (steps done, steps in all).
-        command: the command line, for ``run.json``.
 
     Raises:
         UsageError: fewer than one child in a batch.
@@ -76,7 +71,7 @@ def run_scene(
     overwrite: bool = False,
     options: RunOptions = DEFAULT_OPTIONS,
 ) -> Run:
-    """Simulate and measure the children of a seed scene that has a road; the rest as `extrapolate`."""
+    """Simulate and measure the children of a seed scene that has a road, as `extrapolate`."""
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     settings.check_size(settings.count or 1, scene.vehicles)
@@ -136,7 +131,7 @@ def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:
 def _identity(
     scene: SeedScene, settings: RunSettings, models: ModelSet, assignment: IntArray
 ) -> dict[str, Any]:
-    """Return what decides on the values of a run; a run with the same identity resumes in its folder."""
+    """Return what decides on the values of a run: with the same identity, a run resumes."""
     children = {"children": len(assignment)} if settings.until_band is None else {}
     own = {**models.to_json(), **settings.to_json(), **children}
     return {"version": __version__, "scene": digest(scene), **own}
@@ -145,7 +140,6 @@ def _identity(
 def _info(
     job: Job, command: Sequence[str] | None, band: Look | None, part: Part, notes: Sequence[str]
 ) -> dict[str, Any]:
-    """Return the content of ``run.json`` without the times."""
     settings, names = job.settings, job.models.names
     plans = -(-settings.steps // settings.replan)
     return {
@@ -177,7 +171,7 @@ class _Stopwatch:
 
 
 def _run_children(job: Job, run: Callable[[Job], None]) -> tuple[Job, Look | None]:
-    """Run all children, or as many as the band needs; return their job and the widths of the bands."""
+    """Run all children, or as many as the band needs."""
     settings = job.settings
     if settings.until_band is None or settings.count is None:
         run(job)
@@ -193,7 +187,6 @@ def _run_children(job: Job, run: Callable[[Job], None]) -> tuple[Job, Look | Non
 
 
 def _without_test(job: Job) -> RunSettings:
-    """Return the settings of the baseline."""
     return dataclasses.replace(
         job.settings,
         children="all" if job.settings.count is None else len(job.assignment),
@@ -203,14 +196,13 @@ def _without_test(job: Job) -> RunSettings:
 
 
 def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | None:
-    """Return the progress of one of several equal parts as that of the whole."""
+    """Return the progress of one of several equal parts."""
     if progress is None:
         return None
     return lambda done, total: progress(part * total + done, parts * total)
 
 
 def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress | None) -> None:
-    """Run the children of a job that are not in its folder yet."""
     done, total, steps = set(Parts(job.folder).children.tolist()), len(job.assignment), job.settings.steps
     size = batch if batch is not None else batch_size(job, workers.processes)
     batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)

@@ -1,4 +1,4 @@
-"""Fallbacks of a run: plans of the path-following driver in the place of a model's unusable ones."""
+"""Fallbacks of a run: plans of the path-following driver in the place of unusable ones."""
 
 from __future__ import annotations
 
@@ -23,12 +23,11 @@ def fallbacks_table(
     names: Sequence[str],
     track_ids: IntArray,
 ) -> pa.Table | None:
-    """Return the table of the path-following driver's plans, ordered by child, step, vehicle; None for none.
+    """Return the rows of ``fallbacks.parquet``, by child, step, vehicle; None for none.
 
     Args:
         children: (C,) numbers, ascending.
         assignment: (C, V) index into `names`.
-        track_ids: (V,) of the vehicles.
     """
     if not replaced:
         return None
@@ -50,11 +49,10 @@ def fallbacks_table(
 def count_fallbacks(
     table: pa.Table | None, assignment: IntArray, names: Sequence[str], rounds: int
 ) -> list[dict[str, Any]]:
-    """Count the replaced plans of each model that has any, as entries of ``run.json``.
+    """Count the replaced plans of each model that has any, for ``run.json``.
 
     Args:
-        table: of `fallbacks_table`.
-        assignment: (C, V) index into `names`, of all children of the run.
+        assignment: (C, V) index into `names`.
         rounds: plans of a vehicle in a child.
     """
     if table is None:
@@ -77,7 +75,7 @@ def count_fallbacks(
 
 
 def fallback_lines(counts: Sequence[dict[str, Any]]) -> list[str]:
-    """Return `count_fallbacks` as text, a line for each model."""
+    """Return the counts as text, a line for each model."""
     return [
         f"{c['model']}: {c['replaced']} of {c['plans']} plans replaced by the path-following driver's, "
         f"in {c['children']} {'child' if c['children'] == 1 else 'children'}; "

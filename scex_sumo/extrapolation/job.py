@@ -32,8 +32,8 @@ from scex_sumo.world.tiles import TILE_SLOTS
 
 OnStep = Callable[[int], None]
 
-VEHICLES_AT_ONCE = 6000  # in a batch, over all its children
-BATCHES_EACH = 2  # of each of several processes, at least, so that one that starts later does less
+VEHICLES_AT_ONCE = 6000  # over all children of a batch
+BATCHES_EACH = 2  # of each process: one that starts later does less
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +41,7 @@ class Job:
     """Everything that a process needs to run any child of a run.
 
     Attributes:
-        scene: the seed scene, with its road.
-        assignment: (C, V) index into ``models``, for all children of the run.
-        gui: show the run live in sumo-gui.
+        assignment: (C, V) index into ``models``, for all children.
         counted: (T, V) steps in which a vehicle counts in metrics; None: all.
         compared: compare a checked world with SUMO's.
     """
@@ -72,7 +70,7 @@ class Job:
 
     @cached_property
     def intervals(self) -> DesignIntervals:
-        """Intervals of shares and distributions over the children."""
+        """Intervals of the run's design."""
         drawn, fixed = self.models.drawn, np.isin(self.scene.track_ids, list(self.models.fixed))
         design = self.settings.to_json()["design"]
         return design_intervals(self.assignment, [spec.weight for spec in drawn], fixed, design)
@@ -84,11 +82,11 @@ class Job:
 
     @property
     def apart(self) -> bool:
-        """Whether each child needs its own tile: SUMO's drivers and sumo-gui see all vehicles of a tile."""
+        """Whether each child needs its own tile: SUMO's drivers and sumo-gui see a whole tile."""
         return self.gui or self.sumo_drives
 
     def slots(self, children: IntArray) -> IntArray:
-        """Return the tile slot (C,) of each child: its own, or the shared one."""
+        """Return the tile slot (C,) of each child."""
         return children % TILE_SLOTS if self.apart else np.zeros_like(children)
 
 
@@ -109,7 +107,7 @@ def batches_of(children: Sequence[int], size: int, *, apart: bool = True) -> lis
 def batch_size(job: Job, processes: int = 1) -> int:
     """Return the number of children in a batch: at most 6000 vehicles, and two batches for each process.
 
-    A step costs the same for one vehicle as for some hundreds. Larger batches only take memory.
+    A step costs the same for one vehicle as for some hundreds.
     """
     if job.apart:
         return TILE_SLOTS
@@ -122,9 +120,6 @@ def batch_size(job: Job, processes: int = 1) -> int:
 @contextmanager
 def batch_runner(job: Job, slots: Sequence[int]) -> Iterator[Callable[[IntArray, OnStep], IntArray]]:
     """Open the simulator of a job; yield the function that runs a batch and saves its part.
-
-    The function takes the children's numbers and a callback, and returns the children. The callback gets the
-    number of children after each of their steps.
 
     Args:
         slots: tile slots of all children that may come.
@@ -195,7 +190,7 @@ def _run_batch(job: Job, simulator: Simulator, children: IntArray, *, on_step: O
 
 
 def _tested(job: Job, rollout: Rollout) -> FloatArray | None:
-    """Return (2, C, M) metric values of the vehicles under test alone, and 1 where they are defined."""
+    """Return (2, C, M) values of the vehicles under test alone, and 1 where defined."""
     tested = np.flatnonzero(np.isin(job.scene.track_ids, list(job.models.tested))).tolist()
     if not tested:
         return None
@@ -219,7 +214,6 @@ def _batch(job: Job, children: IntArray) -> Batch:
 
 
 def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
-    """Return the vehicles that SUMO drives, with their routes."""
     driven = []
     for index, model in enumerate(batch.models):
         if not isinstance(model, SumoDriver):

@@ -31,7 +31,6 @@ class ModelSet:
         specs: all models, those of fixed vehicles included; assignments are indices into it.
         fixed: index of the model by track id, for vehicles that are not drawn.
         tested: model by track id for vehicles under test; None: as drawn.
-        built: the models themselves, by index.
     """
 
     drawn: tuple[ModelSpec, ...]
@@ -42,7 +41,7 @@ class ModelSet:
 
     @classmethod
     def of(cls, settings: RunSettings) -> ModelSet:
-        """Build the models that settings name; raise a `UsageError` if a model cannot be built."""
+        """Build the models that settings name; raise a `UsageError` for a bad one."""
         tested = settings.under_test
         specs, names = list(settings.drawn), [str(spec) for spec in settings.drawn]
         fixed = {}
@@ -62,18 +61,18 @@ class ModelSet:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all models as on the command line, without weights."""
+        """Names as on the command line, without weights."""
         return tuple(str(spec) for spec in self.specs)
 
     @cached_property
     def weights(self) -> dict[str, str]:
-        """SHA-256 of the weights of each learned model, by its name."""
+        """SHA-256 of each learned model's weights, by name."""
         found = {name: getattr(model, "weights_sha256", None) for _, name, model in self._bare()}
         return {name: sha256 for name, sha256 in found.items() if isinstance(sha256, str)}
 
     @cached_property
     def sources(self) -> dict[str, str]:
-        """SHA-256 of the source file of each of the user's models, by its name."""
+        """SHA-256 of the source file of each of the user's models, by name."""
         files = {name: source_file(model) for spec, name, model in self._bare() if is_own(spec)}
         return {
             name: hashlib.sha256(file.read_bytes()).hexdigest()
@@ -99,10 +98,7 @@ class ModelSet:
     ) -> IntArray:
         """Return the model (C, V) of every vehicle in every child, as `assignments`.
 
-        A vehicle under test takes part in the draw, so that the other vehicles' draw does not depend on it.
-
-        Raises:
-            UsageError: a track id is not in the seed scene, or an error of `assignments`.
+        A vehicle under test takes part in the draw: the draw of the others does not depend on it.
         """
         ids = [int(track) for track in track_ids]
         unknown = sorted(set(self.tested) - set(ids))
@@ -122,11 +118,7 @@ class ModelSet:
         return drawn
 
     def try_on(self, scene: SeedScene, *, seed: int) -> None:
-        """Let every model that may fail plan once for its vehicles.
-
-        Raises:
-            ScexError: a model has no usable plan for any vehicle.
-        """
+        """Let every model that may fail plan once; raise a `ScexError` if no plan of one is usable."""
         assert scene.road is not None
         children = np.zeros(1, dtype=np.int64)
         draw = route_draws(children, scene.vehicles, seed=seed)
@@ -153,7 +145,7 @@ class ModelSet:
 
 
 def _built(spec: ModelSpec) -> Behavior:
-    """Build a model; one that may fail gets the path-following driver as fallback, inside its guard."""
+    """Build a model; one that may fail gets a fallback, inside its guard."""
     model = build(spec)
     if not may_fail(spec):
         return model

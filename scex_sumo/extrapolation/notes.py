@@ -15,12 +15,12 @@ from scex_sumo.extrapolation.measure import Recorded, handover_jumps, overlappin
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import STEP_S, SeedScene
 
-COPY_M = 0.5  # two vehicles with centres this close are copies of one
-HANDOVER_M = 0.5  # jump of a vehicle's centre that gets a note
+COPY_M = 0.5  # between the centres of copies
+HANDOVER_M = 0.5  # jump that gets a note
 
 
 def handover_notes(job: Job, part: Part) -> list[str]:
-    """Return a note if SUMO moved vehicles in the first step, which ``part`` has of all children."""
+    """Return a note if SUMO moved vehicles in the first step."""
     by_sumo = np.array([isinstance(model, SumoDriver) for model in job.models.built])[job.assignment]
     jumps = handover_jumps(job.scene, part.states[:, 0], by_sumo)
     far = int((jumps > HANDOVER_M).sum())
@@ -76,8 +76,7 @@ def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
 def recorded_info(scene: SeedScene, recorded: Recorded | None) -> dict[str, Any] | None:
     """Return the entry ``recorded`` of ``run.json``; None without a recorded future.
 
-    ``left``: last step of each vehicle that leaves within the time of a child, by track id. ``overlaps``: two
-    track ids and the time in s of overlapping boxes.
+    ``left``: last step of each vehicle that leaves, by track id. ``overlaps``: two track ids and the time, s.
     """
     if recorded is None:
         return None

@@ -30,8 +30,8 @@ def add_reference(
     """Run the reference of a run into its folder ``reference/``; a finished one is kept.
 
     Args:
-        models: of the reference, human-like ones.
-        settings: of the run; the reference draws all its vehicles.
+        models: human-like ones, drawn for all vehicles.
+        settings: of the run.
     """
     wanted = RunSettings(
         models=models,
@@ -53,7 +53,7 @@ def add_reference(
 def reference_children(children: int, steps: int) -> int:
     """Return the number of children of the reference of a run.
 
-    There are fewer than `CHILDREN` where they would cost more than the run and than `STEPS` steps of all.
+    There are fewer than `CHILDREN` if they would cost more than the run and than `STEPS` steps of all.
     """
     return min(CHILDREN, max(children, CHILDREN * STEPS // steps))
 

@@ -1,12 +1,10 @@
 """Pool of worker processes: batches of a run, moments of a study.
 
-libsumo runs one simulation per process, so that several interpreters share the children. A worker takes its
-next task when it is free. The result depends on the task alone. A worker that dies is replaced, and its task
-is done once more.
+libsumo runs one simulation per process. A worker takes its next task when it is free; one that dies is
+replaced, and its task is done once more. A result depends on the task alone.
 
 Why not `concurrent.futures.ProcessPoolExecutor`: one dead worker breaks the pool and hides its task; workers
-outlive a killed process; each worker runs the user's script again. Here each worker is an interpreter with
-pickles on its standard streams and ends with the pipes of this process.
+outlive a killed process; each runs the user's script again.
 """
 
 from __future__ import annotations
@@ -50,7 +48,7 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 
 
 class WorkersDied(Exception):
-    """Two workers died over the same task: which task, and how each ended."""
+    """Two workers died over the same task: which one, and how each ended."""
 
 
 class Workers:
@@ -84,7 +82,7 @@ class Workers:
         self.close()
 
     def close(self) -> None:
-        """Kill the workers, whatever they do; may be called again."""
+        """Kill the workers, whatever they do."""
         for worker in self._workers:
             worker.kill()
         for worker in self._workers:
@@ -97,15 +95,14 @@ class Workers:
         """Run batches of children, here and in the workers, and save their parts in the result folder.
 
         Args:
-            batches: numbers of the children of each batch.
-            on_step: called with a number of children when they have made a step, in any process.
+            on_step: called with a number of children when they have made a step.
 
         Yields:
             The children of each finished batch, in any order.
 
         Raises:
             SimulationError: two workers died over the same batch.
-            Exception: whatever a batch raises, in any process.
+            Exception: whatever a batch raises.
         """
         from scex_sumo.extrapolation.job import batch_runner
 
@@ -144,7 +141,7 @@ class Workers:
     def _share(
         self, worker: _Worker, work: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
     ) -> None:
-        """Give a worker batches while there are any, the first one when it is ready."""
+        """Give a worker batches while there are any."""
 
         def tick(children: int) -> None:
             reports.put(("step", children))
@@ -169,12 +166,10 @@ class Workers:
         """Do tasks in the workers alone; a task is taken when a worker is free.
 
         Args:
-            tasks: iterated in the caller's thread.
             where: describes a task, should its worker die.
 
         Yields:
-            Each task with its finished future, in the order in which they finish. The future raises
-            `WorkersDied` if two workers died over the task.
+            Each finished task with its future, which raises `WorkersDied` if two workers died.
         """
         waiting, idle, packed = iter(tasks), deque(self._workers), _pickled(work)
         running: dict[Future[Any], tuple[T, _Worker]] = {}
@@ -191,10 +186,7 @@ class Workers:
                 yield task, future
 
     def submit(self, function: Callable[[], Any], *, where: str) -> Future[Any] | None:
-        """Let a worker call a function before its next task; return its future, or None without workers.
-
-        The future raises `WorkersDied` if two workers died.
-        """
+        """Let a worker call a function before its next task; return its future, or None without workers."""
         if not self._workers:
             return None
         worker = self._workers[-1]
@@ -220,7 +212,7 @@ class Workers:
 
 
 def succeeded(future: Future[Any]) -> bool:
-    """Wait for a submitted function; return False if workers died of it, and raise what it raised."""
+    """Wait for a submitted function; return False if workers died of it."""
     with suppress(WorkersDied):
         future.result()
         return True
@@ -239,7 +231,7 @@ def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
 
 
 class _Worker:
-    """A worker process, and the thread of this process that gives it tasks in order."""
+    """A worker process, and the thread that gives it tasks in order."""
 
     def __init__(self, folder: str) -> None:
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")
@@ -250,7 +242,7 @@ class _Worker:
         self.start()
 
     def start(self) -> None:
-        """Start the process, or another one in its place; raise EOFError if it has been killed for good."""
+        """Start the process, or another one; raise EOFError if it has been killed for good."""
         with self._starting:
             if self._ended:
                 raise EOFError
@@ -273,7 +265,7 @@ class _Worker:
         return self._answer(lambda children: None)
 
     def do(self, work: bytes, task: Any, on_step: OnStep) -> Report:
-        """Return the report when a task is done or has failed; raise one of `_DIED` if the process dies."""
+        """Return the report when a task is done or has failed."""
         report = self.open(work)
         if report[0] == "failed":
             return report
@@ -303,14 +295,13 @@ class _Worker:
         return f"signal {-status}" if status < 0 else f"exit status {status}"
 
     def kill(self) -> None:
-        """Kill the process for good; its thread may be waiting for an answer."""
+        """Kill the process for good."""
         with self._starting:
             self._ended = True
         if self._process is not None:
             self._process.kill()
 
     def join(self) -> None:
-        """Wait for the thread and the process after `kill`."""
         self.thread.shutdown(cancel_futures=True)
         if self._process is not None:
             self._process.wait()
@@ -375,7 +366,7 @@ def _write(stream: Any, content: Any) -> None:
 
 
 def _pickled(content: Any) -> bytes:
-    """Pickle; classes of the user's script by value, because a worker does not run the script."""
+    """Pickle; classes of the user's script by value, because a worker does not run it."""
     try:
         packed = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
     except (pickle.PicklingError, AttributeError, TypeError):

@@ -20,7 +20,7 @@ _Folder = TypeVar("_Folder", bound="OutputFolder")
 class OutputFolder:
     """Folder with ``incomplete.json`` while it is written, and the file of its contents once it is finished.
 
-    Both hold the identity of what is written, by which the same command finds its own folder again.
+    Both hold the identity by which the same command finds its own folder again.
     """
 
     info: ClassVar[str]
@@ -32,11 +32,7 @@ class OutputFolder:
     """Files that together show that a folder is ours if ``info`` is damaged."""
 
     def __init__(self, path: Path, configuration: Mapping[str, Any], *, overwrite: bool = False) -> None:
-        """Lock a folder and make it ready to be written.
-
-        Args:
-            path: the folder; it need not exist.
-            overwrite: replace a result with another configuration.
+        """Lock a folder and make it ready to be written; ``overwrite`` replaces another result.
 
         Raises:
             ResultError: it holds something else, cannot be written, or another process writes it.
@@ -62,7 +58,7 @@ class OutputFolder:
             raise
 
     def _make_free(self, overwrite: bool) -> None:
-        """Clear the folder unless it holds the same result; refuse a folder of another program."""
+        """Clear the folder unless it holds the same result; refuse one of another program."""
         names = (PENDING, _COPY, self.info)
         there = [name for name in names if (self.path / name).is_file()]
         identities = [found for name in there if (found := _identity_in(self.path / name))]
@@ -84,7 +80,6 @@ class OutputFolder:
         self._clear()
 
     def _is_ours(self) -> bool:
-        """Return whether other files show that a folder is ours whose ``info`` is damaged."""
         return bool(self.evidence) and all((self.path / name).exists() for name in self.evidence)
 
     def _clear(self) -> None:
@@ -122,6 +117,6 @@ def _identity_in(file: Path) -> str | None:
 
 
 def as_json(content: Mapping[str, Any], *, indent: int | None = None, allow_nan: bool = True) -> str:
-    """Return an object as JSON in one line, with sorted keys, or indented."""
+    """Return an object as JSON: in one line with sorted keys, or indented."""
     sort = indent is None
     return json.dumps(content, sort_keys=sort, indent=indent, default=str, allow_nan=allow_nan) + "\n"
