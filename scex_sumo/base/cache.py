@@ -122,16 +122,13 @@ def _unpacked(packed: bytes, classes: dict[str, type]) -> Any:
 
 @cache
 def code_key() -> bytes:
-    """Return the state of our own modules and NumPy: the part of cache keys that changes with the code."""
-    state, folders = [], [str(Path(__file__).parents[1])]
-    for folder in folders:
-        for entry in os.scandir(folder):
-            if entry.name.endswith(".py"):
-                at = entry.stat()
-                state.append((entry.name, at.st_size, at.st_mtime_ns))
-            elif entry.is_dir() and entry.name != "__pycache__":
-                folders.append(entry.path)
-    return repr((np.__version__, sorted(state))).encode()
+    """Return the SHA-256 of our own modules and NumPy's version, for cache keys; read once in a process."""
+    digest = hashlib.sha256(np.__version__.encode())
+    for folder, _, names in sorted(os.walk(Path(__file__).parents[1])):
+        for name in sorted(name for name in names if name.endswith(".py")):
+            source = Path(folder, name).read_bytes()
+            digest.update(f"\n{name} {len(source)}\n".encode() + source)
+    return digest.digest()
 
 
 _by_owner: dict[type, WeakKeyDictionary[Any, dict[Any, Any]]] = {}

@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 from scex_sumo.base.errors import SimulationError, UsageError
@@ -42,7 +43,7 @@ Work: TypeAlias = Callable[[], AbstractContextManager[Callable[[Any, OnStep], An
 Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
 
 _DIED = (EOFError, OSError, pickle.UnpicklingError)  # raised by the pipes of a process that has died
-_START = "import sys; sys.path[:] = {path!r}; from {module} import serve; serve()"
+_MAIN = str(Path(__file__).with_name("__main__.py"))
 # One thread each: the processes are the parallelism.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
@@ -249,7 +250,7 @@ class _Worker:
             self._close_pipes()
             self._work: bytes | None = None
             self._process = subprocess.Popen(
-                [sys.executable, "-c", _START.format(path=sys.path, module=__name__)],
+                [sys.executable, _MAIN],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 env={**os.environ, **_ONE_THREAD, "TMPDIR": self._folder},
