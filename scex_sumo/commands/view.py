@@ -59,11 +59,11 @@ def view_command(
 
 def _show(file: Path) -> None:
     """Open a file in sumo-gui until its window is closed; `ScexError` without a display."""
+    # A bare file name, because SUMO splits the paths of a configuration at commas.
+    by_hand = f"cd {shlex.quote(str(file.parent))} && sumo-gui -c {shlex.quote(file.name)}"
     if not os.environ.get("DISPLAY") and sys.platform.startswith("linux"):
-        raise ScexError(
-            f"no display for sumo-gui; on a machine with a display: sumo-gui -c {shlex.quote(str(file))}"
-        )
-    command = [program("sumo-gui"), "-c", file.name]  # SUMO splits paths at commas
+        raise ScexError(f"no display for sumo-gui; on a machine with a display: {by_hand}")
+    command = [program("sumo-gui"), "-c", file.name]
     status = subprocess.run(command, check=False, env=environment(), cwd=file.parent).returncode
     if status != 0:
-        raise ScexError(f"sumo-gui ended with status {status}; try it by hand: sumo-gui -c {file}")
+        raise ScexError(f"sumo-gui ended with status {status}; try it by hand: {by_hand}")

@@ -19,9 +19,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import combinations
 from math import comb
+from tempfile import TemporaryFile
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import InputError
@@ -38,7 +40,7 @@ _TYPICAL: Final = (0.6, 0.2, 0.1, 0.1)  # prior components of shares
 _PRIOR_CHILDREN: Final = 30  # weight of the typical components
 _BLOCK_ROWS: Final = 1024
 MAX_DOUBLE: Final = 4096
-"""Children up to which matrices of blocks are kept in double precision; of 10 000 they take 400 MB."""
+"""Children up to which memory keeps the matrices of blocks; for more, a file does, in single precision."""
 
 _THRESHOLDS: Final = 33
 _WIDEST: Final = 0.9  # quantile over thresholds
@@ -216,15 +218,19 @@ class _Block:
         after = [*means[ORDERS:], 1 / self.size, 1 / self.size]
         self.kernel_means = np.array([*means[:ORDERS], (2 * after[0] + after[1]) / 3])
         prior = self.of_orders(_FORMS_FOR)
+        del every  # the highest orders
         inverse = np.linalg.inv(sum(p * k for p, k in zip(prior, kernels, strict=True)))
         sums = inverse.sum(axis=1)
         # Projects the estimated mean out.
-        self._projection = inverse - np.outer(sums, sums) / sums.sum()
-        parts = [self._projection @ kernel for kernel in kernels]
+        inverse -= np.outer(sums, sums) / sums.sum()
+        parts = [inverse @ kernel for kernel in kernels]
         self.design = np.array([[np.sum(a * b.T) for b in parts] for a in parts])
-        if compact:
-            self._projection = self._projection.astype(np.float32)
-        self._kernels = [kernel.astype(self._projection.dtype, copy=False) for kernel in kernels[:-1]]
+        self._matrices: Sequence[NDArray[np.floating]] = [inverse, *kernels[:-1]]
+        self._file = TemporaryFile() if compact else None  # noqa: SIM115 - open as long as the block
+        if self._file is not None:
+            for matrix in self._matrices:
+                matrix.astype(np.float32).tofile(self._file)
+            self._matrices = ()
 
     def of_orders(self, components: Sequence[float]) -> FloatArray:
         """Return (K + 1,) components of the orders that occur, and of the rest."""
@@ -232,8 +238,12 @@ class _Block:
 
     def forms(self, values: FloatArray) -> FloatArray:
         """Return (K + 1, M) quadratic forms of the residuals of values (R, M)."""
-        residuals = self._projection @ values
-        alike = [kernel @ residuals for kernel in self._kernels]  # the rest has the identity
+        matrices = self._matrices
+        if self._file is not None:
+            self._file.seek(0)
+            matrices = np.fromfile(self._file, np.float32).reshape(-1, self.size, self.size)
+        residuals = matrices[0] @ values
+        alike = [kernel @ residuals for kernel in matrices[1:]]  # the rest has the identity
         return np.stack([(residuals * part).sum(axis=0) for part in (*alike, residuals)])
 
 
