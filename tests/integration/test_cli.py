@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo
+from scex_sumo.base.programs import program
 from scex_sumo.metrics.registry import COLUMNS, columns_of, metrics_named
 from tests.command import scex
 
@@ -164,6 +165,19 @@ def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path:
     for table in TABLES:
         name = f"{table}.parquet"
         assert (out / name).read_bytes() == (result / name).read_bytes(), name
+
+
+def test_a_result_folder_with_a_comma_is_written_and_its_future_opens_in_sumo(tmp_path: Path) -> None:
+    folder = tmp_path / "a,b" / "c,d"
+    options = ["--children", "2", "--steps", "3", "--models", "sumo:EIDM", "--reference", "none"]
+    done = scex("run", scex_sumo.example_path("roundabout"), *options, "-o", folder)
+    assert done.returncode == 0, done.stderr
+    shown = scex("view", folder, "--child", "1", "--write-only")
+    assert shown.returncode == 0, shown.stderr
+    file = Path(shown.stdout.strip())
+    command = [program("sumo"), "-c", file.name]
+    opened = subprocess.run(command, cwd=file.parent, capture_output=True, text=True, timeout=60, check=False)
+    assert opened.returncode == 0, opened.stderr
 
 
 def test_thresholds_are_the_users_where_given(tmp_path: Path) -> None:

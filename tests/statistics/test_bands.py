@@ -63,7 +63,7 @@ def test_a_run_until_a_band_is_the_same_whatever_the_batches_and_workers(tmp_pat
     for name, options in (("one", []), ("two", ["--workers", "2", "--batch", "32"])):
         done = scex("run", scex_sumo.example_path("motorway_merge"), *words, tmp_path / name, *options)
         assert done.returncode == 0, done.stderr
-        assert "after 130 children, not the +-0.01 asked for" in done.stdout
+        assert "after 130 futures, not the +-0.01 asked for" in done.stdout
     info = json.loads((tmp_path / "one" / "run.json").read_text())
     assert info["children"] == info["band"]["children"] == 130
     for name in ("metrics.parquet", "assignments.parquet", "tracks.parquet"):
