@@ -86,8 +86,8 @@ def write_validation_page(
         ),
         card(
             "Values",
-            "As recorded: with errors like those of the boxes put onto the children, for what was "
-            "recorded carries such errors, too.",
+            "Times count up to 10 s, 1/TTC up to 10 1/s, DRAC up to 20 m/s². As recorded: futures with "
+            "errors of the boxes like those of the recording.",
             table_place("values"),
         ),
         card(

@@ -78,6 +78,11 @@ EVENTS: Final = (
 
 
 MIN_DEFINED = 0.5  # share of the children in which a metric must be defined to forecast its value
+SCORED_UP_TO: Final = {"s": 10.0, "1/s": 10.0, "m/s²": 20.0}
+"""Value of a metric column in each unit from which on all values, inf too, are scored as equal.
+
+A closing speed near 0 makes a PTTC of 1e15 s, which would decide the mean score alone.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -206,15 +211,21 @@ def _brier_of(p: FloatArray, o: BoolArray) -> Callable[[IntArray], float]:
 
 
 def value_scores(found: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]:
-    """One row for each metric column: CRPS, its skill against constant velocity, coverage, ranks."""
+    """One row for each metric column: CRPS, its skill against constant velocity, coverage, ranks.
+
+    Values are bounded by `SCORED_UP_TO`.
+    """
     rng, rows = np.random.default_rng(seed), []
     for column, name in enumerate(found.columns):
         if name == COLLISION:
             continue
+        limit = SCORED_UP_TO.get(metric_of(name).column_unit, np.inf)
         cases: list[tuple[Any, ...]] = []
         for m, values in enumerate(found.children):
-            sample, y, straight = values[:, column], found.recorded[m, column], found.straight[m, column]
-            noisy = found.seen[m][:, column]
+            sample, noisy, y, straight = (
+                np.minimum(part[..., column], limit)
+                for part in (values, found.seen[m], found.recorded[m], found.straight[m])
+            )
             sample, noisy = sample[np.isfinite(sample)], noisy[np.isfinite(noisy)]
             least = MIN_DEFINED * len(values)
             if not (np.isfinite(y) and np.isfinite(straight)) or min(len(sample), len(noisy)) < least:
