@@ -1,7 +1,6 @@
-"""Compare runs by the densities of their metrics.
+"""Compare runs by the densities of their metrics: by the values, and by how often they are defined.
 
-Two runs differ in a metric by where its values lie (``values``) and by how often it is defined
-(``undefined``). Their distance is the mean over the metrics of the sum of both. Formulas: docs/compare.md.
+Formulas: docs/compare.md.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ class Comparison:
         scales: (M,) units of the values.
         values: (R, R, M) distance of the values.
         undefined: (R, R, M) difference of the defined shares; 0 for ``jsd``, which counts undefined children.
-        noise: (R,) distance that two runs of the same seed scene with as many children have by chance.
+        noise: (R,) distance by chance of two runs of the same seed scene with as many children.
     """
 
     kind: Kind
@@ -69,17 +68,17 @@ class Comparison:
 
     @property
     def chance(self) -> float:
-        """Typical distance of two runs of one seed scene; NaN where no run has two children."""
+        """Typical distance of two runs of one seed scene; NaN if no run has two children."""
         return float("nan") if np.isnan(self.noise).all() else float(np.nanmedian(self.noise))
 
     def nearest(self, run: int) -> IntArray:
-        """(R - 1,) all other runs, the most similar first; equally similar ones by name."""
+        """Return the other runs (R - 1,), the most similar first; equals by name."""
         others = np.array([r for r in range(len(self.labels)) if r != run], dtype=np.int64)
         names = np.array([self.labels[r] for r in others])
         return others[np.lexsort((names, self.total[run, others]))]
 
     def apart(self, first: int, second: int) -> list[tuple[str, float]]:
-        """Metrics with the distances of two runs in them, the largest first."""
+        """Return the metrics with the distances of two runs in them, the largest first."""
         distances = self.per_metric[first, second]
         return [(self.metrics[m], float(distances[m])) for m in np.argsort(-distances, kind="stable")]
 
@@ -91,7 +90,7 @@ def compare(runs: Sequence[Run], *, labels: Sequence[str] | None = None, distanc
 
     Args:
         runs: at least two, with the same metric columns.
-        labels: (R,) names; by default those of the seed scenes.
+        labels: (R,) names; default: those of the seed scenes.
         distance: ``w1``: Wasserstein-1 over the pooled scale, plus the difference of the defined shares;
             ``jsd``: square root of the Jensen-Shannon divergence of the densities.
 
@@ -110,8 +109,6 @@ def compare(runs: Sequence[Run], *, labels: Sequence[str] | None = None, distanc
 
 def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
     """Check that runs have the same length and metrics; return notes on other differences.
-
-    Longer children have worse extrema, and another preset measures other quantities: such runs are refused.
 
     Raises:
         UsageError: fewer than two runs.
@@ -152,7 +149,7 @@ def compare_samples(
     """Compute distances between runs from their metric values.
 
     Args:
-        samples: per metric R arrays (C,), NaN where undefined; C may differ between runs.
+        samples: per metric R arrays (C,), NaN if undefined; C may differ between runs.
         labels: (R,) names.
         distance: as of `compare`.
 
@@ -187,10 +184,9 @@ def _distances(columns: Columns, scale: Scale, kind: Kind) -> tuple[FloatArray, 
 
 
 def _noise(samples: Mapping[str, Columns], scales: Sequence[Scale], kind: Kind) -> FloatArray:
-    """(R,) distance of two random halves of each run's children, over the root of 2.
+    """Return distances (R,) of two random halves of each run's children, over the root of 2.
 
-    The distance of samples of one density falls with the root of their number; halves are half as large as
-    runs.
+    The distance of samples of one density falls with the root of their number.
     """
     runs = len(next(iter(samples.values())))
     noise = np.zeros((runs, len(samples)))
@@ -218,11 +214,10 @@ class Grouping:
     """Groups of R runs and the tree that they were cut from.
 
     Attributes:
-        linkage: (R - 1, 4) as scipy writes trees: the two parts joined, height in units of the distance,
-            size.
-        order: (R,) the runs as leaves of the tree, similar ones side by side.
+        linkage: (R - 1, 4) as in scipy: the two parts joined, height in units of the distance, size.
+        order: (R,) the runs as leaves of the tree.
         group: (R,) number of each run's group, from 1 on in the order of the leaves.
-        silhouette: (R,) how much better each run fits its own group than the next one, -1 to 1.
+        silhouette: (R,) see `silhouette`.
     """
 
     linkage: FloatArray
@@ -283,7 +278,6 @@ def group_runs(
 
 
 def _numbered(group: IntArray, leaves: IntArray) -> IntArray:
-    """Rename groups 1, 2, ... in the order of the leaves."""
     names: dict[int, int] = {}
     for leaf in leaves:
         names.setdefault(int(group[leaf]), len(names) + 1)
@@ -291,10 +285,10 @@ def _numbered(group: IntArray, leaves: IntArray) -> IntArray:
 
 
 def silhouette(distance: FloatArray, groups: Sequence[Hashable]) -> FloatArray:
-    """(R,) how much better each run fits its own group than the next best, -1 to 1.
+    """Return how much better each run (R,) fits its own group than the next best, -1 to 1.
 
     (b - a) / max(a, b) with the mean distance a to the others of its group, and b to those of the nearest
-    other group; 0 for a run alone in its group, and for one group only.
+    other group; 0 for a run alone in its group, and for one group.
 
     Source: Rousseeuw 1987.
     """

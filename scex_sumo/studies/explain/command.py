@@ -1,4 +1,4 @@
-"""``scex-sumo explain``: which vehicles' models make a run's values vary, and what makes them critical."""
+"""``scex-sumo explain``: vehicles whose models make a run's values vary or critical."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _write(path: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def _sources(effects: Sequence[Effect], ids: Sequence[int]) -> str:
-    """List the largest shares of the variance, and what is left; these sum to 100 %."""
+    """List the largest shares of the variance, and the rest, to 100 %."""
     parts = sorted((e for e in effects if e.kind != "rest"), key=lambda e: -e.share)
     named, small = parts[:_SHOWN_EFFECTS], parts[_SHOWN_EFFECTS:]
     words = [

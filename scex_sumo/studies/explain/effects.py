@@ -25,13 +25,12 @@ class Effect:
     """Share of a metric's variance that the models of one vehicle, or of two together, explain.
 
     Attributes:
-        kind: ``main`` (one vehicle), ``pair`` (two vehicles beyond their main effects), or ``rest`` (not
-            explained).
+        kind: ``main`` (one vehicle), ``pair`` (two vehicles beyond their main effects), or ``rest``.
         vehicle: index; -1 for the rest.
         other: index of the second vehicle of a pair, else -1.
-        share: of the variance, less the expectation under chance, 0 to 1; all shares of a metric sum to 1.
+        share: less the expectation under chance, 0 to 1; all shares of a metric sum to 1.
         raw_share: as fitted.
-        p_value: of the F test; NaN for the rest and where all assignments were run.
+        p_value: of the F test; NaN for the rest and if all assignments were run.
     """
 
     kind: Literal["main", "pair", "rest"]
@@ -48,8 +47,7 @@ class Condition:
     """Critical share of the children in which one or two vehicles have certain models.
 
     Attributes:
-        critical: number of critical ones among them.
-        share: critical share, with Wilson's 95 % interval ``low`` to ``high``, which the report shows, too.
+        share: critical share, with Wilson's 95 % interval ``low`` to ``high``, as in the report.
         covered: share of all critical children that are so.
     """
 
@@ -64,7 +62,7 @@ class Condition:
 
 
 class Cells:
-    """Children by the models that one vehicle has, or two have, for G groups of vehicles and K cells in all.
+    """Children by the models of one vehicle or two, for G groups of vehicles and K cells in all.
 
     Attributes:
         groups: (G) indices of one vehicle or two.
@@ -73,7 +71,6 @@ class Cells:
     """
 
     def __init__(self, levels: IntArray, groups: Sequence[tuple[int, ...]]) -> None:
-        """Number the cells of (C, V) models."""
         self.groups, names = list(groups), int(levels.max(initial=0)) + 1
         first, last = (levels[:, [group[end] for group in self.groups]] for end in (0, -1))
         numbers = (np.arange(len(self.groups)) * names + first) * names + last
@@ -83,21 +80,21 @@ class Cells:
         self.count = np.bincount(self._code, minlength=len(used))
 
     def sums(self, weights: FloatArray | BoolArray) -> FloatArray:
-        """(K,) sums of the weights (C,) of the children in each cell."""
+        """Return the sums (K,) of the weights (C,) of the children in each cell."""
         return np.bincount(self._code, np.repeat(weights, len(self.groups)), minlength=len(self.count))
 
     def of(self, group: int) -> IntArray:
-        """(C,) cell of each child in one group."""
+        """Return the cell (C,) of each child in one group."""
         return self._code[group :: len(self.groups)]
 
     def squares(self, values: FloatArray) -> tuple[FloatArray, IntArray]:
-        """(G,) sum of squares of values of mean 0 between the cells of each group, and its degrees."""
+        """Return sums of squares (G,) of values of mean 0 between the cells, and degrees (G,)."""
         between = self.sums(values) ** 2 / self.count
         size = len(self.groups)
         return np.bincount(self.group, between, minlength=size), np.bincount(self.group, minlength=size) - 1
 
     def models(self, cell: int) -> tuple[int, ...]:
-        """Models of the vehicles of a cell."""
+        """Return the models of the vehicles of a cell."""
         return tuple(self._models[cell, : len(self.groups[self.group[cell]])].tolist())
 
 
@@ -122,21 +119,20 @@ def effects(
 ) -> list[list[Effect]]:
     """Decompose the variance of each column of values over the models of vehicles.
 
-    Where every assignment occurs once, the shares are exact Sobol' indices of all vehicles and pairs.
-    Elsewhere least squares on indicators of the models, by forward selection: vehicles, then pairs, enter
-    while the F test finds them beyond chance (5 % after Bonferroni) and `CHILDREN_PER_PARAMETER` allows. Each
-    gets what it adds to the fit, less the expectation under chance (Kelley 1935).
+    If every assignment occurs once, the shares are exact Sobol' indices of all vehicles and pairs. Else they
+    are of a least squares fit by forward selection: vehicles, then pairs, enter while the F test finds them
+    beyond chance (5 % after Bonferroni) and `CHILDREN_PER_PARAMETER` allows.
 
     Args:
         levels: (C, V) model of each vehicle in each child.
         values: (C, Q); undefined (NaN) and infinite ones are left out.
-        pairs: two vehicles that may have an effect together, the lower index first; None for any two.
+        pairs: vehicles that may have an effect together, the lower index first; None for any two.
         progress: called with (columns done, columns in all).
 
     Returns:
-        For each column the effects, then the rest; empty where the values do not vary, or are too few.
+        For each column the effects, then the rest; empty if the values do not vary, or are too few.
 
-    Source: Sobol' 1993; Saltelli et al. 2008; Efroymson 1960 for the selection.
+    Source: Sobol' 1993; Efroymson 1960 for the selection; Kelley 1935 for the expectation under chance.
     """
     found = []
     for column in range(values.shape[1]):
@@ -171,15 +167,13 @@ def _effects_of(
 
 
 class _Fit:
-    """Least squares fit of values of mean 0 to which terms, one vehicle or two, are added."""
-
     def __init__(self, values: FloatArray) -> None:
         self.total, self.residual = float(values @ values), values
         self.basis = np.full((len(values), 1), len(values) ** -0.5)  # orthonormal
         self.terms: dict[tuple[int, ...], tuple[float, int, float]] = {}  # gain, degrees, p value
 
     def add_all(self, cells: Cells) -> None:
-        """Add all terms of a design in which these are orthogonal; nothing is left to chance."""
+        """Add all terms of a design in which they are orthogonal."""
         gains, degrees = cells.squares(self.residual)
         for term, gain, free in zip(cells.groups, gains.tolist(), degrees.tolist(), strict=True):
             inner = [self.terms[v,] for v in term] if len(term) > 1 else []
@@ -249,13 +243,9 @@ class _Fit:
 
 
 def conditions(cells: Cells, critical: BoolArray) -> list[Condition]:
-    """Compute critical shares under the models of one vehicle and of two, where they are beyond chance.
+    """Return critical shares (of (C,) critical children) under models, if beyond chance.
 
-    Args:
-        critical: (C,).
-
-    Returns:
-        Ordered by the lower limit of the critical share, highest first; of equals, the simpler first.
+    Ordered by the lower limit of the critical share, highest first; of equals, the simpler first.
     """
     hits = cells.sums(critical)
     beyond = _beyond_chance(cells.count, hits, float(np.mean(critical)))
@@ -264,7 +254,6 @@ def conditions(cells: Cells, critical: BoolArray) -> list[Condition]:
 
 
 def _beyond_chance(count: FloatArray | IntArray, hits: FloatArray, share: float) -> list[int]:
-    """Cells that are critical more often than chance would make any of so many."""
     from scipy.special import bdtrc
 
     enough = count >= MIN_CHILDREN
@@ -290,12 +279,8 @@ def _condition(cells: Cells, cell: int, hits: FloatArray, total: int) -> Conditi
 def covering(cells: Cells, critical: BoolArray, most: int) -> list[Condition]:
     """Choose at most ``most`` conditions that together account for much of what is critical.
 
-    Each step takes the condition with the most critical children beyond the overall share, counted with the
-    lower limit of Wilson's interval, among children without a condition taken so far; only those beyond
-    chance count.
-
-    Returns:
-        Conditions with their numbers over all children.
+    Each step takes the condition beyond chance with the most critical children beyond the overall share, by
+    Wilson's lower limit, among children without a condition so far.
 
     Source: sequential covering, Clark, Niblett 1989.
     """

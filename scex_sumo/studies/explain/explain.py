@@ -1,4 +1,4 @@
-"""Explain criticality: which vehicles' models make the values vary, and what makes them critical."""
+"""Explain criticality: the vehicles whose models make values vary, or critical."""
 
 from __future__ import annotations
 
@@ -35,12 +35,9 @@ class Explanation:
 
     Attributes:
         defined: number of children in which it is defined.
-        effects: see `effects`.
-        threshold: of criticality; the limit of the most critical tenth where the metric has none.
+        threshold: of criticality; the limit of the most critical tenth if the metric has none.
         given: whether the threshold is the run's.
         p_critical: critical share of all children.
-        conditions: more critical than the scene overall, see `conditions`.
-        rules: a few conditions that account for much of what is critical, see `covering`.
         worst: most critical children, the worst first.
     """
 
@@ -60,7 +57,7 @@ class Explanation:
         return pair_of(self.metric)
 
     def question(self, name: str, signs: tuple[str, str] = ("<=", ">=")) -> str:
-        """Say what is critical, with the metric's ``name`` and the signs of the left and the right side."""
+        """Return in words what is critical; ``signs`` of the left and the right side."""
         if self.metric == COLLISION:
             return COLLISION
         if self.pair:

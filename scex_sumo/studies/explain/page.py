@@ -1,4 +1,4 @@
-"""Page of an explanation: which vehicles' models make a scene critical."""
+"""Page of an explanation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def write_explanations(
     names: Sequence[str],
     worst: Mapping[str, Sequence[Mapping[str, Any]]],
 ) -> Path:
-    """Write the page into the folder of the run; ``names`` are of the models, ``worst`` rows by metric."""
+    """Write the page into the run's folder, with model ``names`` and ``worst`` rows by metric."""
     ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
     said = [_sentences(one, ids, names) for one in found if one.given]
     metrics = [one for one in found if one.metric in run.columns and not one.metric.endswith("_mean")]

@@ -30,10 +30,10 @@ class MomentReport:
 def write_moment_report(
     task: MomentTask, command: Sequence[str], path: Path, workers: Workers
 ) -> MomentReport | None:
-    """Run the children of a moment and write their report; None where they cannot be run.
+    """Run the children of a moment and write their report; None if they cannot be run.
 
     Args:
-        task: the moment, its road and its children.
+        task: the moment with its road.
         command: runs the moment by itself; its last word is the folder.
     """
     assert task.road is not None

@@ -73,7 +73,6 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, work
 def _write_reports(
     run: RankingRun, refs: Sequence[MomentRef], folder: Path, workers: Workers
 ) -> dict[str, MomentReport]:
-    """Write reports of the moments whose children can be run; return them by moment."""
     found = {}
     for task in run.tasks(refs):
         path = folder / REPORTS / f"{task.ref.moment}.html"
@@ -84,7 +83,6 @@ def _write_reports(
 
 
 def _command(run: RankingRun, ref: MomentRef) -> list[str]:
-    """Command that runs a moment by itself."""
     recording = next(r for r in run.recordings if r.name == ref.recording)
     paths, models = recording.track_paths, run.settings.models
     words = ["scex-sumo", "run", str(recording.map_path)]
@@ -113,7 +111,6 @@ def _moment(
     command: str,
     limits: Mapping[str, float],
 ) -> Html:
-    """Card of a moment: its picture, what happens there, and how to look closer."""
     name = row["seed"]
     title = element("h2", element("b", str(row["rank"])), f" {name}")
     where = f", case {row['case']}" if row["case"] else ""
@@ -146,7 +143,6 @@ def _critical(column: str, limit: float) -> str:
 
 
 def _share(words: str, row: Mapping[str, Any], name: str) -> Html:
-    """Share of the children with its interval, as a bar."""
     value, low, high = (row[f"{name}{end}"] for end in ("", "_low", "_high"))
     plane = Plane(x=(0.0, 1.0), width=200, height=10)
     drawn = [plane.box((0.0, value), (0.2, 0.8), "drawn"), plane.box((0.0, value), (0.2, 0.8), "drawn")]
@@ -195,7 +191,7 @@ def _more(seeds: int) -> str:
 
 
 def _strips(ranking: pa.Table, tops: Sequence[Mapping[str, Any]]) -> list[Html]:
-    """Score over time of the recordings that the top moments come from."""
+    """Draw the score over time of the recordings that the top moments come from."""
     names = list(dict.fromkeys(row["recording"] for row in tops if not row["case"]))
     strips = []
     for name in names:
