@@ -28,11 +28,11 @@ class TrackQuality:
     """Agreement of tracks with themselves and with their map.
 
     Attributes:
-        factor: driven path over the integral of the speed of moving samples.
+        factor: driven path over the integral of the speed.
         braking: 1st percentile of the acceleration, m/s².
         accelerating: 99th percentile of the acceleration, m/s².
-        turned: median unsigned angle between heading and motion above 3 m/s, rad.
-        off_lane: median distance to the middle of the matched lane, m.
+        turned: median angle between heading and motion, rad.
+        off_lane: median distance to the middle of the lane, m.
     """
 
     factor: float

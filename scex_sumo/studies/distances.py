@@ -137,13 +137,12 @@ class Errors:
     jsd: FloatArray
 
 
-def errors(values: FloatArray, draws: Sequence[IntArray] | IntArray, *, with_jsd: bool = True) -> Errors:
+def errors(values: FloatArray, draws: Sequence[IntArray] | IntArray) -> Errors:
     """Compute distances between the distribution of a metric over some children and over all.
 
     Args:
         values: (N,) of all children; only finite ones count.
-        draws: D arrays of children; a child may occur more than once.
-        with_jsd: False leaves ``jsd`` NaN, which takes longest.
+        draws: D arrays of children.
     """
     defined = np.flatnonzero(np.isfinite(values))
     nothing = np.full(len(draws), np.nan)
@@ -161,8 +160,7 @@ def errors(values: FloatArray, draws: Sequence[IntArray] | IntArray, *, with_jsd
     ks, w1, jsd = nothing, nothing.copy(), nothing.copy()
     ks[some] = apart.max(axis=1)
     w1[some] = apart[:, :-1] @ np.diff(at)
-    if with_jsd:
-        jsd[some] = _divergence(at, share, whole)
+    jsd[some] = _divergence(at, share, whole)
     return Errors(ks=ks, w1=w1, jsd=jsd)
 
 

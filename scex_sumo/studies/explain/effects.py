@@ -119,13 +119,13 @@ def effects(
 ) -> list[list[Effect]]:
     """Decompose the variance of each column of values over the models of vehicles.
 
-    If every assignment occurs once, the shares are exact Sobol' indices of all vehicles and pairs. Else they
-    are of a least squares fit by forward selection: vehicles, then pairs, enter while the F test finds them
-    beyond chance (5 % after Bonferroni) and `CHILDREN_PER_PARAMETER` allows.
+    Exact Sobol' indices if every assignment occurs once. Else a least squares fit by forward selection:
+    vehicles, then pairs, enter if the F test finds them beyond chance (5 % after Bonferroni) and
+    `CHILDREN_PER_PARAMETER` allows.
 
     Args:
         levels: (C, V) model of each vehicle in each child.
-        values: (C, Q); undefined (NaN) and infinite ones are left out.
+        values: (C, Q); only finite ones count.
         pairs: vehicles that may have an effect together, the lower index first; None for any two.
         progress: called with (columns done, columns in all).
 

@@ -36,15 +36,12 @@ def moment_tasks(
     wanted: Callable[[Listing], Sequence[MomentRef]],
     choose: Callable[[LoadedRecording], Sequence[Moment]] | None = None,
 ) -> Iterator[Item]:
-    """Yield the tasks of all wanted moments; a moment that fails stops none of the others.
+    """Yield the listing of each recording that had none, then its tasks; failures in their place.
 
     Args:
         listings: by recording; a recording without wanted moments is not loaded.
         wanted: the moments of a recording that shall run.
-        choose: the moments of a recording without a listing; default: one every ``settings.every`` seconds.
-
-    Yields:
-        The listing of each recording that had none, then its tasks; failures in their place.
+        choose: the moments of a recording without a listing.
     """
     for recording in recordings:
         listing = listings.get(recording.name)

@@ -21,10 +21,10 @@ class StudySettings:
     """Settings that all studies of moments share.
 
     Attributes:
-        run: of each moment; its models are kept as on the command line, SUMO checks samples of its children.
+        run: of each moment; SUMO checks samples of its children.
         every: least time between two moments of a recording, s; every case is a moment.
-        min_vehicles: moments with fewer moving vehicles are left out.
-        cache: take converted nets from ``~/.cache/scex-sumo`` and keep them there.
+        min_vehicles: least number of moving vehicles.
+        cache: use converted nets in ``~/.cache/scex-sumo``.
         weights: SHA-256 of the weights by learned model.
 
     Raises:

@@ -27,8 +27,8 @@ class Places:
     """Ranks of n moments, 1 the most critical.
 
     Attributes:
-        score: (n,) mean over the children, see `scex_sumo.studies.rank.children.score_of`.
-        rank: (n,) 1 plus the number of moments with a greater score, or an equal one and more severe.
+        score: (n,) mean over the children.
+        rank: (n,) 1 plus the number of more critical moments.
         low: (n,) best rank of the 95 % interval.
         high: (n,) worst rank of the 95 % interval.
     """
@@ -63,10 +63,9 @@ def severity_share(values: FloatArray) -> FloatArray:
 def place(
     score: FloatArray, error: FloatArray, *, severity: FloatArray | None = None, seed: int, draws: int = DRAWS
 ) -> Places:
-    """Rank moments by score, then by `severity_share`, with intervals.
+    """Rank moments by score, then by `severity_share`, with 95 % intervals.
 
-    Each score is drawn ``draws`` times from the normal distribution of its standard error, cut at 0; the
-    interval holds the middle 95 % of the ranks.
+    Scores are drawn from the normal distribution of their standard error, cut at 0.
 
     Args:
         score: (n,) mean over the children; larger is more critical.
@@ -147,9 +146,7 @@ def current_places(refs: Sequence[MomentRef], tallies: Mapping[str, Sequence[Tal
 def undecided(
     refs: Sequence[MomentRef], tallies: Mapping[str, Sequence[Tally]], number: int, *, top: int, seed: int
 ) -> list[MomentRef]:
-    """Return the moments that get more children in a round.
-
-    They had children in the round before, may be among the moments on the page, and their rank is uncertain.
+    """Return the moments of the round before that may reach the page and whose rank is uncertain.
 
     Args:
         refs: moments without failure, in the order of the dataset.
@@ -171,9 +168,7 @@ def undecided(
 
 
 def distinct_moments(refs: Sequence[MomentRef], order: Sequence[int], top: int) -> list[int]:
-    """Return the ``top`` best moments that show different situations, as indices, best first.
-
-    Of moments of one recording less than `NEARBY_S` apart only the best counts; cases are all different.
+    """Return the ``top`` moments that show different situations, as indices, best first.
 
     Args:
         order: indices of the moments, best first.

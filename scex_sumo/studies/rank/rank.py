@@ -64,8 +64,6 @@ def rank(
 ) -> Ranking:
     """Run every moment of a dataset a few times, the promising ones more often, and rank them.
 
-    The result depends on neither ``workers`` nor ``cluster``, nor on interruptions.
-
     Args:
         roots: folders of recordings, or single files.
         out: folder of the ranking; an interrupted one goes on.
@@ -75,11 +73,11 @@ def rank(
         overwrite: replace another ranking in ``out``.
         command: the command line, for ``rank.json``.
         progress: called with (children done, children expected).
-        run: models, steps, replan, preset, metrics, seed and thresholds, as of `extrapolate`.
+        run: settings as of `extrapolate`.
 
     Raises:
         UsageError: an argument makes no sense.
-        TrackError: no recordings, or no moment in them.
+        TrackError: no moment can be run.
         ResultError: the folder cannot be written or holds something else.
 
     Example:

@@ -117,14 +117,13 @@ def study(
 ) -> list[dict[str, Any]]:
     """Return median and 95th percentile of the distances of smaller samples to all children.
 
+    Rows of metric, design, size, draws, defined_draws, and median and p95 of ks, w1 and jsd; None if
+    undefined.
+
     Args:
         sizes: numbers of children; those above the number of assignments are left out.
-        designs: ``random`` takes subsets without replacement, as the paper does; ``balanced`` its designs.
+        designs: ``random``: subsets without replacement; ``balanced``: its designs.
         progress: called with (metrics done, metrics in all).
-
-    Returns:
-        Rows of metric, design, size, draws, defined_draws, and median and p95 of ks, w1 and jsd; None if the
-        metric is defined in no draw.
     """
     models, vehicles = len(run.info["models"]), run.info["seed_scene"]["vehicles"]
     if run.children != models**vehicles:

@@ -15,13 +15,13 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class BrierParts:
-    """Brier score and its parts: score = reliability - resolution + uncertainty + within.
+    """Brier score = reliability - resolution + uncertainty + within.
 
     Attributes:
         score: mean (p - o)².
-        reliability: distance of forecasts from the frequencies that followed them; 0 is best.
-        resolution: distance of those frequencies from the base rate; large is good.
-        uncertainty: base rate · (1 - base rate), the score of the base rate as forecast.
+        reliability: distance of forecasts from the frequencies that followed them.
+        resolution: distance of those frequencies from the base rate.
+        uncertainty: score of the base rate as forecast.
         within: 0 if all forecasts of a bin are equal.
     """
 
@@ -173,11 +173,9 @@ def group_bootstrap(
 ) -> tuple[float, float]:
     """Return the 95 % interval of a statistic from whole groups drawn with replacement.
 
-    Neighbouring moments of a recording are not independent.
-
     Args:
         statistic: of the indices (n,) of some rows; NaN if undefined.
-        groups: (N,) group of each row; the interval of a single group is NaN.
+        groups: (N,) group of each row; one group has the interval NaN.
 
     Source: Davison and Hinkley 1997, section 3.8.
     """

@@ -95,10 +95,8 @@ class Forecasts:
         seen: (M) the same with errors of boxes.
         recorded: (M, K) what happened.
         straight: (M, K) constant velocity.
-        now: (M, K) the seed moment itself.
-        group: (M,) number of each moment's recording.
-        vehicles: rows of all moments, with their group, like ``encounters``.
-        realism: (M,) score.
+        now: (M, K) the seed moment.
+        group: (M,) recording.
     """
 
     refs: Sequence[MomentRef]

@@ -82,7 +82,6 @@ def validate(
     Args:
         roots: folders of recordings, or single files.
         out: folder of the validation; an interrupted one goes on.
-        children: of each moment.
         every: as of `scex_sumo.studies.validate.settings.ValidationSettings`, like the next two.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
@@ -92,7 +91,7 @@ def validate(
 
     Raises:
         UsageError: an argument makes no sense.
-        TrackError: no recordings, or no moment in them that can be judged.
+        TrackError: no moment can be judged.
         ResultError: the folder cannot be written or holds something else.
 
     Example:

@@ -53,8 +53,8 @@ def position_forecasts(
 ) -> pa.Table:
     """Return one row of `POSITIONS` for each vehicle recorded to the end and each second.
 
-    Along and across the recorded heading: whether the recorded position is within the 5-95 % of the children
-    (``covered`` as driven, ``seen`` with errors of boxes), and its rank among the latter in (0, 1).
+    Along and across the heading: coverage by the 5-95 % of the children (``seen``: with errors of boxes), and
+    the rank in (0, 1).
 
     Args:
         children: (C, T, V).
