@@ -30,6 +30,7 @@ DATASETS = Registry(
     kind="dataset",
     builtin={"interaction": "scex_sumo.converters.datasets.interaction:INTERACTION"},
 )
+SIGNALS = Registry(group="scex_sumo.signals", kind="recording of signals")
 
 _Format = TypeVar("_Format", "MapFormat", "Dataset")
 

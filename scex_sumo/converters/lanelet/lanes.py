@@ -188,8 +188,10 @@ def unknown_subtypes(
     linked = _linked([v for v in vertices if v.lanelet_id in driven | wide]) if wide else {}
     connected = {i for i in wide if linked.get(i)}
     roads = _reached(driven, linked) & wide if driven else connected
-    while more := {i for i in connected - roads if unknown[i] in {unknown[j] for j in roads}}:
-        roads |= _reached(more, linked) & wide
+    words: set[str] = set()
+    while fresh := {unknown[i] for i in roads} - words:
+        words |= fresh
+        roads |= _reached({i for i in connected if unknown[i] in fresh}, linked) & wide
     return _by_word(unknown, roads), _by_word(unknown, set(unknown) - roads)
 
 

@@ -12,6 +12,7 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.lanelet.file import MapFile, Relation, Tags
 from scex_sumo.converters.lanelet.markings import Points
+from scex_sumo.converters.lanes_ahead import lanes_ahead
 from scex_sumo.geometry.polylines import along, length_of, turn
 from scex_sumo.road import Lane, Regulation
 
@@ -155,24 +156,8 @@ def _lanes_at(stop: FloatArray, lanes: Mapping[int, Lane]) -> Iterator[int]:
                 yield i
         elif lane.conflicts:
             yield from (j for j in onward if lanes[j].conflicts)
-        elif _contested(lanes, onward):
+        elif any(lanes[j].conflicts for j in lanes_ahead(lanes, onward, AHEAD_M)):
             yield i
-
-
-def _contested(lanes: Mapping[int, Lane], ids: Iterable[int]) -> bool:
-    """Return whether other traffic crosses or joins within 30 m along some lanes."""
-    stack = [(i, 0.0) for i in ids]
-    reached: dict[int, float] = {}
-    while stack:
-        i, start = stack.pop()
-        if i not in lanes or start > AHEAD_M or start >= reached.get(i, math.inf):
-            continue
-        reached[i] = start
-        if lanes[i].conflicts:
-            return True
-        end = start + max(length_of(lanes[i].centreline), 0.1)
-        stack += [(j, end) for j in lanes[i].successors]
-    return False
 
 
 def _bare_lights(bare: Sequence[int], free: Mapping[int, FloatArray], lines: Points) -> Iterator[Regulation]:

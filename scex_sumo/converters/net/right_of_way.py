@@ -147,12 +147,13 @@ def _weight(a: Link, b: Link, yielding: set[int], priority: set[int]) -> int:
 
 
 def _zippers(links: Sequence[Link], merging: set[frozenset[int]], ruled: set[frozenset[int]]) -> set[int]:
+    free = merging - ruled
     good = {
         i
         for i, a in enumerate(links)
         if a.foes
         and all(
-            frozenset((i, j)) in merging - ruled
+            frozenset((i, j)) in free
             and a.on_ring == links[j].on_ring
             and abs(turn(a.entry, links[j].entry)) < SAME_WAY
             for j in a.foes

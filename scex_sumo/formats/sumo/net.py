@@ -18,7 +18,7 @@ from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.net.allowed import allowed_copy, prune
 from scex_sumo.converters.net.lanelets import lane_names, lanelet_places, named_parts, put_together
-from scex_sumo.converters.net.reader import DEFAULT_WIDTH_M, net_root
+from scex_sumo.converters.net.reader import DEFAULT_WIDTH_M, MAX_M, net_root
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.formats.sumo.fcd import ENDINGS
 from scex_sumo.geometry.polylines import arc_lengths
@@ -26,7 +26,7 @@ from scex_sumo.road import Area, Lane, Marking, Regulation, Road
 from scex_sumo.roads.conflicts import overlapping
 
 MIN_LENGTH_M = 0.05  # lanes without length are extended to this
-MAX_M, MAX_WIDTH_M, MAX_SPEED_MPS = 1e8, 100.0, 1000.0  # of coordinates, lanes and speed limits
+MAX_WIDTH_M, MAX_SPEED_MPS = 100.0, 1000.0
 MAX_CORNER = 3.0  # corners of borders reach out at most this many times the half width
 CHANGED = "the net was converted by scex-sumo and changed since: its lanes are read as they are now"
 _STOPS = {"allway_stop": "all_way_stop", "priority_stop": "stop"}
