@@ -47,7 +47,6 @@ class _Trace:
     line: shapely.LineString
 
     def near(self, line: shapely.LineString) -> FloatArray:
-        """Distance of each point to a line, m."""
         off: FloatArray = shapely.distance(shapely.points(self.points), line)
         return off
 

@@ -69,7 +69,6 @@ def judge_loading(matching: Matching) -> dict[str, Any]:
 
 
 def _run(net: Path, name: str, option: str, *options: str) -> tuple[str, ...]:
-    """Return what a program of SUMO writes to its error stream; it runs in the folder of the net."""
     command = [program(name), option, checked_path(net.name), *options]
     try:
         done = subprocess.run(
@@ -111,7 +110,6 @@ def _probe_points(road: Road) -> tuple[FloatArray, list[int], FloatArray]:
 
 
 def _ask_sumo(net: NetContent, points: FloatArray, directions: FloatArray) -> list[str]:
-    """Return SUMO's lane at each point; empty if it finds none."""
     import sumolib
     import traci
 

@@ -62,7 +62,6 @@ def regulations(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> 
 
 
 def _lines_and_lights(element: Relation, map_file: MapFile) -> tuple[list[int], list[int]]:
-    """Return ids of an element's stop lines and lights, by type: some maps swap their roles."""
     ways = _ways(element, ("refers", "ref_line", "stop_line"), map_file)
     kinds = {i: (role, tags.get("type")) for i, (role, tags) in ways.items()}
     swapped = ("ref_line", "traffic_sign") in kinds.values()
@@ -81,14 +80,12 @@ def _ways(element: Relation, roles: tuple[str, ...], map_file: MapFile) -> _Tagg
 
 
 def _signs(element: Relation, map_file: MapFile) -> tuple[str, ...]:
-    """Return the signs of an element as written: its own ``sign_type``, the subtypes of its ways."""
     ways = _ways(element, ("refers", "ref_line"), map_file).values()
     signs = [tags.get("subtype", "") for _, tags in ways if tags.get("type") == "traffic_sign"]
     return tuple(sign for sign in [element.tags.get("sign_type", ""), *signs] if sign)
 
 
 def _kind(element: Relation, signs: Iterable[str]) -> str | None:
-    """Return the kind of a regulatory element, or None if it regulates no right of way."""
     subtype = element.tags.get("subtype", "")
     if subtype in _REGULATIONS:
         return subtype
@@ -161,7 +158,6 @@ def _lanes_at(stop: FloatArray, lanes: Mapping[int, Lane]) -> Iterator[int]:
 
 
 def _bare_lights(bare: Sequence[int], free: Mapping[int, FloatArray], lines: Points) -> Iterator[Regulation]:
-    """Yield a rule for each stop line without an element that has such lights near it."""
     places = {i: shapely.LineString(line) for i, line in free.items()}
     lights: dict[int, list[int]] = {}
     for i in bare:

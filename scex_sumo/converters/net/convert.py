@@ -103,7 +103,6 @@ def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
 
 
 def _side_lanes(road: Road) -> NetLayout:
-    """Plan the lanes for buses or bicycles only."""
     own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}
     ends = {i: (lane.centreline[0], lane.centreline[-1]) for i, lane in own.items()}
     following = {
@@ -130,7 +129,6 @@ def _side_lanes(road: Road) -> NetLayout:
 
 
 def _with_fixed_programmes(recorded: Programme | None, fixed: list[Programme]) -> list[Programme]:
-    """Add the fixed programs of links that the recorded one does not control."""
     if recorded is None:
         return fixed
     taken = {c.internal.name for c in recorded.connections}

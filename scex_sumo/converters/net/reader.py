@@ -209,7 +209,6 @@ def read_net(path: Path) -> NetContent:
 
 
 def _checked(path: Path, element: Element, make: Callable[..., Made], *context: Element) -> Made:
-    """Read an element; an attribute that is missing or no number is an error that names both."""
     try:
         return make(element, *context)
     except KeyError as error:
@@ -221,7 +220,6 @@ def _checked(path: Path, element: Element, make: Callable[..., Made], *context: 
 
 
 def _permits_cars(element: Element, allow: str = "allow", disallow: str = "disallow") -> bool:
-    """Whether an element's lists let passenger cars pass; neither list lets every vehicle pass."""
     allowed, banned = element.get(allow), element.get(disallow)
     if allowed:
         return allowed == "all" or CAR in allowed.split()
@@ -253,7 +251,6 @@ def _offset(location: Element) -> FloatArray:
 
 
 def _ends(connection: Element) -> tuple[str, str]:
-    """Return the lanes that a connection leaves and enters."""
     source = f"{connection.get('from')}_{connection.get('fromLane')}"
     return source, f"{connection.get('to')}_{connection.get('toLane')}"
 

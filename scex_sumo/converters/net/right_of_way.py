@@ -194,7 +194,6 @@ def _state(link: Link, index: int, rules: Sequence[Regulation], zippers: set[int
 
 
 def _waits_for_itself(links: Sequence[Link], index: int) -> bool:
-    """Whether a chain of links that give way leads back to this link."""
     seen: set[int] = set()
     stack = list(links[index].response)
     while stack:

@@ -76,7 +76,7 @@ class Chains:
     def too_large(self, piece: Piece) -> MapError:
         """Return the error for a junction that SUMO cannot hold."""
         return MapError(
-            f"lanelet {self.rows[piece[0]].lanes[piece[2]]}: the junction behind it has more than {MAX_LINKS} "
+            f"lanelet {self.rows[piece[0]].lanes[piece[2]]}: its junction would have more than {MAX_LINKS} "
             "connections, which SUMO refuses; remove lanelets that overlap or meet there by mistake"
         )
 

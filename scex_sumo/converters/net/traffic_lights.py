@@ -114,7 +114,6 @@ def _clusters(against: Sequence[set[int]]) -> list[list[int]]:
 def _stages(
     cluster: Sequence[int], against: Sequence[set[int]], links: Sequence[Sequence[Connection]]
 ) -> list[list[int]]:
-    """Group elements that can be green together: without conflict, or oncoming."""
     stages: list[list[int]] = []
     for i in cluster:
         for stage in stages:
@@ -131,7 +130,6 @@ def _oncoming(a: Sequence[Connection], b: Sequence[Connection]) -> bool:
 
 
 def _phases(links: Sequence[Connection], greens: Sequence[set[int]]) -> tuple[tuple[float, str], ...]:
-    """Green, yellow and all red for one stage after the other."""
     phases: list[tuple[float, str]] = []
     for k, green in enumerate(greens):
         following = greens[(k + 1) % len(greens)]
@@ -231,7 +229,6 @@ def _free_after(phases: _Phases, free: Sequence[bool], p: int) -> float:
 
 
 def _with_phase_of_their_own(phases: _Phases, crossings: int, closed: Sequence[int]) -> _Phases:
-    """Append a change to red, and a phase in which the ``closed`` crossings are free."""
     last = phases[-1][1]
     links = len(last) - crossings
     change = "".join("y" if x in "Gg" and k < links else "r" for k, x in enumerate(last))

@@ -131,7 +131,6 @@ def _open(path: Path, root: ElementTree.Element) -> tuple[Any, set[tuple[str, in
 
 
 def _check_lane(lane: Any) -> None:
-    """Raise a `ValueError` for a lane with an impossible shape, width or speed."""
     shape = np.array(lane.getShape3D(), dtype=np.float64)
     if not len(shape) or not (np.abs(shape) <= MAX_M).all():
         raise ValueError(f"lane {lane.getID()} has no shape")
@@ -140,7 +139,6 @@ def _check_lane(lane: Any) -> None:
 
 
 def _following(lane: Any, numbers: Mapping[str, int]) -> tuple[int, ...]:
-    """Successors: lanes within the junction, if the net has them."""
     following = [link.getViaLaneID() or link.getToLane().getID() for link in lane.getOutgoing()]
     return tuple(dict.fromkeys(numbers[name] for name in following if name in numbers))
 
@@ -210,7 +208,6 @@ def _beside(
 
 
 def _markings(lanes: Mapping[int, Lane], within: Container[int]) -> list[Marking]:
-    """Borders of roads, and dashed lines where lane changes are allowed; nothing within junctions."""
     markings = []
     for i, lane in lanes.items():
         if i in within or arc_lengths(lane.centreline)[-1] < 1.0:
@@ -238,7 +235,6 @@ def _areas(net: Any) -> tuple[Area, ...]:
 
 
 def _junction_rules(net: Any, numbers: Mapping[str, int]) -> tuple[Regulation, ...]:
-    """Right of way and lights of the junctions; ``numbers``: lanes of the road by SUMO's name."""
     rules: list[Regulation] = []
     for node in net.getNodes():
         rules.extend(_of_node(node, numbers, len(rules) + 1))
@@ -246,7 +242,6 @@ def _junction_rules(net: Any, numbers: Mapping[str, int]) -> tuple[Regulation, .
 
 
 def _of_node(node: Any, numbers: Mapping[str, int], first: int) -> Iterator[Regulation]:
-    """Regulations of a junction: each link that gives way, and the lanes that wait at its light."""
     links = {node.getLinkIndex(link): link for link in node.getConnections() if _via(link, numbers)}
     links.pop(-1, None)
     number = first
