@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -83,6 +84,17 @@ class Sources:
             words = [program(name), *options]
             subprocess.run(words, cwd=folder, check=True, capture_output=True, env=environment())
         return folder
+
+    @cache  # noqa: B019
+    def cache(self) -> Path:
+        """The user's caches after a run on the recording, by the path that cases give."""
+        folder = self._recording("cached")
+        caches = folder / "caches"
+        command = ("run", "urban_intersection.osm", *RUN, "-o", "out")
+        words = [sys.executable, "-m", "scex_sumo", *command]
+        places = {**os.environ, "XDG_CACHE_HOME": str(caches)}
+        subprocess.run(words, cwd=folder / "data", check=True, capture_output=True, env=places)
+        return caches
 
     def _recording(self, name: str) -> Path:
         folder = self._folder / name
