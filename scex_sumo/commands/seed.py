@@ -67,17 +67,13 @@ def seed_scene(
 
 
 def _brief(note: str) -> str:
-    """Return the first finding of a long note; ``run.json`` and the report have the rest."""
+    """Return the first finding of a long note; ``run.json`` has the rest."""
     first, *others = note.split("; ")
     return f"{first}; {len(others)} more in run.json" if others and len(note) > _LONG else note
 
 
 def one_source(tracks: Path | None, fcd: Path | None, state: Path | None) -> Path | None:
-    """Return the tracks, given as ``--tracks``, ``--fcd`` or ``--state``.
-
-    Raises:
-        UsageError: several of these are given.
-    """
+    """Return the tracks of ``--tracks``, ``--fcd`` or ``--state``; a `UsageError` for several of them."""
     given = {"--tracks": tracks, "--fcd": fcd, "--state": state}
     named = [name for name, path in given.items() if path is not None]
     if len(named) > 1:

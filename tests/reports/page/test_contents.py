@@ -19,7 +19,7 @@ from scex_sumo.reports.page.packing import second_sums
 from scex_sumo.reports.page.report import report_html, write_report
 from scex_sumo.reports.page.scene import road_paths
 from scex_sumo.results.run import Run, open_run
-from scex_sumo.statistics.intervals import wilson_of
+from scex_sumo.statistics.density import wilson_of
 from scex_sumo.views.road_lines import SURFACE, road_lines
 from tests.reports.page.packed import unpack
 
