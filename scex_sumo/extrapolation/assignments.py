@@ -116,10 +116,10 @@ def assignments(
         free = [v for v, t in enumerate(ids) if t not in fixed]
         result = np.zeros((children, len(ids)), dtype=np.int64)
         if free:
-            drawn = designed_assignments(
+            levels = designed_assignments(
                 tuple(weights), children, len(free), seed=seed, design=design, keep=keep
             )
-            result[:, free] = drawn
+            result[:, free] = levels
     for track, model in fixed.items():
         result[:, ids.index(track)] = model
     return result

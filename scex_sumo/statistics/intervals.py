@@ -241,7 +241,7 @@ class _Block:
         matrices = self._matrices
         if self._file is not None:
             self._file.seek(0)
-            matrices = np.fromfile(self._file, np.float32).reshape(-1, self.size, self.size)
+            matrices = list(np.fromfile(self._file, np.float32).reshape(-1, self.size, self.size))
         residuals = matrices[0] @ values
         alike = [kernel @ residuals for kernel in matrices[1:]]  # the rest has the identity
         return np.stack([(residuals * part).sum(axis=0) for part in (*alike, residuals)])
