@@ -1,4 +1,4 @@
-"""Reports for people: pictures and terminal tables. Only here: matplotlib.
+"""Reports: figures and terminal tables; the only package with matplotlib.
 
-May import studies, results and all below; not ranking, commands.
+May import extrapolation and all below; no commands, no wing.
 """

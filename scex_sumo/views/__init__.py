@@ -1,4 +1,4 @@
-"""Views of children in plain sumo-gui: replay files and floating car data.
+"""Views of children in plain sumo-gui.
 
 May import world, results and all below; not behaviors.
 """

@@ -1,4 +1,4 @@
-"""View settings of sumo-gui: dark asphalt, markings, vehicles in the colours of their models."""
+"""View settings of sumo-gui."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def write_view_settings(
     """Write sumo-gui's view settings.
 
     Args:
-        letter_m: height of the letters of vehicles' ids; 0: no ids.
+        letter_m: height of vehicle ids; 0: no ids.
         chosen: ids of selected vehicles only.
         snapshots: times in s and file names of pictures.
     """

@@ -1,4 +1,4 @@
-"""Report pages: each is one self-contained HTML file; its JavaScript is in ``assets``.
+"""Report pages: self-contained HTML files; their JavaScript is in ``assets``.
 
-May import results and all below, and reports' tables; no matplotlib, nothing from studies or commands.
+May import results, views and reports' tables and all below; no matplotlib.
 """

@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.statistics.density import CONFIDENCE
 from scex_sumo.statistics.intervals import DesignIntervals
-from scex_sumo.statistics.normal import normal_quantiles
 from scex_sumo.studies.moments.references import MomentRef
 
 DRAWS = 200
@@ -78,7 +78,7 @@ def place(
     if len(score) < 2:
         return Places(score=score, rank=rank, low=rank, high=rank)
     level = (_levels(len(score), draws, seed) + 0.5) / draws
-    possible = np.maximum(score[:, None] + error[:, None] * normal_quantiles(level), 0.0)
+    possible = np.maximum(score[:, None] + error[:, None] * ndtri(level), 0.0)
     drawn = np.sort(np.stack([_ranks(possible[:, d]) for d in range(draws)]), axis=0)
     tail = (1 - CONFIDENCE) / 2
     low, high = drawn[int(tail * draws)], drawn[draws - 1 - int(tail * draws)]
