@@ -135,7 +135,7 @@ def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
     few = [label for label, run in zip(labels, runs, strict=True) if run.children < FEW_CHILDREN]
     if few:
         notes.append(
-            f"fewer than {FEW_CHILDREN} children in {_listing(few)}; expect distances by chance alone"
+            f"fewer than {FEW_CHILDREN} futures in {_listing(few)}; expect distances by chance alone"
         )
     return notes
 

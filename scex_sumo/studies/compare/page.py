@@ -28,9 +28,9 @@ def write_comparison(runs: Sequence[Run], comparison: Comparison, grouping: Grou
     """Write the page of a comparison to an HTML file."""
     noise, fit = comparison.chance, float(grouping.silhouette.mean())
     alike = card(
-        "Which are alike",
-        "Left: the further to the left two groups join, the less alike they are. Right: distances, darker "
-        f"is further apart ({comparison.unit}). By chance alone, two runs of one scene differ by about "
+        "Which are similar",
+        "Left: the further to the left two groups join, the less similar they are. Right: distances, darker "
+        f"is larger ({comparison.unit}). By chance alone, two runs of one scene differ by about "
         f"{noise:.2f}.",
         draw_tree(comparison, grouping, noise),
     )
@@ -40,8 +40,8 @@ def write_comparison(runs: Sequence[Run], comparison: Comparison, grouping: Grou
     )
     curves = card(
         "Densities",
-        "How often a value occurs among the children of each scene; upright line: median; in percent the "
-        "share of children in which the metric is defined, where that is not all. One colour: one group.",
+        "How often a value occurs among the futures of each scene; upright line: median; in percent the "
+        "share of futures in which the metric is defined, unless all. One colour: one group.",
         plots(*(_ridges(runs, comparison, grouping, m) for m in metrics)),
     )
     about = f"{len(runs)} runs, {grouping.groups} groups" + (", not clearly apart" if fit < 0.25 else "")

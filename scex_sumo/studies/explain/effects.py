@@ -75,23 +75,25 @@ class Cells:
         first, last = (levels[:, [group[end] for group in self.groups]] for end in (0, -1))
         numbers = (np.arange(len(self.groups)) * names + first) * names + last
         used, code = np.unique(numbers, return_inverse=True)
-        self._code = code.reshape(-1)
+        self._code = code.reshape(-1).astype(np.int64)
         self.group, self._models = used // names**2, np.stack([used // names % names, used % names], axis=1)
         self.count = np.bincount(self._code, minlength=len(used))
 
     def sums(self, weights: FloatArray | BoolArray) -> FloatArray:
         """Return the sums (K,) of the weights (C,) of the children in each cell."""
-        return np.bincount(self._code, np.repeat(weights, len(self.groups)), minlength=len(self.count))
+        every = np.repeat(weights, len(self.groups))
+        return np.bincount(self._code, every, minlength=len(self.count)).astype(np.float64)
 
     def of(self, group: int) -> IntArray:
         """Return the cell (C,) of each child in one group."""
-        return self._code[group :: len(self.groups)]
+        return np.asarray(self._code[group :: len(self.groups)])
 
     def squares(self, values: FloatArray) -> tuple[FloatArray, IntArray]:
         """Return sums of squares (G,) of values of mean 0 between the cells, and degrees (G,)."""
         between = self.sums(values) ** 2 / self.count
         size = len(self.groups)
-        return np.bincount(self.group, between, minlength=size), np.bincount(self.group, minlength=size) - 1
+        degrees = np.bincount(self.group, minlength=size).astype(np.int64) - 1
+        return np.bincount(self.group, between, minlength=size).astype(np.float64), degrees
 
     def models(self, cell: int) -> tuple[int, ...]:
         """Return the models of the vehicles of a cell."""
@@ -189,7 +191,7 @@ class _Fit:
             return False
         gains, degrees = cells.squares(self.residual)
         # Without what the fit holds already, a term gains at least this.
-        order = sorted(candidates, key=lambda g: degrees[g] / max(gains[g], 1e-300))
+        order = sorted(candidates, key=lambda g: degrees[g] / max(float(gains[g]), 1e-300))
         limit = (1 - CONFIDENCE) / len(candidates)
         new = [cells.groups[g] for g in order if cells.groups[g] not in self.terms]
         return any(self._add(term, cells, limit) for term in new[: 1 if size == 1 else _TRIED])

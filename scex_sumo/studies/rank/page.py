@@ -39,7 +39,7 @@ _ROWS = 1000
 _REASONS = 20
 _HOW = (
     "A seed scene is one moment of recorded traffic; its futures are what could come of it with "
-    "other drivers. Moments are ranked by how often and how hard vehicles collide in the children, and by "
+    "other drivers. Moments are ranked by how often and how hard vehicles collide in the futures, and by "
     "how many encounters are critical."
 )
 
@@ -197,11 +197,11 @@ def _share(words: str, row: Mapping[str, Any], name: str) -> Html:
 
 def _worst(row: Mapping[str, Any]) -> str:
     if row["worst_track_id"] is None:
-        return "Nobody comes near anybody critically."
+        return "No encounter is critical."
     pair = f"{row['worst_track_id']} and {row['worst_other_id']}"
     if row["worst_p_collision"] > 0:
-        return f"{pair} collide in {percent(row['worst_p_collision'])} of the children."
-    return f"{pair} meet critically in {percent(row['worst_p_critical'])} of the children."
+        return f"{pair} collide in {percent(row['worst_p_collision'])} of the futures."
+    return f"{pair} meet critically in {percent(row['worst_p_critical'])} of the futures."
 
 
 def _table(rows: Sequence[Mapping[str, Any]], limits: Mapping[str, float]) -> Table:

@@ -220,10 +220,8 @@ def value_scores(found: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]:
         limit = SCORED_UP_TO.get(metric_of(name).column_unit, np.inf)
         cases: list[tuple[Any, ...]] = []
         for m, values in enumerate(found.children):
-            sample, noisy, y, straight = (
-                np.minimum(part[..., column], limit)
-                for part in (values, found.seen[m], found.recorded[m], found.straight[m])
-            )
+            sample, noisy = (np.minimum(part[:, column], limit) for part in (values, found.seen[m]))
+            y, straight = (float(min(part[m, column], limit)) for part in (found.recorded, found.straight))
             sample, noisy = sample[np.isfinite(sample)], noisy[np.isfinite(noisy)]
             least = MIN_DEFINED * len(values)
             if not (np.isfinite(y) and np.isfinite(straight)) or min(len(sample), len(noisy)) < least:
