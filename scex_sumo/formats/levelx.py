@@ -1,7 +1,7 @@
-"""Recordings of the levelx family: inD, rounD, exiD and highD.
+"""Recordings of inD, rounD, exiD and highD.
 
-In inD, rounD and exiD positions are centres in metres from a point given in UTM, y to the north. In highD
-``x, y`` is the upper left corner of a box in the picture, y down, and ``width, height`` its sides.
+Positions are centres in metres from a UTM point, y to the north. In highD ``x, y`` is the upper left corner
+of a box in the picture, y down, and ``width, height`` are its sides.
 """
 
 from __future__ import annotations

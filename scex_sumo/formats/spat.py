@@ -1,7 +1,7 @@
 """Recorded signal phases (SPaT) as a SUMO traffic light that replays them.
 
-The format is that of the TAF-BW recordings: a CSV ``signal_group_id, timestamp_ms, movement_state``, and
-beside it a KML of the intersection whose lanes name their sinks and signal groups (SAE J2735 MAP data).
+The format of TAF-BW: a CSV ``signal_group_id, timestamp_ms, movement_state``, and beside it a KML whose lanes
+name their sinks and signal groups (SAE J2735 MAP data).
 """
 
 from __future__ import annotations
@@ -44,9 +44,7 @@ AHEAD_M = 90.0  # how far beyond the light the exit lane of the KML is looked fo
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Movement:
-    """A connection of the intersection's KML: approach and exit lane (P, 2) from the intersection outwards,
-    m.
-    """
+    """Movement of the KML: approach and exit lane (P, 2) from the intersection outwards, m."""
 
     source: FloatArray
     sink: FloatArray
@@ -58,7 +56,7 @@ def recorded_programme(
 ) -> tuple[Programme | None, list[str]]:
     """Return the traffic light that replays a recording (None if it controls no link of the net), and notes.
 
-    Simulation time 0 is the recording's time 0. The recording repeats when it ends.
+    The recording begins at simulation time 0 and repeats.
 
     Raises:
         MapError: the CSV does not hold signal phases, or no KML lies beside it.

@@ -1,7 +1,4 @@
-"""Conflicts of lanelets, from their geometry alone: crossing, merging, overlapping.
-
-The net writer has its own classification. This one shares nothing with it, so each can prove the other wrong.
-"""
+"""Conflicts of lanelets by geometry: crossing, merging, overlapping; independent of the net writer."""
 
 from __future__ import annotations
 
@@ -59,8 +56,8 @@ class _Trace:
 def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[JudgedConflict, ...]:
     """Classify every pair of lanelets that come within a car's width of each other.
 
-    No conflicts are: lanelets in a row, neighbours, branches of one fork, and opposite directions that do not
-    cross. Lanelets on different levels are not among ``Lane.conflicts`` and are left out.
+    Lanelets in a row, neighbours, branches of a fork, opposite directions that do not cross, and lanelets on
+    different levels (not among ``Lane.conflicts``) are no conflicts.
     """
     lines = {i: shapely.LineString(lane.centreline) for i, lane in lanes.items()}
     traces = [

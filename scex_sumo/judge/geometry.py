@@ -28,8 +28,7 @@ Lanes = Mapping[int, list[SumoLane]]
 def judge_geometry(matching: Matching) -> dict[str, Any]:
     """Compare shapes, widths and speeds lanelet by lanelet, sampled every 0.5 m.
 
-    The deviation goes from lanelet to SUMO lane and back. The floor of the width error is what the best
-    constant width of each lanelet would leave.
+    The floor of the width error is what the best constant width of each lanelet leaves.
     """
     net, road = matching.net, matching.road
     vehicle = road.vehicle_lanes

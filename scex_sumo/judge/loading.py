@@ -1,6 +1,6 @@
-"""Loading figures of a net: what SUMO, sumolib and netconvert say, and where moveToXY puts a car.
+"""Loading figures of a net: messages of sumo, sumolib and netconvert, and places by moveToXY.
 
-SUMO runs in its own process: libsumo allows one simulation per process, and that is the caller's.
+SUMO runs in its own process, because libsumo allows one simulation per process.
 """
 
 from __future__ import annotations

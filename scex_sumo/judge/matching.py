@@ -34,9 +34,7 @@ class LaneNames(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """A piece of a SUMO lane that stands for one lanelet; ``end_m`` ≤ ``start_m`` if the two run in opposite
-    directions.
-    """
+    """Piece of a SUMO lane that stands for a lanelet; ``end_m`` ≤ ``start_m`` in the opposite direction."""
 
     lane_id: int
     sumo_lane: str

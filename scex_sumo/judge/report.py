@@ -1,7 +1,6 @@
-"""Fidelity judge: how faithful a SUMO net is to the map, whichever converter wrote it.
+"""Report of the fidelity judge: figures, bounds and problems.
 
-The judge shares no code with the net writer except the reader of SUMO nets and, if there is one, the lane
-table.
+Only the reader of nets and the lane table are shared with the net writer.
 """
 
 from __future__ import annotations
@@ -34,11 +33,11 @@ Figures: TypeAlias = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Check:
-    """What a faithful net reaches.
+    """Bound of a figure.
 
     Attributes:
-        words: name of a list of faults, or what a number misses.
-        reached: whether the figures are within the bound; by default the list of faults is empty.
+        words: name of a list of faults, or a function that words the problem.
+        reached: whether the figures are within the bound; by default the list is empty.
     """
 
     figure: str

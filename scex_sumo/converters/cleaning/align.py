@@ -1,7 +1,6 @@
-"""Alignment of tracks to their map: a residual offset is estimated from the driving and removed.
+"""Alignment of tracks to their map.
 
-Tracks and map are surveyed independently and often differ by half a metre and a degree. Over a whole
-recording the offset shows, because drivers keep near the middle of lanes that run in several directions.
+Tracks and map are surveyed independently and often differ by half a metre and a degree.
 """
 
 from __future__ import annotations
@@ -79,17 +78,15 @@ def align_tracks(
 ) -> tuple[TrackTable, str | None]:
     """Move a recording onto the lanes of its map if its vehicles drive beside them.
 
-    Shift and rotation are the least-squares fit of moving vehicles' centres to the centrelines of the lanes
-    they match. A track counts by the root of its samples; samples far off (lane changes, parking) count less.
-    A common habit of driving left or right of the middle is estimated too, and kept.
+    Shift and rotation are the least-squares fit of moving vehicles' centres to the centrelines that they
+    match. A track counts by the root of its samples; samples far off count less. A common habit of driving
+    left or right of the middle is estimated and kept.
 
     Args:
-        siblings: name and evidence of other recordings of the site by the same tracker; read only if the
-            recording's own evidence is thin.
+        siblings: name and evidence of other recordings of the site; read only if the own evidence is thin.
 
     Returns:
-        The table and a phrase with the shift and its effect; or the same table and None if the evidence is
-        too thin or the tracks are right.
+        The table, and a phrase about the shift; None if the evidence is too thin or the tracks are right.
     """
     parts = [(table.path.name, evidence(table.vehicles))]
     if parts[0][1].tracks < OWN_TRACKS:
@@ -124,10 +121,9 @@ def evidence(rows: TrackRows) -> Evidence:
 
 
 def find_alignment(samples: Evidence, road: Road) -> tuple[Alignment, float, float] | None:
-    """Find the offset of samples to their lanes, and the median distance to the middle before and after, m.
+    """Return the offset of samples to their lanes, and the median distance to the middle before and after, m.
 
-    Returns:
-        None with too few samples or directions, or if the offset is too small or explains too little.
+    None with too few samples or directions, or if the offset is too small or explains too little.
     """
     if len(samples.x) < MIN_SAMPLES or samples.tracks < MIN_TRACKS or _one_way(samples.heading):
         return None

@@ -19,8 +19,8 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
     """Set headings along the motion, and hold them while a vehicle stands.
 
     - A heading more than 45° off the course of a vehicle faster than ``forward_mps`` becomes that course.
-    - If the heading turns by more than 10° during a stop, or is far off the one before it, the vehicle keeps
-      the last heading of its motion: before the first motion the next one, without any the most frequent.
+    - If the heading turns by more than 10° during a stop, the vehicle keeps the last heading of its motion;
+      else the next one; without any motion the most frequent.
     """
     heading = rows.psi_rad.copy()
     course = np.arctan2(rows.vy, rows.vx)

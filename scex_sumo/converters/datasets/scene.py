@@ -22,11 +22,10 @@ FUTURE_STEPS = 50
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CleanRecording:
-    """A recording from which seed scenes can be taken.
+    """Recording from which seed scenes can be taken.
 
     Attributes:
-        table: repaired and aligned to the map; a file of cases is only aligned, not repaired.
-        findings: one phrase for each kind of defect that was repaired.
+        table: repaired and aligned to the map; cases are only aligned.
         repair: whether a case is repaired when it is taken.
     """
 
@@ -45,8 +44,6 @@ def take_scene(
     min_history: int = 0,
 ) -> SeedScene:
     """Take the seed scene of one moment; see `recorded_scene`.
-
-    ``name`` is that of the recording, ``location`` that of the map.
 
     Raises:
         TrackError: an unknown case, a moment outside the recording or without vehicles.

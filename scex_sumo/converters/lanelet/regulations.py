@@ -102,10 +102,10 @@ def attach(
 ) -> tuple[tuple[Regulation, ...], list[int], list[int]]:
     """Attach stops, yields and lights that no lanelet names to the lanes at their stop lines.
 
-    A light without a regulatory element belongs to the nearest stop line without one.
+    A light without a regulatory element belongs to the nearest free stop line.
 
     Returns:
-        All rules by ascending id; ids of those attached here; ids of the lights that got no lane.
+        All rules; ids of those attached here; ids of the lights that got no lane.
     """
     named = {m.ref for r in map_file.of_type("regulatory_element").values() for m in r.members}
     bare = [i for i in _of_type(map_file, "traffic_light", lines) if i not in named]

@@ -81,10 +81,10 @@ _SIGN_KEYS = ("sign_type", "subtype", *_SPEED_KEYS)
 
 
 def speed_mps(text: str) -> float | None:
-    """Parse a speed limit as maps write it and return m/s, or None if it is no speed.
+    """Parse a speed limit of a map, m/s; None if it is no speed or zero.
 
-    Understood are numbers in km/h, ``30 km/h``, ``50kmh``, ``15mph``, ``13.9 m/s``, ``DE:urban``, ``none``
-    (130 km/h) and the German sign ``de274-60``. Zero is no limit.
+    Examples: ``30 km/h``, ``50kmh``, ``15mph``, ``13.9 m/s``, ``DE:urban``, ``none`` (130 km/h),
+    ``de274-60``.
     """
     word = text.strip().lower()
     sign = _LIMIT_SIGN.fullmatch(word)
@@ -100,10 +100,9 @@ def speed_mps(text: str) -> float | None:
 
 
 def lane_speed_mps(lanelet: Relation, map_file: MapFile) -> float | None:
-    """Return the speed limit that the map gives for a lanelet, m/s, or None.
+    """Return a lanelet's first understood speed limit, m/s, or None.
 
-    ``speed_limit`` regulatory elements come before the lanelet's own tags, as in Lanelet2. The first limit
-    that is understood counts.
+    ``speed_limit`` elements come before the lanelet's own tags, as in Lanelet2.
     """
     speeds = (speed_mps(text) for text in _limits(lanelet, map_file))
     return next((speed for speed in speeds if speed is not None), None)

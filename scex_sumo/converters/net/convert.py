@@ -1,8 +1,7 @@
 """Conversion of a road to a SUMO net.
 
-The net is written directly, not by netconvert, so that every shape is the map's own. Coordinates are the
-map's own; less netOffset they are those of the projection, where that is known. Internal ids begin with a
-colon.
+The net is written directly, not by netconvert, to keep the map's shapes. Coordinates are the map's own; less
+netOffset they are those of the projection, if known.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Drawing for sumo-gui: markings, stop lines, crosswalks and areas, as polygons of an additional file."""
+"""Drawing of a road for sumo-gui: polygons of an additional file."""
 
 from __future__ import annotations
 
@@ -16,9 +16,7 @@ from scex_sumo.road import Marking, Road
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """How a line or an area is drawn; ``layer`` as in SUMO (roads at 0), ``width`` and ``dash`` in m (0 is
-    solid).
-    """
+    """Style of a line or area; ``layer`` as in SUMO (roads at 0), ``width`` and ``dash`` in m."""
 
     color: str
     layer: int

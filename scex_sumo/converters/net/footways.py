@@ -29,11 +29,11 @@ _Station = tuple[int, float]  # lanelet, arc length on it in m
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Footway:
-    """A crosswalk (``marked``), or a stretch of a walkway between two places.
+    """Crosswalk (``marked``), or a stretch of a walkway between two places.
 
     Attributes:
-        lanelet: None for a footway that the map does not have.
-        crossed: vehicle lanes under it, with (start, end) arc length on that lane in m.
+        lanelet: None if the map does not have it.
+        crossed: vehicle lanes under it, with (start, end) arc length on them in m.
     """
 
     name: str

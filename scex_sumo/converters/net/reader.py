@@ -1,6 +1,6 @@
-"""Reader of SUMO nets (``.net.xml``, gzipped or not): lanes, links and junctions, whoever wrote the net.
+"""Reader of SUMO nets: lanes, links and junctions.
 
-sumolib's reader would do, but it drops the lane changes that a lane forbids.
+sumolib drops the lane changes that a lane forbids.
 """
 
 from __future__ import annotations
@@ -66,11 +66,11 @@ class SumoLane:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SumoLink:
-    """A connection between lanes of two normal edges.
+    """Connection between lanes of two normal edges.
 
     Attributes:
-        via: internal lanes in driving order; empty in nets without internal lanes.
-        junction: its junction, or empty if no request belongs to it.
+        via: internal lanes in driving order, if any.
+        junction: empty if no request belongs to it.
         row: its row in the junction's requests, or -1.
         signal: id of its traffic light, or empty.
         signal_index: its place in that light's phases, or -1.
@@ -88,13 +88,13 @@ class SumoLink:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Junction:
-    """A junction with its right of way.
+    """Junction with its right of way.
 
     Attributes:
-        kind: SUMO's type, e.g. ``priority``, ``allway_stop``.
+        kind: SUMO's type, e.g. ``priority``.
         shape: (P, 2) outline, m; may be empty.
-        response: (n, n) True where the row's link must give way to the column's.
-        foes: (n, n) True where the two links are in each other's way.
+        response: (n, n) True where the row's link gives way to the column's.
+        foes: (n, n) True where two links conflict.
     """
 
     kind: str

@@ -1,8 +1,8 @@
-"""Topology of a SUMO net: cuts rows of lanes into edges and junctions, and finds the paths through junctions.
+"""Topology of a SUMO net: rows of lanes cut into edges and junctions, and the paths through junctions.
 
-A vehicle that waits needs room, so road pieces shorter than a car between two conflicts belong to the
-junction. But SUMO separates vehicles only if traffic that has merged drives over an edge before it forks. No
-piece of a junction may therefore have several ways in and several ways out.
+Road pieces shorter than a car between two conflicts belong to the junction. But SUMO separates vehicles only
+if traffic that has merged drives over an edge before it forks, so no piece of a junction may have several
+ways in and out.
 """
 
 from __future__ import annotations
@@ -235,7 +235,7 @@ class Topology(Chains):
 def cut_lanes(
     lanes: Mapping[int, Lane], found: Sequence[Conflict], walked: Sequence[Zone] = ()
 ) -> tuple[Topology, list[tuple[int, int]]]:
-    """Cut lanes into roads and junctions, as conflicts, crosswalks (``walked``) and SUMO's junctions require.
+    """Cut lanes into roads and junctions, by conflicts, crosswalks (``walked``) and SUMO's needs.
 
     Returns:
         The graph, and the permitted lane changes (from, to) that it cannot hold.
@@ -307,8 +307,7 @@ def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
 def open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
     """Cut edges into junction pieces until SUMO can handle every junction.
 
-    Cut are pieces where traffic merges and forks again within one junction, and two ways through a junction
-    between the same two road pieces, which SUMO cannot distinguish.
+    These are pieces where traffic merges and forks again, and double ways between the same two road pieces.
     """
     chains = Chains(rows, lanes)
     for _ in range(sum(row.pieces for row in rows)):

@@ -1,4 +1,4 @@
-"""Traffic light programs: the links and crossings of each light, and a fixed program if none was recorded."""
+"""Traffic light programs: links, crossings, and fixed phases."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def fixed_programmes(
 ) -> list[Programme]:
     """Return a program for each group of traffic_light elements whose traffic conflicts.
 
-    The links of an element are green together. Oncoming elements share a phase, in which left turns give way.
+    Oncoming elements share a phase, in which left turns give way.
     """
     elements = [rule for rule in rules if rule.kind == "traffic_light"]
     clashing = {pair for c in found if c.kind != "diverge" for pair in (c.lanes, c.lanes[::-1])}
@@ -70,8 +70,8 @@ def controlled(
 ) -> list[Connection]:
     """Return the links that a light controls: those that leave its lanes, or enter lanes in conflict.
 
-    In some maps the approach refers to the light, in others the lanelet across the intersection. Crosswalks
-    behind the stop line, or shortly before the end of the lanes, are controlled too.
+    Some maps give the light to the approach, others to the lanelet across. Crosswalks behind the stop line,
+    or shortly before the end of the lanes, are controlled too.
     """
     crossing = {lane for lane, _ in clashing}
     found = []
@@ -145,9 +145,9 @@ def _phases(links: Sequence[Connection], greens: Sequence[set[int]]) -> tuple[tu
 
 
 def state(links: Sequence[Connection], lit: dict[str, str]) -> str:
-    """Format one phase: letters by internal lane, red if not named; green that must yield becomes ``g``.
+    """Format one phase: letters by internal lane, red if not named.
 
-    A green link yields if a foe that it gives way to also has green, or is not controlled by a light.
+    Green becomes ``g`` if a foe with priority also has green or no light.
     """
     known = {c.internal.name for c in links}
     letters = []
@@ -172,10 +172,9 @@ TURNING_RAD = 0.35  # 20 degrees: who turns lets people cross
 def with_crossings(
     programmes: Sequence[Programme], recorded: Programme | None, walks: Walks, layout: NetLayout
 ) -> tuple[list[Programme], list[int]]:
-    """Add to each program the crossings of its links; return those that the recorded one never leaves free.
+    """Add the crossings of its links to each program; also return those that the recorded one never frees.
 
-    People may walk while the links that they cross are red or turn. Otherwise a fixed program gets an
-    additional phase for people.
+    People walk while links that they cross are red or turn; else a fixed program gets a phase for people.
     """
     nodes = {node.name: node for node in layout.nodes}
     taken: set[str] = set()

@@ -65,9 +65,7 @@ class Sidewalk:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Walks:
-    """The pedestrian part of a net: crossings, outlines of walking areas and of junctions for people only,
-    sidewalks.
-    """
+    """Pedestrian part of a net; ``areas`` and ``nodes`` hold outlines by name."""
 
     crossings: tuple[Crossing, ...]
     areas: Mapping[str, FloatArray]
