@@ -14,7 +14,7 @@ from scex_sumo.judge.matching import angle_between, sample_headings, sample_line
 from scex_sumo.road import Lane
 
 NEAR_M = 1.5  # centrelines this near: two cars (1.8 m wide) cannot pass there side by side
-JOINT_M = 0.3  # ends that coincide; mapped ends of one fork or merge share nodes, repaired ones nearly
+JOINT_M = 0.3  # between coinciding ends
 BACK_TO_BACK_RAD = np.deg2rad(150.0)  # from here on two lanelets run against each other
 LOOK_M = 0.25  # sampling of the centrelines
 CHAIN = 8  # lanelets to follow back to a fork or ahead to a merge
@@ -98,7 +98,7 @@ def _classify(lanes: Mapping[int, Lane], one: _Trace, other: _Trace) -> JudgedCo
     if abs(turned) > BACK_TO_BACK_RAD and (kind == "overlap" or not one.line.crosses(other.line)):
         return None  # no right of way helps where two lanelets run against each other
     if kind != "merge" and other.lane.lane_id not in one.lane.conflicts:
-        return None  # a bridge: the reader has seen heights, which are no longer there
+        return None  # a bridge: only the reader sees heights
     if kind == "overlap" and one.area().intersection(other.area()).area < OVERLAP_M2:
         return None
     return JudgedConflict(first=one.lane.lane_id, second=other.lane.lane_id, kind=kind, turn_rad=turned)

@@ -26,7 +26,7 @@ from scex_sumo.judge.matching import angle_between
 RUN_UP_M = 20.0  # braking distance at 50 km/h
 STEP_S = 0.1
 LOOK_S = 0.2  # footprints are compared this often
-WAIT_S = 300.0  # SUMO's own: standing longer than this ends in a teleport, a deadlock
+WAIT_S = 300.0  # SUMO's own: a vehicle that stands longer is teleported
 SHRINK_M = 0.02  # positions are written in centimetres
 DRAIN_S = 900.0  # for the last vehicles to arrive, a deadlock included
 LIMIT_S = 300.0  # wall clock
@@ -222,7 +222,7 @@ def _corners(poses: FloatArray) -> FloatArray:
 
 LENGTH_M = 4.7  # of a car
 WIDTH_M = 1.8
-CHANGE_M = 10.0  # on a shorter edge two cars that want each other's lanes do not get past one another
+CHANGE_M = 10.0  # shorter edges have no room for two cars to swap lanes
 HEAD_ON_RAD = np.deg2rad(150.0)
 
 

@@ -176,8 +176,8 @@ def _reached(sources: Iterable[Node], ahead: Mapping[Node, set[Node]]) -> set[No
     return seen
 
 
-ROOM_M = 7.5  # a car and its gap: SUMO changes lanes on edges alone, and an edge must not lie in a crossing
-FRACTIONS = 201  # where lanes side by side are looked at
+ROOM_M = 7.5  # a car and its gap: SUMO changes lanes on edges only
+FRACTIONS = 201  # samples along lanes side by side
 
 
 def changes_inside(lanes: Mapping[int, Lane]) -> set[tuple[int, int]]:

@@ -25,7 +25,7 @@ MIN_SAMPLES, MIN_TRACKS = 500, 20  # with fewer nothing is done
 # Share of the samples that must be more than 45° off the main direction: on a road of one direction an offset
 # looks like a habit of driving beside the middle.
 MIN_OTHER_DIRECTIONS = 0.1
-LANE_SIGMA_M = 0.5  # usual distance of drivers from the middle; samples farther off count less
+LANE_SIGMA_M = 0.5  # samples farther off the middle count less
 SHIFT_SIGMA_M = 1.0  # usual offsets: the prior where the lanes say nothing (along a straight road)
 TURN_SIGMA_RAD = math.radians(1.5)
 # Number of independent observations at most: samples of one track share its error, tracks of one lane the
@@ -33,7 +33,7 @@ TURN_SIGMA_RAD = math.radians(1.5)
 INDEPENDENT = 30
 MIN_OFFSET_M = 0.3  # across the lanes; smaller offsets are left alone
 MIN_GAIN = 0.2  # by which the spread within lanes must shrink, for tracks that the estimate has not seen
-MAX_OFFSET_M = 3.0  # a larger offset is no residual one: the map's origin is wrong
+MAX_OFFSET_M = 3.0  # a larger offset means a wrong origin
 _ROUNDS, _STILL_M, _STILL_RAD = 6, 0.005, 1e-4
 
 
@@ -58,16 +58,13 @@ class Evidence:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Alignment:
-    """Rotation about ``centre`` by ``turn`` (rad, counter-clockwise), then shift by ``dx, dy`` (m)."""
-
+class _Alignment:
     dx: float
     dy: float
     turn: float
     centre: tuple[float, float]
 
     def points(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the moved points."""
         c, s = math.cos(self.turn), math.sin(self.turn)
         rx, ry = x - self.centre[0], y - self.centre[1]
         return self.centre[0] + c * rx - s * ry + self.dx, self.centre[1] + s * rx + c * ry + self.dy
@@ -94,9 +91,8 @@ def align_tracks(
             if sum(part.tracks for _, part in parts) >= ENOUGH_TRACKS:
                 break
             parts.append(sibling)
-    # By name: the same recordings in any order give the same bits.
     pooled = _thinned(_pooled([part for _, part in sorted(parts, key=lambda named: named[0])]))
-    estimate = find_alignment(pooled, road)
+    estimate = _find_alignment(pooled, road)
     if estimate is None:
         return table, None
     alignment, before, after = estimate
@@ -120,7 +116,7 @@ def evidence(rows: TrackRows) -> Evidence:
     return Evidence(x=rows.x[keep], y=rows.y[keep], heading=rows.psi_rad[keep], track=track)
 
 
-def find_alignment(samples: Evidence, road: Road) -> tuple[Alignment, float, float] | None:
+def _find_alignment(samples: Evidence, road: Road) -> tuple[_Alignment, float, float] | None:
     """Return the offset of samples to their lanes, and the median distance to the middle before and after, m.
 
     None with too few samples or directions, or if the offset is too small or explains too little.
@@ -152,15 +148,15 @@ def on_lanes(samples: Evidence, road: Road) -> float:
 def lane_distance(samples: Evidence, road: Road) -> float:
     """Return the median distance of samples to the middle of their lanes, m; nan without any."""
     few = _thinned(samples)
-    stay = Alignment(dx=0.0, dy=0.0, turn=0.0, centre=(0.0, 0.0))
+    stay = _Alignment(dx=0.0, dy=0.0, turn=0.0, centre=(0.0, 0.0))
     offsets = _offsets(few, road, stay) if len(few.x) else np.zeros(0)
     return float(np.median(np.abs(offsets))) if len(offsets) else math.nan
 
 
-def _fit(samples: Evidence, road: Road) -> Alignment:
+def _fit(samples: Evidence, road: Road) -> _Alignment:
     """Fit by Gauss-Newton on weighted offsets; samples are matched again in every round."""
     centre = float(samples.x.mean()), float(samples.y.mean())
-    fit = Alignment(dx=0.0, dy=0.0, turn=0.0, centre=centre)
+    fit = _Alignment(dx=0.0, dy=0.0, turn=0.0, centre=centre)
     habit = 0.0
     shift, turn = SHIFT_SIGMA_M**-2.0, TURN_SIGMA_RAD**-2.0
     prior = np.diag([shift, shift, turn, LANE_SIGMA_M**-2.0])
@@ -190,7 +186,7 @@ def _fit(samples: Evidence, road: Road) -> Alignment:
 
 
 def _matched(
-    samples: Evidence, road: Road, alignment: Alignment
+    samples: Evidence, road: Road, alignment: _Alignment
 ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, FloatArray]:
     """Return moved x, y (n,); of the matched (m,) the lane's direction, the sample's index, its offset."""
     x, y = alignment.points(samples.x, samples.y)
@@ -201,7 +197,7 @@ def _matched(
     return x, y, heading[sample] - matches.heading_error[best], sample, matches.offset[best]
 
 
-def _offsets(samples: Evidence, road: Road, alignment: Alignment) -> FloatArray:
+def _offsets(samples: Evidence, road: Road, alignment: _Alignment) -> FloatArray:
     """Return how far left of the lane's middle the samples on lanes are (m,), in m."""
     return _matched(samples, road, alignment)[4]
 
@@ -210,7 +206,7 @@ def _spread(offsets: FloatArray) -> float:
     return float(np.median(np.abs(offsets - np.median(offsets)))) if len(offsets) else math.inf
 
 
-def _across(samples: Evidence, alignment: Alignment) -> FloatArray:
+def _across(samples: Evidence, alignment: _Alignment) -> FloatArray:
     """Return by how much samples are moved across their heading (n,), in m."""
     x, y = alignment.points(samples.x, samples.y)
     return (y - samples.y) * np.cos(samples.heading) - (x - samples.x) * np.sin(samples.heading)
@@ -241,6 +237,6 @@ def _thinned(samples: Evidence, most: int = MAX_SAMPLES) -> Evidence:
     return samples.take(chosen)
 
 
-def _moved(rows: TrackRows, alignment: Alignment) -> TrackRows:
+def _moved(rows: TrackRows, alignment: _Alignment) -> TrackRows:
     x, y = alignment.points(rows.x, rows.y)
     return rows.turned(alignment.turn).with_columns(x=x, y=y)

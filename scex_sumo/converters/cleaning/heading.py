@@ -32,7 +32,7 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
     stretch = np.cumsum(starts) - 1
     turn = np.abs(wrap(heading - heading[starts][stretch]))
     off = (turn > JITTER_RAD) | (np.abs(wrap(heading - held)) > limit)
-    # The whole stop is held, not only its worst samples: what is held once needs no second repair.
+    # The whole stop is held, so that a second repair changes nothing.
     unsteady = np.bincount(stretch, standing & off) > 0
     turned = unsteady[stretch]
     heading[turned] = held[turned]

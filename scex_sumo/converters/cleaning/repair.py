@@ -121,7 +121,6 @@ def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
         tracks = len(np.unique(rows.track[cut]))
         found.append(f"{tracks} tracks cut at jumps over {JUMP_M:g} m")
     rows = rows.with_columns(segment=segment).take(~drop)
-    # A dropped sample may leave a gap that is too long; cuts stay.
     new = np.append(0, np.cumsum((np.diff(rows.segment) != 0) | _gap(rows)))
     return rows.with_columns(segment=new.astype(np.int64)), found
 

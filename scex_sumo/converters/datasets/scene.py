@@ -55,7 +55,7 @@ def take_scene(
         raise TrackError(f"{table.path}: no motor vehicle among the tracks ({why}); give others")
     case_id = ""
     if table.has_cases:
-        index = choose_case(table, case, time_s)
+        index = _choose_case(table, case, time_s)
         case_id = table.cases[index]
         table = table.case(index)
         if clean.repair:
@@ -65,11 +65,11 @@ def take_scene(
         raise TrackError(
             f"{table.path}: no case_id column, so no case {case}; choose the moment with --time S"
         )
-    moment_ms = choose_moment(table, case_id, time_s)
+    moment_ms = _choose_moment(table, case_id, time_s)
     return _build(table, name, location, case_id, moment_ms, min_history, findings)
 
 
-def choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
+def _choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
     """Index of the case by its id; else the first one if a time is given; else the busiest one.
 
     Raises:
@@ -100,7 +100,7 @@ def _as_number(text: str) -> float | str:
         return text
 
 
-def choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:
+def _choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:
     """Stamp of the moment, ms: the nearest frame to a time, else the busiest moment.
 
     Raises:

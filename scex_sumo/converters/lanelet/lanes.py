@@ -27,20 +27,20 @@ Rules = Any
 _Lanelet = Any
 _Graph = Any
 
-MIN_LENGTH_M = 0.01  # the net has no place for shorter lanes
+MIN_LENGTH_M = 0.01  # of lanes in the net
 MIN_HEADROOM_M = 3.0  # lanes this far above one another do not conflict; bridges leave 4.5 m and more
 
 ROAD_WIDTH_M = (2.2, 8.0)  # of a lane for cars: narrower ones are for bicycles, wider ones are places
 SAME_END_M = 0.1  # ends of bounds that coincide; one lanelet then leads into the other
 _LOCATIONS = ("", "urban", "nonurban")
-# Lanelet2's own; those that cars may use are not asked about unless the map forbids it.
+# Lanelet2's own.
 _KNOWN_SUBTYPES = {
     *("road", "highway", "play_street", "emergency_lane", "exit", "parking", "freespace", "vegetation"),
     *("keepout", "building", "traffic_island"),
 }
 _TRACKS = {"tram", "rail", "railway", "train", "subway", "light_rail"}
 
-MISSED_JOINT_M = 0.6  # from the end of one centreline to the beginning of the next: a careless click
+MISSED_JOINT_M = 0.6  # between two centrelines
 ALIGNED_RAD = math.radians(15.0)
 
 

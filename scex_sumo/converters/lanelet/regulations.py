@@ -22,7 +22,7 @@ _STOP_SIGNS = {"stop", "stopsign", "de206", "usr1-1", "r1-1"}
 _YIELD_SIGNS = {"yield", "yieldsign", "giveway", "de205", "usr1-2", "r1-2"}
 
 BESIDE_M = 0.5  # a stop line may end this far beside the centreline that it stops
-MIN_SLANT_RAD = 0.7  # 40 degrees: a line along the lane is none to stop at
+MIN_SLANT_RAD = 0.7  # 40 degrees
 AHEAD_M = 30.0  # where conflicts begin behind a stop line
 LIGHT_M = 6.0  # from a light without an element to its stop line
 _STOPS = ("traffic_light", "stop", "yield")

@@ -42,9 +42,7 @@ _BUS = {"bus_lane", "busway", "bus"}
 _BY_KIND = {"pedestrian": 5.0, "bicycle": 20.0}
 
 
-class Country(NamedTuple):
-    """Speed limits of a country for cars without a sign, km/h; the usual ones if states differ."""
-
+class _Country(NamedTuple):
     name: str
     urban: float
     rural: float
@@ -55,20 +53,20 @@ class Country(NamedTuple):
 _MPH = 1.609344  # km/h
 GERMANY = "de"
 COUNTRIES = {
-    GERMANY: Country("Germany", 50, 100, 130, 7),
-    "at": Country("Austria", 50, 100, 130),
-    "be": Country("Belgium", 50, 90, 120),
-    "bg": Country("Bulgaria", 50, 90, 140),
-    "ch": Country("Switzerland", 50, 80, 120),
-    "cn": Country("China", 50, 70, 120),
-    "cz": Country("Czechia", 50, 90, 130),
-    "es": Country("Spain", 50, 90, 120),
-    "fr": Country("France", 50, 80, 130),
-    "gb": Country("Great Britain", 30 * _MPH, 60 * _MPH, 70 * _MPH),
-    "it": Country("Italy", 50, 90, 130),
-    "nl": Country("the Netherlands", 50, 80, 100, 15),
-    "pl": Country("Poland", 50, 90, 140),
-    "us": Country("the United States", 25 * _MPH, 55 * _MPH, 65 * _MPH),
+    GERMANY: _Country("Germany", 50, 100, 130, 7),
+    "at": _Country("Austria", 50, 100, 130),
+    "be": _Country("Belgium", 50, 90, 120),
+    "bg": _Country("Bulgaria", 50, 90, 140),
+    "ch": _Country("Switzerland", 50, 80, 120),
+    "cn": _Country("China", 50, 70, 120),
+    "cz": _Country("Czechia", 50, 90, 130),
+    "es": _Country("Spain", 50, 90, 120),
+    "fr": _Country("France", 50, 80, 130),
+    "gb": _Country("Great Britain", 30 * _MPH, 60 * _MPH, 70 * _MPH),
+    "it": _Country("Italy", 50, 90, 130),
+    "nl": _Country("the Netherlands", 50, 80, 100, 15),
+    "pl": _Country("Poland", 50, 90, 140),
+    "us": _Country("the United States", 25 * _MPH, 55 * _MPH, 65 * _MPH),
 }
 _SPEED_KEYS = (
     "speed_limit",

@@ -112,7 +112,7 @@ def prune(root: Element) -> tuple[str, ...]:
 def _prune(element: Element, left_out: Counter[str]) -> None:
     attributes, children = _ATTRIBUTES[element.tag].split(), _CHILDREN.get(element.tag, "").split()
     for name in [name for name in element.attrib if name not in attributes]:
-        if not name.startswith("{"):  # a schema's place, of use to nobody here
+        if not name.startswith("{"):  # the place of a schema
             left_out[f"{name} of <{element.tag}>"] += 1
         del element.attrib[name]
     for child in list(element):

@@ -34,7 +34,7 @@ from scex_sumo.roads.conflicts import conflicts
 __all__ = ["LaneTable", "SumoNet", "convert"]
 
 SHORTEST_M = 0.01
-JOINED_M = 0.3  # how far apart bus or bicycle lanes may end and begin and still follow one another
+JOINED_M = 0.3  # between consecutive bus or bicycle lanes
 
 
 def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoNet:

@@ -19,10 +19,10 @@ from scex_sumo.geometry.polylines import cut, length_of
 from scex_sumo.road import Lane
 
 KEY = "lanelets"
-CHANGED_M = 1e-3  # a lane whose length differs this much from that of its stretches was drawn anew
+CHANGED_M = 1e-3  # difference of lengths from which a lane was changed
 JOINT_M = 0.05  # where road follows road, the lane between takes this much of both
-BEYOND = 0  # stands for road that the map does not have, where lanes fork or join at its border
-GAP_M = 0.1  # such road may end this far beside a lane
+BEYOND = 0  # road before or behind the map's border
+GAP_M = 0.1  # between such road and a lane
 _DRIVEN = ("normal", "", None, "internal")  # functions of edges that vehicles drive on
 STRAIGHT_M = 5e-9  # a point this near to the line between its neighbours is none of the map's
 

@@ -19,9 +19,6 @@ from scex_sumo.geometry.polylines import cut, heading, length_of, turn
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
 
-# Such lanes overlap from the border on. Without a common approach SUMO would not notice, and vehicles would
-# be put inside each other. Of the lanes themselves the shortest edge that SUMO takes is enough, which keeps
-# the geometry; vehicles that enter get some room before the border.
 ENTRY = "entry"  # subtype of such a lane
 ROOM_M = 1.9
 TOGETHER_M = 0.08

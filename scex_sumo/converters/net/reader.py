@@ -87,16 +87,7 @@ class SumoLink:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Junction:
-    """Junction with its right of way.
-
-    Attributes:
-        kind: SUMO's type, e.g. ``priority``.
-        shape: (P, 2) outline, m; may be empty.
-        response: (n, n) True where the row's link gives way to the column's.
-        foes: (n, n) True where two links conflict.
-    """
-
+class _Junction:
     kind: str
     shape: FloatArray
     response: BoolArray
@@ -119,7 +110,7 @@ class NetContent:
     edges: Mapping[str, tuple[str, ...]]
     links: tuple[SumoLink, ...]
     following: Mapping[str, tuple[str, ...]]
-    junctions: Mapping[str, Junction]
+    junctions: Mapping[str, _Junction]
     offset: FloatArray
     projected: bool
     phases: Mapping[str, tuple[str, ...]]
@@ -299,7 +290,7 @@ def _links(root: Element, following: Mapping[str, tuple[str, ...]]) -> tuple[Sum
     return tuple(links)
 
 
-def _junction(junction: Element) -> Junction:
+def _junction(junction: Element) -> _Junction:
     requests = sorted(junction.iter("request"), key=lambda request: int(request.attrib["index"]))
     size = max(len(requests), len(junction.get("intLanes", "").split()))  # SUMO says what is missing
     bits = np.zeros((2, size, size), dtype=np.bool_)
@@ -308,4 +299,4 @@ def _junction(junction: Element) -> Junction:
             text = request.get(name, "")[::-1][:size]  # SUMO writes link 0 last
             matrix[row, : len(text)] = [bit == "1" for bit in text]
     kind, shape = junction.get("type", ""), points_of(junction.get("shape", ""))
-    return Junction(kind=kind, shape=shape, response=bits[0], foes=bits[1])
+    return _Junction(kind=kind, shape=shape, response=bits[0], foes=bits[1])

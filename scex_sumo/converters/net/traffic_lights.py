@@ -16,8 +16,8 @@ from scex_sumo.roads.conflicts import Conflict
 
 GREEN_S, YELLOW_S, ALL_RED_S = 25, 3, 2
 AT_LINE_M = 2.0  # how far stop lines reach into crosswalks, as drawn
-BEFORE_END_M = 30.0  # from a crosswalk to the end of a lane whose light holds people's traffic, too
-AHEAD_M = 60.0  # how far beyond a light its traffic is looked at for conflicts with that of other lights
+BEFORE_END_M = 30.0  # from a crosswalk to the end of its light's lane
+AHEAD_M = 60.0  # where conflicts with other lights' traffic count
 ONCOMING = math.radians(135.0)
 
 
@@ -165,7 +165,7 @@ def state(links: Sequence[Connection], lit: dict[str, str]) -> str:
 _Phases: TypeAlias = Sequence[tuple[float, str]]
 _Crossed: TypeAlias = Mapping[int, bool]  # link indices of a programme, and whether the links turn
 
-WALK_S, CLEAR_S = 10, 5  # a phase of people's own; what they get to leave the crossing before cars start
+WALK_S, CLEAR_S = 10, 5  # phase for people; time to leave the crossing
 TURNING_RAD = 0.35  # 20 degrees: who turns lets people cross
 
 

@@ -18,7 +18,6 @@ from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, track_rows
 from scex_sumo.formats.commonroad.file import coordinate, element_id, parse_commonroad
 from scex_sumo.geometry.polylines import wrap
 
-# CommonRoad's words in those of track files; other words are the same.
 _TYPES = {"priorityVehicle": "vehicle", "unknown": "vehicle", "train": "tram", "parkedVehicle": "parked"}
 _MOTOR = {"car", "truck", "bus", "motorcycle", "taxi", "vehicle"}
 _BESIDE_THE_ROAD = {"roadBoundary", "building", "medianStrip", "pillar"}
