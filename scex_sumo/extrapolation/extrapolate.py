@@ -1,4 +1,4 @@
-"""Extrapolation of a seed scene in Python: settings as arguments, a finished run as the result."""
+"""Extrapolation of a seed scene in Python."""
 
 from __future__ import annotations
 
@@ -46,18 +46,17 @@ def extrapolate(
 ) -> Run:
     """Simulate many child scenarios of a seed scene with different drivers, and measure each.
 
-    The arguments up to ``keep_plans`` decide on the values, see
-    `scex_sumo.extrapolation.settings.RunSettings`. The others do not.
+    `scex_sumo.extrapolation.settings.RunSettings` describes the arguments up to ``keep_plans``; the others
+    change no value.
 
     Args:
         scene: the seed scene, with its road.
-        out: result folder; None makes a temporary one that lives as long as the returned run.
+        out: result folder; None makes a temporary one that lives as long as the run.
         overwrite: replace the result of another run in ``out``.
         workers: processes that share the children.
         batch: children side by side in one world; None for about 6000 vehicles.
         gui: show the run live in sumo-gui.
-        cache: keep the converted net, the networks' map features and the assignments in
-            ``~/.cache/scex-sumo`` for the next run.
+        cache: keep net, map features and assignments in ``~/.cache/scex-sumo``.
         progress: called with (steps done, steps in all).
         command: the command line, for ``run.json``.
 

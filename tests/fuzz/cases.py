@@ -14,7 +14,7 @@ from typing import Final
 from tests.formats.commonroad.commonroad_maps import Lanelet, Vehicle, write_scenario
 from tests.formats.levelx.levelx_files import Mover, write_highd
 from tests.fuzz.forked import CACHE, Ended, run_forked
-from tests.fuzz.mutations import NUMBERS, bytes_changed, mutated
+from tests.fuzz.mutations import NUMBERS, bytes_changed, column_changed, mutated
 from tests.fuzz.sources import EXAMPLES, KEPT, Sources
 from tests.fuzz.weights import EVIL, EXECUTED, write_mutated
 
@@ -149,6 +149,28 @@ def _edited(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     return f"{file.relative_to(work / 'out')}: {_twice(file, rng)}", list(KEPT[command])
 
 
+def _columns(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """A column of a kept table changed, and a command that reads this table."""
+    command = rng.choice((*_READ, "report", "rank", "validate"))
+    if command in KEPT:
+        arguments = list(KEPT[command])
+        shutil.copytree(sources.interrupted(command), work, dirs_exist_ok=True)
+    else:
+        arguments = [command, "out", *([str(sources.result())] if command == "compare" else [])]
+        shutil.copytree(sources.result(), work / "out")
+    names = _READ.get(command, ("*",))
+    file = rng.choice(sorted(f for name in names for f in (work / "out").rglob(f"{name}.parquet")))
+    return f"{file.relative_to(work / 'out')}: {column_changed(file, rng)}", arguments
+
+
+_READ: Final = {
+    "compare": ("metrics",),
+    "explain": ("metrics", "assignments", "worst", "collisions", "encounters"),
+    "encounters": ("encounters",),
+}
+"""Tables of a result folder that a command reads; others read all tables."""
+
+
 def _highway(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     """A recording of highD's form, whose meta data are the map."""
     movers = [
@@ -255,6 +277,7 @@ KINDS: Final[Mapping[str, Callable[[Sources, Path, Random], tuple[str, list[str]
     "options": _options,
     "kept": _kept,
     "edited": _edited,
+    "columns": _columns,
     "highways": _highway,
     "simulations": _simulation,
     "detectors": _detectors,

@@ -1,4 +1,4 @@
-"""``scex-sumo sample-size``: how many children are enough, with all assignments as the truth."""
+"""``scex-sumo sample-size``: how many futures are enough, with all assignments as the truth."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def _sizes(text: str) -> tuple[int, ...]:
 
 
 def _answers(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield how far the shares of samples are from those of all assignments, for each design and size."""
+    """Yield the errors of the shares of samples, for each design and size."""
     from numpy import median
 
     for design, size in dict.fromkeys((row["design"], row["size"]) for row in rows):

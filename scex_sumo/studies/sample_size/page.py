@@ -1,4 +1,4 @@
-"""Page of a study of the sample size: how near fewer children come to all assignments."""
+"""Page of a study of the sample size."""
 
 from __future__ import annotations
 
@@ -77,7 +77,6 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
 
 
 def _errors(rows: Sequence[Mapping[str, Any]], column: str, kinds: Mapping[str, str]) -> Html:
-    """Distance over the number of children, both logarithmic."""
     known = [row for row in rows if row["metric"] == column and row["ks_median"] is not None]
     sizes = sorted({int(row["size"]) for row in rows})
     span_x = (np.log10(sizes[0]) - 0.05, np.log10(sizes[-1]) + 0.05) if sizes else (0.0, 1.0)

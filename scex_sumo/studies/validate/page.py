@@ -71,7 +71,7 @@ def write_validation_page(
 
     Args:
         info: content of ``validate.json``.
-        rows: events, values and positions, as `scex_sumo.studies.validate.scoring` gives them.
+        rows: events, values and positions, see `scex_sumo.studies.validate.scoring`.
     """
     events, values = rows["events"], rows["values"]
     usual = [row for row in events if 0.0 < row["happened"] < 1.0]
@@ -86,8 +86,8 @@ def write_validation_page(
         ),
         card(
             "Values",
-            "As recorded: with errors like those of the boxes put onto the children, for what was "
-            "recorded carries such errors, too.",
+            "Times count up to 10 s, 1/TTC up to 10 1/s, DRAC up to 20 m/s². As recorded: futures with "
+            "errors of the boxes like those of the recording.",
             table_place("values"),
         ),
         card(
@@ -132,14 +132,14 @@ def _table(heads: Sequence[tuple[str, str, str, str]], rows: Sequence[Mapping[st
 
 
 def collisions_in(info: Mapping[str, Any]) -> str:
-    """P(collision) in all seed scenes, and in those whose recorded future has no overlap."""
+    """Return P(collision) of all seed scenes, and of those without a recorded overlap, in words."""
     without = info["p_collision_without_overlap"]
     where = "" if without is None else f", {without:.2%} where no recorded boxes overlap"
     return f"{info['p_collision']:.2%}{where} (they do in {info['recorded_overlaps']:.2%} of the seed scenes)"
 
 
 def printed_name(column: str) -> str:
-    """Name of a metric column as it is printed; other values have names already."""
+    """Return the printed name of a metric column; other values keep their names."""
     return metric_title(column) if column.removesuffix("_mean") in known_metrics() else column
 
 
@@ -153,7 +153,6 @@ def _cell(row: Mapping[str, Any], key: str) -> Any:
 
 
 def _diagram(row: Mapping[str, Any]) -> Html:
-    """Reliability diagram of an event."""
     total = sum(row["diagram_count"])
     plane = Plane(x=(-0.1, 1.1), y=(-0.1, 1.1), width=180, height=180)  # the largest dots in the corners, too
     whole = np.array([0.0, 1.0])
@@ -174,7 +173,7 @@ def _diagram(row: Mapping[str, Any]) -> Html:
 
 
 def _ranks(name: str, counts: Sequence[int]) -> Html:
-    """Rank histogram; the line is the level of equal ranks."""
+    """Draw a rank histogram; the line is the level of equal ranks."""
     plane = Plane(x=(0.0, float(len(counts))), y=(0.0, 1.1 * max(*counts, 1)), width=180, height=70)
     bars = [plane.box((k + 0.06, k + 0.94), (0.0, n), "drawn") for k, n in enumerate(counts)]
     level = sum(counts) / len(counts)
