@@ -1,7 +1,6 @@
-"""Registries of map formats and of datasets: each format is asked whether a file is its own.
+"""Registries of map formats, datasets and signal recordings.
 
-Wings and other packages add formats by entry points. An entry is a module, or any object, that has the
-functions of `MapFormat` or `Dataset` by their names; the functions with a default may be missing.
+An entry is a module or object with the functions of `MapFormat` or `Dataset`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Conversion of a road to a SUMO net.
 
-The net is written directly, not by netconvert, so that every shape is the map's own. Coordinates are the
-map's own; less netOffset they are those of the projection, where that is known. Internal ids begin with a
-colon.
+The net is written directly, not by netconvert, to keep the map's shapes. Coordinates are the map's own; less
+netOffset they are those of the projection, if known.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ from scex_sumo.roads.conflicts import conflicts
 __all__ = ["LaneTable", "SumoNet", "convert"]
 
 SHORTEST_M = 0.01
-JOINED_M = 0.3  # how far apart bus or bicycle lanes may end and begin and still follow one another
+JOINED_M = 0.3  # between consecutive bus or bicycle lanes
 
 
 def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoNet:
