@@ -20,6 +20,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.net.elements import Connection, NetLayout
 from scex_sumo.converters.net.traffic_lights import Programme, state
+from scex_sumo.converters.registries import SignalFormat
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
 
 # SAE J2735 movement states in SUMO's letters.
@@ -76,6 +77,9 @@ def recorded_programme(
         name="tl_recorded", connections=tuple(controlled), phases=phases, programme="recorded"
     )
     return programme, []
+
+
+SPAT = SignalFormat(is_mine=lambda path: path.suffix == ".csv", read=recorded_programme)
 
 
 def _read_phases(signals: Path) -> dict[int, list[tuple[float, str]]]:

@@ -26,7 +26,7 @@ from scex_sumo.converters.net.text import net_text
 from scex_sumo.converters.net.topology import Topology, cut_lanes
 from scex_sumo.converters.net.traffic_lights import Programme, fixed_programmes, with_crossings
 from scex_sumo.converters.net.walks import plan_walks
-from scex_sumo.converters.registries import SIGNALS
+from scex_sumo.converters.registries import signal_format
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import MapLoss, Road
 from scex_sumo.roads.conflicts import conflicts
@@ -66,7 +66,9 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     ways = footways(road.lanes, lanes)
     topology, lost = cut_lanes(lanes, found, crossed_zones(ways))
     layout = plan_net(topology, road.regulations, found)
-    recorded, notes = (None, []) if signals is None else SIGNALS.load("spat")(layout, road.origin, signals)
+    recorded, notes = None, list[str]()
+    if signals is not None:
+        recorded, notes = signal_format(signals).read(layout, road.origin, signals)
     fixed = fixed_programmes(layout, lanes, road.regulations, found)
     walks = plan_walks(ways, topology, layout)
     lights, unlit = with_crossings(_with_fixed_programmes(recorded, fixed), recorded, walks, layout)
