@@ -155,7 +155,6 @@ def owner_cache(make: Callable[Concatenate[Owner, P], Made]) -> Callable[Concate
 
 
 def _results_of(owner: Any) -> dict[Any, Any]:
-    """Return the results of an owner, now the most recently used one of its class."""
     with _owner_lock:
         owners = _by_owner.setdefault(type(owner), WeakKeyDictionary())
         results = owners.pop(owner, {})

@@ -74,7 +74,6 @@ def point_by_point(left: FloatArray, right: FloatArray) -> tuple[FloatArray, Flo
 
 
 def _signals(road: Road, numbers: Mapping[int, int]) -> _Signals:
-    """Return a speed sign for each limit, and the signs and lights of the rules."""
     signals, free = _Signals(), max(numbers.values()) + 1
     driven = [i for i in numbers if road.lanes[i].kind == "vehicle"]
     for speed in sorted({road.lanes[i].speed_limit_mps for i in driven}):

@@ -121,7 +121,6 @@ def run_scene(
 
 
 def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:
-    """Raise a `UsageError` if SUMO is needed and the world has none."""
     by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
     if (by_sumo or gui) and not WORLDS.load(settings.world).has_sumo:
         what = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"
@@ -171,7 +170,6 @@ class _Stopwatch:
 
 
 def _run_children(job: Job, run: Callable[[Job], None]) -> tuple[Job, Look | None]:
-    """Run all children, or as many as the band needs."""
     settings = job.settings
     if settings.until_band is None or settings.count is None:
         run(job)
@@ -196,7 +194,6 @@ def _without_test(job: Job) -> RunSettings:
 
 
 def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | None:
-    """Return the progress of one of several equal parts."""
     if progress is None:
         return None
     return lambda done, total: progress(part * total + done, parts * total)

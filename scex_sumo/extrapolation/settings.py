@@ -112,7 +112,6 @@ class RunSettings:
         object.__setattr__(self, "thresholds", checked_thresholds(self.thresholds or {}, self.columns))
 
     def _put_under_test(self) -> None:
-        """Put vehicles with an assigned model of the user under test."""
         assign, under_test = self.assign or {}, self.under_test or {}
         twice = sorted(set(under_test) & set(assign))
         if twice:

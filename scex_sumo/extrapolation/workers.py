@@ -1,10 +1,8 @@
 """Pool of worker processes: batches of a run, moments of a study.
 
-libsumo runs one simulation per process. A worker takes its next task when it is free; one that dies is
-replaced, and its task is done once more. A result depends on the task alone.
+libsumo runs one simulation per process. A worker that dies is replaced, and its task is done once more.
 
-Why not `concurrent.futures.ProcessPoolExecutor`: one dead worker breaks the pool and hides its task; workers
-outlive a killed process; each runs the user's script again.
+`concurrent.futures.ProcessPoolExecutor` breaks with one dead worker and hides its task.
 """
 
 from __future__ import annotations
@@ -142,7 +140,6 @@ class Workers:
     def _share(
         self, worker: _Worker, work: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
     ) -> None:
-        """Give a worker batches while there are any."""
 
         def tick(children: int) -> None:
             reports.put(("step", children))
@@ -232,8 +229,6 @@ def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
 
 
 class _Worker:
-    """A worker process, and the thread that gives it tasks in order."""
-
     def __init__(self, folder: str) -> None:
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")
         self._folder = folder  # temporary files of a killed worker are removed with it

@@ -210,7 +210,6 @@ def _overlaps(fcd: Path) -> list[tuple[str, str, str, str, float]]:
 
 
 def _corners(poses: FloatArray) -> FloatArray:
-    """(n, 4, 2) corners of the footprints; SUMO's position is the middle of the front bumper."""
     heading = np.deg2rad(90.0 - poses[:, 2])  # SUMO: 0 = north, clockwise
     ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)[:, None]
     left = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)[:, None]

@@ -153,7 +153,6 @@ def _drop_cars(connection: Any, edge: str, points: FloatArray, directions: Float
 
 
 def _mapped(matching: Matching, owner: int, found: str, point: FloatArray, direction: float) -> bool:
-    """Whether the lane found stands for the lanelet, or passes the same place in the same direction."""
     lanes, own, place = matching.net.lanes, matching.names(owner), shapely.Point(point)
     if found in own or found not in lanes:
         return found in own

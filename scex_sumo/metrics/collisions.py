@@ -194,7 +194,6 @@ def near_moves(tracks: SceneTracks, start: int) -> Moves:
 
 
 def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
-    """Return (N, T - 1) whether a point comes within reach of the origin in each step."""
     px, py = dx[:, :-1], dy[:, :-1]
     vx, vy = dx[:, 1:] - px, dy[:, 1:] - py
     square = vx * vx + vy * vy
@@ -206,7 +205,6 @@ def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
 
 
 def _contacts(moves: Moves) -> Moves:
-    """Select moves whose outlines may touch."""
     gap_way, _ = moves.way()
     zero = np.zeros(moves.child.shape)
     ends = moves.separation(zero) + moves.separation(zero + 1)
@@ -349,7 +347,6 @@ def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 def _grown(hits: Moves, at: FloatArray, start: int) -> FloatArray:
-    """Return (N,) largest overlap from the impact on less that of the seed moment, m²."""
     largest = hits.overlap(at)
     present = hits.tracks.present
     for step in range(start, hits.tracks.states.shape[1]):

@@ -156,7 +156,6 @@ def _on_paths(scenes: Scenes) -> tuple[FloatArray, IntArray, FloatArray, IntArra
 
 
 def _extremum(key: IntArray, step: IntArray, value: FloatArray, size: int) -> tuple[FloatArray, IntArray]:
-    """Return (size,) smallest value of each key, inf without any, and its first step."""
     least = np.full(size, np.inf)
     np.minimum.at(least, key, value)
     first = np.full(size, np.iinfo(np.int64).max)

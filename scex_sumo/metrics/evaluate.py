@@ -150,7 +150,6 @@ def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: 
 
 
 def _rows(samples: Samples, first_child: int, first_step: int) -> PairValues:
-    """Convert defined values to sorted rows; symmetric pairs give two."""
     entry, child, step = np.nonzero(samples.defined)
     value = samples.value[entry, child, step]
     vehicle = samples.row[entry]

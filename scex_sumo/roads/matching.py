@@ -85,10 +85,8 @@ class Grid:
 
     Attributes:
         low: (2,) lower left corner of the map, m.
-        size: of a cell, m.
-        shape: cells along x and y.
-        first: (cells + 1,) begin of each cell in `segment`.
-        segment: (K,) indices, ascending within a cell.
+        shape: cells along x and y, each ``size`` m wide.
+        first: (cells + 1,) begin of each cell in `segment`, whose indices ascend within a cell.
     """
 
     low: FloatArray

@@ -121,7 +121,6 @@ def _ways(lanes: Sequence[Lane], number: dict[int, int], length: FloatArray) -> 
 
 
 def _neighbours(lanes: Sequence[Lane], number: dict[int, int]) -> list[tuple[int, int, int]]:
-    """Return (lane, other lane, lanes to the left; right is negative), nearest first."""
     left: dict[int, int] = {}
     right: dict[int, int] = {}
     for k, lane in enumerate(lanes):

@@ -192,7 +192,6 @@ def _place(name: str) -> Place:
 
 
 def _inside(net: NetContent, starts: list[Place], exits: set[str]) -> set[Place]:
-    """Return lanes that begin on other lanes: vehicles there would enter into traffic."""
     edges = {edge for edge, _ in starts}
     apart = {f"{edge}_{index}": set(net.edges[edge]) for edge, index in starts}
     for link in net.links:
@@ -204,7 +203,6 @@ def _inside(net: NetContent, starts: list[Place], exits: set[str]) -> set[Place]
 
 
 def _sharpest(shape: FloatArray) -> float:
-    """Return the largest curvature of a polyline over a car's length, 1/m."""
     step = np.diff(shape, axis=0)
     length = np.hypot(step[:, 0], step[:, 1])
     step, length = step[length > 1e-6], length[length > 1e-6]

@@ -150,7 +150,6 @@ def _moments(
 
 
 def _sharpest(scene: SeedScene) -> float:
-    """Return the largest curvature of a moving vehicle, 1/m; maps have kinks no car can follow."""
     assert scene.future is not None
     states = States.concatenate([scene.history, scene.future], 1)
     turned = np.abs(np.angle(np.exp(1j * np.diff(states.heading))))

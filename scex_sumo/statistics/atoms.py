@@ -1,7 +1,4 @@
-"""Atoms: values that many children share exactly, separate from the density of the rest.
-
-A kernel would smear the WTTC of 0 of half of the children over values of no child.
-"""
+"""Atoms: values that many children share exactly, separate from the density of the rest."""
 
 from __future__ import annotations
 

@@ -106,7 +106,6 @@ def train_command(
 
 
 def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, overwrite: bool) -> Path:
-    """Check the options; return the file of weights to write."""
     if kind not in NETWORKS:
         raise UsageError(f"train {kind}: unknown network; known: {', '.join(NETWORKS)}")
     if out is None:

@@ -180,7 +180,6 @@ def _groups(scene: SeedScene, tiled: TiledChild) -> list[FcdTracks]:
 
 
 def _without_gaps(present: BoolArray) -> BoolArray:
-    """Return presence from first to last appearance: SUMO would jump over a gap in time."""
     return (
         np.logical_or.accumulate(present, axis=1)
         & np.logical_or.accumulate(present[:, ::-1], axis=1)[:, ::-1]

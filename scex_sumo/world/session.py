@@ -44,10 +44,7 @@ _open = False
 
 @dataclass(frozen=True, kw_only=True)
 class VehicleCalls:
-    """SUMO's vehicle functions of each step.
-
-    libsumo's own wrappers take a fifth of the getters' time: these are the inner functions. traci has none.
-    """
+    """SUMO's vehicle functions of each step."""
 
     moveToXY: Callable[..., None]
     getPosition: Callable[[str], tuple[float, float]]
@@ -141,8 +138,8 @@ class SumoSession:
                 self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
             return self._sumo
         self.stop()
-        # SUMO has a random generator for each lane, by number. All tiles with all generators: a random
-        # driver gets the same numbers in its slot, whatever else is simulated.
+        # All tiles with all of SUMO's generators (one a lane): a random driver gets the same numbers in its
+        # slot.
         self.slots = list(range(TILE_SLOTS)) if self._types.random else self.slots
         generators = self._template.lanes * TILE_SLOTS if self._types.random else 1
         with writing(self._folder):

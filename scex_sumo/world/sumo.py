@@ -1,7 +1,4 @@
-"""SUMO's world: vehicles in tiles of libsumo or sumo-gui, moved to their planned states and read back.
-
-A world opens its tiles once. Each batch begins at time 0 with new vehicles, independent of other batches.
-"""
+"""SUMO's world: vehicles in tiles of libsumo or sumo-gui, moved to their planned states and read back."""
 
 from __future__ import annotations
 
@@ -56,7 +53,6 @@ class SumoWorld:
         Args:
             slots: tile slots of all batches, each below ``TILE_SLOTS``.
             gui: show sumo-gui; the last bits of positions may differ.
-            legend: names and colours for sumo-gui.
 
         Raises:
             SimulationError: the net cannot be read.
@@ -131,8 +127,6 @@ class SumoWorld:
     def move(self, states: States, mask: BoolArray) -> None:
         """Set the next states (C, V) of the vehicles in the mask: all that SUMO does not drive.
 
-        SUMO has no negative speeds: a reversing vehicle has a speed of 0 m/s.
-
         Raises:
             SimulationError: the mask is another one.
         """
@@ -149,10 +143,7 @@ class SumoWorld:
         np.copyto(batch.speed, states.speed, where=mask)
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
-        """Set the states (O,) of pedestrians and cyclists after the next step, for SUMO's drivers.
-
-        SUMO estimates their speed along the lane: a crossing pedestrian stands still for the vehicles on it.
-        """
+        """Set the states (O,) of pedestrians and cyclists after the next step, for SUMO's drivers."""
         batch, others = self._batch, self._scene.obstacles
         if others is None:
             return
@@ -231,7 +222,6 @@ class SumoWorld:
     def _place(
         self, poses: Sequence[FloatArray], some: Selection, speed: FloatArray, acceleration: FloatArray
     ) -> None:
-        """Queue poses for the next step, and for after it the speeds in watched children."""
         x, y, degrees = (values.reshape(-1)[some.index].tolist() for values in poses)
         move = self._call.moveToXY
         for key, to_x, to_y, turned, lanes in zip(some.ids, x, y, degrees, some.lanes, strict=True):
@@ -247,8 +237,7 @@ class SumoWorld:
     def _advance(self, batch: RunningBatch) -> None:
         """Run one step of SUMO, count the vehicles, and set the speeds of moved vehicles.
 
-        SUMO takes the motion along the lane for the speed, which is wrong at an angle to it. SUMO's drivers
-        see the speed that is set here.
+        SUMO's drivers see the speed that is set here; SUMO's own one is wrong at an angle to the lane.
         """
         with self._session.refusals("advance"):
             self._sumo.simulation.step()

@@ -1,7 +1,6 @@
 """Tiles: copies of a SUMO net side by side, one for each child of a batch.
 
-A tile has prefixed ids and coordinates moved by whole metres, so that decimals stay exact. Its offset depends
-on the slot alone: a child has the same numbers, whatever else is simulated.
+A tile has prefixed ids and coordinates moved by whole metres. Its offset depends on the slot alone.
 """
 
 from __future__ import annotations
@@ -176,7 +175,6 @@ def _points(edge: ElementTree.Element) -> int:
 
 
 def _mark(element: ElementTree.Element) -> None:
-    """Put placeholders into the ids and coordinates of an element."""
     attributes = element.attrib
     for key in _LOGIC:
         attributes.pop(key, None)

@@ -21,9 +21,8 @@ CORRIDOR_MARGIN_M = 0.3  # of the driver's corridor, beyond its width on each si
 class Leaders:
     """The leader of each of n vehicles."""
 
-    # (n,) bumper to bumper along the path, m; inf without a leader, negative on overlap
-    gap: FloatArray
-    speed: FloatArray  # (n,) component along the path, m/s; 0 without a leader
+    gap: FloatArray  # (n,) bumper to bumper, m; inf without a leader, negative on overlap
+    speed: FloatArray  # (n,) along the path, m/s; 0 without a leader
     index: IntArray  # (n,) column: vehicles first, then obstacles; -1 without a leader
 
 
@@ -78,11 +77,9 @@ def find_ahead(
 ) -> Ahead:
     """Find the vehicles and obstacles on or near each driver's path, within the perception radius.
 
-    One counts in these cases:
-
-    - Its nearest end is ahead of the driver's front bumper, it does not face the driver (within 60 degrees),
-      and its centre is within the clearance of the path or its body inside the driver's corridor.
-    - Its centre is ahead of the driver's, and its body is inside the corridor.
+    One counts if its body is in the driver's corridor and its centre ahead of the driver's; or if its nearest
+    end is ahead of the driver's front, it does not face the driver (within 60 degrees), and its centre is
+    near the path.
 
     Args:
         row: (n,) path of each driver.

@@ -91,7 +91,6 @@ def _within(moved: FloatArray, points: FloatArray, bound: FloatArray) -> FloatAr
 
 
 def _dilate(mask: BoolArray, reach: int) -> BoolArray:
-    """Return (K, N) True within `reach` samples of a True."""
     n = mask.shape[1]
     total = np.cumsum(np.pad(mask, ((0, 0), (reach + 1, reach))), axis=1)
     near: BoolArray = total[:, 2 * reach + 1 :] > total[:, :n]

@@ -54,8 +54,7 @@ def plan_along(
         wanted = _smoothed(wanted)
     else:
         least, most = _bounds(history, who, paths, row, s, way, road, clear=clear)
-        # Smooth after bounding, so that the vehicle does not still move outwards at the edge. Do not bound
-        # again: bounds jump by centimetres, and steering follows their second derivative.
+        # Bounding again would let offsets jump by centimetres, and steering follows their second derivative.
         wanted = _smoothed(np.clip(wanted, least, most))
     # the rear axle follows the path
     wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(wanted, way)
@@ -83,7 +82,6 @@ def _bounds(
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:
-    """Smooth the corners at the knots; ends go on straight."""
     for _ in range(2):
         reach = np.arange(1, SMOOTHING_STEPS + 1)
         before = offset[:, :1] - (offset[:, 1:2] - offset[:, :1]) * reach[::-1]
@@ -107,7 +105,6 @@ def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
 
 
 def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
-    """Return (n, H + 1) changes per metre of way; 0 for standing vehicles."""
     change, moved = np.diff(offset, axis=1), np.diff(way, axis=1)
     slope = np.where(moved > STANDING_M, change / np.maximum(moved, STANDING_M), 0.0)
     whole: FloatArray = np.concatenate([slope, slope[:, -1:]], axis=1)
@@ -163,8 +160,6 @@ ASIDE_M, ASIDE_S = 0.5, 1.0  # largest shift, and its time constant, away from a
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Boxes:
-    """Boxes relative to paths, (p,) each."""
-
     s: FloatArray  # arc length of the centre, m
     offset: FloatArray  # of the centre from the path, m, left positive
     sine: FloatArray  # of the angle to the path
@@ -201,8 +196,7 @@ def offsets_beside(
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
 
-    Two boxes share the space between them; others keep their speed and straighten up. Leaders and crossing
-    vehicles are handled by braking. Arguments as in `bounds_along`.
+    Two boxes share the space between them; others keep their speed and straighten up.
     """
     everybody = everyone(history)
     now, others = history.now[who.child, who.vehicle], everybody.states[who.child]

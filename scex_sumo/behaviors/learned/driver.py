@@ -213,7 +213,6 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
 
 
 def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
-    """Return (V, K) cumulative probabilities of paths from (P,) logits."""
     upper = np.ones((len(paths.count), int(paths.count.max(initial=1))))
     for v, (first, count) in enumerate(zip(paths.first, paths.count, strict=True)):
         part = logit[first : first + count]
@@ -225,8 +224,7 @@ def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
 def _stays(inputs: PathInputs, modes: Modes, *, waits: bool) -> BoolArray:
     """Return (n,) whether a vehicle stands and does not start.
 
-    The expected mode starts too early: the network does not see what the head of a queue waits for. With
-    `waits` vehicles start only behind a moving leader.
+    The expected mode starts too early: the network does not see what the head of a queue waits for.
     """
     speed = inputs.features[:, SPEED]
     stands = speed < STANDING_MPS

@@ -105,7 +105,6 @@ def _convolved(values: FloatArray, layer: Convolution, weight: FloatArray) -> Fl
 
 
 def _sampled(framed: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
-    """Return (K, channels, points) bilinear at columns u and rows v; 0 beyond the map."""
     channels, rows, columns = framed.shape
     u, v = np.clip(u + 1, 0, columns - 1), np.clip(v + 1, 0, rows - 1)
     j = np.minimum(u.astype(np.int64), columns - 2)

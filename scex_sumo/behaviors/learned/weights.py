@@ -100,7 +100,6 @@ def load_weights(path: str | Path, kind: str) -> Weights:
 
 
 def _about(header: Mapping[str, str] | None) -> dict[str, Any] | None:
-    """Return the header's content; None if it is not from scex-sumo."""
     try:
         about = json.loads((header or {}).get(ABOUT, "0"))
     except (ValueError, RecursionError):
@@ -130,7 +129,6 @@ def _check_inputs(file: Path, kind: str, about: Mapping[str, Any], again: str) -
 
 
 def _sizes(kind: str, numbers: Any, opened: Any) -> Architecture:
-    """Return the architecture; raise a `ValueError` for arrays of other shapes."""
     if not isinstance(numbers, dict):
         raise ValueError(f"a {type(numbers).__name__} instead of numbers by name")
     unknown = set(numbers) - {field.name for field in fields(Architecture)}

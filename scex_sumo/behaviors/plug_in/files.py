@@ -158,7 +158,6 @@ _KINDS: Mapping[str, tuple[type[FileFunction], str, str]] = {
 
 
 def _predictor(kind: str, file: str, **surroundings: Any) -> Predictor:
-    """Load a predictor; given sizes of the surroundings win over those of the file."""
     make, package, extra = _KINDS[kind]
     if importlib.util.find_spec(package) is None:
         raise MissingExtraError(f"{kind}: needs {package}; install it with pip install 'scex-sumo[{extra}]'")

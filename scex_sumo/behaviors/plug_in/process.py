@@ -1,7 +1,7 @@
 """External driving function: a program in any language that answers lines of JSON.
 
-The program reads one line per question on standard input and answers with one line on standard output. The
-first line is the road; any JSON object as answer means that the program is ready.
+It reads one line per question and answers with one line. The first line is the road; any JSON object as
+answer means that the program is ready.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class ProcessDriver:
     """Single-vehicle model that asks a program.
 
     Args:
-        command: as on a shell's command line; no shell is used. The program starts at the first question.
+        command: as on a shell's command line, but without a shell.
         deadline_s: a later answer counts as none, and ends the program.
 
     Raises:
@@ -142,7 +142,6 @@ class _Program:
 
 
 def _wait(selector: selectors.BaseSelector, until: float) -> bool:
-    """Wait for a pipe; return False if the time is over."""
     left = until - time.monotonic()
     return left > 0 and bool(selector.select(left))
 

@@ -51,7 +51,6 @@ class SingleVehicle:
         """Ask the model for one vehicle after the other; see `Behavior.plan`."""
         now = history.now
         plans = []
-        # One child, so that the others have no influence and cost nothing.
         alone = {c: _child_history(history, c) for c in np.unique(who.child).tolist()}
         for c, v in zip(who.child.tolist(), who.vehicle.tolist(), strict=True):
             visible = road

@@ -63,8 +63,6 @@ class Edges:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Relation:
-    """Relation of M targets and sources; `kind` is -1 without one."""
-
     kind: IntArray
     path_distance: FloatArray
     target_to_crossing: FloatArray
@@ -182,8 +180,7 @@ def _along(
 ) -> tuple[FloatArray, FloatArray]:
     """Return (M,) ways from target to source and back, m; inf without one.
 
-    Args:
-        lead: (M,) arc length of the source minus that of the target, each on its lane, m.
+    ``lead`` is the arc length of the source minus that of the target, m.
     """
     ahead = relations.ahead[lane_t, lane_s] + lead
     behind = relations.ahead[lane_s, lane_t] - lead
@@ -195,7 +192,6 @@ def _along(
 
 
 def _relative(now: States, target: IntArray, source: IntArray) -> tuple[FloatArray, ...]:
-    """Return (E,) x, y, cos, sin of the sources in their targets' frames."""
     dx, dy = now.x[source] - now.x[target], now.y[source] - now.y[target]
     cos, sin = np.cos(now.heading), np.sin(now.heading)
     cos_t, sin_t, cos_s, sin_s = cos[target], sin[target], cos[source], sin[source]

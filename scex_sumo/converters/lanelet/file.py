@@ -137,8 +137,8 @@ class Findings:
 def read_map_file(path: str | Path) -> MapFile:
     """Read the elements of an ``.osm`` or ``.osm.gz`` file, without deleted ones.
 
-    Of elements with one id the first is kept. Elements without an id or a place on Earth are left out. Both
-    are noted. Most nodes with ``local_x`` and ``local_y`` make these the coordinates, as in Autoware.
+    Of elements with one id the first is kept; elements without an id or a place on Earth are noted. If most
+    nodes have ``local_x`` and ``local_y``, these are the coordinates, as in Autoware.
 
     Raises:
         MapError: the file is missing, not XML, or no OSM file.

@@ -44,19 +44,18 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
     """Read a Lanelet2 map: its lanelets, how they connect, and the rules between them.
 
     Centrelines, bounds, successors, lane changes and conflicts are Lanelet2's own, under German traffic rules
-    for cars. Four things differ:
-    - Heights are left out, but lanes more than 3 m above one another do not conflict.
+    for cars, with these differences:
+    - Lanes more than 3 m above one another do not conflict; heights are left out.
     - A lanelet that cars may drive both ways gives two lanes; the second has ``reverse_of`` set.
     - Connected lanelets of unknown subtype that a car fits on are roads.
     - Stops and lights that no lanelet names hold the lanes at their stop lines.
-    Defects are repaired or left out and listed in the road's notes; what is lost is listed in its losses.
+    Defects are listed in the road's notes; what is lost is listed in its losses.
 
     Args:
         map_path: an ``.osm`` or ``.osm.gz`` file.
-        origin: latitude and longitude in degrees for the UTM projection; None for that of a
-            ``meta_data.csv`` near the map, 0, 0 for a map drawn there, else the map's south-west corner.
-        country: whose default speed limits apply, e.g. ``us``; None for the country that the map's
-            ``region`` tags name, else Germany.
+        origin: latitude and longitude in degrees; None looks near the map, and takes 0, 0 or its south-west
+            corner.
+        country: whose default speed limits apply, e.g. ``us``; None: by the ``region`` tags, else Germany.
 
     Raises:
         MapError: the file is missing, no Lanelet2 map, far from the origin, or has no usable lanelet.
@@ -121,7 +120,6 @@ def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findi
 
 
 def _origin(path: Path, map_file: MapFile, origin: Place | None, notes: list[str]) -> Place:
-    """Return the origin as given, recorded or by the map itself; an arbitrary one is noted."""
     if map_file.local:
         if origin not in (None, (0.0, 0.0)):
             notes.append(f"origin {origin[0]:g},{origin[1]:g} not used: the map's coordinates are local")

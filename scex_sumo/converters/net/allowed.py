@@ -1,8 +1,7 @@
 """Allow-list of SUMO nets: roads and lights only.
 
-SUMO reads a net like an additional file: detectors, outputs, ``include`` and calibrators in it take effect
-and write files. A net is therefore reduced to the elements below when it is read, and checked before SUMO
-loads it.
+SUMO reads a net like an additional file: detectors, outputs and ``include`` in it take effect and write
+files.
 """
 
 from __future__ import annotations

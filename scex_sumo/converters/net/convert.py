@@ -1,7 +1,6 @@
 """Conversion of a road to a SUMO net.
 
-The net is written directly, not by netconvert, to keep the map's shapes. Coordinates are the map's own; less
-netOffset they are those of the projection, if known.
+The net is written directly, not by netconvert, to keep the map's shapes and coordinates.
 """
 
 from __future__ import annotations
@@ -90,7 +89,6 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
 
 
 def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
-    """Copy the net that a road was read from, unpacked; write its lane table and drawing."""
     write_atomic(net_path, allowed_content(source)[0])
     root = net_root(source)
     places = lane_places(root)

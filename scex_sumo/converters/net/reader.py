@@ -101,8 +101,8 @@ class NetContent:
     Attributes:
         edges: lane ids of each edge, from right to left.
         following: lanes that a car enters after a lane, internal ones included.
-        offset: (2,) m, what the coordinates are ahead of the projection's.
-        phases: states of all phases of each traffic light, all programs together.
+        offset: (2,) m, the net's netOffset.
+        phases: states of all phases of each traffic light.
     """
 
     path: Path

@@ -208,7 +208,6 @@ def lane_table(
 
 
 def _sorted(within: dict[_Row, set[_Row]], before: dict[_Row, set[_Row]]) -> list[_Row]:
-    """Sort topologically, smallest row first; on rings only the order within SUMO lanes holds."""
     waiting = {key: within[key] | before[key] for key in within}
     following: dict[_Row, list[_Row]] = {}
     for key, others in waiting.items():

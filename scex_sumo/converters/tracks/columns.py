@@ -147,7 +147,6 @@ def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:
 
 
 def _in_radians(columns: dict[str, Any]) -> list[str]:
-    """Convert headings in degrees, by their fit to the motion, in place; returns a phrase if it does."""
     heading, (vx, vy) = columns["psi_rad"], (columns["vx"], columns["vy"])
     driven = (np.hypot(vx, vy) > DRIVEN_MPS) & np.isfinite(heading)
     if not driven.any() or np.abs(heading[driven]).max() < 2.0 * math.pi:

@@ -108,7 +108,6 @@ def _joined(groups: Sequence[Group], following: dict[Group, Group]) -> Iterator[
 def _meetings(
     lanes: Mapping[int, Lane], group_of: Mapping[int, Group]
 ) -> list[tuple[list[Group], list[Group], tuple[tuple[int, int], ...]]]:
-    """Return groups that end together, those that begin there, and linked lanes."""
     links = [(i, j) for i in group_of for j in lanes[i].successors if j in group_of]
     parent: dict[tuple[Group, bool], tuple[Group, bool]] = {}
 

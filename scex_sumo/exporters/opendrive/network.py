@@ -163,7 +163,6 @@ class _Network:
                     after.before = RoadLink(junction=junction)
 
     def _connect(self, piece: Piece, junction: int) -> None:
-        """Add a road to a junction; a road in two junctions joins them."""
         if piece.junction is not None:
             self._joined[self._root(junction)] = self._root(piece.junction)
         piece.junction = junction
@@ -206,7 +205,6 @@ def _lane_pairs(cut: Cut, end: Chain, start: Chain) -> tuple[tuple[int, int], ..
 
 
 def _lane_numbers(group: Group) -> dict[int, int]:
-    """Return OpenDRIVE's lane numbers: negative, from the left."""
     return {lane: -k - 1 for k, lane in enumerate(group)}
 
 

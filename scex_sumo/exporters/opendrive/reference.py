@@ -154,7 +154,6 @@ def _group_pieces(
 
 
 def _sizes(points: FloatArray, tangents: FloatArray) -> FloatArray:
-    """Return (K - 1,) arc lengths of pieces by arc length."""
     size = np.hypot(*np.diff(points, axis=0).T)
     nodes, weights = np.polynomial.legendre.leggauss(8)
     u = ((nodes + 1) / 2)[None, :, None]

@@ -219,7 +219,6 @@ def _offsets(place: FloatArray, tangent: FloatArray, line: FloatArray) -> FloatA
 
 
 def _thinned(s: FloatArray, offsets: FloatArray) -> list[int]:
-    """Return the stations between which straight lines fit all borders."""
     keep, stack = {0, len(s) - 1}, [(0, len(s) - 1)]
     while stack:
         a, b = stack.pop()
@@ -236,7 +235,6 @@ def _thinned(s: FloatArray, offsets: FloatArray) -> list[int]:
 
 
 def _error(curve: Curve, sections: Sequence[Section], lines: Sequence[Sequence[FloatArray]]) -> float:
-    """Return the largest distance between borders and ribbon, in both directions, m."""
     worst = 0.0
     for section, edges in zip(sections, lines, strict=True):
         s = np.linspace(section.s[0], section.s[-1], max(9, math.ceil(np.ptp(section.s) / _STATION_M)))

@@ -124,7 +124,6 @@ def _stitch(parts: list[tuple[TrackTable, tuple[str, ...]]]) -> tuple[TrackTable
 
 
 def _first_step(table: TrackTable) -> int:
-    """Step, in the chunks' common count, that the first chunk calls 0."""
     span = _chunk_span(table.path)
     assert span is not None
     return 0 if span[1] == 1 else span[1]

@@ -29,8 +29,6 @@ AGREE_RAD = math.radians(0.2)  # half of all headings must be turned by one angl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Track:
-    """One road user; states: (N, 5) time step, x, y, heading and speed, nan if the file has none."""
-
     label: int
     kind: str
     motor: bool
@@ -168,7 +166,6 @@ def _size(shape: ElementTree.Element | None) -> tuple[float, float] | None:
 
 
 def _held(state: FloatArray, steps: FloatArray) -> FloatArray:
-    """(T, 5) states at rest, with the same position at every step."""
     states = np.tile(state, (len(steps), 1))
     states[:, 0] = steps
     states[:, 4] = 0.0
@@ -176,7 +173,6 @@ def _held(state: FloatArray, steps: FloatArray) -> FloatArray:
 
 
 def _rows(tracks: list[_Track], step_s: float) -> TrackRows:
-    """Tracks as flat arrays; missing headings and speeds are those of the motion."""
     filled = [_filled(one.states, step_s) for one in tracks]
     flat = np.concatenate(filled) if filled else np.empty((0, 5))
     counts = [len(states) for states in filled]
@@ -197,7 +193,6 @@ def _rows(tracks: list[_Track], step_s: float) -> TrackRows:
 
 
 def _filled(states: FloatArray, step_s: float) -> FloatArray:
-    """The same states, without nan."""
     if len(states) > 1:
         velocity = np.gradient(states[:, 1:3], step_s * states[:, 0], axis=0)
     else:
@@ -222,7 +217,6 @@ def _late_starts(rows: TrackRows) -> BoolArray:
 
 
 def _common_turn(rows: TrackRows) -> float:
-    """Angle by which all headings are turned against the motion, rad; 0 if they are not."""
     joined = np.diff(rows.segment) == 0
     step = np.stack([np.diff(rows.x), np.diff(rows.y)], axis=1)
     fast = joined & (np.minimum(rows.speed[1:], rows.speed[:-1]) > FORWARD_MPS)

@@ -93,7 +93,6 @@ def _read_imported_road(path: str | Path, **_: object) -> Road:
 
 
 def _private_folder() -> Path:
-    """Folder in the user's cache; a temporary one if somebody else could write into that."""
     folder = cache_folder() / "imported"
     with contextlib.suppress(OSError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)

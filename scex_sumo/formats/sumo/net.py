@@ -112,7 +112,6 @@ def _bounded(lane: Lane) -> Lane:
 
 
 def _open(path: Path, root: ElementTree.Element) -> tuple[Any, set[tuple[str, int]]]:
-    """Return the net, and its forbidden lane changes (lane, 1 for left or -1 for right)."""
     import sumolib
 
     forbidden = {
@@ -160,7 +159,6 @@ def _lane(number: int, lane: Any, following: tuple[int, ...]) -> Lane:
 
 
 def _line(lane: Any, *, heights: bool = False) -> FloatArray:
-    """(P, 2), or with heights (P, 3), shape of a lane without repeated points."""
     points = np.array(lane.getShape3D(), dtype=np.float64)
     step = np.hypot(*np.diff(points[:, :2], axis=0).T)
     points = points[np.concatenate([[True], step > 1e-6])]

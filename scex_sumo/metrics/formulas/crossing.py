@@ -47,7 +47,6 @@ def _next_crossings(scenes: Scenes) -> tuple[Crossings, FloatArray, FloatArray]:
 
 
 def _area_reach(scenes: Scenes, crossing: Crossings) -> tuple[FloatArray, FloatArray]:
-    """Return (N,) half the conflict area (overlap of strips) plus half the vehicle along both paths, m."""
     pair, scene = np.divmod(crossing.where, scenes.count)
     sine = np.maximum(crossing.sine, np.sin(min(scenes.parameters.following_angle, np.pi / 2)))
     cosine = np.sqrt(np.maximum(1 - sine * sine, 0.0))

@@ -97,8 +97,6 @@ def _on_paths(scenes: Scenes) -> _OnPaths:
 
 
 class _Corridors:
-    """Search of vehicles near the paths of others."""
-
     def __init__(self, scenes: Scenes, paths: PathsAhead) -> None:
         self.scenes, self.paths = scenes, paths
         parameters = scenes.parameters
@@ -181,7 +179,6 @@ class _Corridors:
     def _project(
         self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, other: IntArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return offsets of centres from segments, shares at the foot, cosines."""
         scenes = self.scenes
         gx, gy = scenes.x.reshape(-1)[other] - x, scenes.y.reshape(-1)[other] - y
         squared = dx * dx + dy * dy

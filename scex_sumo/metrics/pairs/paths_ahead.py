@@ -61,12 +61,9 @@ class PathsAhead:
 
     Attributes:
         lines: the plans, ordered by child, replan, vehicle.
-        line: (V, C, T) index of the current plan among ``lines``.
-        column: (T,) the plan's next column.
-        has_path: (V, C, T).
-        ahead: (V, C, T) the same; with ``moving_only`` only of moving vehicles.
-        dx: (V, C, T) first segment, m.
-        first_boxes: (4, 2, V, C, T) octagons around the first segments.
+        line: (V, C, T) index of the current plan; ``column`` (T,) its next column.
+        has_path: (V, C, T); ``ahead`` the same, with ``moving_only`` only of moving vehicles.
+        dx: (V, C, T) first segment, m; ``first_boxes`` the octagons around it.
         length: (V, C, T) of the whole path ahead, m.
         offset: (V, C, T) arc length from the vehicle less the plan's own, m.
     """

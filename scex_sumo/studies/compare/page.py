@@ -76,7 +76,6 @@ def _median(run: Run, metric: str) -> str:
 
 
 def _ridges(runs: Sequence[Run], comparison: Comparison, grouping: Grouping, m: int) -> Html:
-    """Draw the densities of one metric, a row for each run."""
     column, count = comparison.metrics[m], len(runs)
     samples = [run.samples(column) for run in runs]
     x = _view(samples, comparison.scales[m])
@@ -109,7 +108,6 @@ def _ridge(plane: Plane, samples: FloatArray, share: float, foot: float, kind: s
 
 
 def _view(columns: Sequence[FloatArray], scale: Scale) -> tuple[float, float]:
-    """Return the range of the values, cut at the fences of the distance."""
     finite = np.concatenate([column[np.isfinite(column)] for column in columns])
     if not finite.size:
         return 0.0, 1.0

@@ -94,7 +94,6 @@ def _write(path: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def _sources(effects: Sequence[Effect], ids: Sequence[int]) -> str:
-    """List the largest shares of the variance, and the rest, to 100 %."""
     parts = sorted((e for e in effects if e.kind != "rest"), key=lambda e: -e.share)
     named, small = parts[:_SHOWN_EFFECTS], parts[_SHOWN_EFFECTS:]
     words = [
@@ -113,7 +112,6 @@ def _told(
     names: Sequence[str],
     worst: Sequence[dict[str, Any]],
 ) -> Iterator[str]:
-    """Yield the lines that the terminal shows for one metric."""
     if explanation.defined == 0:
         yield f"{explanation.metric}: defined in no future"
         return

@@ -140,7 +140,6 @@ class DaskWorkers:
         return self._notes
 
     def _room(self) -> int:
-        """Return how many tasks the cluster shall have; its workers come and go."""
         now = time.monotonic()
         if now - self._asked_at > _ASK_S:
             with _answering():
@@ -209,7 +208,6 @@ def publish_road(road: bytes) -> bytes:
 
 @contextmanager
 def _answering() -> Iterator[None]:
-    """Raise a `ScexError` if the scheduler went away."""
     try:
         yield
     except (OSError, CancelledError):

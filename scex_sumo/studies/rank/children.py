@@ -94,7 +94,6 @@ def _fallbacks(part: Part) -> IntArray:
 
 
 def _critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
-    """Return the critical encounters of each child, see `pairs_of`."""
     assert part.encounters is not None
     found = encounters_of_rows(part.encounters)
     answers = answers_of(found)
@@ -170,12 +169,8 @@ def children_table(
     """Return rows of (C,) children, see `children_schema`.
 
     Args:
-        values: (C, M) of the metric columns.
-        defined: (C, M).
-        fallbacks: (C,).
-        kept: (C,).
-        track_ids: (V,).
-        models: (C, V).
+        values: (C, M) of the metric columns; ``defined`` too.
+        models: (C, V), with ``track_ids`` (V,).
         pairs: (C,) of (E, 4), see `pairs_of`.
     """
     data = {"child": pa.array(children, pa.int32())}

@@ -100,7 +100,6 @@ def _warn_failures(ranking: Ranking) -> None:
 
 
 def _print_top(ranking: Ranking) -> None:
-    """Print the moments on the page."""
     from pyarrow import array, string
     from pyarrow.compute import is_in
     from rich.table import Table

@@ -34,9 +34,8 @@ _PART = re.compile(r"children-(\d+)-(\d+)\.parquet")
 class RankFolder(StudyFolder):
     """Folder of a ranking under way.
 
-    ``children/location=L/seed=S/children-FIRST-LAST.parquet`` is there whole or not at all. Tracks are
-    written
-    before the children that they belong to.
+    ``children/location=L/seed=S/children-FIRST-LAST.parquet`` is there whole or not at all; its tracks are
+    written first.
     """
 
     info, what = "rank.json", "ranking"

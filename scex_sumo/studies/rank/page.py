@@ -80,8 +80,6 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, work
 
 @dataclass(frozen=True, kw_only=True)
 class _MomentReport:
-    """A written report, and the picture of its scene."""
-
     path: Path
     picture: Html
 
@@ -234,7 +232,6 @@ def _more(seeds: int) -> str:
 
 
 def _strips(ranking: pa.Table, tops: Sequence[Mapping[str, Any]]) -> list[Html]:
-    """Draw the score over time of the recordings that the top moments come from."""
     names = list(dict.fromkeys(row["recording"] for row in tops if not row["case"]))
     strips = []
     for name in names:

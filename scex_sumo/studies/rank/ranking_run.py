@@ -119,7 +119,6 @@ class RankingRun:
         )
 
     def _tasks(self, items: Iterator[Item], children: int) -> Iterator[RankTask]:
-        """Yield the tasks among the items; enter the others."""
         for item in items:
             if isinstance(item, MomentTask):
                 kept = sum(tally.kept for tally in self.tallies.get(item.ref.moment, ()))

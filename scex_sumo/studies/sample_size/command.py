@@ -130,7 +130,6 @@ def _sizes(text: str) -> tuple[int, ...]:
 
 
 def _answers(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield the errors of the shares of samples, for each design and size."""
     from numpy import median
 
     for design, size in dict.fromkeys((row["design"], row["size"]) for row in rows):

@@ -152,7 +152,6 @@ def _near_pairs(children: States, judged: BoolArray) -> tuple[IntArray, IntArray
 
 
 def _least_gap(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> FloatArray:
-    """Return least distances (C, P) of the rectangles of pairs over all steps, m."""
     least = np.empty((states.shape[0], len(first)))
     for k, pair in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
         one, two = (Rectangles.of(states[:, :, v], scene.length[v], scene.width[v]) for v in pair)
