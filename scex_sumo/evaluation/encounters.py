@@ -47,6 +47,7 @@ SCHEMA: Final = pa.schema(
         ("met", pa.float64()),
         ("kind", pa.string()),
         ("relative_speed", pa.float64()),
+        ("expected_mais3", pa.float64()),
         *((f"gap_p{percent:02}", pa.float64()) for percent in (5, 50, 95)),
         ("child", pa.int64()),
         ("time_s", pa.float64()),
@@ -56,7 +57,8 @@ SCHEMA: Final = pa.schema(
         ("models", _MODELS),
     ]
 )
-"""One row a pair; ``met`` is the share of children in which the pair has an encounter."""
+"""One row a pair; ``met`` is the share of children in which the pair has an encounter, ``expected_mais3`` the
+mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all children."""
 
 _GAPS = (0.05, 0.5, 0.95)
 _MOSTLY = 0.5
@@ -68,6 +70,7 @@ def encounters_table(
     track_ids: IntArray,
     models: NDArray[np.str_],
     intervals: DesignIntervals,
+    collisions: pa.Table | None = None,
     road: Road | None = None,
 ) -> pa.Table:
     """Tabulate the pairs of vehicles that have an encounter in some child, the most critical first.
@@ -76,6 +79,7 @@ def encounters_table(
         track_ids: (V,).
         models: (C, V) model of each vehicle.
         intervals: of the design that chose the models.
+        collisions: ``collisions.parquet`` of the children, for their severity; None for none.
         road: names the places; None leaves them null.
 
     Returns:
@@ -96,10 +100,12 @@ def encounters_table(
     }
     order = np.argsort(which, kind="stable")
     ends = np.searchsorted(which[order], np.arange(len(pairs) + 1))
+    injured = _injured(collisions, len(models))
     rows = []
     for index in range(len(pairs)):
         mine = order[ends[index] : ends[index + 1]]
         row = _row(encounters, mine, answers, track_ids, models)
+        row["expected_mais3"] = injured.get(frozenset((row["track_id"], row["other_id"])), 0.0)
         for name in QUESTIONS:
             share = shares[name][index]
             row |= {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
@@ -111,13 +117,23 @@ def encounters_table(
     return pa.Table.from_pylist(rows, schema=SCHEMA)
 
 
+def _injured(collisions: pa.Table | None, children: int) -> dict[frozenset[int], float]:
+    """Return the expected severe injuries of each pair of track ids that collides, per child."""
+    found: dict[frozenset[int], float] = {}
+    for hit in [] if collisions is None else collisions.to_pylist():
+        pair = frozenset((hit["track_id"], hit["other_id"]))
+        risk = (hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0)
+        found[pair] = found.get(pair, 0.0) + risk / children
+    return found
+
+
 def answers_of(encounters: Encounters) -> dict[str, BoolArray]:
-    """Return (N,) whether each encounter is critical, by question."""
+    """Return (N,) whether each encounter is critical, by question; a collision is so in each."""
     answers: dict[str, BoolArray] = {
         "collision": encounters.collided,
-        "ttc": encounters.ttc < CRITICAL_TTC_S,
-        "pet": encounters.pet < CRITICAL_PET_S,
-        "drac": encounters.drac > CRITICAL_DRAC,
+        "ttc": (encounters.ttc < CRITICAL_TTC_S) | encounters.collided,
+        "pet": (encounters.pet < CRITICAL_PET_S) | encounters.collided,
+        "drac": (encounters.drac > CRITICAL_DRAC) | encounters.collided,
     }
     return {**answers, "critical": np.any(list(answers.values()), axis=0)}
 
