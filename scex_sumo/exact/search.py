@@ -26,6 +26,7 @@ BASE_ROWS: Final = 64
 """Futures drawn first: they show where an event depends on more than was guessed."""
 
 FREE: Final = -1  # a vehicle that a row leaves open
+_LIKELY = 0.5  # a likely vehicle is asked first if it tells this part of what the best one tells
 _STEPS = (1, 2, 4)  # vehicles changed at once between two futures that differ
 
 Cube: TypeAlias = tuple[tuple[int, int], ...]
@@ -114,6 +115,7 @@ class Search:
         self._by_rank = [[e for e, r in enumerate(rank) if r == one] for one in sorted(set(rank))]
         self.levels = [len(share) for share in shares]
         self.rows = np.empty((0, len(shares)), dtype=np.int64)
+        self._open = np.empty(0, dtype=np.bool_)  # (R,) rows of which a part was drawn
         self.outcomes = np.empty((0, seen.shape[1]), dtype=np.bool_)
         self.trees = [Node(()) for _ in range(seen.shape[1])]
         self.failed: set[int] = set()
@@ -123,12 +125,15 @@ class Search:
     def run(self, simulate: Simulate, *, most: int) -> None:
         """Run futures until every tree is settled, or ``most`` futures have been run in all."""
         if not len(self.rows):
-            self._add(self.random(min(BASE_ROWS, most)), simulate)
-        while len(self.rows) < most:
-            wanted = next((rows for part in self._parts() if len(rows := self._wanted(part))), None)
+            self._add([], self.random(min(BASE_ROWS, most)), simulate)
+        while (left := most - len(self.rows)) > 0:
+            wanted = next(
+                (w for part in self._parts() if len((w := self._wanted(part))[0]) + len(w[1])), None
+            )
             if wanted is None:
                 break
-            self._add(wanted[: most - len(self.rows)], simulate)
+            whole, drawn = wanted
+            self._add(whole[:left], drawn[: max(left - len(whole), 0)], simulate)
 
     def _parts(self) -> Iterator[list[int]]:
         """Yield events in the order in which they are settled: by rank, those of few vehicles first.
@@ -184,10 +189,11 @@ class Search:
         gains = _gains(self.drawn[index], happens, self.levels)
         gains[list(used)] = -np.inf
         gains[[v for v, count in enumerate(self.levels) if count < 2]] = -np.inf
-        likely = [v for v in first if np.isfinite(gains[v])]
-        best = likely[int(np.argmax(gains[likely]))] if likely else int(np.argmax(gains))
+        best = int(np.argmax(gains))
         if not np.isfinite(gains[best]) or gains[best] <= 0:
             return
+        likely = [v for v in first if gains[v] >= _LIKELY * gains[best]]
+        best = likely[int(np.argmax(gains[likely]))] if likely else best
         node.split(best, self.levels[best])
         for level, child in enumerate(node.children):
             self._guess(event, child, index[self.drawn[index, best] == level], first)
@@ -197,10 +203,12 @@ class Search:
         draws = [self.rng.choice(len(share), size=count, p=share) for share in self.shares]
         return np.stack(draws, axis=1).astype(np.int64)
 
-    def _add(self, rows: IntArray, simulate: Simulate) -> None:
+    def _add(self, whole: Sequence[IntArray], drawn: Sequence[IntArray], simulate: Simulate) -> None:
         """Run futures, and enter them into all trees."""
         start = len(self.rows)
+        rows = np.array([*whole, *drawn], dtype=np.int64)
         self.rows = np.concatenate([self.rows, rows])
+        self._open = np.concatenate([self._open, np.arange(len(rows)) >= len(whole)])
         self.outcomes = np.concatenate([self.outcomes, simulate(rows)])
         for event, tree in enumerate(self.trees):
             if event in self.failed:
@@ -281,7 +289,7 @@ class Search:
         same = np.flatnonzero(np.all(self.rows == row, axis=1))
         return bool(self.outcomes[same[0], event]) if same.size else None
 
-    def _wanted(self, events: Sequence[int]) -> IntArray:
+    def _wanted(self, events: Sequence[int]) -> tuple[list[IntArray], list[IntArray]]:
         """Return the assignments to run next: those of open searches, and of leaves seen too rarely."""
         whole: list[IntArray] = []
         partial: list[Cube] = []
@@ -299,14 +307,13 @@ class Search:
         rows = list(np.unique(np.array(whole), axis=0)) if whole else []
         others = {event for part in self._by_rank for event in part} - {*events, *self.failed}
         filling = [] if not partial else [path for event in sorted(others) for path in self._asked(event)]
-        made = self._merged(partial, filling)
-        return np.array([*rows, *made], dtype=np.int64).reshape(-1, len(self.levels))
+        return rows, self._merged(partial, filling)
 
     def _asked(self, event: int) -> Iterator[Cube]:
         """Yield the partial assignments of an event that have been seen too rarely."""
         for leaf in self.trees[event].leaves():
             if leaf.search is None:
-                yield from [leaf.path] * (LEAF_ROWS - len(leaf.rows))
+                yield from [leaf.path] * (LEAF_ROWS - int(self._open[leaf.rows].sum()))
 
     def _merged(self, partial: Sequence[Cube], filling: Sequence[Cube]) -> list[IntArray]:
         """Put partial assignments together into few whole ones; what is left open is drawn.

@@ -94,7 +94,7 @@ class _Space:
     """Assignments of a run as levels: those of the models that are drawn; 0 for fixed vehicles."""
 
     def __init__(self, job: Job) -> None:
-        drawn = job.models.drawn
+        drawn, self.seed = job.models.drawn, job.settings.seed
         self.index = np.array([k for k, spec in enumerate(drawn) if spec.weight > 0], dtype=np.int64)
         weight = np.array([drawn[k].weight for k in self.index], dtype=np.float64)
         self.shares = weight / weight.sum()
@@ -135,7 +135,7 @@ class _Futures:
         return len(self._levels)
 
     def run(self, levels: IntArray, keys: Sequence[_Key]) -> BoolArray:
-        """Return (R, E) whether events happen in assignments of levels (R, V); known ones do not run again."""
+        """Return (R, E) whether events happen in assignments of levels (R, V); known ones are not run."""
         places = {row.tobytes(): number for number, row in enumerate(self._levels)}
         new = []
         for row in levels:
@@ -192,25 +192,19 @@ class _Futures:
         """Write the assignments and outcomes of the futures; their parts are removed."""
         from pyarrow import parquet
 
-        folder, numbers = self._job.folder, np.arange(self._start, self._start + self.count)
+        folder = self._job.folder
         table = assignments_table(
             self._job.scene, self._job.assignment[self._start :], self._job.models.names
         )
         child = np.asarray(table["child"]) + self._start
         parquet.write_table(table.set_column(0, "child", pa.array(child)), folder / "assignments.parquet")
         rows = [
-            {"child": int(numbers[at]), "track_id": one, "other_id": other, "event": event}
+            {"child": self._start + at, "track_id": one, "other_id": other, "event": event}
             for (one, other, event), happens in sorted(self._answers.items())
             for at in np.flatnonzero(happens).tolist()
         ]
-        schema = pa.schema(
-            [
-                ("child", pa.int64()),
-                ("track_id", pa.int64()),
-                ("other_id", pa.int64()),
-                ("event", pa.string()),
-            ]
-        )
+        numbers = [(name, pa.int64()) for name in ("child", "track_id", "other_id")]
+        schema = pa.schema([*numbers, ("event", pa.string())])
         parquet.write_table(pa.Table.from_pylist(rows, schema=schema), folder / "outcomes.parquet")
         shutil.rmtree(folder / ".parts", ignore_errors=True)
 
@@ -231,7 +225,7 @@ def _searched(
         else np.empty((len(never), 0), dtype=np.bool_),
         [[space.track_ids.index(track) for track in key[:2]] for key in keys],
         rank=[int(key[2] != EVENTS[0]) for key in keys],
-        rng=child_generator(futures._job.settings.seed, 0, EXACT_STREAM),
+        rng=child_generator(space.seed, 0, EXACT_STREAM),
     )
     search.run(lambda rows: futures.run(rows, keys), most=most)
     return search

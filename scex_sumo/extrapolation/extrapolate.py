@@ -41,6 +41,7 @@ def extrapolate(
     batch: int | None = None,
     gui: bool = False,
     cache: bool = True,
+    exact: bool = True,
     progress: Progress | None = None,
     command: Sequence[str] | None = None,
 ) -> Run:
@@ -58,6 +59,8 @@ def extrapolate(
         gui: show the run live in sumo-gui.
         cache: keep the converted net, the networks' map features and the assignments in
             ``~/.cache/scex-sumo`` for the next run.
+        exact: run some more futures for exact probabilities, where all models are deterministic, see
+            `Run.exact`; the drawn futures stay the same.
         progress: called with (steps done, steps in all).
         command: the command line, for ``run.json``.
 
@@ -89,6 +92,6 @@ def extrapolate(
         reflect=reflect,
         keep_plans=keep_plans,
     )
-    options = RunOptions(batch=batch, gui=gui, cache=cache, progress=progress, command=command)
+    options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact, progress=progress, command=command)
     with Workers(1 if gui else min(workers, settings.count or workers)) as pool:
         return run_scene(scene, settings, out=out, overwrite=overwrite, workers=pool, options=options)

@@ -52,7 +52,7 @@ class Exact:
         key = (min(one, other), max(one, other), event)
         if key in self.sampled:
             return None
-        return self.tables[key] if key in self.tables else self._never
+        return self.tables.get(key, self._never)
 
     @cached_property
     def _never(self) -> InfluenceTable:
